@@ -33,7 +33,7 @@ TESTS = (
         "tests/trim/sweeps",
         "tests/controller/riccati/test_gare.py",
     ),
-    *("tests/verification/proof/checker/test_checker.py", "tests/controller/flight"),
+    *("extensions/proof/tests/checker/test_checker.py", "extensions/flight/tests"),
 )
 #: Of the largest number of an array.
 TOLERANCE = 1e-10

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import FOLDER, Row, in_turn
-from controller.flight.closed_loop import ClosedLoop, LinearPlant
-from controller.flight.scenario import Scenario
-from controller.flight.signals import Harmonic, Waveform, zero
-from controller.flight.simulation import CompiledLoop
 from controller.game.basis import basis
 from controller.hfa_game import published_game
 from controller.riccati.gare import solve_game
+from hfa_flight.closed_loop import ClosedLoop, LinearPlant
+from hfa_flight.scenario import Scenario
+from hfa_flight.signals import Harmonic, Waveform, zero
+from hfa_flight.simulation import CompiledLoop
 from hfa_model.printed_matrices import published_models
 from hfa_support.native.machine_code import c_compiler
 from studies.section5.critic_policy import CriticPolicy

@@ -20,20 +20,20 @@ import numpy as np
 import hfa_model
 from benchmarks.jobs_flight import STEP, FlightCase
 from benchmarks.report import Comparison, Row, Size, in_turn, value_text
-from controller.flight.envelope import flight_envelope
-from controller.flight.monte_carlo import MonteCarlo, fly_member
-from controller.flight.monte_carlo_store import stream_members
-from controller.flight.policies import GainPolicy
-from controller.flight.scenario import Scenario, Uncertainty
 from controller.hfa_game import published_game
 from controller.riccati.gare import solve_game
+from hfa_flight.envelope import flight_envelope
+from hfa_flight.monte_carlo import MonteCarlo, fly_member
+from hfa_flight.monte_carlo_store import stream_members
+from hfa_flight.policies import GainPolicy
+from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_model.vectors import STATES
+from hfa_stores.sweep_store import stream_sweep
 from trim.hfa.level_flight import level_flight
 from trim.limits import Limits
 from trim.linear.linear_model import level_model
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep_plan import Steps, SweepPlan
-from trim.sweeps.sweep_store import stream_sweep
 
 _EFFICIENCY = 0.85
 #: A row of the largest job may cost this much more than one of the cheapest smaller one, and need

@@ -6,7 +6,6 @@ from controller.critic.critic import (
     from_value as from_value,
     from_weights as from_weights,
 )
-from controller.critic.network import from_network as from_network
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.learning.certified import learn as learn
@@ -14,6 +13,7 @@ from controller.riccati.gare import solve_game as solve_game
 from hfa_aircraft import Model as Model, Signal as Signal
 from hfa_aircraft.loading import load_model as load_model
 from hfa_model.choice import aircraft as aircraft
+from hfa_networks.files.network import from_network as from_network
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
 from trim.linear.linear_model import linearize as linearize
 from trim.point.condition import TrimCondition as TrimCondition

@@ -23,9 +23,9 @@ RESULTS = (
     ("trim.point.trim_report", "TrimData"),
     ("trim.linear.linear_model", "LinearModelData"),
     ("trim.sweeps.sweep", "SweepData"),
-    ("trim.sweeps.sweep_store", "StoredSweepData"),
-    ("verification.printed.printed_verdict", "PrintedData"),
-    ("controller.flight.step_flight", "StepFlightData"),
+    ("hfa_stores.sweep_store", "StoredSweepData"),
+    ("hfa_printed.printed_verdict", "PrintedData"),
+    ("hfa_flight.step_flight", "StepFlightData"),
 )
 #: Parts that only formats.toml refers to.
 PARTS = (("hfa_support.provenance", "Provenance"),)

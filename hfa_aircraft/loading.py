@@ -25,7 +25,7 @@ def load_model(text: str) -> Model:
     ['thrust', 'elevator', 'aileron', 'rudder']
     """
     if text.startswith("jsbsim:") or text.endswith(".xml"):
-        from hfa_aircraft.jsbsim.reader import read_model
+        from hfa_jsbsim.reader import read_model
 
         return replace(read_model(text), made_by=reloaded)
     where, colon, name = text.rpartition(":")

@@ -1,6 +1,15 @@
 """Is it true: the exact game solution with its certificate, and everything that is checked against
 it."""
 
+from hfa_proof.checker.checker import check_certificate as check_certificate
+from hfa_proof.search.family import Family as Family
+from hfa_proof.search.models_grid import prove_models as prove_models
+from hfa_proof.search.schedule_proof import prove_schedule as prove_schedule
+from hfa_proof.search.solution_proof import (
+    prove_critic as prove_critic,
+    prove_solution as prove_solution,
+)
+
 from .critic.critic_check import (
     check_critic as check_critic,
     check_history as check_history,
@@ -23,13 +32,5 @@ from .exact_solution import (
     solve_game as solve_game,
     solve_games as solve_games,
     solve_plant as solve_plant,
-)
-from .proof.checker.checker import check_certificate as check_certificate
-from .proof.search.family import Family as Family
-from .proof.search.models_grid import prove_models as prove_models
-from .proof.search.schedule_proof import prove_schedule as prove_schedule
-from .proof.search.solution_proof import (
-    prove_critic as prove_critic,
-    prove_solution as prove_solution,
 )
 from .regeneration import regenerate_all as regenerate_all

@@ -5,4 +5,4 @@ from controller.critic.critic import (
     from_value as from_value,
     from_weights as from_weights,
 )
-from controller.critic.network import from_network as from_network
+from hfa_networks.files.network import from_network as from_network

@@ -71,7 +71,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     """
     reading = reading or Reading()
     if is_network(Path(path)):
-        from controller.critic.network import from_network
+        from hfa_networks.files.network import from_network
 
         functions = reading.functions(len(game.A), game.names.states)
         critic = from_network(

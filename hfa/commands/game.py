@@ -56,8 +56,8 @@ def solve(request: GameRequest) -> int:
 
 
 def _solve_plant(request: GameRequest, file: Path, arrays: dict[str, Any]) -> int:
-    from controller.servo.generalized_plant import stored_plant
-    from controller.servo.plant_report import plant_report
+    from hfa_servo.generalized_plant import stored_plant
+    from hfa_servo.plant_report import plant_report
 
     request.refuse_of_the_aircraft()
     request.refuse(("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")

@@ -152,8 +152,8 @@ def _in_memory(request: SweepRequest) -> int:
         notes.append(f"nothing to draw: {request.picture} is not written")
         figure = None
     if output is not None and output.suffix.lower() == UNIT:
-        from controller.export.exported_loop import interpolated_loop
-        from controller.export.fmu import write_fmu
+        from hfa_flight.export.exported_loop import interpolated_loop
+        from hfa_flight.export.fmu import write_fmu
         from trim.sweeps.interpolated import InterpolatedModel
 
         write_fmu(interpolated_loop(InterpolatedModel(result)), output, request.provenance)
@@ -164,7 +164,7 @@ def _in_memory(request: SweepRequest) -> int:
 
 
 def _in_store(request: SweepRequest) -> int:
-    from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
+    from hfa_stores.sweep_store import stored_sweep_report, stream_sweep
 
     plan = request.plan()
     target = request.output

@@ -22,6 +22,7 @@ from hfa.options.request import option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, show
 from hfa_model.printed_matrices import published_models
+from hfa_printed.printed_verdict import check_printed
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
 from verification.critic.about_trim import box_within_limits, nonlinear_plant
@@ -32,7 +33,6 @@ from verification.critic.other_games import Nearby, Scheduled
 from verification.critic.scope import LIMIT, SECONDS, Scope
 from verification.critic.verdict import Verdict, verdicts_report
 from verification.hfa_box import ordinary_box
-from verification.printed.printed_verdict import check_printed
 
 #: Of more files than this, each network is flown from a few starts.
 _MANY = 5

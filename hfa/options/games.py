@@ -126,7 +126,7 @@ class LearningOptions(SeedOption):
 
 
 def _design(model: Model, name: str) -> Any:
-    from controller.servo.design import load_design
+    from hfa_servo.design import load_design
 
     return load_design(name, model)
 
@@ -186,7 +186,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
             warnings += (f"{' and '.join(missing)} not given; taken: {', '.join(taken)}",)
         if self.design is not None:
-            from controller.servo.design_model import design_model
+            from hfa_servo.design_model import design_model
 
             built = design_model(aircraft, linear, self.design)
             with said_of(f"design {built.design.name}"):

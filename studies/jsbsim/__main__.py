@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from hfa_aircraft.jsbsim.reader import data_folder
+from hfa_jsbsim.reader import data_folder
 from hfa_support.files import write_text
 from studies.jsbsim.study import LIFTS, SPEEDS, study
 

@@ -7,8 +7,8 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from hfa_aircraft.jsbsim.reader import read_model
 from hfa_aircraft.model import Model
+from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
 from studies.jsbsim.reference import GRAVITY, RADIUS, measured
 from trim.point.condition import TrimCondition, release, usual_condition

@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import hfa_model
 from hfa.output import ProgressLine
+from hfa_printed.printed_file import PrintedFile, load_printed
+from hfa_printed.printed_verdict import check_printed
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.reporting.report import markdown_table
 from hfa_support.reporting.text import Table
 from verification import regenerate_all
-from verification.printed.printed_file import PrintedFile, load_printed
-from verification.printed.printed_verdict import check_printed
 
 SOURCES = Path(__file__).parent / "sources"
 PAGE = Path(__file__).parents[2] / "docs" / "published.md"

@@ -24,6 +24,7 @@ import numpy as np
 from matplotlib.image import imread
 
 from hfa_model import default_parameters
+from hfa_page.claims import claims_table as shown_claims
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.jsonable import json_text, jsonable
@@ -36,7 +37,6 @@ from studies.section5.claims import VERDICTS, Evidence, check_claim, claims_of, 
 from studies.section5.configuration import SECTIONS, section5_configuration
 from studies.section5.figures import draw, figures_of
 from studies.section5.flights import LAWS, MATRICES, OWN, Setting, make_setting, simulate_plan
-from verification.page.claims import claims_table as shown_claims
 
 _LEARNING = "Comparison with integral reinforcement learning"
 _TITLES = ("Different trim points", _LEARNING, "Model uncertainty", "Measurement noise")

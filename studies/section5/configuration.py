@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller import Waveform
-from controller.flight.signals import Harmonic
+from hfa_flight.signals import Harmonic
 from hfa_support.files import read_toml
 from hfa_support.jsonable import jsonable
 

@@ -9,9 +9,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.flight.policies import Measurements, Policy
-from controller.flight.signals import Harmonic, Waveform
 from controller.game.basis import Basis
+from hfa_flight.policies import Measurements, Policy
+from hfa_flight.signals import Harmonic, Waveform
 from hfa_support.errors import BadInputError
 from studies.update_law.published_law import PublishedLaw
 

@@ -23,12 +23,12 @@ from controller import (
     published_game,
     random_pool,
 )
-from controller.flight.closed_loop import ClosedLoop, LinearPlant
-from controller.flight.policies import Measurements, column_by_column
-from controller.flight.signals import Harmonic, zero
-from controller.flight.simulation import CompiledLoop, Flight
 from controller.game.basis import Basis
 from controller.game.training_run import TrainingRun
+from hfa_flight.closed_loop import ClosedLoop, LinearPlant
+from hfa_flight.policies import Measurements, column_by_column
+from hfa_flight.signals import Harmonic, zero
+from hfa_flight.simulation import CompiledLoop, Flight
 from hfa_model import INPUTS, LINEAR_STATES, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown

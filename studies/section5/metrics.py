@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from controller import Game
-from controller.flight.simulation import Flight
 from controller.game.basis import Basis
 from controller.game.training_run import settled_at
+from hfa_flight.simulation import Flight
 from hfa_model import INPUTS, LINEAR_STATES
 from studies.section5.configuration import Configuration
 

@@ -26,14 +26,14 @@ from controller import (
     load_design,
     published_game,
 )
-from controller.flight.nonlinear_flight import NonlinearFlight, fly
-from controller.flight.signals import CommandedStates
-from controller.servo.design import Actuator
-from controller.servo.measured_outputs import MeasuredOutputs
-from controller.servo.servo_policy import servo_policy
-from controller.servo.tracked import Tracked, tracked
 from hfa_aircraft.model import Model
+from hfa_flight.nonlinear_flight import NonlinearFlight, fly
+from hfa_flight.signals import CommandedStates
 from hfa_model import INPUTS, LINEAR_STATES
+from hfa_servo.design import Actuator
+from hfa_servo.measured_outputs import MeasuredOutputs
+from hfa_servo.servo_policy import servo_policy
+from hfa_servo.tracked import Tracked, tracked
 from hfa_support import BadInputError, Report
 from hfa_support.errors import refuse_unknown
 from hfa_support.files import write_text

@@ -22,13 +22,13 @@ from controller import (
     Waveform,
     flight_envelope,
 )
-from controller.flight.nonlinear_flight import NonlinearFlight, fly
-from controller.servo.design import Actuator
-from controller.servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
-from controller.servo.servo_policy import servo_policy
 from hfa_aircraft.model import Model
+from hfa_flight.nonlinear_flight import NonlinearFlight, fly
 from hfa_model import INPUTS, LINEAR_STATES, Input
 from hfa_model.vectors import CONTROL_LIMITS
+from hfa_servo.design import Actuator
+from hfa_servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
+from hfa_servo.servo_policy import servo_policy
 from hfa_support import Report
 from hfa_support.reporting.text import Table
 from trim import LinearModel, level_model

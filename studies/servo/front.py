@@ -11,8 +11,8 @@ import numpy as np
 
 import hfa_model
 from controller import design_controller, load_design
-from controller.servo.servo_loop import check_margins
 from hfa_aircraft.model import Model
+from hfa_servo.servo_loop import check_margins
 from hfa_support import Report
 from hfa_support.reporting.text import Table
 from studies.servo.comparison import CASES, TRIM_DEG, fly_case

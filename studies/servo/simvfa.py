@@ -18,14 +18,14 @@ import numpy as np
 
 import hfa_model
 from controller import CommandSteps, ScheduledController, design_model, load_design
-from controller.flight.policies import Measurements, Policy
-from controller.flight.signals import COMMAND_FILTER
-from controller.servo.design import Design
-from controller.servo.design_model import DesignModel
-from controller.servo.measured_outputs import MeasuredOutputs
-from controller.servo.servo_policy import MatrixTables
 from hfa_aircraft.model import Model
+from hfa_flight.policies import Measurements, Policy
+from hfa_flight.signals import COMMAND_FILTER
 from hfa_model import INPUTS, LINEAR_STATES
+from hfa_servo.design import Design
+from hfa_servo.design_model import DesignModel
+from hfa_servo.measured_outputs import MeasuredOutputs
+from hfa_servo.servo_policy import MatrixTables
 from hfa_support.provenance import parameter_hash
 from trim import OperatingPoint, level_model
 from verification import solve_game

@@ -27,9 +27,9 @@ from controller import (
     load_design,
     published_game,
 )
-from controller.servo.design import Actuator
-from controller.servo.servo_loop import servo_loop, servo_margins, servo_plant
 from hfa_model import UNSTEADY
+from hfa_servo.design import Actuator
+from hfa_servo.servo_loop import servo_loop, servo_margins, servo_plant
 from hfa_support import Model
 from studies.servo.flights import largest_held
 from studies.servo.simvfa import simvfa_design

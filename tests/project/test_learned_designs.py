@@ -17,7 +17,7 @@ from servo_cases import SIMVFA, simvfa_design
 import hfa_model
 from controller import Game, basis, design_model, learn, load_design
 from controller.learning.recording import natural_spread
-from controller.servo.design import Actuator, Design
+from hfa_servo.design import Actuator, Design
 from verification import GeneralizedPlant, solve_game
 from verification.exact_solution import Solution
 

@@ -22,9 +22,9 @@ from controller import (
     fly,
     published_game,
 )
-from controller.flight.nonlinear_flight import NonlinearFlight
-from controller.flight.policies import Measurements
 from hfa_aircraft import Model
+from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_flight.policies import Measurements
 from hfa_model import LINEAR_STATES, Parameters, load_parameters
 from hfa_model.atmosphere import density
 from trim import LinearModel, OperatingPoint, level_model

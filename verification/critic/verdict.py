@@ -18,7 +18,7 @@ from hfa_support.reporting.text import Table, entry_rows
 from verification.critic.critic_errors import Exact
 
 if TYPE_CHECKING:
-    from verification.critic.network_bound import Proof
+    from hfa_networks.judge.network_bound import Proof
 
 #: What is computed for each row of a table of critics, and the head of its column and curve.
 COLUMNS = {

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import hfa_model
 from controller import GainPolicy, MonteCarlo, Scenario, Uncertainty
-from controller.flight.monte_carlo import fly_members
+from hfa_flight.monte_carlo import fly_members
 from hfa_model import default_parameters
 from hfa_model.vectors import STATES
 from hfa_support.native.bound import cached_per_thread

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from hfa_printed.printed_file import load_printed
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import markdown_table
 from hfa_support.reporting.text import Table
 from studies.published.__main__ import HEADER, PAGE, SOURCES, Row, page_of, row_of
-from verification.printed.printed_file import load_printed
 
 PATHS = sorted(SOURCES.glob("*.toml"))
 SUSPENSION = SOURCES / "radp_suspension.toml"

@@ -15,8 +15,8 @@ from linear_flight import simulate
 from project import ROOT
 
 from controller import GainPolicy, Scenario, Waveform, fly
-from controller.flight.signals import Harmonic
 from controller.learning.certified import learned_value
+from hfa_flight.signals import Harmonic
 from studies.section5.configuration import PaperFlight, section5_configuration
 from studies.section5.critic_policy import forcing
 from studies.section5.flights import (

@@ -17,7 +17,7 @@ from linear_flight import LinearFlight, simulate
 from scipy.integrate import quad
 
 from controller import Game, published_game, random_pool
-from controller.flight.signals import zero
+from hfa_flight.signals import zero
 from hfa_model import published_models
 from hfa_support import BadInputError
 from studies.section5.configuration import PaperFlight

@@ -17,9 +17,9 @@ from servo_cases import A_Z
 
 import hfa_model
 from controller import OneMinusCosine, design_controller, save_controller
-from controller.servo.design import Actuator
-from controller.servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
 from hfa_aircraft.model import Model
+from hfa_servo.design import Actuator
+from hfa_servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
 from hfa_support import BadInputError
 from studies.servo.__main__ import main
 from studies.servo.comparison import CASES, ServoFlight, designed_servo, fly_case, laws_of, rows_of

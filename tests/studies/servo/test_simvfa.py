@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from controller import design_model
-from controller.flight.policies import Measurements
 from hfa_aircraft.model import Model
+from hfa_flight.policies import Measurements
 from hfa_model import INPUTS
 from studies.servo.simvfa import (
     A0,

@@ -12,9 +12,9 @@ import pytest
 from cli import hfa
 
 from hfa_aircraft import Model, Signal
+from hfa_stores.sweep_store import stored_sweep_report, stream_sweep
 from trim import find_operating_point, level_flight, linearize, sweep
 from trim.point.condition import usual_condition
-from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
 SPLINE = ca.interpolant(

@@ -12,8 +12,8 @@ import pytest
 from known_models import model_at, released_simulation
 
 import hfa_model
-from controller.flight.closed_loop import LinearPlant
 from hfa_aircraft.model import Model
+from hfa_flight.closed_loop import LinearPlant
 from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
 from hfa_model.kinematics import DISTURBANCES
 from hfa_model.parameters import ParameterSet

@@ -17,6 +17,7 @@ import hfa_model
 from hfa_aircraft.model import Model
 from hfa_model import DEGREE, INPUTS, STATES, VARIANTS, Parameters
 from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
+from hfa_stores.sweep_store import stored_sweep_report, stream_sweep
 from hfa_support import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim import (
@@ -33,7 +34,6 @@ from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, is_square, trim_points
 from trim.sweeps.sweep import Sweep, run_plan, run_points
 from trim.sweeps.sweep_plan import Steps, SweepPlan
-from trim.sweeps.sweep_store import stored_sweep_report, stream_sweep
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})

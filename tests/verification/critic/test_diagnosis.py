@@ -32,11 +32,11 @@ from controller import Game, basis
 from controller.critic.critic import Critic
 from examples.train_a_network import fit
 from hfa.main import FAILED
+from hfa_networks.judge.network_search import Comparison, search
 from verification import check_critic, from_gain, from_network, from_value, from_weights
 from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import critic_errors
 from verification.critic.diagnosis import diagnose, diagnose_discrete
-from verification.critic.network_search import Comparison, search
 from verification.critic.other_games import Nearby, Scheduled
 from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box

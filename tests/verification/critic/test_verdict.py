@@ -16,6 +16,7 @@ import hfa_model
 from controller import Game
 from controller.critic.critic import Critic
 from controller.hfa_game import ORDINARY_DEVIATIONS
+from hfa_networks.judge.network_search import Comparison, search
 from trim import find_operating_point, level_flight, linearize
 from verification import (
     Scope,
@@ -28,7 +29,6 @@ from verification import (
 )
 from verification.critic.about_trim import nonlinear_plant
 from verification.critic.discrete_check import check_discounted
-from verification.critic.network_search import Comparison, search
 from verification.hfa_box import ordinary_box
 
 pytestmark = pytest.mark.usefixtures("folder")

@@ -1,0 +1,379 @@
+"""Plant, policy and scenario as one loop y' = f(t, y, held). Only this module knows in which order
+the parts lie in y (`StateParts`) and in the held inputs (`HeldParts`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.layout import components
+from hfa_aircraft.model import Model
+from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
+from hfa_flight.policies import GainPolicy, Measurements, Policy
+from hfa_flight.scenario import Scenario
+from hfa_flight.signals import zero
+from hfa_support.errors import BadInputError
+from trim.point.operating_point import OperatingPoint
+
+#: Disturbance of the model -> its value; those that are not there are 0.
+Winds = Mapping[str, Any]
+
+
+class Plant:
+    """A plant in deviations x (n,) from its operating point, as CasADi expressions.
+
+    parameters_size: length of the parameters that differ from flight to flight
+    """
+
+    parameters_size = 0
+    point: Any
+
+    @property
+    def chosen(self) -> np.ndarray:
+        """(k, n): the states of the linear model among all."""
+        model = self.point.model
+        return np.array([[float(name == other) for other in model.states] for name in model.linear])
+
+    @property
+    def trim(self) -> np.ndarray:
+        """U0, (m,)."""
+        return np.array(self.point.inputs)
+
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """x', (n,).
+
+        u: (m,), deviation of the inputs
+        d: (k,), adds to the rates of the states of the linear model
+        winds: disturbances of the model
+        parameters: (parameters_size,)
+        """
+        raise NotImplementedError
+
+    def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
+        """The deviation of alpha through the air where it is not alpha, (1,); else (0,)."""
+        return ca.SX(0, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPlant(Plant):
+    """x' = A x + B u + d + E w. A: (n, n), B: (n, m), E: disturbance -> (n,), none unless given.
+
+    point: where it was linearized, unless its states are all and its trim 0.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    E: Winds = field(default_factory=dict)
+    point: OperatingPoint | None = None
+
+    @classmethod
+    def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
+        """What `NonlinearPlant` is to first order: all states of a model, with the exact
+        derivatives at an operating point, those by these disturbances included."""
+        slopes = model.at(point.states, point.inputs, disturbances=winds)
+        return cls(slopes.A, slopes.B, dict(zip(winds, slopes.E.T, strict=True)), point)
+
+    @property
+    def chosen(self) -> np.ndarray:
+        """As of the model; all without a point."""
+        return np.eye(len(self.A)) if self.point is None else super().chosen
+
+    @property
+    def trim(self) -> np.ndarray:
+        """As of the point; 0 without one."""
+        return np.zeros(self.B.shape[1]) if self.point is None else super().trim
+
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """A x + B u + d + E w."""
+        rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u)
+        rate = rate + ca.mtimes(ca.DM(self.chosen.T), d)
+        for name, w in winds.items():
+            rate = rate + ca.DM(self.E[name]) * w
+        return rate
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearPlant(Plant):
+    """X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u: the equations of a model about an
+    operating point.
+
+    uncertain: whether the parameters p of the model differ from flight to flight
+
+    BadInputError when the point was trimmed with another model.
+    """
+
+    model: Model
+    point: OperatingPoint
+    uncertain: bool = False
+
+    def __post_init__(self) -> None:
+        """A trim of other dynamics is none of this aircraft."""
+        self.point.refuse_other(self.model)
+
+    @property
+    def parameters_size(self) -> int:  # type: ignore[override]
+        """The number of parameters, where they differ."""
+        return len(self.model.parameters) if self.uncertain else 0
+
+    def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """f(X0 + x, U0 + u, p, w) + d."""
+        p = components(parameters) if self.uncertain else self.model.p.tolist()
+        vectors = self._absolute(x), components(ca.DM(self.trim) + u), p
+        rates, _ = self.model.layout.expressions(vectors, (), self._winds(winds))
+        return rates + ca.mtimes(ca.DM(self.chosen.T), d)
+
+    def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
+        """The output `ANGLE_OF_ATTACK` in winds, of a model that has one beside alpha.
+
+        BadInputError where it depends on an input: then it is no angle of the flow alone.
+        """
+        model = self.model
+        if not winds or not flown_through_air(model):
+            return ca.SX(0, 1)
+        u = ca.SX.sym("u", len(model.inputs))
+        vectors = self._absolute(x), components(u), model.p.tolist()
+        _, angle = model.layout.expressions(vectors, (ANGLE_OF_ATTACK,), self._winds(winds))
+        if ca.depends_on(angle, u):
+            raise BadInputError(
+                f"{model.name}: {ANGLE_OF_ATTACK} depends on an input; rename that output"
+            )
+        return angle - getattr(self.point.states, ALPHA)
+
+    def _absolute(self, x: ca.SX) -> list[ca.SX]:
+        return components(ca.DM(np.array(self.point.states)) + x)
+
+    def _winds(self, winds: Winds) -> list[Any]:
+        return [winds.get(name, 0.0) for name in self.model.disturbances]
+
+
+class Expressions(NamedTuple):
+    """A loop written out at (t, y, held).
+
+    rate: y'
+    error: (k,), x - x_d
+    inputs: (m,), of the plant
+    winds: disturbances of the model that are not 0, in the order of `wind_names`
+    angle: (1,), deviation of alpha through the air, or (0,) where it is alpha
+    command: (m,), of the policy
+    """
+
+    rate: ca.SX
+    error: ca.SX
+    inputs: ca.SX
+    winds: ca.SX
+    angle: ca.SX
+    command: ca.SX
+
+
+class StateParts(NamedTuple):
+    """The parts of y, in their order: values, or sizes."""
+
+    plant: Any
+    actuators: Any
+    memory: Any
+    gust: Any
+
+
+class HeldParts(NamedTuple):
+    """The parts of the held inputs of a loop, in their order: values, or sizes.
+
+    delay: (1 + 2 m,), begin of the tick, delayed command at its begin and at its end
+    """
+
+    parameters: Any
+    actuators: Any
+    policy: Any
+    noise: Any
+    gust: Any
+    delay: Any
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """x' = plant(x, a, d(t), w(t)),  a' = actuators(a, u),  u = policy(t, x + n(t) - x_d(t)); a = u
+    without actuators.
+
+    scenario: the start x(0), x_d, d and n (0 unless given), noise samples, gust, other
+    disturbances, actuators and delay.
+
+    BadInputError when a signal or a gain has another size than the plant, or an actuator cannot
+    hold the trim.
+    """
+
+    plant: Plant
+    policy: Policy
+    scenario: Scenario = field(default_factory=Scenario)
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that do not fit, and actuators that cannot hold the trim."""
+        k = len(self.plant.chosen)
+        m = self.plant.trim.size
+        if self.scenario.actuators is not None:
+            self.scenario.actuators.refuse_trim(self.plant.trim)
+        if isinstance(self.policy, GainPolicy) and self.policy.gains.shape[1:] != (m, k):
+            raise BadInputError(
+                f"the gain has shape {self.policy.gains.shape[1:]}; this aircraft takes {m} x {k},"
+                " inputs by states"
+            )
+        for name in ("reference", "disturbance", "noise"):
+            signal = getattr(self.scenario, name)
+            if signal is not None and signal.size != k:
+                raise BadInputError(f"the {name} has {signal.size} channels; it must have {k}")
+
+    @cached_property
+    def state_sizes(self) -> StateParts:
+        """Sizes of the parts of y."""
+        actuators = self.scenario.actuators
+        gust = self.scenario.gust
+        return StateParts(
+            plant=self.plant.chosen.shape[1],
+            actuators=0 if actuators is None else actuators.size,
+            memory=self.policy.start.size,
+            gust=0 if gust is None else gust.memory_size,
+        )
+
+    @cached_property
+    def held_sizes(self) -> HeldParts:
+        """Sizes of the parts of the held inputs."""
+        scenario = self.scenario
+        return HeldParts(
+            parameters=self.plant.parameters_size,
+            actuators=0 if scenario.actuators is None else scenario.actuators.held_size,
+            policy=self.policy.held.shape[1],
+            noise=0 if scenario.samples is None else len(self.plant.chosen),
+            gust=0 if scenario.gust is None else scenario.gust.held_size,
+            delay=1 + 2 * self.plant.trim.size if scenario.delayed_ticks else 0,
+        )
+
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """t, y and the held inputs to write the loop out in."""
+        y = ca.SX.sym("y", sum(self.state_sizes))
+        held = ca.SX.sym("held", sum(self.held_sizes))
+        return ca.SX.sym("t"), y, held
+
+    def at(self, t: ca.SX, y: ca.SX, held: ca.SX) -> Expressions:
+        """The loop written out at CasADi expressions."""
+        scenario = self.scenario
+        plant = self.plant
+        state = StateParts(*ca.vertsplit(y, _offsets(self.state_sizes)))
+        inputs = HeldParts(*ca.vertsplit(held, _offsets(self.held_sizes)))
+        winds = self._winds(t, state, inputs)
+        measurements = self._measurements(t, state, inputs, winds)
+        command = self.policy.control(t, measurements, state.memory, inputs.policy)
+        arriving = command
+        if inputs.delay.numel():
+            m = plant.trim.size
+            begin, early, late = ca.vertsplit(inputs.delay, [0, 1, 1 + m, 1 + 2 * m])
+            arriving = early + (late - early) * (t - begin) / scenario.tick
+        if scenario.actuators is None:
+            applied = arriving
+            u = arriving
+            moving = ca.SX(0, 1)
+        else:
+            applied = scenario.actuators.reachable(arriving, plant.trim)
+            u = measurements.positions
+            moving = scenario.actuators.states_rate(state.actuators, applied, inputs.actuators)
+        learning = self.policy.memory_rate(t, measurements, state.memory, inputs.policy, applied)
+        blowing = ca.SX(0, 1)
+        if scenario.gust is not None:
+            blowing = scenario.gust.memory_rate(t, state.gust, inputs.gust)
+        disturbance = scenario.disturbance or zero(len(plant.chosen))
+        flying = plant.rate(state.plant, u, disturbance.at(t), winds, inputs.parameters)
+        return Expressions(
+            rate=ca.vertcat(*StateParts(flying, moving, learning, blowing)),
+            error=ca.mtimes(ca.DM(plant.chosen), state.plant) - self._reference(t),
+            inputs=u,
+            winds=ca.vertcat(ca.SX(0, 1), *winds.values()),
+            angle=plant.through_air(state.plant, winds),
+            command=command,
+        )
+
+    def _reference(self, t: ca.SX) -> Any:
+        """x_d(t), (k,)."""
+        return (self.scenario.reference or zero(len(self.plant.chosen))).at(t)
+
+    def _winds(self, t: ca.SX, state: StateParts, inputs: HeldParts) -> dict[str, Any]:
+        """Disturbance of the model -> its value, where it is not 0."""
+        winds: dict[str, Any] = {}
+        if self.scenario.gust is not None:
+            winds[UPDRAFT] = ca.SX(self.scenario.gust.updraft(t, state.gust, inputs.gust))
+        for name, waveform in self.scenario.air.items():
+            winds[name] = winds.get(name, 0.0) + waveform.at(t)
+        return winds
+
+    def _measurements(
+        self, t: ca.SX, state: StateParts, inputs: HeldParts, winds: dict[str, Any]
+    ) -> Measurements:
+        """What the policy measures, with the noise of the sensors."""
+        actuators = self.scenario.actuators
+        noise = (self.scenario.noise or zero(len(self.plant.chosen))).at(t)
+        if inputs.noise.numel():
+            noise = noise + inputs.noise
+        states = ca.mtimes(ca.DM(self.plant.chosen), state.plant) + noise
+        positions = ca.SX(0, 1)
+        rates = ca.SX(0, 1)
+        if actuators is not None:
+            positions = actuators.position(state.actuators, self.plant.trim)
+            rates = actuators.rates(state.actuators)
+        updraft = ca.SX(winds.get(UPDRAFT, ca.SX(0, 1)))
+        return Measurements(states - self._reference(t), states, positions, rates, updraft)
+
+    @property
+    def wind_names(self) -> tuple[str, ...]:
+        """Disturbances of the model that are not 0."""
+        names = list(self.scenario.air)
+        if self.scenario.gust is not None:
+            names.insert(0, UPDRAFT)
+        return tuple(dict.fromkeys(names))
+
+    def start(self) -> np.ndarray:
+        """y(0): the start of the scenario, actuators at trim, the memory of the policy.
+
+        BadInputError when the start of the scenario has another size than the plant.
+        """
+        gust = self.scenario.gust
+        parts = StateParts(
+            plant=self.scenario.initial,
+            actuators=np.zeros(self.state_sizes.actuators),
+            memory=self.policy.start,
+            gust=np.zeros(0) if gust is None else gust.start(),
+        )
+        if parts.plant.size != self.state_sizes.plant:
+            raise BadInputError(
+                f"the flight starts with {parts.plant.size} numbers;"
+                f" this plant has {self.state_sizes.plant} states"
+            )
+        return np.concatenate(parts)
+
+    @cached_property
+    def held_slices(self) -> HeldParts:
+        """Where the parts of the held inputs lie."""
+        offsets = _offsets(self.held_sizes)
+        return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
+
+    def hold(self, tick: int, held: np.ndarray) -> None:
+        """Write the held inputs of a tick into `held`, but for those of plant and delay."""
+        scenario = self.scenario
+        sizes = self.held_sizes
+        parts = self.held_slices
+        held[parts.policy] = self.policy.held_inputs(tick)
+        if sizes.actuators and scenario.actuators is not None:
+            held[parts.actuators] = scenario.actuators.held_inputs(tick * scenario.tick)
+        if scenario.samples is not None:
+            held[parts.noise] = scenario.samples[tick]
+        if sizes.gust and scenario.gust is not None:
+            held[parts.gust] = scenario.gust.held_inputs(tick)
+
+    def parts(self, y: np.ndarray) -> StateParts:
+        """The parts of y (..., n)."""
+        return StateParts(*np.split(y, _offsets(self.state_sizes)[1:-1], axis=-1))
+
+
+def _offsets(sizes: Sequence[int]) -> list[int]:
+    """Where each part begins, and where the last one ends."""
+    return [0, *np.cumsum(sizes).tolist()]

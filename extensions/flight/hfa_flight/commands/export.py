@@ -1,0 +1,152 @@
+"""The command `hfa export`."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hfa.options.argument_types import breakpoint_value, one_of, output_file
+from hfa.options.command import command
+from hfa.options.games import DEFAULT_LAW
+from hfa.options.request import option
+from hfa.options.trims import AircraftOptions, JsonOption, TrimOptions, scheduled
+from hfa.output import origin_lines, print_report
+from hfa_flight.options import (
+    LawOptions,
+    actuators_of,
+    actuators_option,
+    controller_option,
+    noted_linear_model,
+    weights_option,
+)
+from hfa_support.errors import BadInputError
+from hfa_support.files import write_text, write_texts
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
+
+if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
+    from trim.point.operating_point import OperatingPoint
+
+SCHEMA = "hfa.export/1"
+#: Where the HFA is exported unless --dihedral says so.
+_DIHEDRAL = math.radians(15.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
+    """An aircraft for other tools."""
+
+    at: float | None = scheduled(breakpoint_value)
+    output: Path = option(
+        "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat "
+        "files of models)",
+        "PLACE",
+        output_file(".fmu", ".m", folder=True),
+        names="-o --output",
+        required=True,
+    )
+    law: str = option(
+        "the gain: exact, certified; default exact in C, none in an FMU",
+        "NAME",
+        one_of("exact", DEFAULT_LAW),
+        default="",
+    )
+    weights: Path | None = weights_option()
+    controller: Path | None = controller_option()
+    actuators: tuple[float, ...] | None = actuators_option()
+
+
+@command(ExportRequest)
+def export(request: ExportRequest) -> int:
+    """The aircraft for other tools; the suffix of -o says which.
+
+    FOLDER: C source that needs no library: equations of motion, the trim at --dihedral, its A and
+    B, and the gain of a policy, with an example of a 100 Hz loop. FILE.fmu: the nonlinear aircraft
+    trimmed at --dihedral as an FMU 2.0 for model exchange and co-simulation; with --law, its policy
+    flies. Needs a C compiler. --controller FILE: in both, a scheduled controller with its states in
+    place of the policy; in the FMU behind --actuators, with which the C files have an example of a
+    100 Hz loop too. FILE.m: a function of MATLAB and Octave that makes state-space systems of what
+    `hfa sweep` and `hfa linearize` write as .mat."""
+    alone = request.controller is None and request.weights is None and not request.law
+    if alone:
+        request = replace(request, law="exact")
+    if request.at is None and not request.own:
+        request = replace(request, at=_DIHEDRAL)
+    target = request.output
+    # Before anything is written: it finds what is wrong with options that nothing below reads.
+    origin = origin_lines(request)
+    if target.suffix == ".m":
+        if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
+            raise BadInputError(
+                f"{target}: a function is called by its file's name; choose letters, digits and "
+                "_, as in hfa_models.m"
+            )
+        write_text(target, files("hfa_flight.export").joinpath("hfa_models.m").read_text("utf-8"))
+        print_report(_report([target]), request)
+        return 0
+    if request.controller is None:
+        request.refuse(("actuators",), "belongs to --controller; leave it out")
+    elif target.suffix and request.actuators is None:
+        raise BadInputError(
+            "--controller flies behind actuators in an FMU; add --actuators LAG:RATE"
+        )
+    request.check_policy()
+    model = request.flown_aircraft()
+    point = request.operating_point(model)
+    written = _written(request, model, point, origin, with_gain=not (alone and target.suffix))
+    print_report(_report(written), request, notes=point.warnings)
+    return 0
+
+
+def _written(
+    request: ExportRequest,
+    model: Model,
+    point: OperatingPoint,
+    origin: str,
+    *,
+    with_gain: bool,
+) -> list[Path]:
+    """The aircraft with the gain of a law, or under a scheduled controller behind actuators."""
+    from hfa_flight.export.aircraft_c import c_model_texts
+    from hfa_flight.export.exported_loop import exported_loop, following_a_reference
+    from hfa_flight.export.fmu import write_fmu
+    from hfa_servo.controller_c import c_controller_texts, controller_steering
+    from hfa_servo.scheduled_controller import load_controller
+
+    actuators = actuators_of(model, request.actuators)
+    controller = None
+    if request.controller is not None:
+        controller = load_controller(request.controller, model)
+    linear = noted_linear_model(model, point)
+    policy = None
+    if controller is None and with_gain:
+        policy = request.flown_policy(linear)
+    if request.output.suffix:
+        steering = None
+        if controller is not None:
+            steering = controller_steering(controller, model, point)
+        elif policy is not None:
+            steering = following_a_reference(model, policy)
+        loop = exported_loop(model, point, steering, actuators)
+        write_fmu(loop, request.output, request.provenance)
+        return [request.output]
+    texts = c_model_texts(linear, policy, origin)
+    if controller is not None:
+        texts |= c_controller_texts(controller, model, point, origin, actuators)
+    return write_texts(request.output, texts)
+
+
+def _report(written: list[Path]) -> Report:
+    rows = [(str(path), path.stat().st_size) for path in written]
+    table = Table(("file", "bytes"), [(name, str(size)) for name, size in rows])
+    listed = [{"file": name, "bytes": size} for name, size in rows]
+    return Report(
+        f"Exported: {len(rows)} {'files' if len(rows) > 1 else 'file'}",
+        [table],
+        data={"schema": SCHEMA, "files": listed},
+    )

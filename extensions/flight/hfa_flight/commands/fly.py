@@ -1,0 +1,164 @@
+"""The command `hfa fly`: one flight, or many members of one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.critic.critic_file import critic_of_steps
+from hfa.options.argument_types import input_file, whole
+from hfa.options.command import command
+from hfa.options.critics import ReadingOptions
+from hfa.options.request import option
+from hfa.options.trims import (
+    OneTrimOptions,
+    OutputOptions,
+    WorkersOptions,
+    output_option,
+    picture_option,
+    refuse_si,
+)
+from hfa.output import ProgressLine, print_report, show
+from hfa_flight.options import FlightOptions
+from hfa_support.errors import BadInputError
+from hfa_support.files import MATRIX_FILES
+
+_MOST_MEMBERS = 10_000_000
+_MOST_STEPS = 1_000_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
+    """One flight, or many members of one."""
+
+    samples: int | None = option(
+        "fly so many members, each with its own errors, noise and turbulence",
+        "N",
+        whole(1, _MOST_MEMBERS),
+        rare=True,
+    )
+    output: Path | None = output_option(".zarr", purpose=" (members)")
+    picture: Path | None = picture_option("the flight")
+    steps: Path | None = option(
+        "a plant of your own in discrete time, flown from --initial for --duration steps by the "
+        "game's policy or --weights",
+        "FILE",
+        input_file(*MATRIX_FILES),
+        names="--model",
+        rare=True,
+    )
+
+    def origin(self) -> Mapping[str, Any]:
+        """The file of the plant, or the aircraft."""
+        return super().origin() if self.steps is None else {"model": str(self.steps)}
+
+
+@command(FlyRequest)
+def fly(request: FlyRequest) -> int:
+    """Simulate a policy on all states of the nonlinear aircraft and compare with the prediction of
+    its linear model.
+
+    `--law none --command elevator=1:2,2:-2,3:0` flies a doublet without a law. With gains over the
+    scheduling variable a --command of it is followed along its trims. --samples N flies N members:
+    --error and --noise are standard deviations, --turbulence is drawn anew; member k is
+    decided by --seed and k alone. Exit code 1 when a state leaves its envelope, an input its
+    control limits, or an oscillation does not decay.
+
+    --model FILE flies a plant in discrete time."""
+    if request.steps is not None:
+        return _fly_steps(request, request.steps)
+    if request.samples is not None:
+        return _fly_members(request)
+    from hfa_flight.flight_figure import flight_figure
+    from hfa_flight.nonlinear_flight import fly
+    from hfa_flight.scheduled_gains import ScheduledGainPolicy
+
+    request.refuse(("workers", "resume"), "belongs to --samples; leave it out")
+    if request.output is not None and request.output.suffix == ".zarr":
+        raise BadInputError(f"{request.output} is the store of many members; add --samples N")
+    flight = request.flight()
+    # A linear model about the first trim says nothing about the others.
+    predict = not isinstance(flight.policy, ScheduledGainPolicy)
+    result = fly(*flight, predict=predict, progress=ProgressLine("simulate"))
+    report = result.report()
+    show(
+        report,
+        request,
+        figure=lambda: flight_figure(result, report.title),
+        only_in_files=result.history(),
+        points=[flight.point],
+    )
+    return 0 if result.within_limits else 1
+
+
+def _fly_steps(request: FlyRequest, path: Path) -> int:
+    """The flight of --model; the exit code, 1 when it does not decay."""
+    from controller.game.user_files import stored_game
+    from controller.riccati.discrete import solve_discrete
+    from hfa_flight.step_flight import fly_steps
+    from verification.critic.implied_policy import discrete_critic
+
+    used = {"steps", "initial", "duration", "weights", *ReadingOptions.declared()}
+    others = request.typed - used - {*OutputOptions.declared()} | (request.typed & {"picture"})
+    request.refuse(sorted(others), "belongs to an aircraft; leave it out with --model")
+    stored = stored_game(path)
+    problem = stored.discrete
+    assert problem is not None
+    if not request.initial:
+        raise BadInputError("--model flies from a state; add --initial NAME=VALUE")
+    duration = request.duration
+    assert duration is not None
+    if not (duration == int(duration) and 1 <= duration <= _MOST_STEPS):
+        raise BadInputError(
+            f"--duration is {duration:g}; give a whole number of steps from 1 to {_MOST_STEPS}"
+        )
+    if request.weights is None:
+        K = solve_discrete(problem).K
+        policy = "the game's policy"
+    else:
+        critic, _ = critic_of_steps(request.weights, problem, request.reading())
+        K = discrete_critic(problem, critic).K
+        policy = f"the policy of {request.weights}"
+    start = np.array([request.initial.get(name, 0.0) for name in request.model.states])
+    flight = fly_steps(problem, K, policy, start, int(duration))
+    report = flight.report().with_data(warnings=list(stored.notes))
+    show(report, request, notes=stored.notes)
+    return 0 if flight.radius < 1.0 else 1
+
+
+def _fly_members(request: FlyRequest) -> int:
+    """The members of --samples; the exit code, 1 when none stayed within its limits."""
+    from hfa_flight.monte_carlo import MonteCarlo
+    from hfa_flight.monte_carlo_report import member_report
+    from hfa_flight.monte_carlo_store import run_monte_carlo, stream_members
+
+    assert request.samples is not None
+    target = request.output
+    request.refuse(("picture",), "shows one flight; leave it out with --samples")
+    if target is not None and target.suffix != ".zarr":
+        raise BadInputError(f"{target}: the members of --samples go to a store; use -o FILE.zarr")
+    refuse_si(request, "a store is in ft")
+    if request.resume and target is None:
+        raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
+    plan = MonteCarlo(request.samples, request.seed, *request.flight())
+    progress = ProgressLine("simulate")
+    if target is None:
+        members = run_monte_carlo(plan, request.workers, progress)
+        report = member_report(plan, members.__getitem__, "members not kept")
+    else:
+        dataset = stream_members(
+            plan,
+            target,
+            workers=request.workers,
+            resume=request.resume,
+            provenance=request.provenance.to_dict(),
+            progress=progress,
+        )
+        report = member_report(plan, lambda name: dataset[name].values, f"members in {target}")
+    report = report.with_data(store=None if target is None else str(target))
+    print_report(report, request, points=[plan.point])
+    return 0 if report.data["within_limits"] else 1

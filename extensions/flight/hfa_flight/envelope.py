@@ -1,0 +1,164 @@
+"""The envelope of a flight, which state left it first, and the inputs beyond their control limits.
+
+An envelope is a value of `trim.limits.Limits` on the states of a model. In moving air the limits of
+alpha count on the angle of attack through the air.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, limited_names
+from hfa_support.errors import BadInputError, pair_of, refuse_unknown
+from hfa_support.reporting.text import short_number, shown_unit
+from trim.limits import Limits
+from trim.point.operating_point import OperatingPoint
+
+
+class Departure(NamedTuple):
+    """What left the envelope first.
+
+    state: its name, of `limited_names`
+    time: s
+    value: there, in `unit`
+    limit: that it passed
+    """
+
+    state: str
+    time: float
+    value: float
+    limit: float
+    unit: str
+
+    def text(self) -> str:
+        """A sentence, in degrees for angles."""
+        beyond = _beyond(self.value, self.limit, self.unit)
+        return f"left the envelope: {self.state} first, at {self.time:.4g} s, {beyond}"
+
+
+class ControlExcess(NamedTuple):
+    """An input that went beyond one of its control limits: its farthest value and that limit."""
+
+    input: str
+    value: float
+    limit: float
+    unit: str
+
+    def text(self) -> str:
+        """In degrees for angles."""
+        return f"{self.input} {_beyond(self.value, self.limit, self.unit)}"
+
+
+def _beyond(value: float, limit: float, unit: str) -> str:
+    """Value and limit, in degrees for angles."""
+    suffix = "" if unit == "1" else f" {shown_unit(unit)}"
+    return f"{short_number(value, unit)}{suffix} beyond {short_number(limit, unit)}"
+
+
+def limits_text(lowest: float, highest: float, unit: str) -> str:
+    """Between which values something must stay, in degrees for angles."""
+    if np.isinf([lowest, highest]).all():
+        return "none"
+    return f"{short_number(lowest, unit)} to {short_number(highest, unit)}"
+
+
+def flight_envelope(
+    model: Model,
+    point: OperatingPoint,
+    changes: Mapping[str, tuple[float, float]] | None = None,
+) -> Limits:
+    """Limits of all states within which the equations of a model are meant to hold.
+
+    These are min and max of the states, what the model limits about a trim (`Model.envelope`), and
+    `changes`: state -> (lowest, highest), absolute; `ANGLE_OF_ATTACK` is another name of alpha's.
+
+    BadInputError for a name that is no state, or when the trim lies outside.
+    """
+    pairs = {name: (signal.min, signal.max) for name, signal in model.states.items()}
+    if model.envelope is not None:
+        pairs |= model.envelope(point.states, model.layout.record("p", model.p.tolist()))
+    for key, pair in (changes or {}).items():
+        name = ALPHA if key == ANGLE_OF_ATTACK else key
+        refuse_unknown("the envelope has no state", name, tuple(model.states))
+        pairs[name] = pair_of(f"the envelope of {key}", pair)
+    envelope = Limits.of(model, tuple(model.states), pairs)
+    for name, value, within in zip(
+        envelope.names, point.states, envelope.within(point.states), strict=True
+    ):
+        if not within:
+            lowest, highest = (model.describe(name, limit) for limit in pairs[name])
+            raise BadInputError(
+                f"the trim has {name} {model.describe(name, value)}, outside the envelope's"
+                f" {lowest} to {highest}"
+            )
+    return envelope
+
+
+def envelope_data(envelope: Limits, moving_air: bool) -> dict[str, list[float]]:
+    """Name of `limited_names` -> [lowest, highest]."""
+    pairs = np.column_stack([envelope.lowest, envelope.highest]).tolist()
+    return dict(zip(limited_names(envelope.model, moving_air), pairs, strict=True))
+
+
+def outside(envelope: Limits, limited: np.ndarray) -> np.ndarray:
+    """Which rows of the absolute states (N, n) are not within all limits, (N,)."""
+    return np.asarray(~envelope.within(limited).all(axis=-1))
+
+
+def departure(
+    envelope: Limits, times: np.ndarray, limited: np.ndarray, moving_air: bool
+) -> Departure | None:
+    """The first row outside, and its state with the largest excess in half-widths; None without
+    one.
+
+    limited: (N, n), absolute states, alpha through the air
+    """
+    if not outside(envelope, np.array([limited.min(axis=0), limited.max(axis=0)])).any():
+        return None  # most flights; the rows one by one take longer
+    row = int(np.argmax(outside(envelope, limited)))
+    values = limited[row]
+    width = envelope.highest - envelope.lowest
+    width = np.where(np.isfinite(width), width, 1.0)
+    excess = np.maximum(values - envelope.highest, envelope.lowest - values) / width
+    index = int(np.argmax(np.where(np.isfinite(values), excess, np.inf)))
+    value = float(values[index])
+    limits = envelope.lowest if value < envelope.lowest[index] else envelope.highest
+    unit = envelope.model.unit(envelope.names[index])
+    name = limited_names(envelope.model, moving_air)[index]
+    return Departure(name, float(times[row]), value, float(limits[index]), unit)
+
+
+def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False) -> None:
+    """BadInputError when a flight begins outside. limited: (n,), as a row of `departure`."""
+    start = departure(envelope, np.zeros(1), limited[None], moving_air)
+    if start is not None:
+        beyond = _beyond(start.value, start.limit, start.unit)
+        raise BadInputError(
+            f"the flight begins with {start.state} {beyond}; begin inside the envelope, or widen it"
+        )
+
+
+def control_limits(model: Model) -> Limits:
+    """The limits of all inputs."""
+    return Limits.of(model, tuple(model.inputs))
+
+
+def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, ...]:
+    """Inputs (N, m), absolute, that went beyond their limits, the farthest first as a part of the
+    range between both."""
+    limits = control_limits(model)
+    under = limits.lowest - inputs.min(axis=0)
+    over = inputs.max(axis=0) - limits.highest
+    values = np.where(under > over, inputs.min(axis=0), inputs.max(axis=0))
+    passed = np.where(under > over, limits.lowest, limits.highest)
+    width = limits.highest - limits.lowest
+    excesses = []
+    for index in np.flatnonzero(~limits.within(values)).tolist():
+        name = limits.names[index]
+        excess = ControlExcess(name, float(values[index]), float(passed[index]), model.unit(name))
+        excesses.append((abs(excess.value - excess.limit) / width[index], excess))
+    return tuple(excess for _, excess in sorted(excesses, key=lambda pair: -pair[0]))

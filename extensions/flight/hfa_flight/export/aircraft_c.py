@@ -1,0 +1,130 @@
+"""The aircraft as C: its equations of motion, a trim, the linear model and a policy about it, with
+a loop of 100 Hz as an example."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.layout import components
+from hfa_aircraft.model import Model
+from hfa_flight.export.c_text import (
+    comment_lines,
+    constant_tables,
+    displaced_state,
+    filled,
+    name_tables,
+    or_unused,
+    positions,
+    units_of,
+)
+from hfa_flight.policies import FunctionPolicy, GainPolicy
+from hfa_support.native.c_code import c_function
+from trim.linear.linear_model import LinearModel
+
+#: Header, source, and the example that uses them.
+AIRCRAFT_FILES = ("hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c")
+#: Bodies of hfa_policy, of the deviations z.
+_LINEAR = """    for (int i = 0; i < HFA_INPUTS; i++) {
+        u[i] = hfa_u0[i];
+        for (int j = 0; j < HFA_LINEAR_STATES; j++) u[i] -= hfa_K[i][j] * z[j];
+    }"""
+_CALLED = """    double v[HFA_INPUTS];
+    policy(z, v);
+    for (int i = 0; i < HFA_INPUTS; i++) u[i] = hfa_u0[i] + v[i];"""
+
+
+def c_model_texts(
+    linear: LinearModel, policy: GainPolicy | FunctionPolicy | None, origin: str
+) -> dict[str, str]:
+    """File -> its text: header and source and, with a policy, a loop of 100 Hz that uses them.
+
+    linear: the model at a trim
+    policy: about that trim, None for none; of gains that change in time the first
+    origin: where it comes from, lines of text
+
+    BadInputError for what C cannot express.
+    """
+    model = linear.point.model
+    header, source, example = AIRCRAFT_FILES
+    origin_and_title = {"origin": comment_lines(origin), "title": comment_lines(model.title)}
+    states = units_of(model, tuple(model.states))
+    inputs = units_of(model, tuple(model.inputs))
+    winds = or_unused(units_of(model, tuple(model.disturbances)))
+    gain = policy.gains[0] if isinstance(policy, GainPolicy) else np.zeros(linear.B.T.shape)
+    functions = c_function(_rates(model), "rates", ("x", "u", "w", "p"), ("dx",))
+    formula = "u = u0 - K z: the policy at x. Nothing is limited."
+    body = _LINEAR
+    if isinstance(policy, FunctionPolicy):
+        functions += "\n" + _policy_function(policy)
+        formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
+        body = _CALLED
+    texts = {
+        header: filled(
+            __package__,
+            header,
+            **origin_and_title,
+            states=positions(states),
+            inputs=positions(inputs),
+            winds=positions(winds, "WIND_"),
+            linear_states=", ".join(model.linear),
+            linear_count=len(model.linear),
+            policy=formula,
+        ),
+        source: filled(
+            __package__,
+            source,
+            **origin_and_title,
+            parameters=_parameters(model),
+            tables=constant_tables(
+                {
+                    "const double hfa_x0": linear.point.states,
+                    "const double hfa_u0": linear.point.inputs,
+                    "const double hfa_A": linear.A,
+                    "const double hfa_B": linear.B,
+                    "const double hfa_K": gain,
+                    "const int hfa_linear_state": [
+                        list(model.states).index(name) for name in model.linear
+                    ],
+                    **name_tables("state", states),
+                    **name_tables("input", inputs),
+                    **name_tables("wind", winds),
+                }
+            ),
+            function=functions,
+            policy=body,
+        ),
+    }
+    if policy is not None:
+        state, amount = displaced_state(model)
+        texts[example] = filled(
+            __package__, example, state=state.upper(), amount=amount, unit=model.unit(state)
+        )
+    return texts
+
+
+def _parameters(model: Model) -> str:
+    """The parameters as a constant array, a line each; one that is not used of a model without."""
+    lines = [
+        f"    {parameter.start!r}, /* {name}, {parameter.unit} */"
+        for name, parameter in model.parameters.items()
+    ] or ["    0.0, /* none */"]
+    values = "\n".join(lines)
+    return f"static const double parameters[{len(lines)}] = {{\n{values}\n}};"
+
+
+def _policy_function(policy: FunctionPolicy) -> str:
+    """`static void policy(const double *z, double *v)`."""
+    z = ca.SX.sym("z", policy.function.numel_in(0))
+    return c_function(ca.Function("policy", [z], [policy.expression(z)]), "policy", ("z",), ("v",))
+
+
+def _rates(model: Model) -> ca.Function:
+    """(x, u, w, p) -> dx; of a model without disturbances w is one number without effect."""
+    vectors: Any = model.layout.symbols("x", "u", "p")
+    w = ca.SX.sym("w", max(1, len(model.disturbances)))
+    winds = components(w)[: len(model.disturbances)]
+    rates, _ = model.layout.expressions(tuple(map(components, vectors)), (), winds)
+    return ca.Function("rates", [vectors[0], vectors[1], w, vectors[2]], [rates])

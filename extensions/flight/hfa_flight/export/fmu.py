@@ -1,0 +1,206 @@
+"""The aircraft, alone or with what controls it, as an FMU of FMI 2.0: library, sources and
+description.
+
+2.0 and not 3.0, because every tool that imports FMUs opens it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import subprocess
+import sys
+import zipfile
+from collections.abc import Mapping
+from datetime import datetime
+from importlib.resources import files
+from pathlib import Path
+from xml.etree import ElementTree as xml
+
+import casadi as ca
+
+from hfa_flight.export.c_text import braced, comment_lines
+from hfa_flight.export.exported_loop import ExportedLoop
+from hfa_support.errors import NoSolutionError
+from hfa_support.files import temporary_folder, written_whole
+from hfa_support.jsonable import json_text
+from hfa_support.native.c_code import c_function
+from hfa_support.native.machine_code import c_compiler
+from hfa_support.provenance import Provenance
+
+#: Of the library in the FMU.
+IDENTIFIER = "hfa_aircraft"
+SOURCE = "aircraft_loop.c"
+WRAPPER = "fmi2_aircraft.c"
+SETTINGS = "fmu_settings.h"
+_FOLDERS = {"linux": ("linux64", "so"), "darwin": ("darwin64", "dylib"), "win32": ("win64", "dll")}
+#: Unit -> exponents of base units, factor.
+_BASE = {
+    "1": {},
+    "deg": {"rad": "1", "factor": repr(math.pi / 180)},
+    "rad": {"rad": "1"},
+    "rad/s": {"rad": "1", "s": "-1"},
+    "rad/s^2": {"rad": "1", "s": "-2"},
+    "ft": {"m": "1", "factor": "0.3048"},
+    "ft/s": {"m": "1", "s": "-1", "factor": "0.3048"},
+    "ft/s^2": {"m": "1", "s": "-2", "factor": "0.3048"},
+}
+
+#: The first date that a ZIP archive can bear.
+_FIRST_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
+    """Write the FMU, whole or not at all. NoSolutionError when there is no C compiler, or it
+    fails."""
+    compiler = c_compiler()
+    if compiler is None:
+        raise NoSolutionError(
+            "an FMU needs a C compiler and none was found: install gcc or clang, or name one by CC"
+        )
+    sources = {
+        SOURCE: _source(loop, origin),
+        WRAPPER: files(__package__).joinpath(WRAPPER).read_text("utf-8"),
+    }
+    guid = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
+    sources[SETTINGS] = _settings(loop, guid)
+    folder, suffix = _FOLDERS.get(sys.platform, _FOLDERS["linux"])
+    content: dict[str, str | bytes] = {
+        "modelDescription.xml": description(loop, origin, guid),
+        f"binaries/{folder}/{IDENTIFIER}.{suffix}": _library(compiler, sources),
+        "resources/provenance.json": json_text(origin.to_dict()),
+        **{f"sources/{name}": text for name, text in sources.items()},
+    }
+    date = max(datetime.fromisoformat(origin.date).timetuple()[:6], _FIRST_DATE)
+    with written_whole(path) as stream, zipfile.ZipFile(stream, "w") as archive:
+        for name, data in content.items():
+            archive.writestr(zipfile.ZipInfo(name, date), data, zipfile.ZIP_DEFLATED)
+
+
+def _source(loop: ExportedLoop, origin: Provenance) -> str:
+    """The loop as C: `fmu_loop`."""
+    results = ("dy", "u") if loop.outputs else ("dy",)
+    one = ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", len(loop.inputs))
+    function = ca.Function("loop", [*one], loop.function.call([*one])[: len(results)])
+    unused = "" if loop.outputs else "\n    (void)u;"
+    call = f"    loop({', '.join(('y', 'v', *results))});{unused}"
+    return (
+        f'/* {comment_lines(_said(origin))} */\n#include "{SETTINGS}"\n\n#include <math.h>\n\n'
+        f"{c_function(function, 'loop', ('y', 'v'), results)}\n"
+        f"void fmu_loop(const double *y, const double *v, double *dy, double *u)\n{{\n{call}\n}}\n"
+    )
+
+
+def _settings(loop: ExportedLoop, guid: str) -> str:
+    defined = {
+        "GUID": f'"{guid}"',
+        "LONGEST_STEP": repr(loop.longest_step),
+        **{"STATES": len(loop.states), "OUTPUTS": len(loop.outputs), "INPUTS": len(loop.inputs)},
+        "STATE_STARTS": braced([one.start for one in loop.states]),
+        "INPUT_STARTS": braced([one.start for one in loop.inputs]),
+        "NOMINALS": braced([one.size for one in loop.states]),
+    }
+    lines = [f"#define FMU_{name} {value}" for name, value in defined.items()]
+    lines += ["", "/* Rates of the states y and the outputs u under the inputs v. */"]
+    return "\n".join(
+        [*lines, "void fmu_loop(const double *y, const double *v, double *dy, double *u);", ""]
+    )
+
+
+def _said(origin: Provenance) -> str:
+    return f"{origin.text()}\n{origin.command}"
+
+
+def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
+    """modelDescription.xml: states, their rates, the inputs of the aircraft where something sets
+    them, those of the loop. An output is a state of the aircraft or what is set."""
+    root = xml.Element(
+        "fmiModelDescription",
+        fmiVersion="2.0",
+        modelName=IDENTIFIER,
+        guid=guid,
+        description="; ".join(_said(origin).splitlines()),
+        version=origin.version,
+        generationTool=f"hfa-toolchain {origin.version}",
+        generationDateAndTime=origin.date,
+        numberOfEventIndicators="0",
+    )
+    for kind in ("ModelExchange", "CoSimulation"):
+        able = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+        able |= {"canHandleVariableCommunicationStepSize": "true"} if kind == "CoSimulation" else {}
+        listed = xml.SubElement(
+            xml.SubElement(root, kind, able, modelIdentifier=IDENTIFIER), "SourceFiles"
+        )
+        for name in (SOURCE, WRAPPER):
+            xml.SubElement(listed, "File", name=name)
+    units = xml.SubElement(root, "UnitDefinitions")
+    xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
+    variables = xml.SubElement(root, "ModelVariables")
+    structure = xml.SubElement(root, "ModelStructure")
+    unknown = {
+        kind: xml.SubElement(structure, kind)
+        for kind in ("Outputs", "Derivatives", "InitialUnknowns")
+    }
+    # Name, unit, causality, start (None where it is calculated), and the number of the state whose
+    # rate it is.
+    channels: list[tuple[str, str | None, str, float | None, int]] = [
+        (one.name, one.unit, "output" if number < loop.flown else "local", one.start, 0)
+        for number, one in enumerate(loop.states)
+    ]
+    channels += [
+        (f"der({one.name})", one.rate_unit, "local", None, i)
+        for i, one in enumerate(loop.states, start=1)
+    ]
+    channels += [(one.name, one.unit, "output", None, 0) for one in loop.outputs]
+    channels += [(one.name, one.unit, "input", one.start, 0) for one in loop.inputs]
+    for place, (name, unit, causality, start, rate_of) in enumerate(channels):
+        about = {
+            "name": name,
+            "valueReference": str(place),
+            "causality": causality,
+            "variability": "continuous",
+        }
+        if causality != "input":
+            about["initial"] = "calculated" if start is None else "exact"
+        real = {} if unit is None else {"unit": unit}
+        real |= {} if start is None else {"start": repr(float(start))}
+        real |= {"derivative": str(rate_of)} if rate_of else {}
+        xml.SubElement(xml.SubElement(variables, "ScalarVariable", about), "Real", real)
+        kinds = {
+            "Outputs": causality == "output",
+            "Derivatives": rate_of,
+            "InitialUnknowns": start is None,
+        }
+        for kind in (kind for kind, holds in kinds.items() if holds):
+            xml.SubElement(unknown[kind], "Unknown", index=str(place + 1))
+    for unit in dict.fromkeys(unit for _, unit, *_ in channels if unit is not None):
+        defined = xml.SubElement(units, "Unit", name=unit)
+        if unit in _BASE:
+            xml.SubElement(defined, "BaseUnit", _BASE[unit])
+    xml.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(root, "unicode") + "\n"
+
+
+def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
+    with temporary_folder() as folder:
+        for name, text in sources.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        words = [
+            compiler,
+            "-std=c99",
+            "-O2",
+            "-fPIC",
+            "-shared",
+            SOURCE,
+            WRAPPER,
+            "-o",
+            "library",
+            "-lm",
+        ]
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
+        if done.returncode:
+            said = (done.stderr.strip().splitlines() or ["no message"])[0]
+            raise NoSolutionError(
+                f"{compiler} cannot compile the FMU ({said}); name another compiler by CC"
+            )
+        return (folder / "library").read_bytes()

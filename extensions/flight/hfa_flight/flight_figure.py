@@ -1,0 +1,142 @@
+"""The picture of a nonlinear flight; draws, computes nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
+from hfa_flight.envelope import limits_text
+from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.text import shown_unit, shown_values
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: A legend beside no curve: on the upper edge of its axes.
+_ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
+_SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
+
+
+def flight_figure(result: NonlinearFlight, title: str) -> Figure:
+    """The picture of a flight over time: a panel a state, a panel of the inputs in each unit, and
+    the updraft where there is one."""
+    model = result.point.model
+    input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
+    has_updraft = bool(np.any(result.flight.updrafts))
+    count = len(model.states) + len(input_units) + int(has_updraft)
+    rows = -(-count // 2)
+    figure = new_figure(10.0, 2.1 * rows)
+    panels = figure.subplots(rows, 2, sharex=True).ravel()
+    for index, axes in enumerate(panels[: len(model.states)]):
+        _draw_state(axes, result, index)
+    for unit, axes in zip(input_units, panels[len(model.states) :], strict=False):
+        _draw_inputs(axes, result, unit)
+    if has_updraft:
+        air = panels[count - 1]
+        unit = model.unit(UPDRAFT)
+        air.plot(result.flight.times, shown_values(result.flight.updrafts, unit), color="C2")
+        _finish(air, f"updraft, {shown_unit(unit)}")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title
+    )
+    for axes in panels[count:]:
+        axes.set_axis_off()
+    for axes in panels[count - 2 : count]:
+        axes.set_xlabel("time, s", fontsize=8)
+        axes.tick_params(labelbottom=True)
+    return figure
+
+
+def _draw_state(axes: Axes, result: NonlinearFlight, index: int) -> None:
+    """The state of that number, absolute: its reference, the linear prediction, the nonlinear
+    flight, and its envelope; where the air moves, alpha through it too."""
+    model = result.point.model
+    name = tuple(model.states)[index]
+    unit = model.unit(name)
+    times = result.flight.times
+    flown = result.states[:, index]
+    if name in model.linear:
+        reference = flown - result.flight.errors[:, model.linear.index(name)]
+        axes.plot(
+            times,
+            shown_values(reference, unit),
+            ":",
+            color="black",
+            linewidth=1.0,
+            label="reference",
+        )
+    if result.predicted is not None:
+        predicted = result.predicted.states[:, index] + result.point.states[index]
+        axes.plot(
+            result.predicted.times,
+            shown_values(predicted, unit),
+            "--",
+            color="C1",
+            label="linear",
+        )
+    axes.plot(times, shown_values(flown, unit), color="C0", linewidth=1.2, label="nonlinear")
+    limited = flown
+    label = name
+    if name == ALPHA and result.flight.winds and flown_through_air(model):
+        limited = result.angles_of_attack
+        label = "alpha over ground"
+        (through_air,) = axes.plot(
+            times, shown_values(limited, unit), color="C2", linewidth=1.2, label=ANGLE_OF_ATTACK
+        )
+        axes.legend([through_air], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
+    limits = (float(result.envelope.lowest[index]), float(result.envelope.highest[index]))
+    _limit_lines(axes, limited, limits, unit)
+    axes.set_title(f"envelope: {limits_text(*limits, unit)}", **_SMALL)
+    _finish(axes, f"{label}, {shown_unit(unit)}")
+
+
+def _draw_inputs(axes: Axes, result: NonlinearFlight, unit: str) -> None:
+    """The inputs in one unit, with their limits."""
+    inputs = result.point.model.inputs
+    names = [name for name, signal in inputs.items() if signal.unit == unit]
+    for index, (name, signal) in enumerate(inputs.items()):
+        if signal.unit != unit:
+            continue
+        values = result.inputs[:, index]
+        limits = (signal.min, signal.max)
+        axes.plot(
+            result.flight.times,
+            shown_values(values, unit),
+            label=f"{name}: {limits_text(*limits, unit)}",
+            linewidth=1.0,
+        )
+        _limit_lines(axes, values, limits, unit)
+    label = "inputs"
+    if len(names) == 1:
+        label = names[0]
+    elif unit == "rad":
+        label = "deflections"
+    if unit != "1":
+        label += f", {shown_unit(unit)}"
+    axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
+    _finish(axes, label)
+
+
+def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:
+    """The limits where what they limit, (N,), came near them."""
+    lowest, highest = limits
+    for limit, near in (
+        (lowest, limited.min() < lowest + 0.2 * (highest - lowest)),
+        (highest, limited.max() > highest - 0.2 * (highest - lowest)),
+    ):
+        if near:
+            axes.axhline(
+                float(shown_values(limit, unit)), color="black", linestyle="--", linewidth=0.8
+            )
+
+
+def _finish(axes: Axes, label: str) -> None:
+    axes.set_ylabel(label, fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.ticklabel_format(useOffset=False)
+    axes.grid(alpha=0.3)

@@ -1,0 +1,37 @@
+"""The numbers of a flight, one row a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_flight.air import UPDRAFT
+from hfa_support.reporting.fields import Shown
+
+
+@dataclass(frozen=True, repr=False)
+class Flight(Shown):
+    """What was flown, one row a step; deviations from trim.
+
+    times: (N,), s
+    states: (N, n), of the plant
+    errors: (N, k), z = x - x_d of the states of the linear model, without noise
+    inputs: (N, m)
+    memory: (N, l), of the policy
+    limited: (N, n), the states with alpha through the air in place of alpha
+    winds: disturbance of the model that is not 0 -> (N,)
+    """
+
+    times: np.ndarray
+    states: np.ndarray
+    errors: np.ndarray
+    inputs: np.ndarray
+    memory: np.ndarray
+    limited: np.ndarray
+    winds: dict[str, np.ndarray]
+
+    @property
+    def updrafts(self) -> np.ndarray:
+        """The updraft of the air, (N,)."""
+        return self.winds.get(UPDRAFT, np.zeros(len(self.times)))

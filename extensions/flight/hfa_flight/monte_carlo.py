@@ -1,0 +1,205 @@
+"""A Monte Carlo of flights: a plan of random scenarios, and what is kept of each member."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.layout import components
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import VECTORS
+from hfa_flight.air import (
+    ALPHA,
+    limited_names,
+)
+from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.envelope import envelope_data, refuse_start
+from hfa_flight.nonlinear_flight import NonlinearFlight, fly_within
+from hfa_flight.policies import Policy
+from hfa_flight.scenario import Scenario, with_errors
+from hfa_flight.simulation import CompiledLoop
+from hfa_support.errors import BadInputError, refuse_unless_whole
+from hfa_support.native.bound import cached_per_thread
+from hfa_support.reporting.fields import Shown
+from trim.limits import Limits
+from trim.point.operating_point import OperatingPoint
+
+#: What is kept of each member -> its meaning, and its axis or, of one number, its unit.
+KEPT = {
+    "left": ("number in the attribute left; -1: stayed inside", ""),
+    "cycle": (
+        "number among inputs and states of what still oscillates at the end; -1: nothing",
+        "",
+    ),
+    "factors": ("factor on a parameter", "error"),
+    "flown": ("time inside the envelope", "s"),
+    "rms_error": ("root mean square error over that time, without noise", "error_state"),
+    "peak_error": ("largest error, over ground", "error_state"),
+    "peak_angle_of_attack": ("largest angle of attack through the air, from trim", "rad"),
+    "effort": ("root mean square from trim", "input"),
+    "lowest_input": ("lowest value inside the envelope", "input"),
+    "highest_input": ("highest value inside the envelope", "input"),
+    "final": ("at the end", "state"),
+    "memory": ("memory of the policy at the end", "memory_state"),
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MonteCarlo(Shown):
+    """N members, each a draw of one scenario. Two plans are equal when they give the same
+    results.
+
+    members: N
+    seed: with the number of a member it decides all that is random in it, so that members can be
+        simulated anywhere in any order
+    model: with its nominal parameters
+    point: its trim, in which each member begins
+    policy: what acts
+    scenario: what happens, of which each member is a draw
+    envelope: limits of the states; a member's flight ends at the first tick outside
+
+    BadInputError when a number is wrong, the flight does not begin inside its envelope, an error
+    belongs to a parameter that is zero, or a signal has no formula.
+    """
+
+    members: int
+    seed: int
+    model: Model
+    point: OperatingPoint
+    policy: Policy
+    scenario: Scenario
+    envelope: Limits
+
+    def __post_init__(self) -> None:
+        """Check everything before the simulation."""
+        refuse_unless_whole("members", self.members, 1)
+        refuse_unless_whole("seed", self.seed, 0)
+        object.__setattr__(self, "scenario", self.scenario.on(self.model))
+        for name in ("reference", "disturbance", "noise"):
+            if not hasattr(getattr(self.scenario, name), "to_dict"):
+                raise BadInputError(
+                    f"the {name} of a Monte Carlo must be a Waveform, whose formula says what it is"
+                )
+        if self.scenario.samples is not None:
+            raise BadInputError(
+                "the scenario of a Monte Carlo is drawn already; give the one that it was drawn"
+                " from"
+            )
+        refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
+        for name in self.scenario.uncertainty.errors:
+            if self.model.parameters[name].start == 0.0:
+                raise BadInputError(
+                    f"{name} is 0, so that a relative error does nothing; leave it out"
+                )
+        self.loop()  # what cannot be flown is refused here rather than in a worker
+
+    def member(self, number: int) -> Scenario:
+        """What happens in one member; turbulence is met at the trimmed speed."""
+        return self.scenario.drawn(self.seed, number, self.point)
+
+    def loop(self) -> ClosedLoop:
+        """The loop of member 0. The parameters of the aircraft differ from member to member."""
+        plant = NonlinearPlant(self.model, self.point, uncertain=True)
+        return ClosedLoop(plant, self.policy, self.member(0))
+
+    @cached_property
+    def identity(self) -> str:
+        """JSON of everything that decides the results, the order in which errors are drawn
+        included."""
+        data = {
+            "members": self.members,
+            "seed": self.seed,
+            "parameters": {name: each.start for name, each in self.model.parameters.items()},
+            "dynamics": self.model.name,
+            "model": _equations_identity(self.model),
+            "states": self.point.states._asdict(),
+            "inputs": self.point.inputs._asdict(),
+            "law": {"name": self.policy.name, **self.policy.identity},
+            "scenario": self.scenario.to_dict(),
+            "uncertainty": asdict(self.scenario.uncertainty),
+            "envelope": envelope_data(self.envelope, self.scenario.moving_air),
+        }
+        return json.dumps(data, default=lambda value: np.asarray(value).tolist())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, MonteCarlo) and self.identity == other.identity
+
+    def __hash__(self) -> int:
+        return hash(self.identity)
+
+
+def _equations_identity(model: Model) -> tuple[str, ...]:
+    """What decides a model's equations: the file that it comes from and its hash, else a hash of
+    the expressions."""
+    if model.source[0]:
+        return model.source
+    vectors = model.layout.symbols(*VECTORS)
+    *given, w = map(components, vectors)
+    rates = model.layout.expressions(given, (), w)[0]
+    return (hashlib.sha256(ca.Function("f", vectors, [rates]).serialize().encode()).hexdigest(),)
+
+
+@cached_per_thread(maxsize=4)
+def member_loop(plan: MonteCarlo) -> CompiledLoop:
+    """The loop of a plan, compiled at the first call in a thread."""
+    return CompiledLoop(plan.loop(), plan.members)
+
+
+def fly_member(plan: MonteCarlo, member: int) -> NonlinearFlight:
+    """Draw and simulate one member."""
+    scenario = plan.member(member)
+    parameters = with_errors(plan.model, scenario).p
+    return fly_within(member_loop(plan), plan.envelope, scenario, parameters)
+
+
+def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
+    """The rows of `KEPT` of members start .. stop - 1. What a worker runs."""
+    rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
+    return {name: np.array([row[name] for row in rows]) for name in KEPT}
+
+
+def member_row(plan: MonteCarlo, result: NonlinearFlight) -> dict[str, Any]:
+    """What is kept of the flight of a member: of its steps inside the envelope, and the state and
+    memory after them."""
+    scenario = result.loop.scenario
+    flight = result.flight
+    left = result.departure
+    states = list(plan.model.states)
+    trim = np.array(plan.point.inputs)
+    flown = scenario.duration if left is None else left.time
+    end = round(flown / scenario.step)  # 0 where turbulence is outside at the start
+    errors = flight.errors[:end]
+    inputs = flight.inputs[:end]
+    angles = flight.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
+    left_number = -1
+    if left is not None:
+        left_number = limited_names(plan.model, scenario.moving_air).index(left.state)
+    cycle_number = -1
+    if result.cycle is not None:
+        cycle_number = [*plan.model.inputs, *states].index(result.cycle.name)
+    return {
+        "left": left_number,
+        "cycle": cycle_number,
+        "factors": [scenario.errors[name] for name in plan.scenario.uncertainty.errors],
+        "flown": flown,
+        "rms_error": _rms(errors),
+        "peak_error": np.abs(errors).max(axis=0, initial=0.0),
+        "peak_angle_of_attack": np.abs(angles).max(initial=0.0),
+        "effort": _rms(inputs),
+        "lowest_input": inputs.min(axis=0, initial=np.inf) + trim,
+        "highest_input": inputs.max(axis=0, initial=-np.inf) + trim,
+        "final": result.states[end],
+        "memory": flight.memory[end],
+    }
+
+
+def _rms(rows: np.ndarray) -> np.ndarray:
+    """Root mean square of each column of (N, k); 0 without rows."""
+    return np.asarray(np.sqrt(np.square(rows).sum(axis=0) / max(len(rows), 1)))

@@ -1,0 +1,164 @@
+"""What became of the members of a Monte Carlo: how many stayed within their limits, and quantiles
+of their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_flight.air import ANGLE_OF_ATTACK, OVER_GROUND, flown_through_air, limited_names
+from hfa_flight.envelope import control_limits
+from hfa_flight.monte_carlo import MonteCarlo
+from hfa_flight.scenario import Uncertainty
+from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.text import Table, short_number, shown_unit
+
+SUMMARY_SCHEMA = "hfa.monte-carlo-summary/1"
+#: Shares of the members inside their envelope up to which a quantity stays below its quantile.
+QUANTILES = (0.05, 0.5, 0.95, 1.0)
+#: Note where each member is the same flight.
+_ALIKE = "nothing differs from member to member: give parameter errors, noise or turbulence"
+#: Name of an array of `fly_members` -> its values in all members, (N, ...).
+Read = Callable[[str], np.ndarray]
+
+
+class Outcomes(NamedTuple):
+    """What became of N members.
+
+    inside: (N,), whether the member stayed in its envelope
+    within_limits: members that did, with inputs within the control limits, and that settle
+    first_left: s, when the first one left; None where none did
+    left: members by the state that left first
+    exceeded: members by the input that went beyond its control limit
+    limit_cycle: members by what still oscillates at the end
+    """
+
+    inside: np.ndarray
+    within_limits: int
+    first_left: float | None
+    left: dict[str, int]
+    exceeded: dict[str, int]
+    limit_cycle: dict[str, int]
+
+
+def outcomes(plan: MonteCarlo, read: Read) -> Outcomes:
+    """What became of the members of a plan.
+
+    plan: of the flights
+    read: name of a result -> its values, (N, ...), one for each member
+    """
+    model = plan.model
+    left = read("left")
+    cycle = read("cycle")
+    inside = left < 0
+    limits = control_limits(model)
+    within = limits.within(read("lowest_input")) & limits.within(read("highest_input"))
+    states = limited_names(model, plan.scenario.moving_air)
+    oscillating = (*model.inputs, *model.states)
+    return Outcomes(
+        inside=inside,
+        within_limits=int((inside & within.all(axis=1) & (cycle < 0)).sum()),
+        first_left=None if inside.all() else float(read("flown")[~inside].min()),
+        left={name: int((left == index).sum()) for index, name in enumerate(states)},
+        exceeded=dict(zip(model.inputs, (~within).sum(axis=0).tolist(), strict=True)),
+        limit_cycle={name: int((cycle == index).sum()) for index, name in enumerate(oscillating)},
+    )
+
+
+def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
+    """The outcomes, and quantiles over the members inside; angles in degrees for people.
+
+    where: the members are kept, for the title
+
+    data: the counts of `Outcomes`; held: members that stayed inside; quantity -> variable ->
+    `QUANTILES`, None where no member stayed inside
+    """
+    found = outcomes(plan, read)
+    data: dict[str, Any] = {
+        "schema": SUMMARY_SCHEMA,
+        "dynamics": plan.model.name,
+        "plant": "nonlinear",
+        "law": plan.policy.name,
+        "members": plan.members,
+        "seed": plan.seed,
+        "duration": plan.scenario.duration,
+        "within_limits": found.within_limits,
+        "held": int(found.inside.sum()),
+        "first_left": found.first_left,
+        "left": found.left,
+        "exceeded": found.exceeded,
+        "limit_cycle": found.limit_cycle,
+        "quantiles": list(QUANTILES),
+        **quantiles(plan, read, found.inside),
+    }
+    title = (
+        f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.policy.name}: "
+        f"{plan.members} members of {plan.scenario.duration:g} s, seed {plan.seed}"
+    )
+    if where:
+        title += f", {where}"
+    parts: list[Part] = [_counts_text(plan, found)]
+    if found.inside.any():
+        parts.append(_quantile_table(plan, data))
+        if plan.scenario.moving_air and flown_through_air(plan.model):
+            parts.append(OVER_GROUND)
+    notes = [_ALIKE] if plan.scenario.uncertainty == Uncertainty() else []
+    return Report(title, parts, notes, data)
+
+
+def _counts_text(plan: MonteCarlo, found: Outcomes) -> str:
+    """How many stayed within limits, and what the others did, a line each."""
+    lines = [f"stayed within limits: {found.within_limits} of {plan.members}"]
+    if found.first_left is not None:
+        lines.append(
+            f"left the envelope, by the state that left first: {_listed(found.left)};"
+            f" the first after {found.first_left:.3g} s"
+        )
+    if any(found.exceeded.values()):
+        lines.append(f"exceeded control limits: {_listed(found.exceeded)}")
+    if any(found.limit_cycle.values()):
+        lines.append(f"limit cycle that does not decay: {_listed(found.limit_cycle)}")
+    return "\n".join(lines)
+
+
+def _listed(counts: dict[str, int]) -> str:
+    """Names and counts that are not 0."""
+    return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+
+
+def quantiles(plan: MonteCarlo, read: Read, inside: np.ndarray) -> dict[str, dict[str, Any]]:
+    """Quantity -> variable -> its `QUANTILES` over the members inside, None without any."""
+    model = plan.model
+    quantities = {
+        "rms_error": (read("rms_error"), model.linear),
+        "peak_error": (read("peak_error"), model.linear),
+        "effort": (read("effort"), tuple(model.inputs)),
+    }
+    if flown_through_air(model):
+        angles = read("peak_angle_of_attack")[:, None]
+        quantities["peak_deviation"] = (angles, (ANGLE_OF_ATTACK,))
+    if not inside.any():
+        return {name: dict.fromkeys(names) for name, (_, names) in quantities.items()}
+    return {
+        name: dict(
+            zip(names, np.quantile(values[inside], QUANTILES, axis=0).T.tolist(), strict=True)
+        )
+        for name, (values, names) in quantities.items()
+    }
+
+
+def _quantile_table(plan: MonteCarlo, data: dict[str, Any]) -> Table:
+    """A row a variable of each quantity of `quantiles`; alpha through the air where it moves."""
+    shown = ["rms_error", "peak_error", "effort"]
+    if plan.scenario.moving_air and "peak_deviation" in data:
+        shown.append("peak_deviation")
+    rows = []
+    for quantity in shown:
+        for variable, values in data[quantity].items():
+            unit = plan.model.unit(variable)
+            cells = [short_number(value, unit) for value in values]
+            rows.append((f"{quantity.replace('_', ' ')} {variable}", *cells, shown_unit(unit)))
+    shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
+    return Table(("of those inside the envelope", *shares, "unit"), rows)

@@ -1,0 +1,107 @@
+"""The members of a Monte Carlo, in memory or in a Zarr store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_flight.air import limited_names
+from hfa_flight.monte_carlo import KEPT, MonteCarlo, fly_members
+from hfa_flight.nonlinear_flight import names_and_units
+from hfa_stores.workers import open_workers
+from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
+from hfa_support.progress import Progress
+
+#: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.
+CHUNK_STEPS = 1_000_000
+_MEMBER = "member"
+
+
+def chunk_of(plan: MonteCarlo) -> int:
+    """Members of a chunk."""
+    steps = plan.scenario.ticks * plan.scenario.steps_per_tick
+    return min(-(-CHUNK_STEPS // steps), plan.members)
+
+
+def run_monte_carlo(
+    plan: MonteCarlo, workers: int | str = 1, progress: Progress | None = None
+) -> Mapping[str, np.ndarray]:
+    """What is kept of every member (`KEPT`), in memory: name -> an array, a row a member.
+
+    workers: see `open_workers`; the results do not depend on it.
+    progress: called with (chunks done, chunks in all), first at the start.
+    """
+    starts = range(0, plan.members, chunk_of(plan))
+    ends = (*starts[1:], plan.members)
+    tasks = [(number, (plan, *ends)) for number, ends in enumerate(zip(starts, ends, strict=True))]
+    chunks = {}
+    if progress is not None:
+        progress(0, len(tasks))  # the first chunk may take a while: code is compiled
+    with open_workers(workers) as run:
+        for number, rows in run(fly_members, tasks):
+            chunks[number] = rows
+            if progress is not None:
+                progress(len(chunks), len(tasks))
+    in_order = [chunks[number] for number in sorted(chunks)]
+    return {name: np.concatenate([rows[name] for rows in in_order]) for name in KEPT}
+
+
+def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
+    """Every member of the plan in the store at `path`, as `xarray.Dataset`; options of
+    `fill_store`."""
+
+    def task(start: int, stop: int) -> tuple[MonteCarlo, int, int]:
+        return plan, start, stop
+
+    job = RowJob("Monte Carlo", _MEMBER, _template(plan), fly_members, task)
+    return fill_store(job, path, **options)
+
+
+def _template(plan: MonteCarlo) -> Any:
+    """The `xarray.Dataset` of a store that holds nothing yet."""
+    model = plan.model
+    errors = tuple(plan.scenario.uncertainty.errors)
+    states = tuple(model.states)
+    inputs = tuple(model.inputs)
+    names = {"error": errors, "error_state": model.linear, "state": states, "input": inputs}
+    sizes = {axis: len(members) for axis, members in names.items()}
+    sizes["memory_state"] = len(plan.policy.start)
+
+    coordinates: dict[str, Any] = {}
+    for axis, members in names.items():
+        if members:
+            coordinates[axis] = (axis, np.array(members, dtype=object))
+        if members and axis != "error":  # factors have no unit
+            units = np.array(model.units(members), dtype=object)
+            coordinates[f"{axis}_unit"] = (axis, units)
+
+    arrays = {}
+    for name, (meaning, axis_or_unit) in KEPT.items():
+        fill: Any = np.int8(-1) if name in ("left", "cycle") else np.nan
+        attributes = {"long_name": meaning}
+        axes: tuple[str, ...] = (_MEMBER,)
+        if axis_or_unit in sizes:
+            axes = (_MEMBER, axis_or_unit)
+            if f"{axis_or_unit}_unit" in coordinates:
+                attributes["units_of"] = f"{axis_or_unit}_unit"
+        elif axis_or_unit:
+            attributes["units"] = axis_or_unit
+        shape = (plan.members, *(sizes[axis] for axis in axes[1:]))
+        if 0 not in shape:  # nothing is drawn, or the policy has no memory
+            arrays[name] = array_of_rows(axes, shape, fill, chunk_of(plan), attributes)
+
+    import xarray
+
+    attributes_of_store = {
+        "schema": "hfa.monte-carlo-store/3",
+        "errors": list(errors),
+        "left": list(limited_names(model, plan.scenario.moving_air)),
+        "error_states": list(model.linear),
+        "error_units": list(model.units(model.linear)),
+        **names_and_units(model),
+        "plan": plan.identity,
+    }
+    return xarray.Dataset(arrays, coordinates, attributes_of_store)

@@ -1,0 +1,427 @@
+"""Options of a flight: the policy that flies, and what happens; what they name as a law and a
+`Scenario`."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from controller.critic.critic_file import NETWORK_FILES
+from hfa.options.argument_types import input_file, number, numbers, quantity, span
+from hfa.options.critics import READING_SETTINGS, ReadingOptions
+from hfa.options.games import (
+    DEFAULT_LAW,
+    LearningOptions,
+    WeightOptions,
+    law_option,
+    setting_option,
+)
+from hfa.options.request import OfModel, option
+from hfa.options.trims import TrimOptions
+from hfa.output import ProgressLine
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
+from hfa_flight.actuators import ActuatorBank, ActuatorFault
+from hfa_flight.air import UPDRAFT, gust_speed
+from hfa_flight.envelope import control_limits, flight_envelope
+from hfa_flight.gusts import Dryden, Gust, OneMinusCosine
+from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
+from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.files import MATRIX_FILES
+from trim.limits import Limits
+from trim.linear.linear_model import LinearModel, linearize
+from trim.point.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from hfa_flight.policies import FunctionPolicy, GainPolicy, Policy
+
+#: No law: the commands are of inputs.
+NONE = "none"
+#: How help shows the values of options.
+_COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
+_GUST = "LENGTH:PEAK[:BEGIN]"
+_TURBULENCE = "SIGMA:SCALE"
+_ACTUATORS = "LAG:RATE[:ORDER]"
+_FAULT = "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
+#: What flies in place of a law -> options that then would change nothing.
+_IN_PLACE = {
+    "controller": ("law", "set", "weights", "delta", "Q", "R"),
+    "weights": ("law", "delta", "Q"),
+}
+
+
+def among(names: tuple[str, ...], model: Model, name: str, text: str) -> float:
+    """What was typed for one of the names."""
+    if name not in names:
+        raise BadInputError(f"is not among {', '.join(names)}")
+    return quantity(model, name, text)
+
+
+def _number(_: str, text: str) -> float:
+    return number(text)
+
+
+def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
+    """The steps of a command, (time in s, value) pairs, times increasing from 0 on.
+
+    model: whose unit the values have
+    name: of the commanded output
+    text: as typed, "TIME:VALUE,TIME:VALUE"
+
+    BadInputError for anything else.
+    """
+    pairs = [part.split(":") for part in text.split(",")]
+    if any(len(pair) != 2 for pair in pairs):
+        raise BadInputError(f"is {text!r}; give {_COMMAND}")
+    steps = [(number(time), quantity(model, name, value)) for time, value in pairs]
+    times = [time for time, _ in steps]
+    if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
+        raise BadInputError(f"is {text!r}; the times must increase, from 0 on")
+    return steps
+
+
+def weights_option() -> Any:
+    """The field `weights`."""
+    about = "use this gain K, critic W or P, or network, instead of a law"
+    return option(about, "FILE", input_file(*MATRIX_FILES, *NETWORK_FILES))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
+    """The policy that flies: one of the laws and its game, a gain or a critic of a file."""
+
+    law: str = law_option("exact")
+    set: Mapping[str, Any] = setting_option(
+        "a setting of the law, for example predefined_time=2; of a network of --weights "
+        "activation, scale",
+        READING_SETTINGS,
+    )
+    weights: Path | None = None
+    controller: Path | None = None
+    turbulence: tuple[float, float] | None = None
+    samples: int | None = None
+
+    def check_policy(self) -> None:
+        """BadInputError for an unknown law, and for options that have no effect on the policy."""
+        instead = [name for name in _IN_PLACE if getattr(self, name) is not None]
+        for name in instead:
+            self.refuse(_IN_PLACE[name], f"changes nothing beside --{name}; leave it out")
+        if self.law == NONE:
+            self.refuse(("delta", "Q", "R"), f"belongs to a law; leave it out with --law {NONE}")
+        reads = {*READING_SETTINGS} & {*self.set}
+        if reads and self.weights is None:
+            raise BadInputError(f"--set {min(reads)} is of a network; name its file by --weights")
+        if self.law == DEFAULT_LAW and not instead:
+            return
+        if {*self.set} - reads:
+            nothing = f"with --law {self.law} there is nothing to learn"
+            if instead:
+                nothing = f"beside --{instead[0]} there is nothing to learn"
+            self.refuse(("set",), f"belongs to a learning law; {nothing}")
+        if self.samples is None and self.turbulence is None:
+            nothing = "here nothing is random"
+            self.refuse(("seed",), f"belongs to a learning law or to --turbulence; {nothing}")
+
+    def flown_policy(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
+        """The policy about a trim: of a file, exact, or learned on the linear model.
+
+        What is not linear, a network say, keeps the control limits of the model."""
+        from controller.critic.critic_file import critic_in
+        from controller.learning.certified import learned_value
+        from controller.riccati.gare import solve_game
+        from hfa_flight.policies import GainPolicy, function_policy
+
+        game = self.game_on(linear)
+        path = self.weights
+        if path is None and self.law == "exact":
+            return GainPolicy("exact", solve_game(game).K)
+        if path is None:
+            progress = ProgressLine("learn")
+            value = learned_value(game, self.law, self.seed, progress, **self.set)
+            return GainPolicy(self.law, value.K)
+        critic = critic_in(path, game, self.reading())
+        if not critic.linear:
+            return function_policy(f"critic of {path}", critic.policy, linear.point)
+        kind = "gain" if critic.feedback is None else "weights"
+        return GainPolicy(f"{kind} of {path}", critic.K)
+
+
+def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
+    """The linear model that a gain is made for; its notes on kinks become notes of the command."""
+    linear = linearize(model, point)
+    for note in linear.kinks:
+        warnings.warn(note, stacklevel=2)
+    return linear
+
+
+def controller_option() -> Any:
+    """The field `controller`."""
+    about = "a controller of hfa design, or scheduled gains"
+    return option(about, "FILE", input_file(*MATRIX_FILES))
+
+
+def actuators_option() -> Any:
+    """The field `actuators`."""
+    about = "actuators, s and deg/s, within the trim's control limits; order 1 (default) or 2"
+    kind = numbers(_ACTUATORS, 3, otherwise=(1.0,))
+    return option(about, _ACTUATORS, kind)
+
+
+def _about_gust(model: Model) -> str:
+    speed = model.unit(UPDRAFT) if UPDRAFT in model.disturbances else "ft/s"
+    return f"1-cosine updraft, {speed.removesuffix('/s')}, {speed}, s"
+
+
+def _about_turbulence(model: Model) -> str:
+    speed = model.unit(UPDRAFT) if UPDRAFT in model.disturbances else "ft/s"
+    return f"Dryden turbulence, {speed} and {speed.removesuffix('/s')}, from --seed"
+
+
+_gust_numbers = numbers(_GUST, 3, otherwise=(0.0,))
+_turbulence_numbers = numbers(_TURBULENCE, 2)
+
+
+def _linear_state(model: Model, name: str, text: str) -> float:
+    return among(model.linear, model, name, text)
+
+
+def _state(model: Model, name: str, text: str) -> float:
+    return among(tuple(model.states), model, name, text)
+
+
+def _disturbed(model: Model, name: str, text: str) -> float:
+    return among((*model.linear, *model.disturbances), model, name, text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScenarioOptions(LawOptions, TrimOptions):
+    """What happens in the flight besides a reference; everything is off by default."""
+
+    duration: float | None = option("default 20", "S", number, default=20.0)
+    initial: Mapping[str, float] = option(
+        "a state off trim at the start, degrees", "NAME=VALUE", OfModel(_state), named=True
+    )
+    disturbance: Mapping[str, float] = option(
+        "added to the rate of a state, or a disturbance of the model",
+        "NAME=VALUE",
+        OfModel(_disturbed),
+        named=True,
+        rare=True,
+    )
+    actuators: tuple[float, ...] | None = actuators_option()
+    fault: tuple[float, ...] | None = option(
+        "actuators of the surfaces from BEGIN on: share of the command that arrives, "
+        "bandwidth in rad/s",
+        _FAULT,
+        numbers(_FAULT, 3, otherwise=(0.0,)),
+        rare=True,
+    )
+    delay: float = option(
+        "time by which every command of the policy comes late",
+        "S",
+        number,
+        default=0.0,
+        rare=True,
+    )
+    turbulence: tuple[float, float] | None = option(
+        _about_turbulence,
+        _TURBULENCE,
+        _turbulence_numbers,
+        rare=True,
+    )
+    error: Mapping[str, float] = option(
+        "factor on a parameter of the simulated aircraft alone; with --samples its relative "
+        "standard deviation",
+        "NAME=NUMBER",
+        _number,
+        named=True,
+        rare=True,
+    )
+    noise: Mapping[str, float] = option(
+        "added to what a sensor says, degrees for angles; with --samples its standard deviation",
+        "NAME=VALUE",
+        OfModel(_linear_state),
+        named=True,
+        rare=True,
+    )
+    gust: tuple[float, ...] | None = option(_about_gust, _GUST, _gust_numbers)
+    envelope: Mapping[str, tuple[float, float]] = option(
+        "other limits of a state, absolute (alpha: through the air); repeatable",
+        "NAME=LOW:HIGH",
+        OfModel(span),
+        named=True,
+        rare=True,
+    )
+
+    def scenario(self, point: OperatingPoint) -> Scenario:
+        """The scenario that the options name, about a trim; of members the random quantities of
+        each.
+
+        The tick is 0.01 s, or the longest shorter one of which the delay is a whole number."""
+        duration = self.duration
+        delay = self.delay
+        model = point.model
+        assert duration is not None
+        if delay and not 0.0 < delay < duration:
+            raise BadInputError(f"--delay is {delay:g} s; it must lie between 0 and the duration")
+        names = model.linear
+        disturbed = self.disturbance
+        common = Scenario(
+            duration=duration,
+            tick=math.gcd(10, round(1000.0 * delay)) / 1000.0,
+            initial=np.array([self.initial.get(name, 0.0) for name in model.states]),
+            disturbance=_constant([disturbed.get(name, 0.0) for name in names]),
+            actuators=actuators_of(model, self.actuators, self.fault),
+            delay=delay,
+            air={
+                name: _constant([value]) for name, value in disturbed.items() if name not in names
+            },
+        )
+        if self.gust is not None and self.turbulence is not None:
+            raise BadInputError("--gust and --turbulence do not go together; give one of them")
+        gust = self._gust(point, common)
+        if self.samples is not None:
+            uncertainty = Uncertainty(self.error, self.noise, self.turbulence)
+            return replace(common, uncertainty=uncertainty, gust=gust).on(model)
+        noise = _constant([self.noise.get(name, 0.0) for name in names])
+        return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
+
+    def _gust(self, point: OperatingPoint, happens: Scenario) -> Gust | None:
+        """The gust, or the turbulence of one flight; that of members is drawn later."""
+        if self.gust is not None:
+            length, peak, begin = self.gust
+            if not 0 <= begin < happens.duration:
+                raise BadInputError(
+                    f"--gust begins at {begin:g} s; the flight lasts from 0 to "
+                    f"{happens.duration:g} s"
+                )
+            return OneMinusCosine(length, peak, gust_speed(point), begin)
+        if self.turbulence is not None and self.samples is None:
+            intensity, scale = self.turbulence
+            return Dryden(
+                intensity, scale, gust_speed(point), happens.tick, happens.ticks, self.seed
+            )
+        return None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightOptions(ScenarioOptions):
+    """A flight from a trim."""
+
+    law: str = law_option(NONE, "exact")
+    weights: Path | None = weights_option()
+    controller: Path | None = controller_option()
+    command: Mapping[str, list[tuple[float, float]]] = option(
+        f"steps to follow, s and degrees off trim; with --law {NONE} steps of inputs; repeatable",
+        _COMMAND,
+        OfModel(_command),
+        named=True,
+    )
+
+    def flight(self) -> Flight:
+        """What flies from where, by which policy, through what, within which limits; the commands
+        are the reference."""
+        from hfa_flight.policies import open_loop
+
+        self.check_policy()
+        model = self.flown_aircraft()
+        point = self.operating_point(model)
+        scenario = self.scenario(point)
+        steps = _steps_of(self.command)
+        reference: Any = None
+        if self.controller is not None:
+            policy, reference = self._controller_policy(model, point, steps)
+        elif self.law == NONE:
+            policy = open_loop(steps, tuple(model.inputs), scenario.tick, scenario.ticks)
+        else:
+            for name in steps.names:
+                refuse_unknown("a gain follows no command of", name, model.linear)
+            if steps.names:
+                reference = CommandedStates(steps, model.linear, filtered=False)
+            policy = self.flown_policy(noted_linear_model(model, point))
+        if reference is not None:
+            scenario = replace(scenario, reference=reference)
+        return Flight(model, point, policy, scenario, flight_envelope(model, point, self.envelope))
+
+    def _controller_policy(
+        self, model: Model, point: OperatingPoint, steps: CommandSteps
+    ) -> tuple[Policy, Any]:
+        """The policy of --controller, and what it follows."""
+        from controller.game.gain_schedule import GainSchedule
+        from hfa_flight.scheduled_gains import scheduled_gains
+        from hfa_servo.scheduled_controller import load_controller_or_gains
+        from hfa_servo.servo_policy import servo_policy
+
+        assert self.controller is not None
+        controller = load_controller_or_gains(self.controller, model)
+        if isinstance(controller, GainSchedule):
+            name = f"gains of {self.controller}"
+            condition = self.common_condition().at
+            scheduled = scheduled_gains(name, controller, point, steps, condition)
+            return scheduled, scheduled.path
+        if self.actuators is None:
+            raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
+        steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
+        return servo_policy(controller, steps, model, point), CommandedStates(steps, model.linear)
+
+
+class Flight(NamedTuple):
+    """What flies from where, by which law, through what, within which limits."""
+
+    model: Model
+    point: OperatingPoint
+    policy: Policy
+    scenario: Scenario
+    envelope: Limits
+
+
+def _steps_of(given: Mapping[str, list[tuple[float, float]]]) -> CommandSteps:
+    """The steps of --command on the times of all names."""
+    times = sorted({time for steps in given.values() for time, _ in steps})
+    values = np.zeros((len(times), len(given)))
+    for column, steps in enumerate(given.values()):
+        for time, value in steps:
+            values[times.index(time) :, column] = value
+    return CommandSteps(tuple(given), np.array(times), values)
+
+
+def _constant(values: list[float]) -> Waveform:
+    return Waveform(np.array(values), np.zeros(len(values)))
+
+
+def actuators_of(
+    model: Model, typed: tuple[float, ...] | None, fault: tuple[float, ...] | None = None
+) -> ActuatorBank | None:
+    """The actuators that --actuators and --fault name, None without them: of the surfaces, inputs
+    in rad or deg, with that rate."""
+    if typed is None:
+        if fault is not None:
+            raise BadInputError("--fault belongs to --actuators; give both")
+        return None
+    lag, degrees_per_second, order = typed
+    if degrees_per_second <= 0:
+        raise BadInputError(
+            f"--actuators rate is {degrees_per_second:g} deg/s; it must be positive"
+        )
+    rates = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
+    inputs = model.inputs
+    faults = []
+    if fault is not None:
+        effectiveness, bandwidth, begin = fault
+        surfaces = tuple(name for name, signal in inputs.items() if signal.unit in rates)
+        faults.append(ActuatorFault(begin, effectiveness, bandwidth, inputs=surfaces))
+    values: Any = record(tuple(inputs))
+    limits = control_limits(model)
+    lowest = values(*limits.lowest.tolist())
+    highest = values(*limits.highest.tolist())
+    fastest = values(*(rates.get(signal.unit, math.inf) for signal in inputs.values()))
+    lags = values(*[lag] * len(inputs))
+    return ActuatorBank(lags, lowest, highest, fastest, order=int(order), faults=tuple(faults))

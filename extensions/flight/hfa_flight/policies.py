@@ -1,0 +1,192 @@
+"""What acts in a flight: policies as CasADi expressions, with their held inputs and their
+memory."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.flight_history import Flight
+from hfa_flight.signals import CommandSteps
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
+from hfa_support.reporting.fields import Shown
+from trim.limits import Limits
+from trim.point.operating_point import OperatingPoint
+
+
+class Measurements(NamedTuple):
+    """What a policy measures, as deviations from trim, noise of the sensors included.
+
+    error: (k,), x - x_d of the states of the linear model
+    states: (k,), x
+    positions: (m,), of the actuators; (0,) without actuators
+    rates: (m,), of the actuators; (0,) where they have none
+    updraft: (1,), of the air, for outputs that feel it; (0,) in still air
+    """
+
+    error: ca.SX
+    states: ca.SX
+    positions: ca.SX
+    rates: ca.SX
+    updraft: ca.SX = ca.SX(0, 1)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Policy(Shown):
+    """u = control(t, measurements, memory, held),
+    memory' = memory_rate(t, measurements, memory, held, applied).
+
+    name: what reports call it
+    held: (N, h), its held inputs: row k during tick k (zero-order hold), the last row ever after
+    start: (l,), the memory at the beginning
+    identity: data for JSON that decide what it does
+    fastest: 1/s, size of its own fastest mode; decides how finely a step is divided
+    """
+
+    name: str
+    held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
+    start: np.ndarray = field(default_factory=lambda: np.zeros(0), kw_only=True)
+    identity: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
+    fastest: float = field(default=0.0, kw_only=True)
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """The commanded inputs, deviations from trim, (m,)."""
+        raise NotImplementedError
+
+    def memory_rate(
+        self,
+        t: ca.SX,
+        measurements: Measurements,
+        memory: ca.SX,
+        held: ca.SX,
+        applied: ca.SX,
+    ) -> ca.SX:
+        """Time derivative of the memory, (l,); of a policy without one an empty column.
+
+        t: s
+        measurements: at t
+        memory: (l,)
+        held: the held inputs
+        applied: u within the limits of the actuators
+        """
+        return ca.SX(0, 1)
+
+    def held_inputs(self, tick: int) -> np.ndarray:
+        """The held inputs in a tick, (h,)."""
+        row: np.ndarray = self.held[min(tick, len(self.held) - 1)]
+        return row
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """What JSON says of the policy of a flight of this model."""
+        return {"law": self.name}
+
+    def tracking_errors(self, flight: Flight) -> dict[str, dict[str, Any]]:
+        """Commanded output -> its `rms_error`, `largest_error` and `unit` over a flight; none
+        unless the policy regulates outputs."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GainPolicy(Policy):
+    """u = -K z.
+
+    gains: K (m, k), or one for each tick, (N, m, k); kept as (N, m, k)
+
+    BadInputError for another shape or a number that is not finite.
+    """
+
+    gains: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check the gains, and hold their entries column by column."""
+        gains = numbers_in("the gain", self.gains)
+        if gains.ndim not in (2, 3) or not gains.size or not np.all(np.isfinite(gains)):
+            raise BadInputError(
+                f"the gain has shape {np.shape(self.gains)}; give inputs x states finite numbers"
+            )
+        stack = gains.reshape(-1, *gains.shape[-2:])
+        object.__setattr__(self, "gains", stack)
+        object.__setattr__(self, "held", np.array([column_by_column(K) for K in stack]))
+        object.__setattr__(self, "identity", {"K": gains})
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """-K z."""
+        return -ca.mtimes(ca.reshape(held, *self.gains.shape[1:]), measurements.error)
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """With the gain of the last tick."""
+        units = list(model.units(model.linear))
+        return {"law": self.name, "state_units": units, "K": self.gains[-1]}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FunctionPolicy(Policy):
+    """u = sat(π(z), lowest, highest): the policy of a critic that is not linear, a network say.
+
+    function: π, CasADi Function z (k,) -> u (m,)
+    lowest, highest: (m,), limits of the inputs as deviations from trim
+    """
+
+    function: ca.Function
+    lowest: np.ndarray
+    highest: np.ndarray
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """π(z), within the limits."""
+        return self.limited(measurements.error)
+
+    @cached_property
+    def limited(self) -> ca.Function:
+        """z -> u, which is called and not written out: a network is long."""
+        z = ca.SX.sym("z", self.function.numel_in(0))
+        return ca.Function("policy", [z], [self.expression(z)], {"never_inline": True})
+
+    def expression(self, z: ca.SX) -> ca.SX:
+        """u at z, written out."""
+        u = ca.fmin(ca.fmax(self.function(z), ca.DM(self.lowest)), ca.DM(self.highest))
+        return ca.densify(u)
+
+
+def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> FunctionPolicy:
+    """The policy π(z) about a trim, within the control limits of the model."""
+    limits = Limits.of(point.model, tuple(point.model.inputs))
+    trim = np.array(point.inputs)
+    identity = {"function": hashlib.sha256(function.serialize().encode()).hexdigest()}
+    return FunctionPolicy(
+        name, function, limits.lowest - trim, limits.highest - trim, identity=identity
+    )
+
+
+def column_by_column(matrix: np.ndarray) -> np.ndarray:
+    """The entries of a matrix in CasADi's order, for held inputs."""
+    return np.asarray(matrix, dtype=float).ravel(order="F")
+
+
+class OpenLoop(Policy):
+    """u = the held inputs, whatever is measured."""
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """The held inputs."""
+        return held
+
+
+def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, ticks: int) -> OpenLoop:
+    """Steps of inputs off trim, unfiltered, each from the first tick at or after its time.
+
+    BadInputError for a name that is no input.
+    """
+    for name in commands.names:
+        refuse_unknown("there is no law, and no input", name, inputs)
+    columns = [inputs.index(name) for name in commands.names]
+    table = np.zeros((ticks, len(inputs)))
+    for time, row in zip(commands.times, commands.values, strict=True):
+        table[math.ceil(time / tick - 1e-9) :, columns] = row
+    return OpenLoop("none", held=table, identity={"u": table})

@@ -1,0 +1,267 @@
+"""Everything that happens in a flight, what of it is random, and the loop that it makes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.actuators import ActuatorBank
+from hfa_flight.air import UPDRAFT, gust_speed
+from hfa_flight.gusts import Dryden, Gust
+from hfa_flight.signals import TimeVector, Waveform, zero
+from hfa_support.errors import (
+    BadInputError,
+    is_finite,
+    refuse_unknown,
+    refuse_unless_positive,
+    shown,
+)
+from hfa_support.reporting.fields import Shown
+from trim.point.operating_point import OperatingPoint
+
+#: Streams of random numbers of a member.
+_ERRORS = 0
+_NOISE = 1
+_AIR = 2
+
+#: Most steps of a flight: beyond them its rows fill the memory of an ordinary machine.
+MOST_STEPS = 10_000_000
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What is drawn anew for each member; nothing unless given.
+
+    errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value
+    noise: state of the linear model -> standard deviation of what its sensor adds, drawn anew every
+        tick and held
+    turbulence: (intensity, ft/s, scale, ft) of Dryden turbulence, or None
+
+    BadInputError when a deviation is negative; `Scenario.on` looks at the names.
+
+    The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's
+    `SeedSequence`: one kind of randomness more or less leaves the draws of the others as they are.
+    """
+
+    errors: Mapping[str, float] = field(default_factory=dict)
+    noise: Mapping[str, float] = field(default_factory=dict)
+    turbulence: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """BadInputError unless every standard deviation is a finite number from 0 on."""
+        for name, value in (*self.errors.items(), *self.noise.items()):
+            if not (is_finite(value) and value >= 0.0):
+                raise BadInputError(
+                    f"the standard deviation of {name} is {shown(value)}; give a number from 0 on"
+                )
+
+    def factors(self, seed: int, member: int) -> np.ndarray:
+        """Parameter over nominal, (E,), in the order of `errors`: exp(σ ξ - σ²/2), ξ ~ N(0, 1), σ²
+        = ln(1 + s²).
+
+        Mean 1 and standard deviation s exactly, and never a change of sign.
+        """
+        sigma = np.sqrt(np.log1p(np.array(list(self.errors.values()), dtype=float) ** 2))
+        random = np.random.default_rng(_sequence(seed, member, _ERRORS))
+        return np.asarray(np.exp(sigma * random.standard_normal(len(sigma)) - sigma**2 / 2))
+
+    def samples(
+        self, seed: int, member: int, ticks: int, names: tuple[str, ...]
+    ) -> np.ndarray | None:
+        """Noise N(0, s²) of each tick, (ticks, k), on the states `names`; None without any."""
+        levels = np.array([self.noise.get(name, 0.0) for name in names])
+        if not levels.any():
+            return None
+        random = np.random.default_rng(_sequence(seed, member, _NOISE))
+        return levels * random.standard_normal((ticks, len(levels)))
+
+
+def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
+    """Of one kind of randomness of a member."""
+    return np.random.SeedSequence(seed, spawn_key=(member, kind))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scenario(Shown):
+    """Everything that happens in a flight. All is off unless given.
+
+    duration: s
+    step: s, of the integration
+    tick: s, a whole number of steps; the held inputs change once a tick
+    initial: (n,), deviation from trim, () for none
+    reference, disturbance, noise: (k,) each, of the states of the linear model; None is 0
+    errors: parameter -> factor on the flown aircraft, which the design does not know
+    actuators, gust: stages of the loop
+    uncertainty: the random quantities, which `drawn` draws
+    samples: drawn noise, (ticks, k), held in each tick
+    air: disturbance of the model -> its waveform, (1,)
+    delay: s, whole ticks, by which every command comes late
+
+    BadInputError when the times do not fit each other or the actuators, are too long, or there are
+    two gusts.
+
+    >>> from controller import OneMinusCosine, Scenario
+    >>> gust = OneMinusCosine(length=400.0, peak=5.0, speed=68.0)
+    >>> Scenario(duration=12.0, gust=gust).ticks
+    1200
+    """
+
+    duration: float = 20.0
+    step: float = 0.001
+    tick: float = 0.01
+    initial: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    reference: TimeVector | None = None
+    disturbance: TimeVector | None = None
+    noise: TimeVector | None = None
+    errors: Mapping[str, float] = field(default_factory=dict)
+    actuators: ActuatorBank | None = None
+    gust: Gust | None = None
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    samples: np.ndarray | None = None
+    air: Mapping[str, Waveform] = field(default_factory=dict)
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        """BadInputError for times that do not fit each other, and for factors and a delay out of
+        range."""
+        times = {"duration": self.duration, "tick": self.tick, "step": self.step}
+        for name, value in times.items():
+            refuse_unless_positive(name, value, " s")
+        for (name, time), (part, part_time) in pairwise(times.items()):
+            count = time / part_time
+            if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
+                raise BadInputError(
+                    f"{name} is {time:g} s and {part} {part_time:g} s;"
+                    f" make it a whole number of {part}s"
+                )
+        if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
+            most = f"with a step of {self.step:g} s it must not exceed {MOST_STEPS * self.step:g} s"
+            raise BadInputError(f"duration is {self.duration:g} s; {most}")
+        if self.actuators is not None:
+            self.actuators.refuse_step(self.step)
+        for name, factor in self.errors.items():
+            refuse_unless_positive(f"the factor on {name}", factor)
+        if not 0.0 <= self.delay < math.inf:
+            raise BadInputError(f"delay is {self.delay:g} s; give a time from 0 on")
+        if not math.isclose(self.delay, self.delayed_ticks * self.tick, rel_tol=1e-6):
+            raise BadInputError(
+                f"delay is {self.delay:g} s; make it a whole number of ticks of {self.tick:g} s"
+            )
+        if self.gust is not None and self.uncertainty.turbulence is not None:
+            raise BadInputError(
+                "the scenario has a gust and turbulence to be drawn; give one of them"
+            )
+
+    @property
+    def steps_per_tick(self) -> int:
+        """Steps in a tick."""
+        return round(self.tick / self.step)
+
+    @property
+    def delayed_ticks(self) -> int:
+        """Ticks of the delay."""
+        return round(self.delay / self.tick)
+
+    @property
+    def moving_air(self) -> bool:
+        """Whether the air moves: a gust, another disturbance of the model, or turbulence that is
+        still to be drawn."""
+        return self.gust is not None or self.uncertainty.turbulence is not None or bool(self.air)
+
+    @property
+    def driven_until(self) -> float:
+        """When the last signal, gust or noise comes to rest, s; inf: never. What is left then is
+        the loop's own."""
+        if self.samples is not None:
+            return math.inf
+        sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())
+        ends = [getattr(source, "until", math.inf) for source in sources if source is not None]
+        return max(ends, default=0.0)
+
+    def on(self, model: Model) -> Scenario:
+        """This scenario for a model: where no start or signal is given, zeros of the model's sizes.
+
+        BadInputError when it names a parameter, state or disturbance that the model does not have,
+        when it has a gust or turbulence and the model no disturbance `updraft`, and when `initial`
+        has not one number for each state.
+        """
+        for name in (*self.errors, *self.uncertainty.errors):
+            refuse_unknown("unknown parameter", name, tuple(model.parameters))
+        for name in self.uncertainty.noise:
+            refuse_unknown("unknown noise of state", name, model.linear)
+        for name in self.air:
+            refuse_unknown("unknown disturbance", name, tuple(model.disturbances))
+        if (self.gust or self.uncertainty.turbulence) and UPDRAFT not in model.disturbances:
+            raise BadInputError(
+                f"{model.name} declares no disturbance {UPDRAFT}, which a gust is; declare it"
+            )
+        n = len(model.states)
+        no_signal = zero(len(model.linear))
+        initial = self.initial if np.size(self.initial) else np.zeros(n)
+        if np.shape(initial) != (n,):
+            raise BadInputError(
+                f"initial has shape {np.shape(initial)}; {model.name} has {n} states"
+            )
+        return replace(
+            self,
+            initial=initial,
+            reference=self.reference or no_signal,
+            disturbance=self.disturbance or no_signal,
+            noise=self.noise or no_signal,
+        )
+
+    @property
+    def ticks(self) -> int:
+        """Ticks in the flight."""
+        return round(self.duration / self.tick)
+
+    def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
+        """One draw of the uncertain quantities, which seed and member decide. point: whose speed
+        gusts are met at."""
+        uncertain = self.uncertainty
+        errors = dict(self.errors)
+        factors = uncertain.factors(seed, member).tolist()
+        for name, factor in zip(uncertain.errors, factors, strict=True):
+            errors[name] = errors.get(name, 1.0) * factor
+        gust = self.gust
+        if uncertain.turbulence is not None:
+            air = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
+            gust = Dryden(*uncertain.turbulence, gust_speed(point), self.tick, self.ticks, air)
+        return replace(
+            self,
+            errors=errors,
+            gust=gust,
+            uncertainty=Uncertainty(),
+            samples=uncertain.samples(seed, member, self.ticks, point.model.linear),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The scenario for JSON, without its random quantities; of a signal without a formula the
+        name of its class."""
+        plain = ("duration", "step", "tick", "initial", "errors")
+        data = {name: getattr(self, name) for name in plain}
+        for name in ("reference", "disturbance", "noise"):
+            signal = getattr(self, name)
+            data[name] = signal.to_dict() if hasattr(signal, "to_dict") else type(signal).__name__
+        gust: Any = self.gust
+        data["actuators"] = None if self.actuators is None else asdict(self.actuators)
+        data["gust"] = None if gust is None else {"kind": type(gust).__name__, **asdict(gust)}
+        if self.air:
+            data["air"] = {name: waveform.to_dict() for name, waveform in self.air.items()}
+        if self.delay:
+            data["delay"] = self.delay
+        return data
+
+
+def with_errors(model: Model, scenario: Scenario) -> Model:
+    """The model that is flown: its parameters times the errors of the scenario."""
+    parameters = {
+        name: model.parameters[name].start * factor for name, factor in scenario.errors.items()
+    }
+    return model.with_parameters(**parameters) if parameters else model

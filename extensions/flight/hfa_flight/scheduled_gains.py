@@ -1,0 +1,161 @@
+"""Gains over the scheduling variable in flight, along the trims of what is commanded of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.game.gain_schedule import GainSchedule
+from hfa_aircraft.model import Model
+from hfa_flight.policies import Measurements, Policy
+from hfa_flight.signals import CommandSteps
+from hfa_support.errors import BadInputError
+from hfa_support.linear_table import LinearTable
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+
+#: Trims along a command; linear between them.
+_TRIMS = 41
+
+
+@dataclass(frozen=True, eq=False)
+class TrimPath:
+    """x_d(t) = X0(r(t)) - X_base and U0(r(t)) - U_base along the trims of a model, r the commanded
+    scheduling variable; the reference of a flight.
+
+    base: the trim in which the flight begins
+    states: X0 over the scheduling variable, linear between trims
+    inputs: U0 likewise
+    commands: r as a deviation from its value at `base`
+    """
+
+    base: OperatingPoint
+    states: LinearTable
+    inputs: LinearTable
+    commands: CommandSteps
+
+    @property
+    def size(self) -> int:
+        """States of the linear model."""
+        return len(self.base.model.linear)
+
+    @property
+    def until(self) -> float:
+        """When the last step is commanded, s."""
+        return float(self.commands.times[-1])
+
+    def commanded(self, t: ca.SX) -> ca.SX:
+        """r(t), absolute."""
+        return self.base.values[self.base.model.schedule] + self.commands.at(t)
+
+    def at(self, t: Any) -> ca.SX:
+        """x_d(t), (k,); of a state NAME_rate, the rate of the scheduling variable, r'(t)."""
+        model = self.base.model
+        deviation = self.states.expression(self.commanded(t)) - ca.DM(np.array(self.base.states))
+        rows = dict(zip(model.states, ca.vertsplit(deviation), strict=True))
+        rows[f"{model.schedule}_rate"] = self.commands.rate(t)
+        return ca.vertcat(*(rows[name] for name in model.linear))
+
+    def inputs_at(self, t: Any) -> ca.SX:
+        """U0(r(t)) - U_base, (m,)."""
+        return self.inputs.expression(self.commanded(t)) - ca.DM(np.array(self.base.inputs))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The steps as data for JSON."""
+        return {"names": list(self.commands.names), "values": self.commands.values} | {
+            "times": self.commands.times,
+            "filter": [self.commands.bandwidth, self.commands.damping],
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScheduledGainPolicy(Policy):
+    """u = U0(r(t)) - U_base - K(η) z, r the commanded and η the measured scheduling variable, z = x
+    - x_d of the path.
+
+    The trims follow the commanded value and the gain the measured one. So, linearized about a trim,
+    the policy is u = -K z with the K of that trim: U0 of the measured η would add the gain ∂U0/∂η,
+    and z is 0 at a trim, so that ∂K/∂η adds nothing.
+    """
+
+    schedule: GainSchedule
+    path: TrimPath
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """U0(r(t)) - U_base - K(η) z."""
+        model = self.schedule.model
+        row = model.linear.index(model.schedule)
+        measured = self.path.base.values[model.schedule] + measurements.states[row]
+        entries = self.schedule.table.expression(measured)
+        K = ca.reshape(entries, len(model.linear), len(model.inputs)).T
+        return self.path.inputs_at(t) - ca.mtimes(K, measurements.error)
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """With the gains at all breakpoints."""
+        return {
+            "law": self.name,
+            "state_units": list(model.units(model.linear)),
+            model.schedule_key: self.schedule.file_breakpoints,
+            "K": self.schedule.gains,
+        }
+
+
+def scheduled_gains(
+    name: str,
+    schedule: GainSchedule,
+    base: OperatingPoint,
+    commands: CommandSteps,
+    condition: Callable[[float], TrimCondition],
+) -> ScheduledGainPolicy:
+    """The policy of a schedule of gains through commands of the scheduling variable.
+
+    name: of the policy
+    base: the trim in which the flight begins
+    commands: of the scheduling variable alone, deviations from `base`; none to stay there
+    condition: scheduling value -> its trim
+
+    BadInputError when the model is not scheduled over a state of its linear model, K takes more
+    than the states, something else is commanded, or the gains do not cover what is.
+    NoSolutionError where there is no trim.
+    """
+    model = schedule.model
+    if model.schedule not in model.linear:
+        raise BadInputError(
+            f"{model.name} is scheduled over {model.schedule or 'nothing'};"
+            " a schedule of gains needs a state of linear"
+        )
+    if schedule.gains.shape[-1] != len(model.linear):
+        raise BadInputError(
+            f"K has {schedule.gains.shape[-1]} columns; a schedule that flies takes"
+            f" {len(model.linear)}, no memory"
+        )
+    for commanded in commands.names:
+        if commanded != model.schedule:
+            raise BadInputError(
+                f"a schedule of gains follows commands of {model.schedule}, not of {commanded}"
+            )
+    start = base.values[model.schedule]
+    if not commands.names:
+        commands = CommandSteps((model.schedule,), np.zeros(1), np.zeros((1, 1)))
+    values = np.append(start + commands.values, start)
+    schedule.refuse_beyond(float(values.min()), float(values.max()))
+    breakpoints = np.unique(np.linspace(values.min(), values.max(), _TRIMS))
+    trims = [find_operating_point(model, condition(value)) for value in breakpoints.tolist()]
+    path = TrimPath(
+        base,
+        LinearTable(breakpoints, np.array([trim.states for trim in trims])),
+        LinearTable(breakpoints, np.array([trim.inputs for trim in trims])),
+        commands,
+    )
+    identity = {
+        "breakpoints": schedule.breakpoints,
+        "gains": schedule.gains,
+        "trims": path.states.values,
+        "commands": path.to_dict(),
+    }
+    return ScheduledGainPolicy(name, schedule, path, identity=identity)

@@ -1,0 +1,198 @@
+"""A closed loop compiled and simulated: one loop over its ticks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from hfa_flight.actuators import LONGEST_STEP
+from hfa_flight.air import ALPHA
+from hfa_flight.closed_loop import ClosedLoop
+from hfa_flight.flight_history import Flight
+from hfa_flight.scenario import Scenario
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.native.bound import BoundFunction
+from hfa_support.native.machine_code import machine_code
+from hfa_support.progress import Progress
+
+#: Runs at least this long are worth compiling to machine code.
+COMPILE_FROM_STEPS = 50_000
+#: Steps after which it is asked whether a flight ends.
+_ROWS = 1000
+#: Most parts into which the fastest mode of a policy divides a step.
+_MOST_PARTS = 10_000
+
+
+class CompiledLoop:
+    """A loop compiled once and simulated many times by the classical Runge-Kutta method of order 4.
+
+    The fastest mode of the policy divides each step into as many parts as it needs; BadInputError
+    when these are too many. flights: how many are to come, which decides whether machine code pays.
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
+    """
+
+    def __init__(self, loop: ClosedLoop, flights: int = 1) -> None:
+        self.loop = loop
+        scenario = loop.scenario
+        parts = _parts_of_a_step(loop)
+        arguments = loop.symbols()
+        now = loop.at(*arguments)
+        observed = (now.error, now.inputs, now.winds, now.angle)
+        self.rate = ca.Function("loop_rate", [*arguments], [ca.densify(now.rate)], {"cse": True})
+        self._observed = ca.Function(
+            "loop_observed", [*arguments], [ca.densify(ca.vertcat(*observed))], {"cse": True}
+        )
+        self._ends = np.cumsum([column.numel() for column in observed[:-1]]).tolist()
+        self._command = ca.Function("command", [*arguments], [ca.densify(now.command)])
+        self._alpha = -1
+        if now.angle.numel():
+            self._alpha = list(loop.plant.point.model.states).index(ALPHA)
+        tick = _tick(self.rate, self._observed, scenario.step, scenario.steps_per_tick, parts)
+        steps = flights * scenario.ticks * scenario.steps_per_tick * parts
+        self._tick = BoundFunction(machine_code(tick) if steps >= COMPILE_FROM_STEPS else tick)
+
+    def fly(
+        self,
+        scenario: Scenario | None = None,
+        *,
+        parameters: np.ndarray | None = None,
+        ticks: int | None = None,
+        stop: Callable[[Flight], np.ndarray] | None = None,
+        progress: Progress | None = None,
+    ) -> Flight:
+        """The flight of its scenario, or of one that differs from it in numbers alone.
+
+        parameters: of the plant
+        ticks: how many; those of the scenario unless given
+        stop: rows of a flight -> which of them end it; it is flown to the end of that tick
+
+        NoSolutionError, naming the time, when a number is no longer finite and there is no `stop`.
+        """
+        loop = self.loop if scenario is None else replace(self.loop, scenario=scenario)
+        steps = loop.scenario.steps_per_tick
+        last_tick = loop.scenario.ticks if ticks is None else ticks
+        now, held = self._tick.inputs
+        after, observed = (result.reshape(steps, -1) for result in self._tick.results)
+        held[:] = 0.0
+        if parameters is not None:
+            held[loop.held_slices.parameters] = parameters
+        # Only what is written takes memory.
+        rows = np.empty((last_tick * steps + 1, now.size - 1))
+        columns = np.empty((last_tick * steps + 1, observed.shape[1]))
+        rows[0] = loop.start()
+        commands: list[np.ndarray] = []
+        done = 0
+        end = last_tick * steps
+        while done < end:
+            begin = done
+            first_tick = done // steps
+            for tick in range(first_tick, min(first_tick + max(1, _ROWS // steps), last_tick)):
+                now[0] = done * loop.scenario.step
+                now[1:] = rows[done]
+                loop.hold(tick, held)
+                if loop.scenario.delayed_ticks:
+                    commands.append(np.array(self._command(now[0], now[1:], held)).ravel())
+                    held[loop.held_slices.delay] = self._delayed(tick, now[0], commands)
+                self._tick()
+                rows[done + 1 : done + steps + 1] = after[:, 1:]
+                columns[done : done + steps] = observed
+                done += steps
+            over = self._over(rows, columns, begin, done, stop)
+            if over.any():
+                end = math.ceil((begin + int(np.argmax(over))) / steps) * steps
+            if progress is not None:
+                progress(last_tick if done >= end else done // steps, last_tick)
+        if end == done:  # what is observed at the end is still to be asked
+            time = end * loop.scenario.step
+            columns[end] = np.array(self._observed(time, rows[end], held)).ravel()
+        return self._flight(rows, columns, 0, end + 1)
+
+    def _over(
+        self,
+        rows: np.ndarray,
+        columns: np.ndarray,
+        begin: int,
+        done: int,
+        stop: Callable[[Flight], np.ndarray] | None,
+    ) -> np.ndarray:
+        """Which of the steps begin ... done end the flight; NoSolutionError as of `fly`."""
+        if stop is not None:
+            return stop(self._flight(rows, columns, begin, done))
+        lost = ~np.isfinite(self.loop.parts(rows[begin : done + 1]).plant).all(axis=1)
+        if lost.any():
+            time = (begin + int(np.argmax(lost))) * self.loop.scenario.step
+            raise NoSolutionError(
+                f"the flight left every bound at t = {time:.6g} s; the loop is unstable or the step"
+                " too long"
+            )
+        return lost
+
+    def _delayed(self, tick: int, time: float, commands: list[np.ndarray]) -> np.ndarray:
+        """[time; command of so many ticks ago; the next one], between which the loop interpolates:
+        0, the trim, before the delay has passed."""
+        due = tick - self.loop.scenario.delayed_ticks
+        if due < 0:
+            return np.concatenate([[time], np.zeros(2 * commands[0].size)])
+        return np.concatenate([[time], commands[due], commands[due + 1]])
+
+    def _flight(self, rows: np.ndarray, columns: np.ndarray, begin: int, end: int) -> Flight:
+        """Steps begin ... end - 1 of all y (N, n), and of what was observed there."""
+        parts = self.loop.parts(rows[begin:end])
+        errors, inputs, winds, angle = np.split(columns[begin:end], self._ends, axis=1)
+        limited = parts.plant
+        if self._alpha >= 0:
+            limited = parts.plant.copy()
+            limited[:, self._alpha] = angle[:, 0]
+        times = self.loop.scenario.step * np.arange(begin, end)
+        air = dict(zip(self.loop.wind_names, winds.T, strict=True))
+        return Flight(times, parts.plant, errors, inputs, parts.memory, limited, air)
+
+
+def _parts_of_a_step(loop: ClosedLoop) -> int:
+    """Into how many parts the fastest mode of the policy divides a step; BadInputError when these
+    are too many."""
+    step = loop.scenario.step
+    parts = max(1, math.ceil(loop.policy.fastest * step / LONGEST_STEP - 1e-9))
+    if parts > _MOST_PARTS:
+        raise BadInputError(
+            f"the law has a mode of {loop.policy.fastest:.4g} 1/s; at a step of {step:g} s it must"
+            f" be below {LONGEST_STEP * _MOST_PARTS / step:.3g} 1/s: make the step shorter"
+        )
+    return parts
+
+
+def _tick(
+    rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int
+) -> ca.Function:
+    """([t; y], held) -> [t; y] after each of the `count` steps of a tick, and what is observed at
+    the beginning of each. parts: of a step."""
+    now = ca.SX.sym("now", 1 + rate.numel_in(1))
+    held = ca.SX.sym("held", rate.numel_in(2))
+    later = _runge_kutta(rate, now, held, step / parts)
+    x = ca.MX.sym("x", now.numel())
+    p = ca.MX.sym("p", held.numel())
+    if parts == 1:
+        columns = ca.densify(observed(now[0], now[1:], held))
+        one = ca.Function("step", [now, held], [ca.densify(later), columns], {"cse": True})
+    else:
+        both = ca.vertcat(now, held)
+        part = ca.Function("part", [both], [ca.densify(ca.vertcat(later, held))], {"cse": True})
+        moved = part.fold(parts)(ca.vertcat(x, p))[: now.numel()]
+        one = ca.Function("step", [x, p], [moved, observed(x[0], x[1:], p)])
+    many = one.mapaccum("steps", count)
+    return ca.Function("tick", [x, p], list(many(x, ca.repmat(p, 1, count))))
+
+
+def _runge_kutta(rate: ca.Function, now: ca.SX, held: ca.SX, h: float) -> ca.SX:
+    """[t; y] after h seconds, by one step of the method of order 4 from `now`."""
+    t = now[0]
+    y = now[1:]
+    k1 = rate(t, y, held)
+    k2 = rate(t + h / 2, y + h / 2 * k1, held)
+    k3 = rate(t + h / 2, y + h / 2 * k2, held)
+    k4 = rate(t + h, y + h * k3, held)
+    return ca.vertcat(t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))

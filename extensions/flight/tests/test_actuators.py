@@ -1,0 +1,165 @@
+"""Actuators: lags that respect their limits, and how much lag the linear policy stands, as
+docs/nonlinear.md says."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_models import game_at, model_at
+
+import hfa_model
+from controller import (
+    ActuatorBank,
+    ActuatorFault,
+    GainPolicy,
+    Scenario,
+    Waveform,
+    flight_envelope,
+    fly,
+)
+from hfa_flight.closed_loop import ClosedLoop, LinearPlant
+from hfa_flight.flight_history import Flight
+from hfa_flight.policies import OpenLoop
+from hfa_flight.simulation import CompiledLoop
+from hfa_model import INPUTS, LINEAR_STATES, Input, published_models
+from hfa_model.vectors import CONTROL_LIMITS
+from hfa_support import BadInputError
+from trim import LinearModel
+from verification import solve_game
+
+N = 6
+M = len(INPUTS)
+FREE = ActuatorBank(
+    Input(*[0.1] * M), Input(*[-np.inf] * M), Input(*[np.inf] * M), Input(*[np.inf] * M)
+)
+LIMITED = ActuatorBank(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M), Input(*[1.0] * M))
+
+
+def flown(actuators: ActuatorBank, *command: float) -> Flight:
+    """Two seconds of the printed model at 15 degrees under a constant command."""
+    model = published_models()[0]
+    law = OpenLoop("none", held=np.array([command]))
+    scenario = Scenario(2.0, tick=0.1, initial=np.zeros(N), actuators=actuators)
+    return CompiledLoop(ClosedLoop(LinearPlant(model.A, model.B), law, scenario)).fly()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
+    limited, free = (
+        flown(replace(each, order=order), 10.0, -10.0, 0.3, -0.05, 0.0) for each in (LIMITED, FREE)
+    )
+    assert limited.inputs.max() <= 0.4
+    assert limited.inputs.min() >= -0.5
+    rates = np.diff(limited.inputs, axis=0) / 0.001
+    assert np.abs(rates).max() <= 1.0 + 1e-9
+    # The limits were needed, and are used: the command wants more, and the fastest moves at the
+    # limit.
+    assert np.abs(free.inputs).max() > 9.0
+    assert np.abs(rates).max() == pytest.approx(1.0)
+    np.testing.assert_allclose(limited.inputs[-1], [0.4, -0.5, 0.3, -0.05, 0.0], atol=1e-3)
+
+
+def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
+    lag = Input(0.5, *[0.0003] * (M - 1))
+    fast = ActuatorBank(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
+    fast.refuse_step(0.00075)
+    said = (
+        rf"the lag of {INPUTS[1]} is 0\.0003 s; with a step of 0\.001 s it must be at least"
+        r" 0\.0004 s"
+    )
+    with pytest.raises(BadInputError, match=said):
+        Scenario(actuators=fast)
+    assert Scenario(step=0.0005, actuators=fast).actuators is fast
+
+
+def test_of_order_2_it_is_the_second_order_response() -> None:
+    second = replace(FREE, order=2, damping=0.7)
+    flight = flown(second, 1.0, -2.0, 0.0, 0.0, 0.0)
+    w = 10.0
+    v = 10.0 * np.sqrt(1 - 0.7**2)
+    t = flight.times
+    response = 1 - np.exp(-0.7 * w * t) * (np.cos(v * t) + 0.7 * w / v * np.sin(v * t))
+    np.testing.assert_allclose(flight.inputs[:, :2], response[:, None] * [1.0, -2.0], atol=1e-8)
+
+
+def test_a_fault_changes_the_actuators_that_it_names_from_its_time_on() -> None:
+    fault = ActuatorFault(0.5, 0.25, 2.0, inputs=("aileron_outer",))
+    flight = flown(replace(FREE, faults=(fault,)), 0.0, 1.0, 1.0, 0.0, 0.0)
+    whole = 1.0 - np.exp(-flight.times / 0.1)
+    t = flight.times
+    np.testing.assert_allclose(flight.inputs[:, 1], whole, atol=1e-9)
+    before = 1.0 - np.exp(-0.5 / 0.1)
+    failed = np.where(t <= 0.5, whole, 0.25 + (before - 0.25) * np.exp(-2.0 * (t - 0.5)))
+    np.testing.assert_allclose(flight.inputs[:, 2], failed, atol=1e-9)
+
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "nonlinear.md"
+WEIGHTS = ("the paper's weights", "R x 100")
+
+
+@cache
+def gain(weights: str) -> np.ndarray:
+    """The exact gain at 15 degrees."""
+    game = game_at(15.0, "newton")
+    return solve_game(
+        game if weights == WEIGHTS[0] else replace(game, R=100.0 * game.R, delta=2000.0)
+    ).K
+
+
+def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
+    """Of x' = A x + B a, a' = (-K x - a) / lag, 1/s."""
+    loop = np.block([[model.A, model.B], [-K / lag, -np.eye(len(K)) / lag]])
+    return float(np.linalg.eigvals(loop).real.max())
+
+
+def lost(weights: str, lag: float) -> bool:
+    """A command of one degree for 200 s behind actuators of that lag, 60 deg/s for the surfaces."""
+    aircraft = hfa_model.aircraft("newton")
+    point = model_at(15.0, "newton").point
+    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
+    actuators = ActuatorBank(
+        Input(*[lag] * 5), lowest, highest, Input(np.inf, *[float(np.radians(60.0))] * 4)
+    )
+    command = np.array([np.radians(1.0) if name == "dihedral" else 0.0 for name in LINEAR_STATES])
+    scenario = Scenario(
+        duration=200.0, reference=Waveform(command, np.zeros(len(command))), actuators=actuators
+    )
+    law = GainPolicy("exact", gain(weights))
+    envelope = flight_envelope(aircraft, point)
+    return fly(aircraft, point, law, scenario, envelope, predict=False).departure is not None
+
+
+def stated(row: str) -> tuple[float, ...]:
+    """The two lags of the row of docs/nonlinear.md that begins so, s."""
+    text = DOCUMENT.read_text(encoding="utf-8")
+    found = re.findall(
+        rf"^\| {re.escape(row)}[^|]* \| ([\d.]+) s \| ([\d.]+) s \|$", text, re.MULTILINE
+    )
+    assert len(found) == 1, row
+    return tuple(float(number) for number in found[0])
+
+
+@pytest.mark.parametrize("degrees", [15.0, 16.0])
+def test_the_lags_of_the_document_are_where_the_eigenvalues_turn(degrees: float) -> None:
+    for weights, limit in zip(
+        WEIGHTS, stated(f"lag of all actuators, eigenvalues at {degrees:g} deg"), strict=True
+    ):
+        model = model_at(degrees, "newton")
+        K = gain(weights)
+        assert (
+            abscissa(model, K, limit) < 0.0 < abscissa(model, K, limit + 0.001)
+        )  # rounded down to a millisecond
+
+
+@pytest.mark.slow  # the eigenvalues are above, shorter flights below
+@pytest.mark.parametrize("weights", WEIGHTS)
+def test_flights_of_200_s_hold_at_the_stated_lag_and_are_lost_at_a_little_more(
+    weights: str,
+) -> None:
+    limit = stated("lag of all actuators, simulated 200 s")[WEIGHTS.index(weights)]
+    assert (lost(weights, limit), lost(weights, limit + 0.002)) == (False, True)

@@ -1,0 +1,306 @@
+"""`hfa fly`: what they say and write, their exit codes, and what they
+refuse."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from c_files import called, compiled, needs_gcc
+from cli import assert_refused, hfa
+from controllers import integrating_controller
+from game_files import stored
+from known_models import model_at
+from network_files import torch_file
+
+from controller import Game, basis, save_controller
+from hfa_aircraft.model import Model
+from hfa_flight.envelope import control_limits
+from hfa_model import LINEAR_STATES
+from hfa_stores.zarr_store import open_store
+from studies.servo.simvfa import reference_servo
+from verification import solve_game
+
+FLY = ("fly", "--dihedral", "15", "--law", "exact")
+
+
+def test_the_command_says_that_a_flight_held_and_writes_it() -> None:
+    words = (
+        *FLY,
+        "--duration",
+        "1",
+        "--initial",
+        "speed=0.1",
+        "--gust",
+        "50:2",
+        "--error",
+        "lift_slope=0.99",
+    )
+    result = hfa(*words, "-o", "flight.json")
+    assert (result.code, result.err) == (0, "wrote flight.json\n")
+    assert "stayed within limits: 1 s inside the envelope and the control limits" in result.out
+    data = json.loads(Path("flight.json").read_text(encoding="utf-8"))
+    assert data["schema"] == "hfa.flight/1"
+    assert data["held"] is True
+    assert data["departure"] is None
+    assert data["scenario"]["errors"] == {"lift_slope": 0.99}
+    assert data["scenario"]["gust"]["length"] == 50.0
+    history = data["history"]
+    assert (len(history["times"]), len(history["states"][0]), len(history["inputs"][0])) == (
+        101,
+        7,
+        5,
+    )
+    assert history["states"][0][0] == pytest.approx(68.1)
+    assert len(history["angles_of_attack"]) == 101
+    assert data["final"]["angle_of_attack"] == history["angles_of_attack"][-1]
+    assert max(history["updrafts"]) == pytest.approx(2.0, abs=0.01)
+    for suffix in ("npz", "csv"):
+        assert hfa(*words, "-o", f"flight.{suffix}").code == 0
+    with np.load("flight.npz") as stored:
+        np.testing.assert_array_equal(stored["history.states"], np.array(history["states"]))
+    lines = Path("flight.csv").read_text(encoding="utf-8").splitlines()
+    assert "hfa.flight/1" in lines[1]
+    assert lines[0].startswith("time [s],speed [ft/s],alpha [rad]")
+    assert len(lines) == 102
+
+
+def test_the_command_flies_a_gain_and_a_critic_of_the_user(game: Game) -> None:
+    """The exact gain, P and W from a file fly as --law exact does; another R changes the policy of
+    P alone."""
+    exact = solve_game(game)
+    stored("K.json", K=exact.K)
+    stored("P.npz", P=exact.P)
+    stored("W.mat", W=basis("quadratic", 6).weights(exact.P))
+    flight = ("fly", "--dihedral", "15", "--duration", "0.5", "--initial", "speed=0.1", "--json")
+    expected = json.loads(hfa(*flight, "--law", "exact").out)
+    for kind, file in (("gain", "K.json"), ("weights", "P.npz"), ("weights", "W.mat")):
+        data = json.loads(hfa(*flight, "--weights", file).out)
+        assert data["policy"]["law"] == f"{kind} of {file}"
+        np.testing.assert_allclose(data["policy"]["K"], expected["policy"]["K"], rtol=1e-9)
+        assert data["final"]["alpha"] == pytest.approx(expected["final"]["alpha"], rel=1e-6)
+    costlier = json.loads(hfa(*flight, "--weights", "P.npz", "--R", "200,800,800,800,100").out)
+    np.testing.assert_allclose(costlier["policy"]["K"], exact.K / 2, rtol=1e-9)
+    stored("V.npz", W=np.ones(25))
+    stored("small.npz", K=np.eye(2))
+    for words, named in (
+        ("--weights K.json --law exact", "--law changes nothing beside --weights; leave it out"),
+        ("--weights P.npz --delta 300", "--delta changes nothing beside --weights"),
+        ("--weights K.json --seed 3", "here nothing is random"),
+        (
+            "--weights small.npz",
+            "small.npz: K is 2 x 2; on a plant with 6 states and 5 inputs it must be 5 x 6",
+        ),
+        (
+            "--weights V.npz",
+            "V.npz: there are 25 weights; basis 'quadratic' on 6 states has 21",
+        ),
+        ("--weights none.npz", "there is no such file"),
+    ):
+        assert_refused(hfa("fly", "--dihedral", "15", *words.split()), 2, named)
+
+
+# Scheduled controllers.
+
+BEHIND = ("--dihedral", "11", "--actuators", "0.5:60")
+FLOWN = (
+    "fly",
+    *BEHIND,
+    "--duration",
+    "5",
+    "--controller",
+    "servo.npz",
+    "--command",
+    "dihedral=1:1",
+)
+
+
+@pytest.fixture(scope="module")
+def controllers(published_aircraft: Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made: Path = tmp_path_factory.mktemp("servo")
+    save_controller(made / "slow.npz", integrating_controller(published_aircraft))
+    save_controller(
+        made / "servo.npz",
+        reference_servo(published_aircraft, "simvfa-1", np.radians(np.arange(9.0, 15.0))),
+    )
+    return made
+
+
+@pytest.fixture
+def _there(controllers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(controllers)
+
+
+@pytest.mark.usefixtures("_there")
+def test_a_controller_flies_its_commands_and_says_what_it_missed() -> None:
+    result = hfa(
+        *FLOWN,
+        "--command",
+        "vertical_acceleration_short_period=1:-1",
+        "--fault",
+        "0.2:0.5:2",
+        "--json",
+    )
+    assert (result.code, result.err) == (0, "")
+    data = json.loads(result.out)
+    assert data["policy"]["law"] == "simvfa-1, reference model"
+    assert set(data["commanded"]) == {"dihedral", "vertical_acceleration_short_period"}
+    assert 0.0 < data["commanded"]["dihedral"]["rms_error"] < 0.01
+    fault = data["scenario"]["actuators"]["faults"][0]
+    assert (fault["begin"], fault["effectiveness"], fault["bandwidth"]) == (2.0, 0.2, 0.5)
+    assert data["scenario"]["reference"]["values"][0][0] == pytest.approx(0.01745, abs=1e-5)
+    assert "commanded output" in hfa(*FLOWN).out
+
+
+@pytest.mark.usefixtures("_there")
+def test_controllers_that_do_not_fit_are_refused() -> None:
+    for words, named in (
+        ("--dynamics newton", "designed for published dynamics"),
+        ("--fault 0:0.5", "effectiveness after a fault is 0"),
+        ("--fault 0.2", "give EFFECTIVENESS:BANDWIDTH[:BEGIN]"),
+        ("--command speed=1:1", "follows no command of 'speed'"),
+        ("--command dihedral=1", "give NAME=TIME:VALUE"),
+        ("--command dihedral=2:1,1:0", "the times must increase"),
+        ("--law exact", "--law changes nothing beside --controller"),
+    ):
+        assert_refused(hfa(*FLOWN[:-2], *words.split()), 2, named)
+
+
+@pytest.mark.usefixtures("_there")
+def test_members_follow_commands_behind_failing_actuators() -> None:
+    words = ("fly", *BEHIND, "--duration", "2", "--samples", "3")
+    noisy = ("--noise", "dihedral=0.01", "--turbulence", "0.01:1750", "--command", "dihedral=0:1")
+    data = [
+        json.loads(hfa(*words, *noisy, "--controller", "slow.npz", *more, "--json").out)
+        for more in ((), ("--fault", "0.2:0.5"))
+    ]
+    assert [each["held"] for each in data] == [3, 3]
+    assert data[0]["law"] == "small"
+    whole, weak = (each["effort"]["aileron_outer"][1] for each in data)
+    assert weak < 0.5 * whole
+    stiff = json.loads(hfa(*words, *noisy, "--controller", "servo.npz", "--json").out)
+    assert (stiff["held"], stiff["law"]) == (3, "simvfa-1, reference model")
+
+
+# Networks.
+
+
+def network_of(K: np.ndarray) -> str:
+    """The file of a network that is u = -K z: relu(z) - relu(-z) = z."""
+    twice = np.vstack([np.eye(6), -np.eye(6)])
+    layers = {
+        "0.weight": twice,
+        "0.bias": np.zeros(12),
+        "2.weight": -K @ twice.T,
+        "2.bias": np.zeros(5),
+    }
+    return torch_file("net.pt", layers)
+
+
+def test_a_network_flies_as_the_gain_that_it_is_within_the_control_limits(game: Game) -> None:
+    path = network_of(solve_game(game).K)
+    network = ("--weights", path, "--set", "activation=relu")
+    words = ("fly", "--dihedral", "15", "--duration", "0.5", "-o", "a.json")
+    flown = {}
+    for name, policy in (("gain", ("--law", "exact")), ("network", network)):
+        assert hfa(*words, *policy, "--initial", "speed=0.1").code == 0
+        flown[name] = json.loads(Path("a.json").read_text("utf-8"))
+    assert flown["network"]["policy"] == {"law": "critic of net.pt"}
+    states = {name: np.array(data["history"]["states"]) for name, data in flown.items()}
+    np.testing.assert_allclose(states["network"], states["gain"], rtol=1e-9, atol=1e-12)
+    largest = flown["network"]["largest_difference_from_linear"]
+    assert largest == pytest.approx(flown["gain"]["largest_difference_from_linear"], rel=1e-6)
+    far = ("--initial", "speed=0.5", "--json")
+    gain = json.loads(hfa(*words[:-2], "--law", "exact", *far).out)
+    assert gain["exceeded"][0]["input"] == "elevator_outer"
+    limited = json.loads(hfa(*words[:-2], *network, *far).out)
+    assert limited["exceeded"] == []
+
+
+@needs_gcc
+def test_a_network_is_exported_as_c_and_as_an_fmu(game: Game) -> None:
+    K = solve_game(game).K
+    network = ("--weights", network_of(K), "--set", "activation=relu", "--dihedral", "15")
+    assert hfa("export", "-o", "c", *network).code == 0
+    folder = Path("c").resolve()
+    compiled(folder, "-shared", "-fPIC", "hfa_aircraft.c", "-o", "library.so")
+    point = model_at(15.0).point
+    x = np.array(point.states) + np.array([0.01, 1e-3, 0.0, 1e-3, 1e-3, 1e-3, 1e-3])
+    u = np.empty(5)
+    called(folder, "hfa_policy", x, u)
+    z = np.delete(x - np.array(point.states), 2)
+    np.testing.assert_allclose(u, np.array(point.inputs) - K @ z, rtol=1e-12)
+    called(folder, "hfa_policy", x + np.array([5.0, 0, 0, 0, 0, 0, 0]), u)
+    limits = control_limits(point.model)
+    assert limits.within(u).all()
+    assert np.isclose(u, limits.highest).any()
+    assert hfa("export", "-o", "a.fmu", *network).code == 0
+
+
+# Monte Carlo.
+
+
+def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
+    store = str(tmp_path / "a.zarr")
+    uncertain = ("--error", "panel_mass=0.05", "--noise", "alpha=0.1", "--turbulence", "3:1750")
+    words = (
+        "fly",
+        "--dihedral",
+        "15",
+        "--law",
+        "exact",
+        "--duration",
+        "0.1",
+        "--samples",
+        "8",
+        *uncertain,
+    )
+    result = hfa(*words, "--json", "-o", store)
+    assert (result.code, result.err) == (0, "")
+    data = json.loads(result.out)
+    assert (data["schema"], data["members"], data["held"]) == ("hfa.monte-carlo-summary/1", 8, 8)
+    kept = open_store(Path(store))
+    peaks = kept["peak_error"].values[:, LINEAR_STATES.index("alpha")]
+    assert data["peak_error"]["alpha"] == pytest.approx(
+        np.quantile(peaks, data["quantiles"]).tolist()
+    )
+    angles = kept["peak_angle_of_attack"].values
+    assert data["peak_deviation"]["angle_of_attack"] == pytest.approx(
+        np.quantile(angles, data["quantiles"]).tolist()
+    )
+    assert "angle_of_attack" in data["left"]
+    again = hfa(*words, "--resume", "-o", store)
+    assert "stayed within limits: 8 of 8" in again.out
+    assert f"{np.degrees(data['peak_error']['alpha'][3]):.4g}" in again.out
+    assert "members not kept" in hfa(*words).out
+
+
+# Gains over the dihedral.
+
+SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:6", "--duration", "6")
+
+
+def test_gains_of_a_file_are_flown_along_the_trims_of_the_command() -> None:
+    """The same gains as a table, as MATLAB stacks it, and as a controller of `hfa design`; one gain
+    for all angles flies otherwise."""
+    made = hfa("design", "--design", "paper", "--dihedral", "5,10,15", "-o", "paper.npz", "--json")
+    assert made.code == 0, made.err
+    K = -np.array(json.loads(made.out)["D"])
+    stored("gains.json", K=K, dihedral_deg=np.array([5.0, 10.0, 15.0]))
+    stored("stacked.mat", K=np.moveaxis(K, 0, -1), dihedral_deg=np.array([5.0, 10.0, 15.0]))
+    stored("one.json", K=K[0])
+    finals = {}
+    for name in ("paper.npz", "gains.json", "stacked.mat", "one.json"):
+        result = hfa(*SCHEDULE, "--controller", name, "-o", "flown.json")
+        assert (result.code, result.err) == (0, "wrote flown.json\n")
+        assert f"law gains of {name}\nstayed within limits: 6 s" in result.out
+        data = json.loads(Path("flown.json").read_text("utf-8"))
+        finals[name] = np.array(data["history"]["states"][-1])
+    np.testing.assert_allclose(data["policy"]["K"], K[:1])
+    np.testing.assert_allclose(finals["gains.json"], finals["paper.npz"], rtol=1e-9)
+    np.testing.assert_allclose(finals["stacked.mat"], finals["paper.npz"], rtol=1e-9)
+    assert np.abs(finals["one.json"] - finals["paper.npz"]).max() > 1e-6
+    beyond = hfa(*SCHEDULE[:3], "--command", "dihedral=1:11", "--controller", "paper.npz")
+    assert_refused(beyond, 2, "the gains cover 5 deg to 15 deg, not 5 deg to 16 deg")

@@ -1,0 +1,281 @@
+"""A Monte Carlo: each member is the flight that it claims to be; the same bits in any order; what
+the report says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from member_plans import EVERYTHING, PARAMETERS, with_scenario
+from random_points import rates, rising
+
+import hfa_model
+from controller import (
+    GainPolicy,
+    MonteCarlo,
+    OneMinusCosine,
+    Scenario,
+    Uncertainty,
+    flight_envelope,
+    fly,
+)
+from hfa_flight import monte_carlo_store
+from hfa_flight.monte_carlo import fly_member, fly_members, member_row
+from hfa_flight.monte_carlo_report import member_report
+from hfa_flight.monte_carlo_store import chunk_of, run_monte_carlo, stream_members
+from hfa_flight.scenario import with_errors
+from hfa_flight.signals import zero
+from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
+from hfa_model.variants import variant_named
+from hfa_support import BadInputError
+from hfa_support.native import machine_code as generated
+from trim import find_operating_point, level_flight
+
+ALPHA = STATES.index("alpha")
+SEEN = [STATES.index(name) for name in LINEAR_STATES]
+
+
+def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[str, object]:
+    """The row of a member under u = -K z, by a Runge-Kutta loop in NumPy on the history of every
+    step and the equations of motion in plain numbers, without any compiled function."""
+    assert member.samples is not None
+    h = member.step
+    lowest = np.array(plan.envelope.lowest)
+    highest = np.array(plan.envelope.highest)
+    X0 = np.array(plan.point.states)
+    U0 = np.array(plan.point.inputs)
+    K = plan.policy.gains[0]
+    air = member.gust
+    variant = variant_named(plan.model.name)
+    x = member.initial
+    filter_ = np.zeros(0) if air is None else air.start()
+    errors = []
+    inputs = []
+    angles = []
+    left = -1
+    flown = member.duration
+
+    def slope(t: float, x: np.ndarray, f: np.ndarray, tick: int) -> tuple[np.ndarray, np.ndarray]:
+        u = -K @ (x[SEEN] - member.reference.at(t) + member.samples[tick])
+        w = 0.0
+        filter_rate = np.zeros(0)
+        if air is not None:
+            held = air.held_inputs(tick)
+            w = float(air.updraft(t, f, held))
+            filter_rate = np.array(air.memory_rate(t, f, held)).ravel() if len(f) else f
+        rate = np.array(
+            [float(row) for row in rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, rising(w))]
+        )
+        rate[SEEN] += member.disturbance.at(t)
+        return rate, filter_rate
+
+    def limited(t: float, x: np.ndarray, f: np.ndarray, tick: int) -> np.ndarray:
+        """X with the angle of attack through the air, from the velocity of the air in north and
+        down, for alpha."""
+        X = State(*(x + X0))
+        w = 0.0 if air is None else float(air.updraft(t, f, air.held_inputs(tick)))
+        path = X.pitch - X.alpha
+        north = X.speed * np.cos(path)
+        down = w - X.speed * np.sin(path)
+        return np.array(X._replace(alpha=X.pitch + np.arctan2(down, north)))
+
+    for step in range(member.ticks * member.steps_per_tick):
+        t = step * h
+        tick = step // member.steps_per_tick
+        z = x[SEEN] - member.reference.at(t)
+        errors.append(z)
+        inputs.append(-K @ (z + member.samples[tick]))
+        angles.append(limited(t, x, filter_, tick)[ALPHA] - plan.point.states.alpha)
+        k1 = slope(t, x, filter_, tick)
+        k2 = slope(t + h / 2, x + h / 2 * k1[0], filter_ + h / 2 * k1[1], tick)
+        k3 = slope(t + h / 2, x + h / 2 * k2[0], filter_ + h / 2 * k2[1], tick)
+        k4 = slope(t + h, x + h * k3[0], filter_ + h * k3[1], tick)
+        x = x + h / 6 * (k1[0] + 2 * k2[0] + 2 * k3[0] + k4[0])
+        filter_ = filter_ + h / 6 * (k1[1] + 2 * k2[1] + 2 * k3[1] + k4[1])
+        X = limited(t + h, x, filter_, tick)
+        outside = np.maximum(X - highest, lowest - X) / (highest - lowest)
+        if outside.max() > 0.0:
+            left = int(np.argmax(outside))
+            flown = t + h
+            break
+    return {
+        "left": left,
+        "flown": flown,
+        "rms_error": np.sqrt(np.mean(np.square(errors), axis=0)),
+        "peak_error": np.max(np.abs(errors), axis=0),
+        "peak_angle_of_attack": np.max(np.abs(angles)),
+        "effort": np.sqrt(np.mean(np.square(inputs), axis=0)),
+        "lowest_input": np.min(inputs, axis=0) + U0,
+        "highest_input": np.max(inputs, axis=0) + U0,
+        "final": x + X0,
+    }
+
+
+def assert_same_flight(plan: MonteCarlo, member: int, p: Parameters | None = None) -> None:
+    result = fly_member(plan, member)
+    found = member_row(plan, result)
+    scenario = result.loop.scenario
+    known = p or Parameters(*with_errors(plan.model, scenario).p.tolist())
+    for name, value in flown_plainly(plan, scenario, known).items():
+        np.testing.assert_allclose(found[name], value, rtol=1e-8, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str) -> None:
+    aircraft = hfa_model.aircraft(dynamics, PARAMETERS)
+    point = find_operating_point(aircraft, level_flight(plan.point.states.dihedral))
+    flown = replace(plan, model=aircraft, point=point)
+    assert_same_flight(with_scenario(flown, duration=0.05), 3)
+
+
+@pytest.mark.skipif(generated.c_compiler() is None, reason="no C compiler on this machine")
+def test_machine_code_gives_the_same_flight(
+    plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    long = replace(plan, members=1000)
+    assert_same_flight(with_scenario(long, duration=0.5, tick=0.1, step=0.005), 3)
+    assert len(list(tmp_path.rglob("*.so"))) == 1
+
+
+def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
+    away = replace(
+        plan, members=1, policy=GainPolicy("wrong sign", -np.array(plan.policy.identity["K"]))
+    )
+    departure = fly_member(away, 0).departure
+    assert departure is not None
+    assert 0.0 < departure.time < away.scenario.duration
+    assert departure.state in ("pitch_rate", "angle_of_attack")
+    assert_same_flight(away, 0)
+    data = member_report(away, run_monte_carlo(away).__getitem__).data
+    assert (data["held"], data["first_left"], set(data["effort"].values())) == (
+        0,
+        departure.time,
+        {None},
+    )
+
+
+def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> None:
+    """A sharp gust turns the air before it turns the path; turbulence may do so at the start
+    already."""
+    alpha = plan.point.states.alpha
+    near = np.radians(0.5)
+    narrow = flight_envelope(plan.model, plan.point, {"alpha": (alpha - near, alpha + near)})
+    plan = with_scenario(replace(plan, envelope=narrow), duration=0.05, initial=np.zeros(7))
+    gust = OneMinusCosine(10.0, 3.0, plan.point.states.speed)
+    tight = with_scenario(
+        plan, gust=gust, uncertainty=replace(plan.scenario.uncertainty, turbulence=None)
+    )
+    flown = fly_member(tight, 3)
+    assert flown.departure is not None
+    assert flown.departure.state == "angle_of_attack"
+    assert (
+        np.abs(flown.states[flown.flight.times <= flown.departure.time, ALPHA] - alpha).max() < near
+    )
+    assert_same_flight(tight, 3)
+    at_once = fly_member(plan, 3)
+    row = member_row(plan, at_once)
+    assert (row["left"], row["flown"], row["effort"].tolist()) == (ALPHA, 0.0, [0.0] * 5)
+    for scenario, said in (
+        (at_once.loop.scenario, "begins with angle_of_attack"),
+        (plan.scenario, "to be drawn"),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            fly(
+                hfa_model.aircraft(parameters=PARAMETERS), plan.point, plan.policy, scenario, narrow
+            )
+
+
+def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
+    with pytest.raises(AssertionError, match=r"rms_error|peak_error|effort"):
+        assert_same_flight(with_scenario(plan, duration=0.05), 3, PARAMETERS)
+
+
+# Plans.
+
+
+def test_plans_are_equal_when_they_give_the_same_results(
+    plan: MonteCarlo, gain: np.ndarray
+) -> None:
+    assert replace(plan) == plan
+    assert hash(replace(plan)) == hash(plan)
+    others = [
+        replace(plan, seed=8),
+        replace(plan, policy=GainPolicy("exact", 1.01 * gain)),
+        with_scenario(plan, uncertainty=replace(EVERYTHING, turbulence=None)),
+        with_scenario(
+            plan, uncertainty=replace(EVERYTHING, errors=dict(reversed(EVERYTHING.errors.items())))
+        ),
+        with_scenario(plan, step=0.0005),
+        with_scenario(plan, reference=zero(6)),
+        with_scenario(
+            plan,
+            gust=OneMinusCosine(100.0, 1.0, 68.0),
+            uncertainty=replace(EVERYTHING, turbulence=None),
+        ),
+        replace(plan, envelope=flight_envelope(plan.model, plan.point, {"alpha": (-0.1, 0.2)})),
+    ]
+    assert len({plan, *others}) == 1 + len(others)
+
+
+def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -> None:
+    no_moment = hfa_model.aircraft(parameters=PARAMETERS._replace(zero_lift_moment=0.0))
+    moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
+    for said, make in (
+        ("does nothing", lambda: replace(moment, model=no_moment)),
+        (
+            "unknown parameter 'span'",
+            lambda: with_scenario(plan, uncertainty=Uncertainty({"span": 0.1})),
+        ),
+        (
+            r"shape \(6, 5\); .* takes 5 x 6",
+            lambda: replace(plan, policy=GainPolicy("wide", np.zeros((6, 5)))),
+        ),
+        ("drawn already", lambda: replace(plan, scenario=plan.member(0))),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            make()
+
+
+# Stores and reports.
+
+
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
+def test_chunks_workers_and_their_order_do_not_matter(
+    plan: MonteCarlo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    six = replace(plan, members=6)
+    steps = plan.scenario.ticks * plan.scenario.steps_per_tick
+    monkeypatch.setattr(monte_carlo_store, "CHUNK_STEPS", 4 * steps)
+    assert chunk_of(six) == 4
+    whole = fly_members(plan, 0, 6)
+    late = fly_members(plan, 4, 6)
+    in_memory = run_monte_carlo(six, workers)
+    dataset = stream_members(six, tmp_path / "a.zarr", workers=workers)
+    for name, values in whole.items():
+        np.testing.assert_array_equal(late[name], values[4:])
+        np.testing.assert_array_equal(in_memory[name], values)
+        if values.size:
+            np.testing.assert_array_equal(dataset[name], values)
+    assert dataset.peak_error.sel(error_state="alpha").attrs["units_of"] == "error_state_unit"
+    assert dataset.factors.error.values.tolist() == list(plan.scenario.uncertainty.errors)
+
+
+def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(
+    plan: MonteCarlo,
+) -> None:
+    """A start half a foot per second off asks the outer elevator for more than 30 degrees; nothing
+    leaves."""
+    start = np.zeros(7)
+    start[0] = 0.35
+    pushed = replace(with_scenario(plan, initial=start, uncertainty=Uncertainty()), members=2)
+    found = member_report(pushed, run_monte_carlo(pushed).__getitem__)
+    assert (
+        found.data["held"],
+        found.data["within_limits"],
+        found.data["exceeded"]["elevator_outer"],
+    ) == (2, 0, 2)
+    assert "exceeded control limits: " in found.text()

@@ -1,0 +1,239 @@
+"""Flights of the nonlinear aircraft: what a scenario does, where a flight ends; the linear model
+agrees to second order and an adaptive integrator to 1e-6."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_models import SMALL, FlownCase, flown, signal
+from random_points import STATE_SCALES
+from scipy.integrate import solve_ivp
+
+from controller import (
+    ActuatorBank,
+    Dryden,
+    GainPolicy,
+    OneMinusCosine,
+    Policy,
+    Scenario,
+    Waveform,
+    flight_envelope,
+)
+from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
+from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_flight.signals import Harmonic
+from hfa_flight.simulation import CompiledLoop
+from hfa_model import LINEAR_STATES, STATES, Input, State
+from hfa_model.vectors import CONTROL_LIMITS
+from hfa_support import BadInputError
+from trim import find_operating_point, level_flight
+
+N = len(LINEAR_STATES)
+
+
+def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None:
+    """The heavier aircraft is out of trim and sinks; the prediction, of the design, stays."""
+    result = flown(newton, Scenario(duration=2.0, errors={"panel_mass": 1.05}))
+    assert result.predicted is not None
+    assert np.abs(result.predicted.states).max() < 1e-12
+    assert result.flight.states[-1, STATES.index("altitude")] < -0.01
+
+
+def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_ground(
+    newton: FlownCase,
+) -> None:
+    """In rising air the path climbs: alpha over ground falls to -1.5 deg, alpha through the air
+    stays near 2.8."""
+    gust = Scenario(duration=6.0, gust=OneMinusCosine(400.0, 5.0, 68.0))
+    alpha = STATES.index("alpha")
+    for lowest, held in ((2.0, True), (2.7, False)):
+        limits = {"alpha": (float(np.radians(lowest)), 0.2)}
+        narrow = replace(newton, envelope=flight_envelope(newton.aircraft, newton.point, limits))
+        result = flown(narrow, gust)
+        degrees = np.degrees(result.angles_of_attack)
+        assert (result.departure is None) == held
+        if held:
+            assert np.degrees(result.states[:, alpha]).min() < -1.4
+            assert (degrees.min(), degrees.max()) == (
+                pytest.approx(2.61, abs=0.005),
+                pytest.approx(2.97, abs=0.005),
+            )
+        else:
+            assert result.departure is not None
+            row = int(np.argmax(result.flight.times >= result.departure.time))
+            assert result.departure[:3] == (
+                "angle_of_attack",
+                result.flight.times[row],
+                result.angles_of_attack[row],
+            )
+            assert np.degrees(result.angles_of_attack[row - 1]) > lowest
+        report = result.report()
+        assert "alpha is over ground; the envelope limits angle_of_attack" in report.text()
+        assert "alpha" not in report.data["envelope"]
+        assert report.data["envelope"]["angle_of_attack"] == list(limits["alpha"])
+        assert (
+            report.data["largest_deviation"]["angle_of_attack"]
+            < 0.1 * report.data["largest_deviation"]["alpha"]
+        )
+
+
+def test_the_envelope_is_about_the_trim_and_can_be_changed(newton: FlownCase) -> None:
+    p = newton.aircraft
+    point = newton.point
+    at = point.states
+    low = State(*newton.envelope.lowest)
+    high = State(*newton.envelope.highest)
+    assert (low.speed, high.speed) == (at.speed / 2, 2 * at.speed)
+    assert (at.altitude - low.altitude, high.altitude - at.altitude) == (1000.0, 1000.0)
+    assert high.pitch_rate == -low.pitch_rate > 0.0
+    narrow = flight_envelope(p, point, {"dihedral": (0.2, 0.3)})
+    dihedral = STATES.index("dihedral")
+    assert (narrow.lowest[dihedral], narrow.highest[dihedral]) == (0.2, 0.3)
+    assert State(*narrow.highest).alpha == high.alpha
+    with pytest.raises(BadInputError, match="no state 'roll'"):
+        flight_envelope(p, point, {"roll": (0.0, 1.0)})
+    with pytest.raises(BadInputError, match="begins with speed -2 ft/s beyond 34; begin inside"):
+        flown(newton, Scenario(duration=0.1, initial=-70.0 * np.eye(7)[0]))
+    with pytest.raises(
+        BadInputError, match=r"has dihedral 15 deg, outside the envelope's 0 deg to 5\.72958 deg"
+    ):
+        flight_envelope(p, point, {"dihedral": (0.0, 0.1)})
+
+
+def test_gains_of_several_ticks_follow_each_other_and_the_last_stays(newton: FlownCase) -> None:
+    gains = np.random.default_rng(1).normal(size=(3, 5, 6))
+    law = GainPolicy("several", gains)
+    np.testing.assert_array_equal(law.gains, gains)
+    for tick, gain in ((0, 0), (2, 2), (99, 2)):
+        np.testing.assert_array_equal(law.held_inputs(tick), gains[gain].ravel(order="F"))
+
+
+#: Parts of 1 ft/s, 1 deg and 1 deg/s at once; large enough that rounding does not show.
+SIZES = (0.001, 0.004, 0.016)
+DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
+
+
+def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarray:
+    """d log |x_nonlinear - x_linear| / d log size of the closed loop released from SIZES x
+    DIRECTION, by state, (7,).
+
+    2 where the linear model is the derivative (Taylor), 1 where it is not.
+    """
+    scenario = Scenario(2.0, 0.001, 0.05, DIRECTION)
+    loops = [CompiledLoop(ClosedLoop(each, law, scenario)) for each in (plant, linear)]
+    errors = []
+    for size in SIZES:
+        one, other = (
+            loop.fly(replace(scenario, initial=size * DIRECTION)).states for loop in loops
+        )
+        errors.append(np.abs(one - other).max(axis=0) / np.array(STATE_SCALES))
+    return np.asarray(np.polyfit(np.log(SIZES), np.log(errors), 1)[0])
+
+
+def test_the_linear_prediction_is_wrong_to_second_order_only(
+    newton: FlownCase, at_15: FlownCase
+) -> None:
+    """And one made half a degree away is wrong to first order."""
+    for case, off in ((at_15, 0.0), (newton, 0.5)):
+        other = find_operating_point(case.aircraft, level_flight(float(np.radians(15.0 + off))))
+        linear = LinearPlant.at(case.aircraft, other)
+        found = dict(
+            zip(
+                STATES,
+                slopes(NonlinearPlant(case.aircraft, case.point), linear, case.law),
+                strict=True,
+            )
+        )
+        if off:
+            assert max(found[name] for name in ("alpha", "pitch", "pitch_rate", "dihedral")) < 1.5
+        else:
+            assert all(1.9 < slope < 2.1 for slope in found.values()), found
+
+
+#: Every stage at once: reference, disturbance, noise, errors, actuators, turbulence.
+EVERYTHING = Scenario(
+    duration=0.5,
+    initial=0.1 * SMALL,
+    reference=signal(dihedral=0.01),
+    disturbance=Waveform(np.zeros(N), np.zeros(N), (Harmonic(3.0, np.full(N, 1e-3), np.zeros(N)),)),
+    noise=signal(alpha=1e-4),
+    errors={"lift_slope": 0.98},
+    actuators=ActuatorBank(
+        Input(*[0.02] * 5),
+        *(Input(*ends) for ends in zip(*CONTROL_LIMITS, strict=True)),
+        Input(*[np.inf] * 5),
+    ),
+    gust=Dryden(1.0, 1750.0, 68.0, 0.01, 50, seed=3),
+)
+
+
+def adaptive_states(result: NonlinearFlight) -> np.ndarray:
+    """The same flight by DOP853 at rtol 1e-10, at the ends of the ticks, (ticks + 1, 7).
+
+    Started anew where what the law is handed, a gust's noise or an actuator jumps: a jump inside
+    its step would cost it its order. Source: Hairer, Norsett, Wanner, Solving Ordinary Differential
+    Equations I, Section II.10, as in SciPy."""
+    loop = CompiledLoop(result.loop)
+    scenario = result.loop.scenario
+    y = result.loop.start()
+
+    def every(tick: int) -> np.ndarray:
+        held = np.zeros(sum(result.loop.held_sizes))
+        result.loop.hold(tick, held)
+        return held
+
+    rows = [y[:7]]
+    begin = 0
+    ticks = scenario.ticks
+    while begin < ticks:
+        p = every(begin).copy()
+        end = begin + 1
+        while end < ticks and np.array_equal(every(end), p):
+            end += 1
+        times = scenario.tick * np.arange(begin, end + 1)
+        found = solve_ivp(
+            lambda t, state, p=p: np.array(loop.rate(t, state, p)).ravel(),
+            (times[0], times[-1]),
+            y,
+            method="DOP853",
+            t_eval=times[1:],
+            rtol=1e-10,
+            atol=1e-14,
+        )
+        assert found.success
+        rows += list(found.y[:7].T)
+        y = found.y[:, -1]
+        begin = end
+    return np.array(rows)
+
+
+def difference(fixed: np.ndarray, adaptive: np.ndarray) -> float:
+    """max |fixed - adaptive| / max |adaptive| over the states' deviations from trim."""
+    size = np.maximum(np.abs(adaptive).max(axis=0), 1e-3 * np.array(STATE_SCALES))
+    return float((np.abs(fixed - adaptive).max(axis=0) / size).max())
+
+
+SCENARIOS = {
+    "gust": Scenario(
+        duration=1.5, gust=OneMinusCosine(80.0, 4.0, 68.0, 0.2), errors={"panel_mass": 1.05}
+    ),
+    "everything": EVERYTHING,
+}
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
+def test_the_fixed_step_agrees_with_an_adaptive_integrator(
+    at_15: FlownCase, scenario: Scenario
+) -> None:
+    result = flown(at_15, scenario)
+    assert result.departure is None
+    adaptive = adaptive_states(result)
+    fixed = result.flight.states[:: scenario.steps_per_tick]
+    assert difference(fixed, adaptive) < 1e-6
+
+
+def test_a_step_that_is_too_long_is_seen(newton: FlownCase) -> None:
+    result = flown(newton, Scenario(duration=1.0, step=0.01, initial=SMALL))
+    assert difference(result.flight.states, adaptive_states(result)) > 1e-6

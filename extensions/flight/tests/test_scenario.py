@@ -1,0 +1,234 @@
+"""What is drawn: the laws that were asked for, from the seed and the member alone; gusts and
+turbulence as they are defined; and what cannot be flown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from member_plans import EVERYTHING, PARAMETERS, with_scenario
+
+from controller import (
+    ActuatorBank,
+    ActuatorFault,
+    CommandSteps,
+    Dryden,
+    GainPolicy,
+    MonteCarlo,
+    OneMinusCosine,
+    Scenario,
+    Uncertainty,
+    Waveform,
+)
+from hfa_flight import scenario
+from hfa_flight.air import UPDRAFT
+from hfa_flight.closed_loop import ClosedLoop, LinearPlant
+from hfa_flight.policies import OpenLoop
+from hfa_flight.scenario import with_errors
+from hfa_flight.simulation import CompiledLoop
+from hfa_model import LINEAR_STATES, Input, Parameters
+from hfa_support import BadInputError
+
+ACTUATORS = ActuatorBank(*(Input(*[each] * 5) for each in (0.1, -0.5, 0.4, 1.0)))
+TIMES = np.array([1.0, 4.0])
+
+
+def drawn(plan: MonteCarlo, members: int) -> np.ndarray:
+    return np.array(
+        [plan.scenario.uncertainty.factors(plan.seed, member) for member in range(members)]
+    )
+
+
+def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
+    """What is wrong with the drawn errors: members alike, or not the log-normal law with mean 1
+    that was asked for."""
+    from scipy.stats import kstest
+
+    factors = drawn(plan, members)
+    found = [] if len(np.unique(factors, axis=0)) == members else ["members are alike"]
+    sigmas = np.sqrt(np.log1p(np.square(list(plan.scenario.uncertainty.errors.values()))))
+    for name, column, sigma in zip(
+        plan.scenario.uncertainty.errors, factors.T, sigmas, strict=True
+    ):
+        # One in a thousand of right laws would fail; the seed is fixed, so that none does later.
+        if kstest((np.log(column) + sigma**2 / 2) / sigma, "norm").pvalue < 1e-3:
+            found.append(f"{name} does not have its law")
+    correlation = np.corrcoef(factors.T) - np.eye(len(sigmas))
+    return found + ["errors are correlated"] * bool(
+        np.abs(correlation).max() > 4.0 / np.sqrt(members)
+    )
+
+
+def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
+    assert complaints_about_draws(plan) == []
+    member = plan.member(5)
+    nominal = np.array(PARAMETERS, dtype=float)
+    parameters = with_errors(plan.model, member).p
+    changed = [Parameters._fields[i] for i in np.flatnonzero(parameters != nominal)]
+    assert set(changed) == set(plan.scenario.uncertainty.errors)
+    index = Parameters._fields.index("lift_slope")
+    assert parameters[index] == nominal[index] * member.errors["lift_slope"]
+
+
+@pytest.mark.parametrize(
+    ("sequence", "complaint"),
+    [
+        (
+            lambda seed, member, kind: np.random.SeedSequence(seed, spawn_key=(kind,)),
+            "members are alike",
+        ),
+        (
+            lambda seed, member, kind: np.random.SeedSequence(member // 2, spawn_key=(kind,)),
+            "members are alike",
+        ),
+    ],
+    ids=["one seed for all", "two members share one"],
+)
+def test_a_seed_that_ignores_the_member_is_noticed(
+    plan: MonteCarlo, monkeypatch, sequence, complaint: str
+) -> None:
+    monkeypatch.setattr(scenario, "_sequence", sequence)
+    assert complaint in complaints_about_draws(plan, 300)
+
+
+def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
+    honest = Uncertainty.factors
+    monkeypatch.setattr(
+        Uncertainty, "factors", lambda self, seed, member: honest(self, seed, member) ** 1.2
+    )
+    assert len(complaints_about_draws(plan)) == len(plan.scenario.uncertainty.errors)
+
+
+def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
+    one = plan.member(3)
+    again = replace(plan, members=99).member(3)
+    next_one = plan.member(4)
+    other_seed = replace(plan, seed=8).member(3)
+    for of in (
+        lambda each: list(each.errors.values()),
+        lambda each: with_errors(plan.model, each).p,
+        lambda each: each.samples,
+    ):
+        assert np.array_equal(of(one), of(again))
+        assert not np.array_equal(of(one), of(next_one))
+        assert not np.array_equal(of(one), of(other_seed))
+    assert one.gust == again.gust
+    assert len({one.gust.seed, next_one.gust.seed, other_seed.gust.seed}) == 3
+    # One kind of randomness less leaves the others alone.
+    calm = with_scenario(plan, uncertainty=replace(EVERYTHING, noise={}, turbulence=None)).member(3)
+    assert calm.errors == one.errors
+    assert calm.samples is None
+    assert calm.gust is None
+
+
+def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
+    members = [plan.member(number) for number in range(200)]
+    noise = np.stack([each.samples for each in members])
+    deviation = noise.std(axis=(0, 1))
+    assert deviation[LINEAR_STATES.index("alpha")] == pytest.approx(0.002, rel=0.03)
+    assert deviation[LINEAR_STATES.index("pitch_rate")] == pytest.approx(0.004, rel=0.03)
+    assert np.count_nonzero(deviation) == 2
+    assert abs(np.corrcoef(noise[0, :, 1], noise[1, :, 1])[0, 1]) < 0.5
+    updrafts = [float(each.gust.updraft(0.0, each.gust.start(), np.zeros(1))) for each in members]
+    assert np.std(updrafts) == pytest.approx(3.0, rel=0.15)
+    assert members[0].gust.speed == plan.point.states.speed
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (
+            lambda: Uncertainty({"lift_slope": -0.1}),
+            "deviation of lift_slope is -0.1; give a number from 0 on",
+        ),
+        (lambda: Scenario(step=0.003), "whole number of steps"),
+        (lambda: Scenario(duration=np.inf), "duration is inf"),
+        (lambda: OneMinusCosine(10.0, np.nan, 68.0), "peak is nan"),
+        (
+            lambda: Dryden(1.0, 1e-6, 68.0, 0.01, 10, 0),
+            r"scale is 1e-06 ft; .* between 0\.68 and 6\.8e\+05 ft",
+        ),
+        (
+            lambda: replace(ACTUATORS, lag=Input(0.1, 0.0, 0.1, 0.1, 0.1)),
+            "lag of aileron_center is 0.0",
+        ),
+        (
+            lambda: replace(ACTUATORS, highest=Input(1.0, 1.0, 1.0, -0.5, 1.0)),
+            "positions of elevator_center",
+        ),
+        (lambda: replace(ACTUATORS, order=3), "the order of the actuators is 3"),
+        (lambda: ActuatorFault(damping=np.nan), "damping after a fault is nan"),
+        (lambda: replace(ACTUATORS, faults=(ActuatorFault(inputs=("flap",)),)), "no input 'flap'"),
+        (lambda: CommandSteps(("speed", "speed"), TIMES, np.zeros((2, 2))), "speed is given twice"),
+        (
+            lambda: CommandSteps(("speed",), TIMES, np.zeros((1, 1))),
+            r"shape \(1, 1\); give 2 finite rows of 1",
+        ),
+        (
+            lambda: GainPolicy("bad", np.full((5, 6), np.nan)),
+            "the gain has shape .*; give inputs x states finite numbers",
+        ),
+        (lambda: Waveform(np.zeros(2), np.zeros(3)), "parts of shape"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused(make: Callable[[], object], said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        make()
+
+
+# The 1-cosine gust.
+
+
+def test_one_minus_cosine_has_its_length_and_its_peak() -> None:
+    gust = OneMinusCosine(length=400.0, peak=-10.0, speed=80.0, begin=2.0)
+    times = np.linspace(0.0, 10.0, 1001)
+    values = np.array([float(gust.updraft(t, None, None)) for t in times])
+    passing = (times > 2.0) & (times < 7.0)
+    wave = -5.0 * (1.0 - np.cos(2 * np.pi * (times - 2.0) / 5.0))
+    np.testing.assert_allclose(values, np.where(passing, wave, 0.0), atol=1e-12)
+    assert np.all(values[~passing] == 0.0)
+
+
+def sampled(gust: Dryden, interval: float, ticks: int) -> np.ndarray:
+    """w at the ticks of a flight, by the integrator of the loop."""
+    plant = LinearPlant(np.zeros((1, 1)), np.zeros((1, 1)), {UPDRAFT: np.zeros(1)})
+    scenario = Scenario(ticks * interval, interval / 2, interval, np.zeros(1), gust=gust)
+    loop = ClosedLoop(plant, OpenLoop("none", held=np.zeros((1, 1))), scenario)
+    return np.asarray(CompiledLoop(loop).fly().updrafts[::2])
+
+
+def turbulence(interval: float, ticks: int, seed: int = 0) -> Dryden:
+    return Dryden(intensity=5.0, scale=34.0, speed=68.0, interval=interval, ticks=ticks, seed=seed)
+
+
+def test_turbulence_has_the_variance_that_was_asked_for_at_long_ticks_too() -> None:
+    """Some 4,000 independent samples: the standard error of the variance is 2 percent."""
+    gust = turbulence(0.5, 10_000)
+    w = sampled(gust, 0.5, 10_000)
+    assert np.var(w) == pytest.approx(gust.intensity**2, rel=0.08)
+    assert abs(w.mean()) < 5 * gust.intensity / np.sqrt(4000)
+
+
+def test_turbulence_has_the_dryden_spectrum() -> None:
+    from scipy.signal import welch
+
+    gust = turbulence(0.05, 160_000)
+    frequencies, found = welch(sampled(gust, 0.05, gust.ticks), fs=20.0, nperseg=4096)
+    reduced = gust.scale * 2 * np.pi * frequencies / gust.speed
+    # One-sided in Hz: Φ(Ω) dΩ with Ω = 2π f / V. A first-order lag of the same variance and scale:
+    # the test can tell.
+    dryden = (
+        gust.intensity**2
+        * 2
+        * gust.scale
+        / gust.speed
+        * (1 + 3 * reduced**2)
+        / (1 + reduced**2) ** 2
+    )
+    lag = gust.intensity**2 * 4 * gust.scale / gust.speed / (1 + reduced**2)
+    for low, high in ((0.02, 0.1), (0.1, 0.3), (0.3, 1.0), (1.0, 2.0)):
+        band = (frequencies >= low) & (frequencies < high)
+        assert found[band].mean() == pytest.approx(dryden[band].mean(), rel=0.12)
+        assert found[band].mean() != pytest.approx(lag[band].mean(), rel=0.12)

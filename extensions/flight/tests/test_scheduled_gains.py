@@ -1,0 +1,136 @@
+"""Gains over the scheduling variable in flight: about each trim the policy is its gain; a slow
+change is flown along its trims."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_models import exact_gain, model_at, seen
+
+from controller import CommandSteps, GainSchedule, Scenario, flight_envelope, fly
+from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_flight.policies import Measurements
+from hfa_flight.scheduled_gains import ScheduledGainPolicy, scheduled_gains
+from hfa_model import LINEAR_STATES, STATES
+from hfa_support import BadInputError
+from trim.hfa.level_flight import level_flight
+
+N = len(LINEAR_STATES)
+DIHEDRAL = LINEAR_STATES.index("dihedral")
+
+
+def exact_gains(*degrees: float) -> GainSchedule:
+    """The exact gains at these dihedral angles."""
+    gains = np.array([exact_gain(angle) for angle in degrees])
+    return GainSchedule(np.radians(degrees), gains, model_at(degrees[0]).point.model)
+
+
+def policy_from(schedule: GainSchedule, start: float, end: float) -> ScheduledGainPolicy:
+    """From the trim at `start` degrees, with `end` commanded from 1 s on."""
+    steps = CommandSteps(("dihedral",), np.array([1.0]), np.radians([[end - start]]))
+    return scheduled_gains("gains", schedule, model_at(start).point, steps, level_flight)
+
+
+# The policy about a trim.
+
+
+def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, np.ndarray]:
+    """u and ∂u/∂z where the command rests at an angle, (5,) and (5, 6)."""
+    commands = CommandSteps(
+        ("dihedral",), np.zeros(1), np.radians([[degrees]]) - policy.path.base.states.dihedral
+    )
+    resting = replace(policy, path=replace(policy.path, commands=commands))
+    z = ca.SX.sym("z", N)
+    late = ca.SX(1e4)
+    measurements = seen(z)._replace(states=z + resting.path.at(late))
+    u = resting.control(late, measurements, ca.SX(0, 1), ca.SX(0, 1))
+    values = ca.Function("policy", [z], [u, ca.jacobian(u, z)])(ca.DM.zeros(N))
+    return np.array(values[0]).ravel(), np.array(ca.DM(values[1]))
+
+
+@pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0])
+def test_about_a_breakpoint_the_policy_is_its_gain_and_its_trim(degrees: float) -> None:
+    """No hidden coupling: the derivative with respect to the measured dihedral is the gain's own
+    column."""
+    policy = policy_from(exact_gains(5.0, 10.0, 15.0), 5.0, 15.0)
+    u, slope = slope_at(policy, degrees)
+    trims = (np.array(model_at(angle).point.inputs) for angle in (degrees, 5.0))
+    np.testing.assert_allclose(u, next(trims) - next(trims), atol=1e-12)
+    np.testing.assert_allclose(slope, -exact_gain(degrees), rtol=1e-9, atol=1e-12)
+
+
+class _TrimOfTheMeasuredDihedral(ScheduledGainPolicy):
+    """The mistake that hidden coupling is made of."""
+
+    def control(self, t: Any, measurements: Measurements, memory: Any, held: Any) -> Any:
+        measured = self.path.base.states.dihedral + measurements.states[DIHEDRAL]
+        wrong = self.path.inputs.expression(measured)
+        wrong -= self.path.inputs.expression(self.path.commanded(t))
+        return super().control(t, measurements, memory, held) + wrong
+
+
+def test_hidden_coupling_is_seen() -> None:
+    policy = policy_from(exact_gains(5.0, 10.0, 15.0), 5.0, 15.0)
+    planted = _TrimOfTheMeasuredDihedral("wrong", policy.schedule, policy.path)
+    # At a trim inside the path the slope of a table is one-sided; both sides differ from 0.
+    _, slope = slope_at(planted, 10.0)
+    difference = slope + exact_gain(10.0)
+    assert np.abs(difference[:, DIHEDRAL]).max() > 0.01
+    assert np.abs(np.delete(difference, DIHEDRAL, axis=1)).max() < 1e-9
+
+
+# The flight.
+
+
+def flown(schedule: GainSchedule, start: float, end: float) -> NonlinearFlight:
+    policy = policy_from(schedule, start, end)
+    base = policy.path.base
+    scenario = Scenario(duration=60.0, step=0.002, reference=policy.path)
+    envelope = flight_envelope(schedule.model, base)
+    return fly(schedule.model, base, policy, scenario, envelope, predict=False)
+
+
+@pytest.mark.parametrize(
+    ("start", "end"), [(5.0, 15.0), pytest.param(15.0, 5.0, marks=pytest.mark.slow)]
+)
+def test_a_schedule_flies_the_change(start: float, end: float) -> None:
+    result = flown(exact_gains(5.0, 10.0, 15.0), start, end)
+    assert result.departure is None
+    assert np.degrees(result.states[-1, STATES.index("dihedral")]) == pytest.approx(end, abs=0.02)
+    largest = np.abs(result.flight.errors).max(axis=0)
+    assert largest[LINEAR_STATES.index("speed")] < 0.05
+    assert np.degrees(largest[LINEAR_STATES.index("alpha")]) < 0.5
+    assert np.degrees(largest[DIHEDRAL]) < 2.5
+    np.testing.assert_allclose(result.inputs[-1], model_at(end).point.inputs, atol=2e-3)
+    data = result.report().data["policy"]
+    np.testing.assert_allclose(data["dihedral_deg"], [5.0, 10.0, 15.0])
+
+
+@pytest.mark.slow  # the schedule flies a smaller change above
+def test_scheduling_the_gain_is_needed_from_0_to_20_degrees() -> None:
+    """The gain of 0 degrees, kept, loses the aircraft on the way; the schedule does not."""
+    wide = exact_gains(0.0, 5.0, 10.0, 15.0, 20.0)
+    assert flown(wide, 0.0, 20.0).departure is None
+    kept = replace(wide, gains=np.array([wide.gains[0]] * 5))
+    assert flown(kept, 0.0, 20.0).departure is not None
+
+
+@pytest.mark.parametrize(
+    ("changes", "command", "said"),
+    [
+        ({}, "speed", "follows commands of dihedral, not of speed"),
+        ({"gains": np.zeros((2, 5, 11))}, "dihedral", "K has 11 columns"),
+        ({"breakpoints": np.radians([5.0, 8.0])}, "dihedral", "cover 5 deg to 8 deg, not 5 deg to"),
+    ],
+)
+def test_what_a_schedule_cannot_fly_is_refused(
+    changes: dict[str, Any], command: str, said: str
+) -> None:
+    schedule = replace(exact_gains(5.0, 15.0), **changes)
+    steps = CommandSteps((command,), np.zeros(1), np.array([[0.1]]))
+    with pytest.raises(BadInputError, match=said):
+        scheduled_gains("gains", schedule, model_at(5.0).point, steps, level_flight)

@@ -1,0 +1,294 @@
+"""The loop: its order, fast modes, its ends; any model without a law, with a delay, in its own
+disturbances; limit cycles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from own_models import NAVION
+from scipy.integrate import solve_ivp
+
+from controller import (
+    ActuatorBank,
+    CommandSteps,
+    GainPolicy,
+    Game,
+    MonteCarlo,
+    OneMinusCosine,
+    Scenario,
+    flight_envelope,
+    fly,
+)
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
+from hfa_flight.closed_loop import ClosedLoop, LinearPlant, Plant
+from hfa_flight.flight_history import Flight
+from hfa_flight.limit_cycle import limit_cycle
+from hfa_flight.monte_carlo import fly_members
+from hfa_flight.nonlinear_flight import NonlinearFlight, fly_within
+from hfa_flight.policies import OpenLoop, open_loop
+from hfa_flight.signals import Harmonic, Waveform
+from hfa_flight.simulation import CompiledLoop
+from hfa_model import STATES
+from hfa_support import BadInputError, NoSolutionError, Signal as Declared
+from trim import OperatingPoint, find_operating_point, linearize
+from trim.limits import Limits
+from trim.point.condition import usual_condition
+from verification import solve_game
+
+SPEED = STATES.index("speed")
+
+
+class Falling(Plant):
+    """speed' = -1, alpha' = sqrt(0.0105 + speed): not a number from the step on that passes 0.0105
+    s."""
+
+    def __init__(self, point: OperatingPoint) -> None:
+        self.point = point
+
+    def rate(self, x: Any, u: Any, d: Any, winds: Any, p: Any) -> Any:
+        return ca.vertcat(-1.0, ca.sqrt(0.0105 + x[SPEED]), ca.SX.zeros(5))
+
+
+@pytest.mark.parametrize(
+    ("slowest", "state", "time", "end"),
+    [(-1e9, "alpha", 0.011, 0.02), (-0.0045, "speed", 0.005, 0.01)],
+    ids=["not a number", "beyond a limit"],
+)
+def test_a_flight_ends_with_its_tick(
+    point: OperatingPoint, slowest: float, state: str, time: float, end: float
+) -> None:
+    """0.05 s in steps of 1 ms and ticks of 10."""
+    limits = dict.fromkeys(STATES, (-1e9, 1e9))
+    limits["speed"] = (point.states.speed + slowest, 1e9)
+    envelope = Limits.of(point.model, STATES, limits)
+    policy = GainPolicy("none", np.zeros((5, 6)))
+    loop = ClosedLoop(Falling(point), policy, Scenario(0.05, initial=np.zeros(7)))
+    result = fly_within(CompiledLoop(loop), envelope)
+    assert result.departure is not None
+    assert (result.departure.state, result.departure.time) == (state, pytest.approx(time))
+    assert result.flight.states[-1, SPEED] == pytest.approx(-end)
+
+
+# The loop of a pendulum whose observer has a fast mode.
+
+
+@dataclass(frozen=True, eq=False)
+class Pendulum(LinearPlant):
+    """y1' = y2, y2' = -sin y1 - 0.3 y2 + u, and an observer y3 of y1 with a mode at -fast."""
+
+    fast: float = 4.0
+
+    def rate(self, x: Any, u: Any, d: Any, winds: Any, p: Any) -> Any:
+        return ca.vertcat(x[1], -ca.sin(x[0]) - 0.3 * x[1] + u, self.fast * (x[0] - x[2]))
+
+
+def pendulum(
+    fast: float, step: float, *, duration: float = 6.0, observed: float = 0.0
+) -> CompiledLoop:
+    """Pushed by the held input, which jumps at 3.7 s."""
+    plant = Pendulum(np.zeros((3, 3)), np.zeros((3, 1)), fast=fast)
+    pushes = np.repeat([[0.5], [-1.0]], [37, 1], axis=0)
+    law = OpenLoop("pushed", held=pushes, fastest=fast)
+    return CompiledLoop(
+        ClosedLoop(plant, law, Scenario(duration, step, 0.1, np.array([1.0, 0.0, observed])))
+    )
+
+
+def test_the_method_is_of_order_4_where_the_constants_jump_too() -> None:
+    found = [pendulum(4.0, 0.05 / parts).fly().states[::parts] for parts in (1, 2, 4)]
+    coarse, fine = (np.abs(one - other).max() for one, other in pairwise(found))
+    assert 12.0 < coarse / fine < 20.0
+
+
+def test_a_fast_mode_of_the_law_divides_the_steps() -> None:
+    """The observer follows, and the pendulum is the one without it: 1e5 1/s at a step of 0.02 s."""
+    fast = 1e5
+    flight = pendulum(fast, 0.02, observed=1.0).fly()
+    np.testing.assert_allclose(flight.times, 0.02 * np.arange(301))
+    plain = pendulum(4.0, 0.002).fly()
+    np.testing.assert_allclose(flight.states[:, :2], plain.states[::10, :2], atol=1e-6)
+    np.testing.assert_allclose(
+        flight.states[:, 2], flight.states[:, 0] - flight.states[:, 1] / fast, atol=5e-5
+    )
+    with pytest.raises(
+        BadInputError, match=r"a mode of 1e\+09 1/s; at a step of 0.02 s it must be below"
+    ):
+        pendulum(1e9, 0.02)
+
+
+def test_a_run_ends_with_the_tick_in_which_it_is_to_stop() -> None:
+    loop = pendulum(4.0, 0.02, duration=30.0)
+    whole = loop.fly()
+    stopped = loop.fly(stop=lambda rows: rows.times > 24.11)
+    assert stopped.times[-1] == pytest.approx(24.2)
+    np.testing.assert_array_equal(stopped.states, whole.states[: len(stopped.times)])
+
+
+def test_a_loop_that_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFixture[str]) -> None:
+    class Blown(LinearPlant):
+        def rate(self, x: Any, u: Any, d: Any, winds: Any, p: Any) -> Any:
+            return x**2
+
+    plant = Blown(np.zeros((1, 1)), np.zeros((1, 1)))
+    law = GainPolicy("none", np.zeros((1, 1)))
+    loop = CompiledLoop(ClosedLoop(plant, law, Scenario(200.0, 0.05, 0.1, np.ones(1))))
+    with pytest.raises(NoSolutionError, match=r"left every bound at t = 1"):
+        loop.fly()
+    assert capfd.readouterr() == ("", "")
+
+
+def stepped(model: Model, scenario: Scenario, **steps: float) -> NonlinearFlight:
+    """Without a law: each input stepped by so much from 1 s on."""
+    commands = CommandSteps(tuple(steps), np.array([1.0]), np.array([list(steps.values())]))
+    law = open_loop(commands, tuple(model.inputs), scenario.tick, scenario.ticks)
+    point = find_operating_point(model, usual_condition(model))
+    return fly(model, point, law, scenario, flight_envelope(model, point))
+
+
+def test_a_step_without_a_law_is_what_another_integrator_says() -> None:
+    result = stepped(NAVION, Scenario(duration=3.0), elevator=0.02, rudder=0.01)
+    x0 = np.array(result.point.states)
+    u0 = np.array(result.point.inputs)
+    step = np.array([0.0, 0.02, 0.0, 0.01])
+    f = NAVION.functions(())
+    ends = [x0]
+    for span, u in (((0.0, 1.0), u0), ((1.0, 3.0), u0 + step)):
+        rate = lambda _, x, u=u: np.array(f(x, u, NAVION.p)[0]).ravel()  # noqa: E731
+        ends.append(solve_ivp(rate, span, ends[-1], rtol=1e-11, atol=1e-12).y[:, -1])
+    np.testing.assert_allclose(result.states[-1], ends[-1], rtol=1e-8, atol=1e-10)
+    assert np.abs(result.flight.states[-1]).max() > 0.05
+    assert result.report().data["states"] == list(NAVION.states)
+    with pytest.raises(BadInputError, match="there is no law, and no input 'flap'"):
+        stepped(NAVION, Scenario(), flap=1.0)
+
+
+def test_plans_of_models_that_differ_in_their_equations_differ() -> None:
+    def plan(factor: float) -> MonteCarlo:
+        def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+            rates, outputs = NAVION.equations(x, u, p, w)
+            return {**rates, "roll_rate": factor * rates["roll_rate"]}, outputs
+
+        model = replace(NAVION, equations=equations)
+        point = find_operating_point(model, usual_condition(model))
+        law = open_loop(
+            CommandSteps((), np.zeros(0), np.zeros((0, 0))), tuple(model.inputs), 0.01, 10
+        )
+        return MonteCarlo(
+            2, 0, model, point, law, Scenario(duration=0.1), flight_envelope(model, point)
+        )
+
+    assert plan(1.0) == plan(1.0)
+    assert plan(1.0) != plan(2.0)
+
+
+def test_disturbances_are_those_of_the_model() -> None:
+    """x' = -x + u + w: a constant w and a wave, written out; a gust needs a disturbance
+    `updraft`."""
+    model = Model(
+        "tank",
+        states={"level": Declared("ft")},
+        inputs={"pump": Declared()},
+        disturbances={"rain": Declared()},
+        equations=lambda x, u, p, w: ({"level": -x.level + u.pump + w.rain}, {}),
+        trim={"level": 0.0},
+        schedule="level",
+    )
+    rain = Waveform(np.array([0.5]), np.zeros(1), (Harmonic(2.0, np.array([0.1]), np.zeros(1)),))
+    result = stepped(model, Scenario(duration=2.0, air={"rain": rain}))
+    t = result.flight.times
+    wave = 0.1 / 5 * (np.sin(2 * t) - 2 * np.cos(2 * t) + 2 * np.exp(-t))
+    np.testing.assert_allclose(result.flight.states[:, 0], 0.5 * (1 - np.exp(-t)) + wave, atol=1e-9)
+    assert result.predicted is not None
+    np.testing.assert_allclose(result.predicted.states, result.flight.states, atol=1e-9)
+    with pytest.raises(BadInputError, match="unknown disturbance 'snow'; choose from rain"):
+        stepped(model, Scenario(air={"snow": rain}))
+    gust = OneMinusCosine(10.0, 1.0, 10.0)
+    with pytest.raises(
+        BadInputError, match="tank declares no disturbance updraft, which a gust is"
+    ):
+        stepped(model, Scenario(gust=gust))
+
+
+@pytest.mark.parametrize("delay", [1.0, 0.25])
+def test_a_delay_is_a_delay(delay: float) -> None:
+    """x' = -x(t - D), x(0) = 1, no command before 0; by the method of steps x = 1 + Σ_k (-1)^k (t -
+    k D)_+^k / k!."""
+    tick = 0.005
+    scenario = Scenario(3.0, tick / 5, tick, np.ones(1), delay=delay)
+    plant = LinearPlant(np.zeros((1, 1)), np.ones((1, 1)))
+    law = GainPolicy("one", np.ones((1, 1)))
+    flight = CompiledLoop(ClosedLoop(plant, law, scenario)).fly()
+    t = flight.times
+    np.testing.assert_allclose(flight.states[t < delay, 0], 1.0, atol=1e-12)
+    terms = [
+        (-1) ** k * np.maximum(t - k * delay, 0.0) ** k / math.factorial(k) for k in range(1, 16)
+    ]
+    exact = 1.0 + np.sum(terms, axis=0)
+    np.testing.assert_allclose(flight.states[:, 0], exact, atol=2e-5)
+    assert np.abs(exact - np.exp(-t)).max() > 0.05  # the delay shows
+    np.testing.assert_allclose(flight.inputs[-1, 0], -np.interp(t[-1] - delay, t, exact), atol=1e-4)
+
+
+def test_what_still_oscillates_is_a_limit_cycle() -> None:
+    """Planted: a sine that lasts, one that decays, one that something drives, one that is too small
+    to be seen."""
+    t = np.arange(0.0, 20.0, 0.01)
+    columns = len(NAVION.states)
+    zeros = np.zeros((len(t), columns))
+    still = Flight(t, zeros, t[:, None], np.zeros((len(t), 4)), t[:, None], zeros, {})
+
+    def found(signal: np.ndarray, **scenario: object) -> Any:
+        inputs = still.inputs.copy()
+        inputs[:, 1] = signal
+        given = Scenario(duration=20.0, **scenario)  # type: ignore[arg-type]
+        until = given.on(NAVION).driven_until
+        return limit_cycle(NAVION, replace(still, inputs=inputs), until)
+
+    lasting = 0.05 * np.sin(3.0 * t) + 0.02 * t
+    cycle = found(lasting)
+    assert cycle is not None
+    assert (cycle.name, cycle.unit) == ("elevator", "rad")
+    assert cycle.amplitude == pytest.approx(0.05, rel=0.05)
+    assert cycle.frequency == pytest.approx(3.0, rel=0.1)
+    assert found(lasting * np.exp(-0.1 * t)) is None
+    assert found(1e-3 * lasting) is None
+    wave = Waveform(np.zeros(8), np.zeros(8), (Harmonic(3.0, np.ones(8), np.zeros(8)),))
+    assert found(lasting, disturbance=wave) is None
+
+
+def test_a_loop_that_its_delay_destabilizes_ends_in_a_limit_cycle() -> None:
+    """Rate-limited surfaces bound what the delay makes grow: not within limits; without the delay
+    it settles."""
+    point = find_operating_point(NAVION, usual_condition(NAVION))
+    model = linearize(NAVION, point)
+    Q, R = (
+        np.diag([NAVION.signals[n].nominal ** -2.0 for n in each])
+        for each in (model.states, model.inputs)
+    )
+    law = GainPolicy("exact", solve_game(Game(model.A, model.B, np.eye(8), Q, R, math.inf)).K)
+    values = record(tuple(NAVION.inputs))
+    lowest, highest = (
+        values(*(getattr(each, end) for each in NAVION.inputs.values())) for end in ("min", "max")
+    )
+    slow = ActuatorBank(
+        values(*[0.1] * 4), lowest, highest, values(math.inf, *[math.radians(60.0)] * 3)
+    )
+    start = np.zeros(8)
+    start[1] = math.radians(3.0)
+    for delay, settles in ((0.0, True), (0.3, False)):
+        scenario = Scenario(duration=20.0, step=0.01, initial=start, actuators=slow, delay=delay)
+        result = fly(NAVION, point, law, scenario, flight_envelope(NAVION, point))
+        assert result.departure is None
+        assert (result.cycle is None, result.within_limits) == (settles, settles)
+        assert result.report().data["held"] == settles
+        assert ("limit cycle: pitch_rate goes on" in result.report().title) == (not settles)
+        plan = MonteCarlo(1, 0, NAVION, point, law, scenario, flight_envelope(NAVION, point))
+        place = -1 if settles else [*NAVION.inputs, *NAVION.states].index("pitch_rate")
+        assert fly_members(plan, 0, 1)["cycle"] == place

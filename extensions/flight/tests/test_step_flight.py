@@ -1,0 +1,55 @@
+"""Flights of a plant in discrete time."""
+
+import numpy as np
+import pytest
+from cli import answer, hfa
+from game_files import stored
+
+from controller import Game
+from controller.game.discrete_game import DiscreteGame
+from controller.riccati.discrete import solve_discrete
+from hfa.main import FAILED
+from hfa_flight.step_flight import fly_steps
+from hfa_support import NoSolutionError
+
+STEP = Game([[1.05, 0.1], [0.0, 0.9]], [[0.0], [0.1]], np.eye(2), np.eye(2), [[0.1]], np.inf)
+PROBLEM = DiscreteGame(STEP, 0.97, [[0.05], [0.0]])
+
+
+def test_a_flight_costs_what_its_value_says():
+    solution = solve_discrete(PROBLEM)
+    start = np.array([1.0, -0.5])
+    flight = fly_steps(PROBLEM, solution.K, "exact", start, 600)
+    assert flight.costs.sum() == pytest.approx(start @ solution.P @ start, rel=1e-10)
+    assert flight.data().decays
+    worse = fly_steps(PROBLEM, 1.1 * solution.K, "other", start, 600)
+    assert worse.costs.sum() > flight.costs.sum()
+    with pytest.raises(NoSolutionError, match="grows without bound"):
+        fly_steps(PROBLEM, -10.0 * solution.K, "wrong", start, 100_000)
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_command_flies_the_game_s_policy_and_critics():
+    parts = {name: getattr(STEP, name) for name in ("A", "B", "Q", "R")}
+    continuous = stored("continuous.json", **parts)
+    plant = stored("plant.json", **parts, time="discrete", discount=0.97, N=PROBLEM.N)
+    solution = solve_discrete(PROBLEM)
+    words = ("fly", "--model", plant, "--initial", "x1=1", "--duration", "30")
+    flown = answer(*words)
+    assert np.shape(flown["x"]) == (31, 2)
+    assert flown["x"][1] == pytest.approx((STEP.A - STEP.B @ solution.K)[:, 0])
+    for name, matrix in (("P", solution.P), ("K", solution.K), ("H", solution.H)):
+        critic = stored("critic.npz", **{name: matrix})
+        assert answer(*words, "--weights", critic)["cost"] == pytest.approx(flown["cost"])
+    wrong = stored("wrong.npz", K=-solution.K)
+    assert answer(*words, "--weights", wrong, code=FAILED)["decays"] is False
+    for refused, message in (
+        (("fly", "--model", continuous, "--initial", "x1=1"), 'takes time = "discrete"'),
+        (("fly", "--model", plant), "add --initial NAME=VALUE"),
+        ((*words, "--gust", "400:5"), "--gust belongs to an aircraft"),
+        (("fly", "--model", plant, "--initial", "y=1"), "y is not among x1, x2"),
+        ((*words[:-1], "2.5"), "give a whole number of steps"),
+    ):
+        result = hfa(*refused)
+        assert result.code == 2
+        assert message in result.err

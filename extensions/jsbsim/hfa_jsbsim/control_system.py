@@ -1,0 +1,324 @@
+"""The control system as it stands when nothing moves any more: what each component of <system>,
+<autopilot> and <flight_control> gives for a steady input (`FGFCS` and its components)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import casadi as ca
+
+from hfa_jsbsim.functions import function_value, table_value
+from hfa_jsbsim.properties import (
+    LoopError,
+    Properties,
+    Writer,
+    is_constant,
+    lower_dashes,
+)
+from hfa_jsbsim.xml_file import Element
+from hfa_support.errors import shortened
+
+#: Surfaces that JSBSim has in rad, deg and as a magnitude; one of them sets the others.
+SURFACES = ("elevator", "left-aileron", "right-aileron", "rudder", "flap", "speedbrake", "spoiler")
+
+
+def add_control_systems(
+    sections: Iterable[Element], properties: Properties, commands: ca.SX
+) -> None:
+    """Let all components of these sections set their properties.
+
+    commands: the pilot's, as symbols: an integrator that they reach has no steady value.
+    """
+    order = 0
+    for section in sections:
+        for channel in section.all("channel"):
+            for component in channel.children:
+                if component.name in ("documentation", "description"):
+                    continue
+                order += 1
+                _add_component(component, properties, commands, order)
+    _join_units(properties)
+
+
+def _add_component(component: Element, properties: Properties, commands: ca.SX, order: int) -> None:
+    """Let a component set what its name and its <output> name."""
+    name = component.attributes.get("name", "")
+    names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
+    names += [output.text for output in component.all("output")]
+
+    def compute() -> Any:
+        return _output(component, properties, commands)
+
+    writer = Writer(compute, component.where, order, component)
+    for output_name in names:
+        properties.compute(output_name, writer)
+
+
+def _join_units(properties: Properties) -> None:
+    """A surface that is set in degrees is set in radians too, and in magnitude."""
+    for surface in SURFACES:
+        in_rad = f"fcs/{surface}-pos-rad"
+        in_deg = f"fcs/{surface}-pos-deg"
+        writers = [properties.writer(in_rad), properties.writer(in_deg)]
+        orders = [writer.order if writer else -1 for writer in writers]
+        if max(orders) < 0:
+            continue
+        source, target = (in_rad, in_deg) if orders[0] >= orders[1] else (in_deg, in_rad)
+        join_surface(properties, surface, source, target, max(orders))
+
+
+def join_surface(
+    properties: Properties, surface: str, source: str, target: str, order: int
+) -> None:
+    """Let a surface in one unit follow from the other, and its magnitude from it in radians."""
+    factor = math.pi / 180.0 if source.endswith("deg") else 180.0 / math.pi
+    in_rad = source if source.endswith("rad") else target
+
+    def other_unit() -> Any:
+        return properties.read(source, "") * factor
+
+    def magnitude() -> Any:
+        return ca.fabs(ca.SX(properties.read(in_rad, "")))
+
+    properties.compute(target, Writer(other_unit, "", order))
+    properties.compute(f"fcs/mag-{surface}-pos-rad", Writer(magnitude, "", order))
+
+
+def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
+    """The steady output of a component, within its limits."""
+    if component.name in ("pid", "integrator"):
+        value = _controller(component, properties, commands)
+    elif component.name in _COMPONENTS:
+        value = _COMPONENTS[component.name](component, properties)
+    else:
+        fault = f"<{shortened(component.name)}> has no steady output that can be read"
+        raise component.error(f"{fault}; take it out of what the aircraft's forces depend on")
+    return _clipped(component, properties, value)
+
+
+def _clipped(component: Element, properties: Properties, value: Any) -> Any:
+    """The value between the limits of <clipto>; JSBSim ignores half a <clipto>."""
+    limits = component.find("clipto")
+    if limits is None or limits.find("min") is None or limits.find("max") is None:
+        return value
+    if limits.attributes.get("type") == "cyclic":
+        raise limits.error("a cyclic <clipto> has no steady value; take it out")
+    low, high = (_parameter(limits, name, properties, 0.0) for name in ("min", "max"))
+    return ca.fmin(ca.fmax(ca.SX(value), low), high)
+
+
+def _parameter(element: Element, name: str, properties: Properties, default: float) -> Any:
+    """The number or property in a child of an element."""
+    child = element.find(name)
+    return default if child is None else properties.value(child.text, child)
+
+
+def _inputs(component: Element, properties: Properties) -> list[Any]:
+    """The values of all inputs."""
+    return [properties.value(child.text, child) for child in component.all("input")]
+
+
+def _input(component: Element, properties: Properties) -> Any:
+    """The value of the first input."""
+    child = component.need("input")
+    return properties.value(child.text, child)
+
+
+def _summer(component: Element, properties: Properties) -> Any:
+    return sum(_inputs(component, properties), start=component.value_of("bias", 0.0))
+
+
+def _gain(component: Element, properties: Properties) -> Any:
+    return _parameter(component, "gain", properties, 1.0) * _input(component, properties)
+
+
+def _scheduled_gain(component: Element, properties: Properties) -> Any:
+    table = table_value(component.need("table"), properties)
+    return table * _gain(component, properties)
+
+
+def _aerosurface_scale(component: Element, properties: Properties) -> Any:
+    """The input from domain to range; centered at zero, each side has a slope of its own."""
+    domain = component.find("domain")
+    lowest, highest = (-1.0, 1.0) if domain is None else _ends(domain)
+    out_lowest, out_highest = _ends(component.need("range"))
+    value = ca.SX(_input(component, properties))
+    centered = component.find("zero_centered")
+    if centered is not None and centered.text in ("0", "false"):
+        scaled = out_lowest + (value - lowest) / (highest - lowest) * (out_highest - out_lowest)
+    else:
+        up = out_highest / highest if highest else 0.0
+        down = out_lowest / lowest if lowest else 0.0
+        scaled = value * up if up == down else value * ca.if_else(value > 0.0, up, down)
+    return scaled * _parameter(component, "gain", properties, 1.0)
+
+
+def _ends(element: Element) -> tuple[float, float]:
+    """min and max of an element."""
+    return element.need("min").number(), element.need("max").number()
+
+
+def detents(component: Element) -> tuple[float, float]:
+    """The first and the last position of a <kinematic>."""
+    settings = list(component.need("traverse").all("setting"))
+    if len(settings) < 2:
+        raise component.error("<kinematic> has one setting only; give at least two")
+    positions = [setting.need("position").number() for setting in settings]
+    return positions[0], positions[-1]
+
+
+def _kinematic(component: Element, properties: Properties) -> Any:
+    """The input, scaled by the last detent, between the first and the last."""
+    lowest, highest = detents(component)
+    value = _input(component, properties)
+    if component.find("noscale") is None:
+        value = value * highest
+    return ca.fmin(ca.fmax(ca.SX(value), lowest), highest)
+
+
+def _deadband(component: Element, properties: Properties) -> Any:
+    width = _parameter(component, "width", properties, 0.0)
+    return _beyond(_input(component, properties), width) * component.value_of("gain", 1.0)
+
+
+def _beyond(value: Any, width: Any) -> Any:
+    """What a value exceeds half a width by."""
+    half = 0.5 * width
+    value = ca.SX(value)
+    return ca.fmax(value - half, 0.0) + ca.fmin(value + half, 0.0)
+
+
+def _actuator(component: Element, properties: Properties) -> Any:
+    """The input: lag, hysteresis and limits of rate end when it is steady."""
+    value = _input(component, properties)
+    width = component.value_of("deadband_width", 0.0)
+    if width:
+        value = _beyond(value, width)
+    play = component.value_of("hysteresis_width", 0.0)
+    if play:
+        note = (
+            f"{component.where}: no hysteresis; in JSBSim the actuator may rest {0.5 * play:g} away"
+        )
+        if note not in properties.notes:
+            properties.notes.append(note)
+    return value + component.value_of("bias", 0.0)
+
+
+def _sensor(component: Element, properties: Properties) -> Any:
+    gain = component.value_of("gain", 0.0) or 1.0
+    return _input(component, properties) * gain + component.value_of("bias", 0.0)
+
+
+def _function(component: Element, properties: Properties) -> Any:
+    value = function_value(component.need("function"), properties)
+    if component.find("input") is not None:
+        value = value * _input(component, properties)
+    return value
+
+
+def _lead_lag(component: Element, properties: Properties) -> Any:
+    top = _parameter(component, "c2", properties, 0.0)
+    return _input(component, properties) * top / _parameter(component, "c4", properties, 1.0)
+
+
+def _second_order(component: Element, properties: Properties) -> Any:
+    top = _parameter(component, "c3", properties, 0.0)
+    return _input(component, properties) * top / _parameter(component, "c6", properties, 1.0)
+
+
+def _switch(component: Element, properties: Properties) -> Any:
+    """The value of the first test that holds, else the default."""
+    default = component.find("default")
+    value: Any = 0.0
+    if default is not None:
+        value = properties.value(default.attributes.get("value", "0"), default)
+    for test in reversed(list(component.all("test"))):
+        holds = _holds(test, properties)
+        if is_constant(holds) and not bool(float(holds)):
+            continue
+        of_test = properties.value(test.attributes.get("value", "0"), test)
+        value = of_test if is_constant(holds) else ca.if_else(holds, of_test, value)
+    return value
+
+
+_COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
+    "==": lambda one, other: one == other,
+    "!=": lambda one, other: one != other,
+    "<": lambda one, other: one < other,
+    "<=": lambda one, other: one <= other,
+    ">": lambda one, other: one > other,
+    ">=": lambda one, other: one >= other,
+}
+_WORDS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
+
+
+def _holds(test: Element, properties: Properties) -> ca.SX:
+    """Whether the conditions of a <test> hold: all of them, or one of them (logic="OR")."""
+    conditions = []
+    for line, text in test.lines:
+        words = text.split()
+        sign = _WORDS.get(words[1].lower(), words[1]) if len(words) == 3 else ""
+        if sign not in _COMPARISONS:
+            line_element = Element("test", {}, test.file, line)
+            raise line_element.error(
+                f"{shortened(text)!r} is no condition; write: property lt number"
+            )
+        one, other = (properties.value(word, test) for word in (words[0], words[2]))
+        conditions.append(_COMPARISONS[sign](ca.SX(one), ca.SX(other)))
+    conditions += [_holds(nested, properties) for nested in test.all("test")]
+    if not conditions:
+        raise test.error("<test> has no condition; give one")
+    either = test.attributes.get("logic", "AND") == "OR"
+    result = conditions[0]
+    for condition in conditions[1:]:
+        result = ca.logic_or(result, condition) if either else ca.logic_and(result, condition)
+    return result
+
+
+def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
+    """A pid's proportional part; 0 for an integrator that the pilot does not reach, which is an
+    autopilot; LoopError for one that he reaches."""
+    integral = component.find("ki" if component.name == "pid" else "c1")
+    value = ca.SX(_input(component, properties))
+    gain = 0.0 if integral is None else properties.value(integral.text, integral)
+    if not (is_constant(gain) and float(gain) == 0.0):
+        if ca.depends_on(value, commands) and not properties.centered:
+            raise LoopError(f"{component.where}: the integrator has no steady value")
+        return 0.0
+    return value * _parameter(component, "kp", properties, 0.0)
+
+
+_COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
+    "summer": _summer,
+    "pure_gain": _gain,
+    "scheduled_gain": _scheduled_gain,
+    "aerosurface_scale": _aerosurface_scale,
+    "kinematic": _kinematic,
+    "deadband": _deadband,
+    "actuator": _actuator,
+    "sensor": _sensor,
+    "fcs_function": _function,
+    "switch": _switch,
+    "lag_filter": _input,
+    "lead_lag_filter": _lead_lag,
+    "second_order_filter": _second_order,
+    "washout_filter": lambda component, properties: 0.0,
+}
+
+
+def surface_limits(writer: Writer | None) -> tuple[float, float]:
+    """Between what the component that sets a surface lets it move: <clipto>, <range> or detents."""
+    component = writer.component if writer else None
+    if component is None:
+        return -math.inf, math.inf
+    clip = component.find("clipto")
+    try:
+        if clip is not None:
+            return _ends(clip)
+        if component.name == "aerosurface_scale":
+            return _ends(component.need("range"))
+    except ValueError:  # limits that are properties
+        return -math.inf, math.inf
+    return detents(component) if component.name == "kinematic" else (-math.inf, math.inf)

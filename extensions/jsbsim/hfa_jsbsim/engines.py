@@ -1,0 +1,325 @@
+"""Engines: what they have in common, turbines and rockets (`FGEngine`, `FGThruster`, `FGTurbine`,
+`FGRocket`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_jsbsim.air import Motion
+from hfa_jsbsim.airframe import Mass, Tank, rotation
+from hfa_jsbsim.functions import function_value, read_table, table_value
+from hfa_jsbsim.properties import Properties, Writer
+from hfa_jsbsim.xml_file import Element
+from hfa_support.errors import shortened
+
+#: What engines set besides the speeds of their shafts.
+_COMPUTED = (
+    *("thrust-lbs", "power-hp", "map-inhg", "map-pa", "thrust-coefficient", "advance-ratio"),
+    *("prop-induced-velocity_fps", "helical-tip-Mach"),
+)
+KINDS = ("turbine_engine", "rocket_engine", "piston_engine", "turboprop_engine", "electric_engine")
+
+
+@dataclass(frozen=True)
+class EngineFile:
+    """An engine with its thruster, as the files describe them.
+
+    number: of the engine, from 0.
+    mount: <engine> of the aircraft. engine: turbine_engine, ... thruster: propeller, direct,
+        nozzle. location: of the thruster, inches.
+    starved: whether no tank feeds it.
+    dry_of: the kind of tank that is empty.
+    """
+
+    number: int
+    mount: Element
+    engine: Element
+    thruster_mount: Element
+    thruster: Element
+    location: np.ndarray
+    starved: bool
+    dry_of: str
+
+    @property
+    def kind(self) -> str:
+        """turbine_engine, rocket_engine, ..."""
+        return self.engine.name
+
+    @property
+    def has_propeller(self) -> bool:
+        """Whether its thruster is a propeller."""
+        return self.thruster.name == "propeller"
+
+    @property
+    def governed(self) -> bool:
+        """Whether a governor moves the blades."""
+        if not self.has_propeller:
+            return False
+        lowest = self.thruster.value_of("minpitch", 0.0)
+        highest = self.thruster.value_of("maxpitch", 0.0)
+        default = 0.0 if self.thruster.find("maxrpm") is None else 1.0
+        return lowest != highest and self.thruster.value_of("constspeed", default) != 0.0
+
+    def property(self, name: str) -> str:
+        """The full name of one of its properties."""
+        return f"propulsion/engine[{self.number}]/{name}"
+
+
+@dataclass
+class Effect:
+    """What an engine does at a state.
+
+    force: lb, in body axes. moment: about the center of gravity, ft lb. thrust: lb along its axis.
+    power: hp at the propeller; None of a jet. rates: of its states, by name.
+    properties: what else it sets, by the last part of the name.
+    """
+
+    force: Any
+    moment: Any
+    thrust: Any
+    power: Any = None
+    rates: dict[str, Any] = field(default_factory=dict)
+    properties: dict[str, Any] = field(default_factory=dict)
+
+
+def read_engine(
+    number: int, mount: Element, opened: Any, tanks: Sequence[Tank]
+) -> EngineFile | Element:
+    """The engine of an <engine>, or the element that cannot be read (a rotor, ...).
+
+    opened: gives the root of the file that an element names.
+    """
+    thruster_mount = mount.need("thruster")
+    engine = opened(mount)
+    if engine is mount:
+        engine = next((child for child in mount.children if child.name.endswith("_engine")), mount)
+    thruster = opened(thruster_mount)
+    if thruster is thruster_mount:
+        inline = ("propeller", "direct", "nozzle")
+        children = thruster_mount.children
+        thruster = next((child for child in children if child.name in inline), thruster_mount)
+    if engine.name not in KINDS:
+        return engine
+    if thruster.name not in ("propeller", "direct", "nozzle"):
+        return thruster
+    point = thruster_mount.find("location")
+    location = np.zeros(3) if point is None else point.vector("IN")
+    numbers = [int(feed.number()) for feed in mount.all("feed")]
+    feeds = [tanks[index] for index in numbers if 0 <= index < len(tanks)]
+    dry = "fuel" if not any(tank.kind == "FUEL" and tank.usable for tank in feeds) else ""
+    oxidizers = [tank for tank in feeds if tank.kind == "OXIDIZER"]
+    if oxidizers and engine.name == "rocket_engine" and not any(tank.usable for tank in oxidizers):
+        dry = "oxidizer"
+    if engine.name == "electric_engine":
+        dry = ""
+    return EngineFile(number, mount, engine, thruster_mount, thruster, location, dry != "", dry)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What an engine needs to know: properties, the motion, the mass, its states by name."""
+
+    properties: Properties
+    motion: Motion
+    mass: Mass
+    states: Any
+
+
+def orientation(file: EngineFile, properties: Properties) -> ca.SX:
+    """(3, 3): body axes from those of the thruster."""
+    pointing = file.thruster_mount.find("pointing")
+    if pointing is not None:
+        matrix = np.zeros((3, 3))
+        matrix[:, 0] = pointing.vector("RAD")
+        return ca.SX(ca.DM(matrix))
+    turned = file.thruster_mount.find("orient")
+    angles = [0.0, 0.0, 0.0] if turned is None else list(turned.vector("RAD"))
+    for axis, name in ((1, "pitch"), (2, "yaw")):
+        gimbal = file.property(f"{name}-angle-rad")
+        angles[axis] = properties.read_or(gimbal, angles[axis], file.mount.where)
+    return rotation(*angles)
+
+
+def pushed(
+    file: EngineFile, around: Surroundings, thrust: Any, location: Any = None, moment: Any = None
+) -> tuple[ca.SX, ca.SX]:
+    """Force and moment of a thrust along the axis of the thruster.
+
+    location: where it acts, inches; the thruster's own unless given.
+    moment: what the thruster adds, in body axes.
+    """
+    force = orientation(file, around.properties)[:, 0] * thrust
+    point = ca.SX(ca.DM(file.location)) if location is None else location
+    offset = point - ca.DM(around.mass.center)
+    arm = ca.vertcat(-offset[0], offset[1], -offset[2]) / 12.0
+    total = ca.cross(arm, force)
+    return force, total if moment is None else total + moment
+
+
+def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
+    """The effect of an engine without propeller: direct, or with a nozzle."""
+    properties = around.properties
+    if file.thruster.name == "nozzle":
+        area = file.thruster.need("area").number("FT2")
+        thrust = ca.fmax(thrust - around.motion.air.pressure * area, 0.0)
+    reverser = file.property("reverser-angle-rad")
+    thrust = thrust * ca.cos(ca.SX(properties.read_or(reverser, 0.0, file.mount.where)))
+    force, moment = pushed(file, around, thrust)
+    return Effect(force, moment, thrust)
+
+
+def throttle_of(file: EngineFile, around: Surroundings) -> Any:
+    """The position of its throttle."""
+    name = f"fcs/throttle-pos-norm[{file.number}]"
+    return ca.SX(around.properties.read(name, file.mount.where))
+
+
+def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
+    """Thrust of a turbine at steady speed of its shafts, lb."""
+    engine = file.engine
+    if file.starved:
+        return ca.SX(0.0)
+    position = throttle_of(file, around)
+    military = engine.value_of("milthrust", 10000.0, "LBS")
+    shares = {name: _share(file, around, name) for name in ("IdleThrust", "MilThrust", "AugThrust")}
+    idle = military * shares["IdleThrust"]
+    share = ca.fmin(position, 1.0)
+    dry = idle + (military - idle) * shares["MilThrust"] * share**2
+    bled = dry * (1.0 - engine.value_of("bleed", 0.0))
+    method = int(engine.value_of("augmethod", 0.0))
+    strongest = engine.value_of("maxthrust", 10000.0, "LBS")
+    if method == 1 and engine.value_of("augmented", 0.0) == 1.0:
+        idle_speed = engine.value_of("idlen2", 60.0)
+        speed = idle_speed + share * (engine.value_of("maxn2", 100.0) - idle_speed)
+        lit = ca.logic_and(share > 0.99, speed > 97.0)
+        return ca.if_else(lit, strongest * shares["AugThrust"], bled)
+    if method == 2:
+        wet = dry + ca.fmin(position - 1.0, 1.0) * (strongest * shares["AugThrust"] - dry)
+        return ca.if_else(position > 1.0, wet, bled)
+    return bled
+
+
+def _share(file: EngineFile, around: Surroundings, name: str) -> Any:
+    """The value of one of the engine's functions; 0 without it."""
+    for function in file.engine.all("function"):
+        own_name = function.attributes.get("name", "")
+        if own_name.rsplit("/", 1)[-1] == name:
+            return function_value(function, around.properties, file.number)
+    return 0.0
+
+
+def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
+    """Thrust of a rocket in vacuum, lb: Isp times the flow. A solid one is not lit."""
+    engine = file.engine
+    if file.starved or engine.find("thrust_table") is not None:
+        return ca.SX(0.0)
+    throttle = throttle_of(file, around)
+    impulse = engine.need("isp")
+    function = impulse.find("function")
+    if function is None:
+        specific: Any = impulse.number()
+    else:
+        specific = function_value(function, around.properties, file.number)
+    flow = engine.value_of("propflowmax", 0.0, "LBS/SEC")
+    if engine.find("slfuelflowmax") is not None:
+        flow = engine.value_of("slfuelflowmax", 0.0, "LBS/SEC")
+        flow += engine.value_of("sloxiflowmax", 0.0, "LBS/SEC")
+    lowest = engine.value_of("minthrottle", 0.0)
+    return ca.if_else(throttle < lowest, 0.0, specific * flow * throttle)
+
+
+def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
+    """Power of a turboprop at steady speed of its gas generator, hp (`FGTurboProp::Run`)."""
+    engine = file.engine
+    if file.starved:
+        return ca.SX(0.0)
+    idle = engine.value_of("idlen1", 30.0)
+    speed = idle + throttle_of(file, around) * (engine.value_of("maxn1", 100.0) - idle)
+    tables = {table.attributes.get("name", ""): table for table in engine.all("table")}
+    if "EnginePowerRPM_N1" not in tables:
+        raise engine.error("the turboprop has no table EnginePowerRPM_N1; add it")
+    power = internal_table(tables["EnginePowerRPM_N1"], around, [engine_rpm(file, around), speed])
+    names = {function.attributes.get("name", "") for function in engine.all("function")}
+    if any(name.endswith("EnginePowerVC") for name in names):
+        power = power * _share(file, around, "EnginePowerVC")
+    elif "EnginePowerVC" in tables:
+        power = power * table_value(tables["EnginePowerVC"], around.properties, file.number)
+    if engine.find("maxpower") is not None:
+        power = ca.fmin(power, engine.value_of("maxpower", 0.0))
+    return power
+
+
+def electric_power(file: EngineFile, around: Surroundings) -> Any:
+    """Power of an electric engine, hp."""
+    return file.engine.value_of("power", 745.7, "WATTS") * throttle_of(file, around) / 745.7
+
+
+def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -> Any:
+    """A table that the engine itself gives the arguments; one of lower dimension takes the first
+    ones."""
+    read = read_table(table)
+    return read.at(around.properties, arguments[: read.dimensions])
+
+
+def engine_rpm(file: EngineFile, around: Surroundings) -> Any:
+    """Speed of the engine's shaft: of the propeller times the gear."""
+    ratio = max(file.thruster.value_of("gearratio", 1.0), 0.001)
+    return getattr(around.states, f"rpm{file.number}") * ratio
+
+
+def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
+    """Let an engine set its properties when one of them is read.
+
+    compute: gives its `Effect`. Returned: the writer whose value the effect is.
+    """
+    properties = around.properties
+    writer = Writer(compute, file.mount.where)
+
+    def part(name: str) -> Any:
+        effect = properties.value_of(writer, file.property(name), file.mount.where)
+        if name == "thrust-lbs":
+            return effect.thrust
+        if name == "power-hp":
+            return 0.0 if effect.power is None else effect.power
+        return effect.properties.get(name, 0.0)
+
+    for name in _COMPUTED:
+        full_name = file.property(name)
+        if properties.writer(full_name) is None:
+            properties.compute(full_name, Writer(partial(part, name), file.mount.where))
+    properties.define_initial(file.property("set-running"), 1.0)
+    if file.has_propeller:
+        speed = getattr(around.states, f"rpm{file.number}")
+        properties.define(file.property("propeller-rpm"), speed)
+        properties.define(file.property("engine-rpm"), engine_rpm(file, around))
+        properties.define(
+            file.property("propeller-sense"), file.thruster_mount.value_of("sense", 1.0)
+        )
+    if file.kind == "turbine_engine" and not file.starved:
+        _add_shafts(file, around)
+    return writer
+
+
+def _add_shafts(file: EngineFile, around: Surroundings) -> None:
+    """Speeds of a turbine's shafts, percent."""
+    for name, idle in (("n1", 30.0), ("n2", 60.0)):
+        low = file.engine.value_of(f"idle{name}", idle)
+        high = file.engine.value_of(f"max{name}", 100.0)
+
+        def speed(low: float = low, high: float = high) -> Any:
+            return low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
+
+        around.properties.compute(file.property(name), Writer(speed, file.mount.where))
+
+
+def refusal(element: Element) -> str:
+    """Why an engine or a thruster is not read."""
+    engines = ", ".join(KINDS)
+    name = shortened(element.name)
+    return f"<{name}> is not read; engines: {engines}, with propeller, direct, nozzle"

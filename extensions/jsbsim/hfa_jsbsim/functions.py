@@ -1,0 +1,265 @@
+"""<function> and <table>: expressions of properties (`FGFunction`, `FGTable`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_jsbsim.properties import Properties
+from hfa_jsbsim.xml_file import Element
+from hfa_support.errors import shortened
+
+
+def _sum(*values: Any) -> Any:
+    return reduce(lambda one, other: one + other, values)
+
+
+def _product(*values: Any) -> Any:
+    return reduce(lambda one, other: one * other, values)
+
+
+def _difference(first: Any, *values: Any) -> Any:
+    return reduce(lambda one, other: one - other, values, first)
+
+
+def _integer(value: Any) -> Any:
+    return ca.if_else(value < 0, ca.ceil(value), ca.floor(value))
+
+
+def _switch(index: Any, *values: Any) -> Any:
+    """The value whose number is the index, rounded; the last one beyond the end."""
+    chosen = values[-1]
+    for number in range(len(values) - 2, -1, -1):
+        chosen = ca.if_else(index + 0.5 < number + 1, values[number], chosen)
+    return chosen
+
+
+def _interpolate1d(argument: Any, *pairs: Any) -> Any:
+    """Linear between points (x1, y1, x2, y2, ...), whose x increase; constant beyond them."""
+    value = pairs[1]
+    for i in range(0, len(pairs) - 2, 2):
+        start, low, end, high = pairs[i : i + 4]
+        inside = low + (argument - start) * (high - low) / (end - start)
+        value = ca.if_else(argument > start, ca.if_else(argument < end, inside, high), value)
+    return value
+
+
+def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """A comparison as 1 or 0."""
+    return lambda one, other: ca.if_else(compare(one, other), 1.0, 0.0)
+
+
+#: Operation -> its value, the number of arguments (lowest, highest).
+_MANY = 9999
+_OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
+    "sum": (_sum, 1, _MANY),
+    "product": (_product, 1, _MANY),
+    "difference": (_difference, 1, _MANY),
+    "avg": (lambda *values: _sum(*values) / len(values), 1, _MANY),
+    "min": (lambda *values: reduce(ca.fmin, values), 1, _MANY),
+    "max": (lambda *values: reduce(ca.fmax, values), 1, _MANY),
+    "quotient": (lambda one, other: one / other, 2, 2),
+    "pow": (lambda one, other: one**other, 2, 2),
+    "fmod": (ca.fmod, 2, 2),
+    "mod": (lambda one, other: ca.fmod(_integer(one), _integer(other)), 2, 2),
+    "atan2": (ca.atan2, 2, 2),
+    "abs": (ca.fabs, 1, 1),
+    "sin": (ca.sin, 1, 1),
+    "cos": (ca.cos, 1, 1),
+    "tan": (ca.tan, 1, 1),
+    "asin": (ca.asin, 1, 1),
+    "acos": (ca.acos, 1, 1),
+    "atan": (ca.atan, 1, 1),
+    "exp": (ca.exp, 1, 1),
+    "ln": (ca.log, 1, 1),
+    "log2": (lambda value: ca.log(value) / math.log(2.0), 1, 1),
+    "log10": (ca.log10, 1, 1),
+    "sqrt": (ca.sqrt, 1, 1),
+    "floor": (ca.floor, 1, 1),
+    "ceil": (ca.ceil, 1, 1),
+    "integer": (_integer, 1, 1),
+    "fraction": (lambda value: value - _integer(value), 1, 1),
+    "sign": (lambda value: ca.if_else(value < 0, -1.0, 1.0), 1, 1),  # 0 counts as positive
+    "toradians": (lambda value: value * (math.pi / 180.0), 1, 1),
+    "todegrees": (lambda value: value * (180.0 / math.pi), 1, 1),
+    "lt": (_truth(lambda one, other: one < other), 2, 2),
+    "le": (_truth(lambda one, other: one <= other), 2, 2),
+    "gt": (_truth(lambda one, other: one > other), 2, 2),
+    "ge": (_truth(lambda one, other: one >= other), 2, 2),
+    "eq": (_truth(lambda one, other: one == other), 2, 2),
+    "nq": (_truth(lambda one, other: one != other), 2, 2),
+    "and": (
+        lambda *values: reduce(ca.fmin, [ca.if_else(v != 0, 1.0, 0.0) for v in values]),
+        2,
+        _MANY,
+    ),
+    "or": (
+        lambda *values: reduce(ca.fmax, [ca.if_else(v != 0, 1.0, 0.0) for v in values]),
+        2,
+        _MANY,
+    ),
+    "not": (lambda value: ca.if_else(value != 0, 0.0, 1.0), 1, 1),
+    "ifthen": (lambda test, one, other: ca.if_else(test != 0, one, other), 3, 3),
+    "switch": (_switch, 2, _MANY),
+    "interpolate1d": (_interpolate1d, 5, _MANY),
+}
+
+
+def function_value(element: Element, properties: Properties, number: int | None = None) -> Any:
+    """The value of a <function>; `number` takes the place of # in names of properties."""
+    arguments = [child for child in element.children if child.name != "description"]
+    if len(arguments) != 1:
+        raise element.error(f"<{element.name}> has {len(arguments)} values; give one")
+    return _value(arguments[0], properties, number)
+
+
+def _value(element: Element, properties: Properties, number: int | None) -> Any:
+    """The value of a part of a function."""
+    name = element.name
+    if name in ("property", "p"):
+        if "apply" in element.attributes:
+            raise element.error("a template function is applied; write the function out")
+        return properties.read(numbered(element, element.text, number), element.where)
+    if name in ("value", "v"):
+        return element.number()
+    if name == "pi":
+        return math.pi
+    if name in ("table", "t"):
+        return table_value(element, properties, number)
+    if name not in _OPERATIONS:
+        raise element.error(
+            f"<{shortened(name)}> is no function that can be read; write it in others"
+        )
+    operation, fewest, most = _OPERATIONS[name]
+    values = [
+        _value(child, properties, number)
+        for child in element.children
+        if child.name != "description"
+    ]
+    if not fewest <= len(values) <= most:
+        raise element.error(f"<{name}> has {len(values)} values; give {fewest} or more")
+    return operation(*(ca.SX(value) for value in values))
+
+
+def numbered(element: Element, name: str, number: int | None) -> str:
+    """A name of a property with the number of the engine in the place of #."""
+    if "#" not in name:
+        return name
+    if number is None:
+        raise element.error(
+            f"{shortened(name)} has a #, which stands for an engine; name the engine"
+        )
+    return name.replace("#", str(number))
+
+
+@dataclass(frozen=True)
+class Table:
+    """Numbers of a <table>.
+
+    values: (n1, ..., nd), one axis for each of rows, columns, tables.
+    breakpoints: d arrays.
+    parts: where tables over the last axis have other breakpoints than each other, these tables;
+        values and the first of the breakpoints are then of the last axis alone.
+    """
+
+    values: np.ndarray
+    breakpoints: list[np.ndarray]
+    parts: tuple[Table, ...] = ()
+
+    @property
+    def dimensions(self) -> int:
+        """How many arguments it takes."""
+        return len(self.breakpoints) + (self.parts[0].dimensions if self.parts else 0)
+
+    def at(self, properties: Properties, arguments: list[Any]) -> Any:
+        """The value at the arguments: row, column, table."""
+        interpolate = properties.interpolate
+        if not self.parts:
+            return interpolate(self.values, self.breakpoints, arguments)
+        inner = [table.at(properties, arguments[:-1]) for table in self.parts]
+        chosen, share = interpolate.cell(ca.SX(arguments[-1]), self.breakpoints[0])
+        low = ca.dot(chosen, ca.vertcat(*inner[:-1]))
+        high = ca.dot(chosen, ca.vertcat(*inner[1:]))
+        return low + share * (high - low)
+
+
+def read_table(element: Element) -> Table:
+    """The numbers of a <table>, or of a <tableData> in another."""
+    nested = list(element.all("tableData"))
+    if not nested and element.name != "tableData":
+        raise element.error("the table has no <tableData>; add it")
+    if len(nested) > 1 or (element.name == "tableData" and nested):
+        table = _stacked(nested)
+    else:
+        table = _rows(nested[0] if nested else element)
+    for points in table.breakpoints:
+        if len(points) < 2:
+            raise element.error("the table has one row or column only; give at least two")
+        if not np.all(np.diff(points) > 0.0):
+            raise element.error("the breakpoints of the table do not increase; sort them")
+    return table
+
+
+def _stacked(nested: list[Element]) -> Table:
+    """Tables over a further axis, whose breakpoints they name."""
+    tables = tuple(read_table(child) for child in nested)
+    points = np.array([child.as_number(child.attributes.get("breakPoint", "")) for child in nested])
+    first = tables[0]
+    if any(table.dimensions != first.dimensions for table in tables):
+        raise nested[0].error("the tables over the last axis differ in dimensions; correct them")
+    alike = all(
+        len(one) == len(other) and np.array_equal(one, other)
+        for table in tables
+        for one, other in zip(table.breakpoints, first.breakpoints, strict=True)
+    )
+    if alike and not any(table.parts for table in tables):
+        values = np.stack([table.values for table in tables], axis=-1)
+        return Table(values, [*first.breakpoints, points])
+    return Table(points, [points], tables)
+
+
+def _rows(data: Element) -> Table:
+    """Rows of numbers: pairs, or a row of columns' breakpoints before rows with one number more."""
+    rows = []
+    for line, text in data.lines:
+        try:
+            rows.append([float(word) for word in text.split()])
+        except ValueError as error:
+            row_element = Element("tableData", {}, data.file, line)
+            raise row_element.error(f"{shortened(text)!r} is no row of numbers") from error
+    if {len(row) for row in rows} == {2}:
+        pairs = np.array(rows)
+        return Table(pairs[:, 1], [pairs[:, 0]])
+    if len(rows) < 2 or {len(row) for row in rows[1:]} != {len(rows[0]) + 1}:
+        raise data.error("the rows of the table differ in length; correct them")
+    body = np.array(rows[1:])
+    columns = np.array(rows[0])
+    if len(columns) == 1:  # it does not depend on the second argument
+        body = np.column_stack([body, body[:, 1]])
+        columns = np.array([columns[0], columns[0] + 1.0])
+    return Table(body[:, 1:], [body[:, 0], columns])
+
+
+_AXES = {"": 0, "row": 0, "axis1": 0, "column": 1, "axis2": 1, "table": 2, "axis3": 2, "axis4": 3}
+
+
+def table_value(element: Element, properties: Properties, number: int | None = None) -> Any:
+    """The value of a <table> at its independent variables."""
+    table = read_table(element)
+    arguments: dict[int, Any] = {}
+    for variable in element.all("independentVar"):
+        axis = variable.attributes.get("lookup", "")
+        if axis not in _AXES:
+            raise variable.error(f"{shortened(axis)} is no axis of a table; use row, column, table")
+        name = numbered(variable, variable.text, number)
+        arguments[_AXES[axis]] = properties.read(name, variable.where)
+    if sorted(arguments) != list(range(table.dimensions)):
+        fault = f"the table has {table.dimensions} axes and {len(arguments)} independentVar"
+        raise element.error(f"{fault}; give one an axis")
+    return table.at(properties, [arguments[axis] for axis in range(table.dimensions)])

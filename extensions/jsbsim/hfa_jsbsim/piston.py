@@ -1,0 +1,222 @@
+"""Piston engines, with and without superchargers (`FGPiston`); its constants as it writes them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_jsbsim.engines import (
+    EngineFile,
+    Surroundings,
+    engine_rpm,
+    internal_table,
+    throttle_of,
+)
+from hfa_jsbsim.xml_file import Element
+
+_PSF_TO_PA = 47.88
+_INHG_TO_PA = 3386.38
+_FT_TO_M = 0.3048
+_IN3_TO_M3 = (_FT_TO_M / 12.0) ** 3
+_STANDARD_PRESSURE = 101320.73
+_GAS_CONSTANT = 287.3
+_MIXTURE = (
+    np.array(
+        [
+            *(0.05, 0.05137, 0.05179, 0.0543, 0.05842, 0.06312, 0.06942, 0.07786),
+            *(0.08845, 0.0927, 0.1012, 0.11455, 0.12158, 0.12435, 0.125),
+        ]
+    ),
+    np.array(
+        [
+            *(0.0, 0.00862, 0.21552, 0.48276, 0.7069, 0.83621, 0.93103, 1.0),
+            *(1.0, 0.98276, 0.93103, 0.72414, 0.4569, 0.23276, 0.0),
+        ]
+    ),
+)
+
+
+def piston_power(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
+    """Power at steady manifold pressure, hp, and the properties that the engine sets."""
+    engine = file.engine
+    air = around.motion.air
+    ambient = air.pressure * _PSF_TO_PA
+    where = file.mount.where
+    total = around.properties.read("propulsion/pt-lbs_sqft", where) * _PSF_TO_PA
+    temperature = air.temperature / 1.8
+    ram_pressure = (total - ambient) * _set(file, around, "ram-air-factor", 1.0) + ambient
+    speed = engine_rpm(file, around)
+    displacement = engine.value_of("displacement", 360.0, "IN3") * _IN3_TO_M3
+    breathing = _Breathing(engine)
+    efficiency = _set(file, around, "volumetric-efficiency", 0.85)
+    piston_speed = speed * breathing.stroke / 360.0
+    throttled = ram_pressure * breathing.pressure_ratio(throttle_of(file, around), piston_speed)
+    manifold = _boosted(file, around, throttled, ambient, speed)
+    compression = engine.value_of("compression-ratio", 8.5)
+    back_ratio = ca.fmin(ambient / ca.fmax(manifold, 1.0), compression)
+    reduction = 0.3 / 1.3 + (compression - back_ratio) / (1.3 * (compression - 1.0))
+    volume_flow = displacement * (speed / 60.0) / 2.0 * efficiency * reduction
+    air_flow = volume_flow * manifold / (_GAS_CONSTANT * temperature)
+    lever = around.properties.read(f"fcs/mixture-cmd-norm[{file.number}]", where)
+    mixture = around.properties.read_or(f"fcs/mixture-pos-norm[{file.number}]", lever, where)
+    fuel_share = 1.3 * mixture * 101325.0 / ambient / 14.7
+    fuel_flow = air_flow * fuel_share * 2.2046 * 3600.0
+    indicated: Any = fuel_flow / _consumption(file, around, breathing)
+    indicated = indicated * _mixture_efficiency(engine, around, fuel_share)
+    indicated = indicated - engine.value_of("static-friction", 1.5, "HP")
+    friction: Any = -engine.value_of("dynamic-fmep", 18400.0, "PA") * piston_speed * _FT_TO_M
+    friction = friction - engine.value_of("static-fmep", 46500.0, "PA")
+    pumping = (throttled - ambient) * efficiency
+    if file.starved:  # it is dragged along
+        indicated = -engine.value_of("static-friction", 1.5, "HP")
+        friction = 0.0
+    cycles = engine.value_of("cycles", 4.0)
+    lost = (pumping + friction) * displacement * speed / (cycles * 22371)
+    power = indicated + lost - _boost_loss(engine, throttled, manifold, volume_flow)
+    return power, {"map-pa": manifold, "map-inhg": manifold / _INHG_TO_PA}
+
+
+def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
+    """A number of the engine's file, or what a system sets in its place."""
+    default_value = file.engine.value_of(name, default)
+    return around.properties.read_or(file.property(name), default_value, file.mount.where)
+
+
+class _Breathing:
+    """Impedances of air box and throttle, from the pressures that the file states."""
+
+    def __init__(self, engine: Element) -> None:
+        self.stroke = engine.value_of("stroke", 4.375, "IN")
+        self.fastest = engine.value_of("maxrpm", 2800.0)
+        self.peak_speed = engine.value_of("peak-piston-speed", 100.0)
+        idle = engine.value_of("idlerpm", 600.0)
+        lowest = engine.value_of("minmp", 6.5, "INHG") * _INHG_TO_PA
+        self.highest_inhg = engine.value_of("maxmp", 28.5, "INHG")
+        highest = min(self.highest_inhg, 29.9) * _INHG_TO_PA
+        self.rated_speed = self.fastest * self.stroke / 360.0
+        self.air_box = engine.value_of("air-intake-impedance-factor", -999.0)
+        if self.air_box < 0.0:
+            impedance = self.peak_speed / self.rated_speed
+            self.air_box = _STANDARD_PRESSURE * impedance / highest - impedance
+        idle_impedance = self.peak_speed / (idle * self.stroke / 360.0)
+        self.throttle = idle_impedance * (_STANDARD_PRESSURE / lowest - 1.0) - self.air_box
+
+    def pressure_ratio(self, throttle: Any, piston_speed: Any) -> Any:
+        """Pressure behind the throttle, relative to that of the ram air; it goes on rising beyond
+        full throttle, so that a search for more finds a direction."""
+        impedance = self.peak_speed / piston_speed
+        closed = (1.0 - throttle) * ca.fabs(1.0 - throttle)
+        return impedance / (impedance + self.air_box + closed * self.throttle)
+
+
+def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) -> Any:
+    """Fuel a horsepower and hour, lb: of the file, or such that the engine has its power."""
+    name = file.property("bsfc-lbs_hphr")
+    own_value = _own_consumption(file.engine, breathing)
+    return around.properties.read_or(name, own_value, file.mount.where)
+
+
+def _own_consumption(engine: Element, breathing: _Breathing) -> float:
+    """The same without what systems set."""
+    stated = engine.value_of("bsfc", -1.0, "LBS/HP*HR")
+    if stated >= 0.0:
+        return stated
+    displacement = engine.value_of("displacement", 360.0, "IN3")
+    efficiency = engine.value_of("volumetric-efficiency", 0.85)
+    pumping = (29.92 - breathing.highest_inhg) * _INHG_TO_PA * efficiency
+    friction = engine.value_of("dynamic-fmep", 18400.0, "PA") * breathing.rated_speed * _FT_TO_M
+    friction += engine.value_of("static-fmep", 46500.0, "PA")
+    lost = (pumping + friction) * displacement * _IN3_TO_M3 * breathing.fastest
+    lost /= engine.value_of("cycles", 4.0) * 22371
+    flow = 1.1 * displacement * breathing.fastest * efficiency * breathing.highest_inhg / 29.92
+    power = engine.value_of("maxhp", 200.0, "HP") + lost
+    return flow / (9411 * (power - engine.value_of("static-friction", 1.5, "HP")))
+
+
+def _mixture_efficiency(engine: Element, around: Surroundings, fuel_share: Any) -> Any:
+    """Share of the power that is left at a ratio of fuel to air."""
+    for table in engine.all("table"):
+        if table.attributes.get("name") == "MIXTURE":
+            return internal_table(table, around, [fuel_share])
+    shares, efficiencies = _MIXTURE
+    return around.properties.interpolate(efficiencies, [shares], [fuel_share])
+
+
+def _boosted(
+    file: EngineFile, around: Surroundings, throttled: Any, ambient: Any, speed: Any
+) -> Any:
+    """Manifold pressure behind the supercharger, Pa, at the speed that the air pressure selects."""
+    gears = _gears(file.engine)
+    if not gears:
+        return throttled
+    engine = file.engine
+    override = int(engine.value_of("boostoverride", 0.0)) == 1
+    takeoff = engine.value_of("takeoffboost", 0.0, "PSI")
+    first_boost = engine.value_of("ratedboost1", 0.0, "PSI")
+    throttle = throttle_of(file, around)
+    manifolds = []
+    for multiplier, rated_speed, rated_pressure, _ in gears:
+        manifold = throttled * ((multiplier - 1.0) / rated_speed * speed + 1.0)
+        if not override:
+            cap: Any = rated_pressure
+            if takeoff > first_boost:
+                cap = ca.if_else(
+                    throttle > 0.98, rated_pressure + (takeoff - first_boost) * 6895, cap
+                )
+            manifold = ca.fmin(manifold, cap)
+        manifolds.append(manifold)
+    chosen = file.property("boost-speed")
+    if int(engine.value_of("boostmanual", 0.0)) == 1:
+        gear = ca.SX(around.properties.read_or(chosen, 0.0, file.mount.where))
+        result = manifolds[-1]
+        for number in range(len(manifolds) - 2, -1, -1):
+            result = ca.if_else(gear < number + 1, manifolds[number], result)
+        return result
+    result = manifolds[0]
+    for number in range(1, len(manifolds)):
+        switch = gears[number - 1][3]
+        result = ca.if_else(ambient < switch - 1000.0, manifolds[number], result)
+    return result
+
+
+def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
+    """Of each speed of the supercharger: multiplier, rated rpm, rated pressure, and the pressure of
+    the air, Pa, below which the next speed is taken. The first bad speed ends the list."""
+    count = int(engine.value_of("numboostspeeds", 0.0))
+    gears: list[tuple[float, float, float, float]] = []
+    last_altitude = 0.0
+    for number in range(1, count + 1):
+        boost = engine.value_of(f"ratedboost{number}", 0.0, "PSI")
+        power = engine.value_of(f"ratedpower{number}", 0.0, "HP")
+        altitude = engine.value_of(f"ratedaltitude{number}", 0.0, "FT")
+        if boost <= 0.0 or power <= 0.0 or altitude < last_altitude:
+            for _ in range(number, count):
+                gears.append((1.0, 2500.0, 100000.0, 0.0))
+            break
+        rated_pressure = _STANDARD_PRESSURE + boost * 6895
+        multiplier = rated_pressure / (_standard_pressure(altitude) * _PSF_TO_PA)
+        rated_speed = engine.value_of(f"ratedrpm{number}", 2500.0)
+        switch = 0.0
+        if number < count:
+            switch = _standard_pressure(altitude + 1000.0 if altitude > 0.0 else 0.0) * _PSF_TO_PA
+        gears.append((multiplier, rated_speed, rated_pressure, switch))
+        last_altitude = altitude
+    return gears
+
+
+def _standard_pressure(altitude: float) -> float:
+    """psf (`FGPiston::GetStdPressure100K`)."""
+    factors = (2116.217, -7.648932746e-2, 1.0925498604e-6, -7.1135726027e-12, 1.7470331356e-17)
+    return sum(factor * altitude**power for power, factor in enumerate(factors))
+
+
+def _boost_loss(engine: Element, throttled: Any, manifold: Any, volume_flow: Any) -> Any:
+    """Power that the supercharger takes, hp."""
+    factor = engine.value_of("boost-loss-factor", 0.0)
+    if factor <= 0.0:
+        return 0.0
+    ratio = 1.414
+    compression = (manifold / throttled) ** ((ratio - 1.0) / ratio) - 1.0
+    return throttled * volume_flow * ratio / (ratio - 1.0) * compression * factor / 745.7

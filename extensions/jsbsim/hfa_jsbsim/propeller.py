@@ -1,0 +1,129 @@
+"""Propellers with fixed, set or governed blades (`FGPropeller`)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import casadi as ca
+
+from hfa_jsbsim.engines import (
+    Effect,
+    EngineFile,
+    Surroundings,
+    internal_table,
+    orientation,
+    pushed,
+)
+
+HP = 550.0
+#: JSBSim's step, s: its governor moves the blades once a step and stops them at their limits.
+STEP = 1.0 / 120.0
+
+
+def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
+    """Thrust, torque and moments of a propeller that an engine drives with a power, ft lb/s.
+
+    C_T and C_P are tables over J = V / (n D) and the blade angle; thrust C_T rho n^2 D^4, power
+    needed C_P rho n^3 D^5.
+    """
+    prop = file.thruster
+    number = file.number
+    motion = around.motion
+    turned = orientation(file, around.properties)
+    arm = around.mass.arm(file.location)
+    local = ca.mtimes(turned.T, motion.velocity + ca.cross(motion.rates, ca.DM(arm)))
+    diameter = max(prop.value_of("diameter", 0.001, "FT"), 0.001)
+    inertia = max(prop.value_of("ixx", 1e-6, "SLUG*FT2"), 1e-6)
+    turns = getattr(around.states, f"rpm{number}") / 60.0
+    omega = ca.fmax(2.0 * math.pi * turns, 0.01)
+    advance = local[0] / (diameter * ca.fmax(turns, 0.01))
+    tip_mach = ca.sqrt((turns * diameter * math.pi) ** 2 + local[0] ** 2) / motion.air.sound
+    blade, blade_rates = _blade(file, around)
+    thrust_coefficient = _coefficient(file, around, "C_THRUST", [advance, blade], tip_mach)
+    power_coefficient = _coefficient(file, around, "C_POWER", [advance, blade], tip_mach)
+    density = motion.air.density
+    thrust = thrust_coefficient * turns**2 * diameter**4 * density
+    needed = power_coefficient * turns**3 * diameter**5 * density
+    induced = _induced_velocity(local[0], thrust, density, diameter)
+    sense = 1.0 if file.thruster_mount.value_of("sense", 1.0) >= 0.0 else -1.0
+    version = float(prop.attributes.get("version", "0") or "0")
+    momentum = inertia * omega * sense * (-1.0 if version > 1.0 else 1.0)
+    along = turned[:, 0]
+    own_moment = ca.cross(motion.rates, along * momentum) - along * sense * power / omega
+    location = _acting_location(file, local, induced, sense)
+    force, moment = pushed(file, around, thrust, location, own_moment)
+    speed_rate = (power - needed) / omega / inertia * 30.0 / math.pi
+    return Effect(
+        force,
+        moment,
+        thrust,
+        power / HP,
+        {f"rpm{number}": speed_rate, **blade_rates},
+        {
+            "thrust-coefficient": thrust_coefficient,
+            "advance-ratio": advance,
+            "prop-induced-velocity_fps": induced,
+            "helical-tip-Mach": tip_mach,
+        },
+    )
+
+
+def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
+    """The blade angle, deg, and the rate of its state if a governor moves it.
+
+    The governor turns the blades by the difference of speeds, rpm - wanted, in deg/s, and stops
+    them at their limits within a step of JSBSim, so that a limit is a steady state too.
+    """
+    prop = file.thruster
+    lowest = prop.value_of("minpitch", 0.0)
+    highest = prop.value_of("maxpitch", 0.0)
+    if not file.governed:
+        angle = file.property("blade-angle")
+        return around.properties.read_or(angle, lowest, file.mount.where), {}
+    blade = getattr(around.states, f"blade{file.number}")
+    slowest = prop.value_of("minrpm", 0.0)
+    advance: Any = 0.0
+    if file.kind != "turbine_engine":  # `FGTurbine` does not pass the lever on
+        lever = f"fcs/advance-pos-norm[{file.number}]"
+        advance = around.properties.read(lever, file.mount.where)
+    wanted = slowest + (prop.value_of("maxrpm", 0.0) - slowest) * advance
+    rate = getattr(around.states, f"rpm{file.number}") - wanted
+    next_blade = ca.fmin(ca.fmax(blade + rate * STEP, lowest), highest)
+    return blade, {f"blade{file.number}": (next_blade - blade) / STEP}
+
+
+def _coefficient(
+    file: EngineFile, around: Surroundings, name: str, arguments: list[Any], tip_mach: Any
+) -> Any:
+    """C_T or C_P with its factor and its table over the tip's Mach number."""
+    prop = file.thruster
+    tables = {table.attributes.get("name", ""): table for table in prop.all("table")}
+    if name not in tables:
+        raise prop.error(f"the propeller has no table {name}; add it")
+    fixed = prop.value_of("minpitch", 0.0) == prop.value_of("maxpitch", 0.0)
+    value = internal_table(tables[name], around, arguments[:1] if fixed else arguments)
+    factor, mach = ("ct_factor", "CT_MACH") if name == "C_THRUST" else ("cp_factor", "CP_MACH")
+    value = value * prop.value_of(factor, 1.0)
+    if mach in tables:
+        value = value * internal_table(tables[mach], around, [tip_mach])
+    return value
+
+
+def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) -> Any:
+    """Of momentum theory, ft/s, signs apart."""
+    area = 0.25 * math.pi * diameter**2
+    squared = speed * ca.fabs(speed) + 2.0 * thrust / (density * area)
+    root = ca.sqrt(ca.fmax(ca.fabs(squared), 1e-12))
+    return 0.5 * (-speed + ca.if_else(squared > 0.0, root, -root))
+
+
+def _acting_location(file: EngineFile, local: Any, induced: Any, sense: float) -> Any:
+    """Where the thrust acts, inches: the P-factor moves it with the angle of the flow."""
+    factor = file.thruster_mount.value_of("p_factor", 0.0)
+    location = ca.SX(ca.DM(file.location))
+    if factor <= 0.0001:
+        return location
+    across = ca.sqrt(ca.fmax(local[1] ** 2 + local[2] ** 2, 1e-8))
+    shift = sense * factor * ca.atan2(across, local[0] + induced) / across
+    return location + ca.vertcat(0.0, shift * local[2], shift * local[1])

@@ -1,0 +1,101 @@
+"""Why an aircraft has no trim at a condition, in the words of its pilot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from hfa_jsbsim.aircraft import Parts
+from hfa_jsbsim.engines import EngineFile
+
+#: (values to hold, names to set free) -> values of everything by name at the solution, or None.
+Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | None]
+#: Angles of attack at which the greatest lift is looked for.
+_ANGLES = np.radians(np.arange(-4.0, 40.5, 0.5))
+#: An unbalanced force that counts, as a share of the weight.
+_SOME = 1e-6
+
+
+def explain(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> str:
+    """One line: what is missing, by solves with other things free; empty where none says it.
+
+    parts: of the aircraft. imposed: values by name, as the trim imposes them.
+    solve: solves the same condition with other values held and names set free.
+    """
+    reasons = [*_of_engines(parts, imposed, solve), *of_files(parts)]
+    return "; ".join(reasons or _of_lift(solve))
+
+
+def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
+    """Thrust that full throttle lacks, or that idle has too much of."""
+    mass = parts.mass.slugs
+    least = _SOME * parts.mass.weight
+    full = None
+    if "throttle" not in imposed:
+        full = solve({"throttle": 1.0}, ("speed_dot",))
+    if full is None:
+        return
+    missing = -full["speed_dot"] * mass
+    if missing > least:
+        thrust = full["thrust"]
+        powers = [value for name, value in full.items() if _is_power(name)]
+        power = f" from {len(powers)} x {powers[0]:.0f} hp" if powers else ""
+        needed = thrust + missing
+        yield (
+            f"full throttle gives {thrust:.0f} lb{power}: {missing:.0f} of {needed:.0f} lb of "
+            "thrust missing"
+        )
+        return
+    idle = solve({"throttle": 0.0}, ("speed_dot",))
+    if idle is not None and idle["speed_dot"] * mass > least:
+        yield f"idle gives {idle['speed_dot'] * mass:.0f} lb of thrust too much"
+
+
+def _is_power(name: str) -> bool:
+    return name.startswith("power") and name.removeprefix("power").isdigit()
+
+
+def _of_lift(solve: Solve) -> Iterator[str]:
+    """The greatest lift, where it does not carry the weight."""
+    greatest: tuple[float, float] | None = None
+    for alpha in _ANGLES.tolist():
+        values = solve({"alpha": alpha, "throttle": 0.5}, ("alpha_dot", "speed_dot"))
+        if values is not None and (greatest is None or values["lift_to_weight"] > greatest[0]):
+            greatest = values["lift_to_weight"], alpha
+    if greatest is not None and greatest[0] < 1.0:
+        share, alpha = greatest
+        yield (
+            f"the greatest lift is {100.0 * share:.0f} % of the weight, at alpha "
+            f"{math.degrees(alpha):.1f} deg"
+        )
+
+
+def of_files(parts: Parts) -> Iterator[str]:
+    """What the files say of engines that explains why they are weak."""
+    reasons: dict[str, Any] = {}
+    for file in parts.engines:
+        for reason in _of_engine(file):
+            reasons[reason] = None
+    yield from reasons
+
+
+def _of_engine(file: EngineFile) -> Iterator[str]:
+    """What is odd about an engine."""
+    name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
+    if file.dry_of:
+        yield f"the {file.dry_of} tank of {name} is empty: glide"
+    if file.kind == "turbine_engine" and file.has_propeller:
+        yield f"{name} is a turbine engine on a propeller; its thrust is taken as power"
+    diameter = file.thruster.find("diameter")
+    if not file.has_propeller or diameter is None or "unit" in diameter.attributes:
+        return
+    if diameter.number() > _LONGEST_BLADES:
+        length = f"propeller diameter {diameter.number():.0f} ft"
+        yield f"{diameter.where}: {length}; the file gives no unit"
+
+
+#: No propeller is wider, ft.
+_LONGEST_BLADES = 40.0

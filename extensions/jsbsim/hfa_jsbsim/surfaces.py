@@ -1,0 +1,123 @@
+"""Surfaces that no static control system moves: they become inputs themselves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import casadi as ca
+
+from hfa_jsbsim.control_system import surface_limits
+from hfa_jsbsim.properties import LoopError, Properties, plain
+from hfa_jsbsim.xml_file import Element
+
+_ENDINGS = ("-pos-rad", "-pos-deg", "-pos-norm", "-rad", "-deg", "-norm", "-pos")
+
+
+@dataclass(frozen=True)
+class PilotInput:
+    """What the pilot moves: its symbol, its unit, its limits."""
+
+    symbol: ca.SX
+    unit: str = "1"
+    limits: tuple[float, float] = (-1.0, 1.0)
+
+
+def names_read_by(element: Element) -> list[str]:
+    """The properties that functions and tables of a section read, angles of surfaces first."""
+    names: dict[str, None] = {}
+    pending = [element]
+    while pending:
+        part = pending.pop()
+        pending += part.children
+        if part.name in ("property", "p", "independentVar"):
+            names[plain(part.text.removeprefix("-"))] = None
+    return sorted(names, key=lambda name: (not name.endswith(("-rad", "-deg")), name))
+
+
+def cut_surfaces(
+    names: Iterable[str], properties: Properties, inputs: dict[str, PilotInput]
+) -> list[str]:
+    """Where the pilot acts through an integrator, or a loop closes, make the surface an input.
+
+    What else depends on them stays where it is with the stick in its middle.
+    names: what the forces of the air depend on. inputs: to which the new ones are added, in place
+    of the commands of the same name. Returned: notes for the user.
+    """
+    commands = ca.vertcat(*(command.symbol for command in inputs.values()))
+    cut: dict[str, PilotInput] = {}
+    notes = []
+    for name in names:
+        if properties.writer(name) is None:
+            continue
+        try:
+            properties.read(name, "")
+        except LoopError as error:
+            surface = _surface(name)
+            key = surface.removeprefix("left-").removeprefix("right-").replace("-", "_")
+            if key not in inputs:
+                properties.replace(name, properties.read_centered(name, commands))
+                notes.append(f"{error}; {name} stays as it is with the stick in its middle")
+                continue
+            sign = -1.0 if surface.startswith("right-aileron") else 1.0
+            if key not in cut:
+                unit = "rad" if name.endswith(("-rad", "-deg")) else "1"
+                cut[key] = PilotInput(
+                    ca.SX.sym(key), unit, _limits(name, surface, properties, sign)
+                )
+                notes.append(f"{error}: the input {key} is the surface itself")
+            _set_surface(name, surface, properties, sign * cut[key].symbol)
+    inputs.update(cut)
+    return notes
+
+
+def _surface(name: str) -> str:
+    """The surface that a property is about: fcs/mag-elevator-pos-rad is about the elevator."""
+    surface = name.rsplit("/", 1)[-1].removeprefix("mag-")
+    for ending in _ENDINGS:
+        if surface.endswith(ending):
+            return surface.removesuffix(ending)
+    return surface
+
+
+def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
+    """Limits of the component that sets the surface, in rad if it is an angle."""
+    for source in (name, f"fcs/{surface}-pos-rad", f"fcs/{surface}-pos-deg"):
+        writer = properties.writer(source)
+        if writer is not None and writer.component is not None:
+            low, high = surface_limits(writer)
+            if source.endswith("-deg"):
+                low = math.radians(low)
+                high = math.radians(high)
+            return (low, high) if sign > 0.0 else (-high, -low)
+    return -math.inf, math.inf
+
+
+def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) -> None:
+    """Set a surface in all its units."""
+    if not name.endswith(("-rad", "-deg")):
+        properties.replace(name, value)
+        return
+    in_degrees = value * (180.0 / math.pi)
+    properties.replace(name, in_degrees if name.endswith("-deg") else value)
+    properties.replace(f"fcs/{surface}-pos-rad", value)
+    properties.replace(f"fcs/{surface}-pos-deg", in_degrees)
+    properties.replace(f"fcs/mag-{surface}-pos-rad", ca.fabs(value))
+
+
+def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca.SX) -> list[str]:
+    """Where a throttle's position does not follow its command, make the position the input."""
+    notes = []
+    for number in engines:
+        name = f"fcs/throttle-pos-norm[{number}]"
+        try:
+            reached = ca.depends_on(ca.SX(properties.read(name, "")), throttle)
+        except LoopError:
+            reached = False
+        if not reached:
+            properties.replace(name, throttle)
+            notes.append(
+                f"throttle-cmd-norm reaches no engine {number}; the input is the throttle position"
+            )
+    return notes

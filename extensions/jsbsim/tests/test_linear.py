@@ -1,0 +1,87 @@
+"""Linear models of jets against JSBSim's `FGLinearization`."""
+
+import importlib.util
+
+import pytest
+
+from hfa_jsbsim.reader import read_model
+from studies.jsbsim.reference import GRAVITY, RADIUS, measured
+from trim import find_operating_point, linearize
+from trim.point.condition import release, usual_condition
+
+pytestmark = pytest.mark.skipif(
+    importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
+)
+#: JSBSim's name -> ours; it has faults of its own in the column of the altitude's rate by roll.
+STATES = {
+    "Vt": "speed",
+    "Alpha": "alpha",
+    "Theta": "pitch",
+    "Q": "pitch_rate",
+    "Beta": "beta",
+    "Phi": "roll",
+    "P": "roll_rate",
+    "R": "yaw_rate",
+}
+INPUTS = {"ThtlCmd": "throttle", "DaCmd": "aileron", "DeCmd": "elevator", "DrCmd": "rudder"}
+FAULTS = {("Vt", "Phi")}
+
+
+def differences(name, kcas):
+    """Largest relative difference of A, of its column of beta, and of B."""
+    altitude = 15000.0
+    gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
+    model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity)
+    held = {"kcas": kcas, "altitude": altitude}
+    point = find_operating_point(model, release(usual_condition(model), hold=held))
+    linear = linearize(model, point)
+    request = {
+        "state": point.states._asdict(),
+        "commands": point.inputs._asdict(),
+        "linear": True,
+    }
+    (answer,) = measured(name, [request])
+    states = list(model.linear)
+    inputs = list(model.inputs)
+    worst = {"A": 0.0, "beta": 0.0, "B": 0.0}
+    for i, row in enumerate(answer["x"]):
+        if row not in STATES:
+            continue
+        ours = states.index(STATES[row])
+        for j, column in enumerate(answer["x"]):
+            if column in STATES and (row, column) not in FAULTS:
+                entry = linear.A[ours, states.index(STATES[column])]
+                miss = abs(answer["A"][i][j] - entry) / max(1.0, abs(entry))
+                kind = "beta" if column == "Beta" else "A"
+                worst[kind] = max(worst[kind], miss)
+        for j, column in enumerate(answer["u"]):
+            if INPUTS.get(column) in inputs:
+                entry = linear.B[ours, inputs.index(INPUTS[column])]
+                miss = abs(answer["B"][i][j] - entry) / max(1.0, abs(entry))
+                worst["B"] = max(worst["B"], miss)
+    return worst
+
+
+@pytest.mark.parametrize(
+    ("name", "kcas", "of_B"),
+    [
+        ("737", 250.0, 2e-11),
+        *(
+            pytest.param(name, kcas, of_B, marks=pytest.mark.slow)
+            for name, kcas, of_B in (
+                ("787-8", 250.0, 2e-11),
+                ("A320", 250.0, 1e-3),  # ailerons with unequal ends: a kink
+                ("A4", 250.0, 2e-11),
+                ("B747", 250.0, 2e-11),
+                ("MD11", 250.0, 2e-11),
+                ("F4N", 300.0, 2e-11),
+                ("T38", 300.0, 2e-11),
+            )
+        ),
+    ],
+)
+def test_a_jet_is_linearized_as_by_jsbsims_finite_differences(name, kcas, of_B):
+    worst = differences(name, kcas)
+    assert worst["A"] < 1e-8
+    assert worst["beta"] < 5e-5
+    assert worst["B"] < of_B

@@ -1,0 +1,151 @@
+"""Accelerations, engines and linear models against JSBSim, in a process of its own."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from hfa_jsbsim.reader import read_model
+from studies.jsbsim.reference import measured
+
+pytestmark = pytest.mark.skipif(
+    importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
+)
+#: Aircraft that are refused or whose engine stops, whose surfaces JSBSim moves with the past of its
+#: states, or whose fuel tanks JSBSim leaves out while nothing burns (fokker50: at one of the points
+#: JSBSim's accelerations are no numbers): other tests, or none, know them.
+OTHERS = {
+    *("F450", "J246", "L410", "Pterosaur", "Submarine_Scout", "ZLT-NT", "ah1s", "blank", "c172x"),
+    *("c310", "f16", "f22", "fokker50", "weather-balloon", "x24b"),
+}
+#: Propellers, or a regulator of their engines, that have not settled after two minutes.
+SLOW = {"Short_S23": 1e-3, "wrightFlyer1903": 1e-7}
+ALL = (
+    *(
+        "737",
+        "787-8",
+        "A320",
+        "A4",
+        "B17",
+        "B747",
+        "Boeing314",
+        "C130",
+        "Camel",
+        "Concorde",
+        "DHC6",
+    ),
+    *("F4N", "F80C", "J3Cub", "L17", "MD11", "OV10", "SGS", "Short_S23", "Shuttle", "T37", "T38"),
+    *("X15", "XB-70", "ball", "ballx", "c172p", "c172r", "c182", "dr1", "f104", "f15", "fokker100"),
+    *("global5000", "minisgs", "mk82", "pa28", "paraglider", "pc7", "pogo-jsbsim", "sgs126"),
+    *("p51d", "sgs233", "t6texan2", "wrightFlyer1903"),
+)
+
+
+def random_points(model, count, seed=1):
+    """States and commands, as `measured` takes them."""
+    rng = np.random.default_rng(seed)
+    usual = model.states["speed"].start
+    points = []
+    for _ in range(count):
+        state = {
+            "altitude": rng.uniform(1000.0, 20000.0),
+            "speed": usual * rng.uniform(1.0, 2.0),
+            "alpha": rng.uniform(-0.05, 0.2),
+            "beta": rng.uniform(-0.1, 0.1),
+            "roll": rng.uniform(-0.6, 0.6),
+            "pitch": rng.uniform(-0.3, 0.3),
+            "roll_rate": rng.uniform(-0.1, 0.1),
+            "pitch_rate": rng.uniform(-0.1, 0.1),
+            "yaw_rate": rng.uniform(-0.1, 0.1),
+        }
+        commands = {name: rng.uniform(-1.0, 1.0) for name in ("aileron", "elevator", "rudder")}
+        commands["throttle"] = rng.uniform(0.2, 1.0)
+        points.append({"state": state, "commands": commands})
+    return points
+
+
+def ours_at(model, point, answer):
+    """Rates and outputs of the model at the state and the commands of a point of JSBSim."""
+    state = {name: answer.get(f"state.{name}", answer.get(name)) for name in model.states}
+    commands = dict(point["commands"])
+    for name, signal in model.inputs.items():
+        if signal.unit == "rad":
+            commands[name] = answer[name]
+    if any("the input is the throttle position" in note for note in model.notes):
+        commands["throttle"] = answer["throttle"]
+    x = [state[name] for name in model.states]
+    u = [commands[name] for name in model.inputs]
+    flown = model.with_parameters(gravity=answer["gravity"])
+    return state, flown.rates_at(x, u), flown.outputs_at(x, u)
+
+
+def misses(name, count):
+    """Largest differences of accelerations (of 1 g, 1 rad/s^2), thrust, and rates of propellers."""
+    model = read_model(f"jsbsim:{name}")
+    points = random_points(model, count)
+    worst = np.zeros(4)
+    for point, answer in zip(points, measured(name, points), strict=True):
+        state, rates, outputs = ours_at(model, point, answer)
+        alpha = state["alpha"]
+        beta = state["beta"]
+        speed = state["speed"]
+        along = np.array([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)])
+        acceleration = np.array([answer["udot"], answer["vdot"], answer["wdot"]])
+        u, v, w = speed * along
+        speed_rate = along @ acceleration
+        alpha_rate = (u * acceleration[2] - w * acceleration[0]) / (u**2 + w**2)
+        beta_rate = (speed * acceleration[1] - v * speed_rate) / (speed * np.hypot(u, w))
+        size = max(32.0, np.abs(acceleration).max())
+        linear = [
+            rates["speed"] - speed_rate,
+            speed * (rates["alpha"] - alpha_rate),
+            speed * (rates["beta"] - beta_rate),
+        ]
+        rotation = np.array([answer["pdot"], answer["qdot"], answer["rdot"]])
+        own_rotation = [rates[axis] for axis in ("roll_rate", "pitch_rate", "yaw_rate")]
+        thrust = sum(value for key, value in answer.items() if key.startswith("thrust"))
+        turning = [
+            rates[key] / model.states[key].rate for key in model.states if key.startswith("rpm")
+        ]
+        miss = [
+            np.abs(linear).max() / size,
+            np.abs(own_rotation - rotation).max() / max(1.0, np.abs(rotation).max()),
+            abs(outputs["thrust"] - thrust) / max(1.0, abs(thrust)),
+            np.abs(turning).max() if turning else 0.0,
+        ]
+        worst = np.maximum(worst, miss)
+    return worst
+
+
+@pytest.mark.parametrize(
+    "name", ["737", "c182", pytest.param("DHC6", marks=pytest.mark.slow), "sgs126"]
+)
+def test_a_jet_propellers_and_a_glider_accelerate_as_in_jsbsim(name):
+    linear, rotation, thrust, turning = misses(name, 2)
+    assert linear < 1e-12
+    assert rotation < 1e-12
+    assert thrust < 1e-11
+    assert turning < 1e-10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(set(ALL) - OTHERS))
+def test_all_aircraft_accelerate_as_in_jsbsim(name):
+    linear, rotation, thrust, turning = misses(name, 5)
+    tolerance = SLOW.get(name, 1e-9)
+    assert linear < max(1e-12, 1e-3 * tolerance)
+    assert rotation < tolerance
+    assert thrust < max(1e-9, tolerance)
+    assert turning < max(1e-9, 10.0 * tolerance)
+
+
+@pytest.mark.parametrize("name", [pytest.param("f16", marks=pytest.mark.slow), "X15"])
+def test_where_the_surface_is_the_input_forces_are_those_at_jsbsims_surfaces(name):
+    model = read_model(f"jsbsim:{name}")
+    points = random_points(model, 2)
+    for point in points:
+        point["commands"] |= {"aileron": 0.0, "rudder": 0.0}
+        point["state"] |= {"beta": 0.0, "roll_rate": 0.0, "yaw_rate": 0.0}
+    for point, answer in zip(points, measured(name, points), strict=True):
+        _, rates, _ = ours_at(model, point, answer | {"aileron": 0.0})
+        assert rates["pitch_rate"] == pytest.approx(answer["qdot"], rel=1e-9)

@@ -1,0 +1,172 @@
+"""Critics that are neural networks, of files or as CasADi functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic, from_functions, from_weights, symbols_for
+from controller.game.basis import Basis, basis
+from controller.game.zero_sum import Game
+from hfa_networks.files.activations import COMMON
+from hfa_networks.files.network_file import NetworkFile, network_in
+from hfa_networks.files.q_function import policy_of
+from hfa_support.errors import BadInputError, said_of, shortened
+
+#: What a network may compute of the state: V, dV/dz, u, or V and u one behind the other.
+OUTPUTS = ("V", "gradient", "policy", "V+policy")
+
+
+def from_network(
+    game: Game,
+    source: str | Path | ca.Function,
+    *,
+    network: str = "",
+    activation: str | None = None,
+    scale: np.ndarray | None = None,
+    features: Basis | ca.Function | None = None,
+) -> Critic:
+    """The critic that a network is: of a file, as `network_in` reads it, or a CasADi Function of
+    the state.
+
+    A network of the state and the input is a Q; its policy is judged, as `policy_of` finds it.
+
+    game: that the critic should solve
+    source: the file, or the Function
+    network: which part of a file is what, as "value", "V=value" or "V=value,policy=actor"; without
+        a name of `OUTPUTS` the number of outputs decides.
+    activation: between the layers of a state dict.
+    scale: (n,), the network takes state i times scale[i].
+    features: a single layer on these functions (default: the quadratic basis) is a polynomial.
+
+    BadInputError, one line, names the file.
+
+    >>> import casadi as ca
+    >>> import hfa
+    >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
+    >>> z = ca.SX.sym("z", 6)
+    >>> V = ca.Function("V", [z], [3 * ca.sumsqr(z)])
+    >>> hfa.from_network(game, V).P.diagonal().tolist()
+    [3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
+    """
+    n, m = game.B.shape
+    scales = np.ones(n) if scale is None else np.asarray(scale, dtype=float)
+    if scales.shape != (n,) or not np.all(np.isfinite(scales) & (scales != 0.0)):
+        raise BadInputError(f"scale needs {n} numbers other than 0, one for each state")
+    functions = basis("quadratic", n) if features is None else features
+    if isinstance(source, ca.Function):
+        stored = NetworkFile({network: source}, "a CasADi function", "float64")
+        return _of_states(game, stored, scales, "network", {})
+    count = functions.size if isinstance(functions, Basis) else functions.numel_out(0)
+    parts = _parts(network)
+    stored = network_in(source, n, activation, parts, count, m)
+    origin = f"network {Path(source).name}: {stored.chain}"
+    with said_of(source):
+        if stored.on_basis is not None:
+            return _on_basis(game, stored, functions, scales, (parts, origin))
+        variants: dict[str, Callable[[], Critic]] = {}
+        if activation:
+            read = partial(from_network, game, source, network=network, scale=scale)
+            for name in COMMON:
+                if name != activation.partition(",")[0]:
+                    mistake = f"the activation is {name}, not {activation}"
+                    variants[mistake] = partial(read, activation=name)
+        return _of_states(game, stored, scales, origin, variants)
+
+
+def _of_states(
+    game: Game,
+    stored: NetworkFile,
+    scales: np.ndarray,
+    origin: str,
+    variants: Mapping[str, Callable[[], Critic]],
+) -> Critic:
+    """The critic of a network that takes the states, or of a Q the states and inputs."""
+    n, m = game.B.shape
+    functions = {}
+    for name, function in stored.functions.items():
+        if function.numel_in(0) == n + m:
+            origin = f"{origin} = Q(x, u), u from dQ/du = 0"
+            function = policy_of(function, n)
+        functions[name] = function
+    sizes = {name: function.numel_out(0) for name, function in functions.items()}
+    kinds = _kinds(sizes, n, m)
+    z = symbols_for(functions.values(), n)
+    outputs = {}
+    for name, function in functions.items():
+        numbers = ca.vec(function(ca.DM(scales) * z))
+        if kinds[name] == "V+policy":
+            outputs["V"] = numbers[0]
+            outputs["policy"] = numbers[1:]
+        else:
+            outputs[kinds[name]] = numbers
+    return from_functions(game, z, outputs, origin, stored.precision, variants)
+
+
+def _on_basis(
+    game: Game,
+    stored: NetworkFile,
+    functions: Basis | ca.Function,
+    scales: np.ndarray,
+    asked: tuple[Mapping[str, str], str],
+) -> Critic:
+    """The polynomial of a single layer on the basis; asked: its parts and its origin."""
+    parts, origin = asked
+    layer = stored.on_basis
+    assert layer is not None
+    if len(layer.weight) != 1 or not set(parts) <= {"", "V"}:
+        raise BadInputError(
+            f"a layer on the basis has {len(layer.weight)} outputs; only V, which has 1, is read "
+            "of it"
+        )
+    weights = layer.weight[0]
+    if isinstance(functions, Basis):
+        weights = weights * functions.scaling(scales)
+    critic = from_weights(game, weights, functions, float(layer.bias[0]), stored.precision)
+    return replace(critic, origin=origin, is_layer=True)
+
+
+def _parts(network: str) -> dict[str, str]:
+    """Which of `OUTPUTS` ("": not said) -> the part of the file, of "value" or
+    "V=value,policy=actor"."""
+    parts: dict[str, str] = {}
+    for item in network.split(","):
+        output, equals, part = item.strip().rpartition("=")
+        if equals and output not in OUTPUTS:
+            raise BadInputError(
+                f"--network {shortened(item)!r}: before = stands one of {', '.join(OUTPUTS)}"
+            )
+        parts[output] = part
+    return parts
+
+
+def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
+    """What each output of a network is, by its name where that is one of `OUTPUTS`, else by its
+    size."""
+    counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
+    kinds = {}
+    for name, size in sizes.items():
+        candidates = [name] if name in counts else list(counts)
+        fitting = [kind for kind in candidates if counts[kind] == size]
+        if "gradient" in fitting and m != n:
+            fitting = ["gradient"]  # V and a policy have as many where 1 + m = n: to be named
+        if not fitting:
+            meanings = ", ".join(f"{kind} has {count}" for kind, count in counts.items())
+            raise BadInputError(f"the network has {size} outputs; on this plant {meanings}")
+        if len(fitting) > 1:
+            raise BadInputError(
+                f"{size} outputs may be {' or '.join(fitting)}; say which, as "
+                f"--network {fitting[0]}="
+            )
+        kinds[name] = fitting[0]
+    if len(kinds) > 1 and sorted(kinds.values()) != ["V", "policy"]:
+        raise BadInputError(
+            f"its outputs {shortened(', '.join(sizes))} are {', '.join(kinds.values())}; name one, "
+            "or V and a policy, as in --network V=value,policy=actor"
+        )
+    return kinds

@@ -1,0 +1,349 @@
+"""Feed-forward networks in files: ONNX graphs, and state dicts of linear layers and LayerNorms.
+
+Nothing is guessed. A state dict does not say in which order its layers run: that is the order of
+the file where the format keeps it (torch), else the only order that the numbers in the names and
+the widths allow. What was read is returned as a chain, `6 -> tanh 64 -> 1`, to be compared with
+what was trained. Weights keep the digits of the file; all arithmetic is in doubles.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from itertools import islice, pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_networks.files.activations import ACTIVATIONS
+from hfa_networks.files.onnx_graph import check_width, graph_functions, normalized
+from hfa_networks.files.products import Products
+from hfa_networks.files.tensors import LARGEST_FILE, checked_tensors, tensors_in
+from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
+from hfa_support.files import regular_file
+
+#: Formats that keep the order in which layers were saved.
+_ORDERED = (".pt", ".pth", ".pkl", ".zip")
+#: Kinds of names that may be ordered by their widths; of more the search could take long.
+_MOST_KINDS = 8
+#: Added to the variance by torch's LayerNorm; a state dict does not hold it.
+_EPSILON = 1e-5
+
+
+class Layer(NamedTuple):
+    """y = weight x + bias; of a LayerNorm y_i = weight_i (x_i - mean) / deviation + bias_i.
+
+    name: in the file, without ".weight".
+    weight: (k, n), of a LayerNorm (k,).
+    bias: (k,).
+    """
+
+    name: str
+    weight: np.ndarray
+    bias: np.ndarray
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether it is no LayerNorm."""
+        return self.weight.ndim == 2
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers it takes."""
+        return self.weight.shape[-1]
+
+    @property
+    def outputs(self) -> int:
+        """How many numbers it gives."""
+        return len(self.weight)
+
+
+class NetworkFile(NamedTuple):
+    """What a file of a network holds.
+
+    functions: what was asked for, or the name of an output -> x (n,) -> its numbers (k,).
+    chain: the operations in their order, as "6 -> tanh 64 -> 1".
+    precision: of the weights in the file, as "float32".
+    on_basis: the only layer, where it acts on the basis and not on the states; then there are no
+        functions.
+    """
+
+    functions: dict[str, ca.Function]
+    chain: str
+    precision: str
+    on_basis: Layer | None = None
+
+
+def network_in(
+    path: str | Path,
+    states: int,
+    activation: str | None = None,
+    parts: Mapping[str, str] | None = None,
+    features: int = 0,
+    inputs: int = 0,
+) -> NetworkFile:
+    """The network in a file.
+
+    states: of the plant, which it takes.
+    activation: one of `ACTIVATIONS`, between the layers of a state dict; after a comma that of its
+        output.
+    parts: what is asked for -> which tensors, by a word in their names or more with + between them,
+        or which output of an ONNX graph.
+    features: size of the basis; a single layer of as many inputs acts on the basis.
+    inputs: of the plant, which a Q takes behind the states.
+
+    BadInputError, one line that names the file.
+    """
+    path = Path(path)
+    parts = parts or {"": ""}
+    suffix = path.suffix.lower()
+    with said_of(path):
+        try:
+            if suffix == ".onnx":
+                functions, precision, chain = graph_functions(path, states, inputs, parts)
+                return NetworkFile(functions, chain, precision)
+            content = regular_file(path, LARGEST_FILE).read_bytes()
+            tensors, precision = checked_tensors(tensors_in(content, suffix))
+            networks = {
+                name: _layers(_selected(tensors, part), (states, states + inputs), suffix)
+                for name, part in parts.items()
+            }
+        except OSError as error:
+            raise BadInputError(f"cannot be read ({error.strerror})") from error
+        except BadInputError:
+            raise
+        except Exception as error:  # a damaged file makes the readers raise nearly anything
+            reason = shortened(str(error).partition("\n")[0])
+            raise BadInputError(f"it is damaged or no network ({reason})") from error
+        first = next(iter(networks.values()))
+        if len(first) == 1 and first[0].inputs == features:
+            return NetworkFile({}, f"{features} functions -> 1", precision, first[0])
+        functions = {}
+        chains = []
+        for name, layers in networks.items():
+            check_width(layers[0].inputs, states, inputs)
+            steps = _with_activations(layers, activation)
+            functions[name] = _composed(steps)
+            chains.append(_chain(name, steps))
+        return NetworkFile(functions, "; ".join(chains), precision)
+
+
+def _selected(tensors: Mapping[str, np.ndarray], part: str) -> dict[str, np.ndarray]:
+    """The tensors in whose names one of the words of "word+word" stands."""
+    words = [f".{word}." for word in part.split("+") if word]
+    chosen = {
+        name: array
+        for name, array in tensors.items()
+        if not words or any(word in f".{name}." for word in words)
+    }
+    if not chosen:
+        where = _roots(tensors)
+        advice = f"its tensors are in {where}" if where else "it is one network; name no part of it"
+        raise BadInputError(f"it holds no tensors called {shortened(part)!r}; {advice}")
+    return chosen
+
+
+def _roots(tensors: Mapping[str, np.ndarray]) -> str:
+    """The names of the networks in a file, for a message."""
+    stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
+    return shortened(", ".join(dict.fromkeys(stems)), 200)
+
+
+def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: str) -> list[Layer]:
+    """The layers in the order in which they run.
+
+    widths: how many inputs the first may have.
+    suffix: of the file.
+    """
+    layers = []
+    for name, array in tensors.items():
+        if name.rpartition(".")[2] == "bias" and name.removesuffix("bias") + "weight" in tensors:
+            continue
+        stem = name.removesuffix("weight")
+        bias = tensors.get(f"{stem}bias")
+        if bias is None and array.ndim == 2:
+            bias = np.zeros(len(array))
+        is_layer = name.endswith("weight") and array.ndim in (1, 2)
+        if not is_layer or bias is None or bias.shape != array.shape[:1]:
+            reason = "is no weight or bias of a linear layer or a LayerNorm"
+            raise _no_chain(name, array, reason, tensors)
+        layers.append(Layer(stem.removesuffix("."), array, bias))
+    if not any(layer.is_linear for layer in layers):
+        raise BadInputError("it holds no linear layer")
+    layers = _as_saved(layers) if suffix in _ORDERED else _only_order(layers, widths)
+    for before, layer in pairwise(layers):
+        if before.outputs != layer.inputs:
+            reason = f"takes {layer.inputs} numbers, the layer before gives {before.outputs}"
+            name = f"{layer.name}.weight".removeprefix(".")
+            raise _no_chain(name, layer.weight, reason, tensors)
+    return layers
+
+
+def _no_chain(
+    name: str, array: np.ndarray, reason: str, tensors: Mapping[str, np.ndarray]
+) -> BadInputError:
+    return BadInputError(
+        f"tensor {shortened(name)!r} {array.shape} {reason}; of several networks name one by "
+        f"--network: {_roots(tensors)}"
+    )
+
+
+def _kind(layer: Layer) -> str:
+    """The name without its numbers: layers of one kind run in the order of their numbers."""
+    return re.sub(r"\d+", "#", layer.name)
+
+
+def _numbers(layer: Layer) -> list[int]:
+    return [int(number) for number in re.findall(r"\d+", layer.name)]
+
+
+def _as_saved(layers: list[Layer]) -> list[Layer]:
+    """The layers as they are; BadInputError where the numbers in their names say otherwise."""
+    last: dict[str, Layer] = {}
+    for layer in layers:
+        before = last.get(_kind(layer))
+        if before is not None and _numbers(before) > _numbers(layer):
+            raise BadInputError(
+                f"layer {shortened(layer.name)!r} stands after {shortened(before.name)!r}: the "
+                "file does not tell in which order they run; save them in that order, or export "
+                "to ONNX"
+            )
+        last[_kind(layer)] = layer
+    return layers
+
+
+def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
+    """The only order in which each layer takes what the one before gives, and the numbers in the
+    names of one kind increase.
+
+    BadInputError where there is more than one. Where there is none, the order of the numbers.
+    """
+    by_kind: dict[str, list[Layer]] = {}
+    for layer in sorted(layers, key=_numbers):
+        by_kind.setdefault(_kind(layer), []).append(layer)
+    as_numbered = [layer for group in by_kind.values() for layer in group]
+    if len(by_kind) == 1:
+        return as_numbered
+    names = ", ".join(shortened(layer.name) for layer in layers[:_MOST_KINDS])
+    if len(by_kind) > _MOST_KINDS:
+        raise BadInputError(
+            f"its layers ({names} ...) have {len(by_kind)} different names, which do not tell in "
+            "which order they run; number them, or name one network by --network"
+        )
+    orders = list(islice(_orders(tuple(by_kind.values()), widths), 2))
+    if len(orders) == 2:
+        raise BadInputError(
+            f"its layers ({names}) fit together in more than one order, and this format does not "
+            "keep the order; number them in the order in which they run, or export to ONNX"
+        )
+    return orders[0] if orders else as_numbered
+
+
+def _orders(groups: tuple[list[Layer], ...], widths: Collection[int]) -> Iterator[list[Layer]]:
+    """Every order of the layers, of each group from its first on, that begins with one of the
+    widths."""
+    if not any(groups):
+        yield []
+    for index, group in enumerate(groups):
+        if group and group[0].inputs in widths:
+            remaining = (*groups[:index], group[1:], *groups[index + 1 :])
+            for order in _orders(remaining, (group[0].outputs,)):
+                yield [group[0], *order]
+
+
+def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple[Layer, str]]:
+    """Each layer and the name of the function behind it, "" for none."""
+    between, last = _activations(layers, activation)
+    names = [""] * len(layers)
+    if between:
+        for index in _activated(layers):
+            names[index] = between
+    names[-1] = last or names[-1]
+    return list(zip(layers, names, strict=True))
+
+
+def _activated(layers: list[Layer]) -> list[int]:
+    """Behind which layers the activation is: once between two linear layers.
+
+    BadInputError where the names do not tell whether that is before or behind a LayerNorm.
+    """
+    linear = [index for index, layer in enumerate(layers) if layer.is_linear]
+    open_places = [
+        index
+        for index, (before, layer) in enumerate(pairwise(layers))
+        if not _follows(before, layer)
+    ]
+    activated = []
+    for first, second in pairwise(linear):
+        places = [index for index in open_places if first <= index < second]
+        if second == first + 1:
+            places = [first]
+        if len(places) != 1:
+            raise _unknown_place(layers[first + 1])
+        activated += places
+    for index in open_places:
+        if index < linear[0] or index >= linear[-1]:
+            raise _unknown_place(layers[index] if index < linear[0] else layers[index + 1])
+    return activated
+
+
+def _unknown_place(norm: Layer) -> BadInputError:
+    return BadInputError(
+        "the names of its layers do not tell whether the activation is before or behind the "
+        f"LayerNorm {shortened(norm.name)!r}; export the network to ONNX"
+    )
+
+
+def _follows(before: Layer, layer: Layer) -> bool:
+    """Whether the numbers in their names leave no place between them: in a torch.nn.Sequential an
+    activation takes a number too."""
+    numbers = _numbers(before)
+    numbers[-1:] = [number + 1 for number in numbers[-1:]]
+    return _kind(before) == _kind(layer) and numbers == _numbers(layer)
+
+
+def _composed(steps: list[tuple[Layer, str]]) -> ca.Function:
+    """x -> the output of the last layer."""
+    x = ca.SX.sym("x", steps[0][0].inputs)
+    products = Products(x)
+    h = np.fromiter(ca.vertsplit(x), object)
+    for layer, activation in steps:
+        if layer.is_linear:
+            h = products.times(layer.weight, h) + layer.bias
+        else:
+            h = normalized(h, (0,), _EPSILON) * layer.weight + layer.bias
+        if activation:
+            h = ACTIVATIONS[activation](h)
+    return products.function(h)
+
+
+def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:
+    """The names of the activation between the layers and of that of the output; "" for none."""
+    if activation is None and sum(layer.is_linear for layer in layers) > 1:
+        raise BadInputError(
+            "a state dict does not say what is between its layers; give "
+            f"--set activation={'|'.join(ACTIVATIONS)}"
+        )
+    between, _, last = (activation or "").partition(",")
+    for name in filter(None, (between, last)):
+        refuse_unknown("unknown activation", name, ACTIVATIONS)
+    return between, last
+
+
+def _chain(name: str, steps: list[tuple[Layer, str]]) -> str:
+    """The layers in their order, with their names: "6 -> tanh 64 -> 1 (layers 0, 2)"."""
+    words = [str(steps[0][0].inputs)]
+    for layer, activation in steps:
+        if layer.is_linear:
+            words.append(f"{activation} {layer.outputs}".strip())
+        else:
+            words.append(f"LayerNorm {layer.outputs} (epsilon {_EPSILON:g})")
+            if activation:
+                words.append(f"{activation} {layer.outputs}")
+    names = ", ".join(layer.name for layer, _ in steps if layer.name)
+    chain = " -> ".join(words)
+    if name:
+        chain = f"{name} {chain}"
+    return f"{chain} (layers {shortened(names, 80)})" if names else chain

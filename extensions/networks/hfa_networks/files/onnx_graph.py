@@ -1,0 +1,407 @@
+"""ONNX graphs as CasADi functions, operator by operator; other operators are refused by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial, reduce
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_networks.files.activations import ACTIVATIONS, on_entries
+from hfa_networks.files.products import Products
+from hfa_networks.files.tensors import LARGEST_FILE, LARGEST_NETWORK, checked_tensors
+from hfa_support.errors import BadInputError, said_of, shortened
+from hfa_support.files import regular_file
+
+#: The oldest ONNX operator set that is read.
+OLDEST_OPSET = 9
+#: Numbers that depend on the state, in one graph.
+_MOST_SCALARS = 200_000
+
+
+def _divided(a: Any, b: Any) -> Any:
+    """a / b; of integers, as ONNX defines it, without the remainder."""
+    quotient = a / b
+    if np.asarray(a).dtype.kind == "i" and np.asarray(b).dtype.kind == "i":
+        return np.trunc(quotient).astype(int)
+    return quotient
+
+
+def _gemm(
+    times: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    a: np.ndarray,
+    b: np.ndarray,
+    c: Any = 0.0,
+    **how: float,
+) -> Any:
+    first = a.T if how.get("transA") else a
+    second = b.T if how.get("transB") else b
+    return how.get("alpha", 1.0) * times(first, second) + how.get("beta", 1.0) * c
+
+
+def _reshape(x: np.ndarray, shape: np.ndarray, allowzero: int = 0) -> np.ndarray:
+    sizes = [int(size) for size in shape]
+    if not allowzero:
+        sizes = [size or x.shape[axis] for axis, size in enumerate(sizes)]
+    return x.reshape(sizes)
+
+
+def _expanded(x: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(x, np.broadcast_shapes(x.shape, tuple(map(int, sizes))))
+
+
+def _slice(
+    x: np.ndarray, starts: Any, ends: Any, axes: Any = None, steps: Any = None
+) -> np.ndarray:
+    axes = range(len(starts)) if axes is None else axes
+    steps = np.ones(len(starts)) if steps is None else steps
+    slices = [slice(None)] * x.ndim
+    for axis, start, end, step in zip(axes, starts, ends, steps, strict=True):
+        slices[int(axis)] = slice(int(start), int(end), int(step))
+    return x[tuple(slices)]
+
+
+def _reduced(
+    combine: Callable[..., Any],
+    x: np.ndarray,
+    axes: Any = None,
+    keepdims: int = 1,
+    noop_with_empty_axes: int = 0,
+) -> Any:
+    if axes is None or not np.size(axes):
+        if noop_with_empty_axes:
+            return x
+        return combine(x, axis=None, keepdims=bool(keepdims))
+    return combine(x, axis=tuple(map(int, np.ravel(axes))), keepdims=bool(keepdims))
+
+
+def _clip(x: np.ndarray, low: Any = None, high: Any = None, **ends: float) -> np.ndarray:
+    low = ends.get("min", low)
+    high = ends.get("max", high)
+    if low is not None:
+        x = on_entries(partial(ca.fmax, float(low)))(x)
+    if high is not None:
+        x = on_entries(partial(ca.fmin, float(high)))(x)
+    return x
+
+
+def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
+    is_integer = np.asarray(x).dtype.kind == "i"
+    if to not in (1, 7, 11) or (to == 7) != is_integer:  # float, int64, double
+        raise BadInputError(
+            "a Cast goes to another type than float and double; export the network without it"
+        )
+    return x
+
+
+def normalized(x: np.ndarray, axes: tuple[int, ...], epsilon: float) -> np.ndarray:
+    """(x - mean) / sqrt(variance + epsilon) over the axes."""
+    centred = x - np.mean(x, axis=axes, keepdims=True)
+    variance = np.mean(centred**2, axis=axes, keepdims=True)
+    return centred / on_entries(ca.sqrt)(variance + epsilon)
+
+
+def _layer_norm(
+    x: np.ndarray,
+    scale: Any,
+    bias: Any = 0.0,
+    axis: int = -1,
+    epsilon: float = 1e-5,
+    stash_type: int = 1,
+) -> np.ndarray:
+    axes = tuple(range(axis % x.ndim, x.ndim))
+    return normalized(x, axes, epsilon) * scale + bias
+
+
+def _batch_norm(
+    x: np.ndarray, scale: Any, bias: Any, mean: Any, variance: Any, **how: float
+) -> np.ndarray:
+    if how.get("training_mode"):
+        raise BadInputError("its BatchNormalization is in training mode; export it after eval()")
+    if x.ndim != 2:
+        raise BadInputError(f"its BatchNormalization is of {x.ndim} axes; only of rows is it read")
+    return (x - mean) / np.sqrt(variance + how.get("epsilon", 1e-5)) * scale + bias
+
+
+def _dropout(x: np.ndarray, ratio: Any = None, training: Any = False, **_: Any) -> np.ndarray:
+    if training:
+        raise BadInputError("its Dropout is in training mode; export it after eval()")
+    return x
+
+
+def _softmax(x: np.ndarray, axis: int = -1) -> np.ndarray:
+    largest = _LARGER.reduce(x, axis=axis, keepdims=True)  # exp of what is left is at most 1
+    powers = on_entries(ca.exp)(x - largest)
+    return powers / np.sum(powers, axis=axis, keepdims=True)
+
+
+def _hard_sigmoid(x: np.ndarray, alpha: float = 0.2, beta: float = 0.5) -> np.ndarray:
+    return _clip(alpha * x + beta, 0.0, 1.0)
+
+
+def _prelu(x: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    return _LARGER(x, 0.0) + slope * _SMALLER(x, 0.0)
+
+
+def _celu(x: np.ndarray, alpha: float = 1.0) -> np.ndarray:
+    return _LARGER(x, 0.0) + alpha * on_entries(ca.expm1)(_SMALLER(x, 0.0) / alpha)
+
+
+def _chosen(condition: Any, value: Any, otherwise: Any) -> Any:
+    if isinstance(condition, ca.SX):
+        return ca.if_else(condition, value, otherwise)
+    return value if condition else otherwise
+
+
+_LARGER = np.frompyfunc(ca.fmax, 2, 1)
+_SMALLER = np.frompyfunc(ca.fmin, 2, 1)
+#: ONNX operators but the products: inputs, then attributes by name.
+_OPERATORS: Mapping[str, Callable[..., Any]] = {
+    "Add": lambda a, b: a + b,
+    "Sub": lambda a, b: a - b,
+    "Mul": lambda a, b: a * b,
+    "Div": _divided,
+    "Neg": lambda a: -a,
+    "Sum": lambda *terms: sum(terms[1:], terms[0]),
+    "Tanh": ACTIVATIONS["tanh"],
+    "Relu": ACTIVATIONS["relu"],
+    "LeakyRelu": ACTIVATIONS["leaky_relu"],
+    "Sigmoid": ACTIVATIONS["sigmoid"],
+    "Softplus": ACTIVATIONS["softplus"],
+    "Elu": ACTIVATIONS["elu"],
+    "Selu": ACTIVATIONS["selu"],
+    "Gelu": ACTIVATIONS["gelu"],
+    "PRelu": _prelu,
+    "Celu": _celu,
+    "HardSigmoid": _hard_sigmoid,
+    "HardSwish": lambda x: x * _hard_sigmoid(x, 1.0 / 6.0),
+    "Mish": lambda x: x * on_entries(ca.tanh)(ACTIVATIONS["softplus"](x)),
+    "Softmax": _softmax,
+    "Sin": ACTIVATIONS["sin"],
+    "Cos": on_entries(ca.cos),
+    "Erf": on_entries(ca.erf),
+    "Exp": on_entries(ca.exp),
+    "Log": on_entries(ca.log),
+    "Sqrt": on_entries(ca.sqrt),
+    "Abs": on_entries(ca.fabs),
+    "Reciprocal": lambda a: 1.0 / a,
+    "Clip": _clip,
+    "Min": lambda *arrays: reduce(_SMALLER, arrays),
+    "Max": lambda *arrays: reduce(_LARGER, arrays),
+    "Greater": np.frompyfunc(lambda a, b: a > b, 2, 1),
+    "GreaterOrEqual": np.frompyfunc(lambda a, b: a >= b, 2, 1),
+    "Equal": np.frompyfunc(lambda a, b: a == b, 2, 1),
+    "Less": np.frompyfunc(lambda a, b: a < b, 2, 1),
+    "LessOrEqual": np.frompyfunc(lambda a, b: a <= b, 2, 1),
+    "Where": np.frompyfunc(_chosen, 3, 1),
+    "LayerNormalization": _layer_norm,
+    "BatchNormalization": _batch_norm,
+    "Reshape": _reshape,
+    "Flatten": lambda x, axis=1: x.reshape(math.prod(x.shape[:axis]), -1),
+    "Squeeze": lambda x, axes=None: np.squeeze(x, None if axes is None else tuple(map(int, axes))),
+    "Unsqueeze": lambda x, axes: np.expand_dims(x, tuple(map(int, axes))),
+    "Pow": lambda a, b: a**b,
+    "Transpose": lambda a, perm=None: a.transpose(perm),
+    "ReduceSum": partial(_reduced, np.sum),
+    "ReduceMean": partial(_reduced, np.mean),
+    "Trilu": lambda x, k=0, upper=1: (np.triu if upper else np.tril)(x, int(k)),
+    "Concat": lambda *parts, axis: np.concatenate(parts, axis=axis),
+    "Slice": _slice,
+    "Gather": lambda x, places, axis=0: np.take(x, np.asarray(places, dtype=int), axis=axis),
+    "Shape": lambda x: np.array(x.shape),
+    "Identity": lambda a: a,
+    "ConstantOfShape": lambda sizes, value=0.0: np.full(tuple(map(int, sizes)), value),
+    "EyeLike": lambda x, k=0, **_: np.eye(len(x), x.shape[1], k),
+    "Expand": _expanded,
+    "Dropout": _dropout,
+    "Cast": _cast,
+    "Constant": lambda **values: np.array(next(iter(values.values()))),
+}
+#: Operators that only arrange numbers, not shown in the chain of a network.
+_ARRANGING = {"Identity", "Reshape", "Flatten", "Squeeze", "Unsqueeze", "Constant", "Shape"}
+_ARRANGING |= {"Cast", "Dropout", "Transpose"}
+
+
+def graph_functions(
+    path: Path, states: int, inputs: int, outputs: Mapping[str, str]
+) -> tuple[dict[str, ca.Function], str, str]:
+    """The functions of a graph, the precision of its weights, and its operators as one line.
+
+    path: of the file; weights beside it are read from files of its folder.
+    states, inputs: of the plant.
+    outputs: what is asked for -> the name of an output of the graph; "" for all of them.
+    Functions: what was asked for, or the name of the output -> x (states,), of a Q
+        (states + inputs,) -> its numbers.
+    """
+    try:
+        import onnx
+    except ImportError as error:
+        raise BadInputError(
+            "ONNX files need the package onnx; install hfa with the extra [networks]"
+        ) from error
+    model = onnx.load_from_string(regular_file(path, LARGEST_FILE).read_bytes())
+    versions = [item.version for item in model.opset_import if item.domain in ("", "ai.onnx")]
+    opset = max(versions, default=0)
+    if opset < OLDEST_OPSET:
+        raise BadInputError(
+            f"it has the ONNX operator set {opset}; export it with {OLDEST_OPSET} or later"
+        )
+    graph = model.graph
+    arrays: dict[str, Any]
+    initializers = {tensor.name: tensor for tensor in graph.initializer}
+    arrays, precision = _constants(onnx, initializers, path.parent)
+    shapes = _inputs_of(graph, set(arrays), states, inputs)
+    width = sum(shape[-1] for shape in shapes.values())
+    x = ca.SX.sym("x", width)
+    entries = np.fromiter(ca.vertsplit(x), object)
+    for name, shape in shapes.items():
+        arrays[name] = entries[: shape[-1]].reshape(shape)
+        entries = entries[shape[-1] :]
+    products = Products(x)
+    operators: dict[str, Callable[..., Any]] = {
+        "MatMul": products.times,
+        "Gemm": partial(_gemm, products.times),
+        **_OPERATORS,
+    }
+    steps = [" and ".join(str(shape[-1]) for shape in shapes.values())]
+    scalars = 0
+    constants = 0
+    for node in graph.node:
+        result, node_precision = _evaluated(onnx, operators, node, arrays)
+        if result.dtype == object:
+            scalars += result.size
+        else:
+            constants += result.size
+        if scalars > _MOST_SCALARS or constants > LARGEST_NETWORK:
+            raise BadInputError(
+                f"it computes more than {_MOST_SCALARS} numbers of one state, or more than "
+                f"{LARGEST_NETWORK} constants"
+            )
+        arrays[node.output[0]] = result
+        precision = min(precision, node_precision)  # float32 before float64
+        if node.op_type not in _ARRANGING and result.dtype == object:
+            steps.append(f"{node.op_type} {result.size}")
+    return _outputs_of(graph, arrays, products, outputs), precision, " -> ".join(steps)
+
+
+def _inputs_of(
+    graph: Any, constants: set[str], states: int, inputs: int
+) -> dict[str, tuple[int, ...]]:
+    """The name and the shape of each input: the state, or of a Q the state and the input of the
+    plant, in one row or in two.
+
+    BadInputError for anything else.
+    """
+    shapes = {}
+    for item in graph.input:
+        if item.name not in constants:
+            axes = item.type.tensor_type.shape.dim
+            shapes[item.name] = [axis.dim_value for axis in axes]  # 0 where it is open
+    if len(shapes) not in (1, 2) or not graph.output:
+        raise BadInputError(
+            f"it has {len(shapes)} inputs and {len(graph.output)} outputs; a critic takes the "
+            "state alone, a Q the state and the input"
+        )
+    rows = {}
+    for (name, sizes), width in zip(shapes.items(), (states, inputs), strict=False):
+        if len(sizes) not in (1, 2) or (len(sizes) == 2 and sizes[0] > 1):
+            raise BadInputError(f"its input has the shape {sizes}; it must be one row of states")
+        columns = sizes[-1] or width
+        if len(shapes) == 1:
+            check_width(columns, states, inputs)
+        elif columns != width:
+            raise BadInputError(
+                f"its input {shortened(name)!r} has {columns} numbers; a Q takes {states} states, "
+                f"then {inputs} inputs"
+            )
+        rows[name] = (1, columns)[-len(sizes) :]
+    return rows
+
+
+def check_width(width: int, states: int, inputs: int) -> None:
+    """BadInputError where a network takes neither the states of the plant nor, as a Q does, its
+    states and inputs."""
+    if width not in (states, states + inputs):
+        raise BadInputError(
+            f"the network has {width} inputs and the plant {states} states; a Q of them and the "
+            f"{inputs} inputs of the plant has {states + inputs}"
+        )
+
+
+def _constants(
+    onnx: Any, tensors: Mapping[str, Any], folder: Path | None = None
+) -> tuple[dict[str, np.ndarray], str]:
+    """Arrays of ONNX tensors by name, and their precision.
+
+    folder: where the data of a tensor may be in another file.
+    """
+    arrays = {}
+    for name, tensor in tensors.items():
+        if tensor.data_location == onnx.TensorProto.EXTERNAL:
+            with said_of(f"tensor {shortened(name)!r}"):
+                arrays[name] = _external(onnx, tensor, folder)
+        else:
+            arrays[name] = onnx.numpy_helper.to_array(tensor)
+    return checked_tensors(arrays)
+
+
+def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
+    """The numbers of a tensor that are in a file of the folder, and nowhere else."""
+    entries = {entry.key: entry.value for entry in tensor.external_data}
+    location = entries.get("location", "")
+    beside = folder is not None and (folder / location).resolve().parent == folder.resolve()
+    if folder is None or not beside:
+        raise BadInputError(
+            "its data are in another folder; export the weights inside (torch: external_data=False)"
+        )
+    path = regular_file(folder / location, LARGEST_FILE)
+    dtype = np.dtype(onnx.helper.tensor_dtype_to_np_dtype(tensor.data_type))
+    count = math.prod(tensor.dims)
+    values = np.fromfile(path, dtype, count, offset=int(entries.get("offset", 0)))
+    return values.reshape(tuple(tensor.dims))
+
+
+def _evaluated(
+    onnx: Any,
+    operators: Mapping[str, Callable[..., Any]],
+    node: Any,
+    arrays: Mapping[str, Any],
+) -> tuple[np.ndarray, str]:
+    """The first output of a node, and the precision of a constant that it holds."""
+    name = node.op_type
+    if node.domain not in ("", "ai.onnx"):
+        name = f"{node.domain}.{name}"
+    if name not in operators:
+        raise BadInputError(f"operator {shortened(name)} is not known; use {', '.join(operators)}")
+    attributes = {item.name: onnx.helper.get_attribute_value(item) for item in node.attribute}
+    if "approximate" in attributes:
+        attributes["approximate"] = attributes["approximate"].decode()
+    precision = "float64"
+    if name in ("Constant", "ConstantOfShape") and "value" in attributes:
+        attributes, precision = _constants(onnx, attributes)
+    inputs = [arrays[item] if item else None for item in node.input]
+    result = np.asarray(operators[name](*inputs, **attributes))
+    if result.dtype == object and not any(isinstance(entry, ca.SX) for entry in result.flat):
+        result = np.array(result.tolist())
+    return result, precision
+
+
+def _outputs_of(
+    graph: Any, arrays: Mapping[str, Any], products: Products, outputs: Mapping[str, str]
+) -> dict[str, ca.Function]:
+    names = [item.name for item in graph.output]
+    functions = {}
+    for kind, output in outputs.items():
+        for name in [output] if output else names:
+            if name not in names:
+                raise BadInputError(
+                    f"it has no output {shortened(output)!r}; its outputs are "
+                    f"{shortened(', '.join(names))}"
+                )
+            key = kind if output or len(names) == 1 else name
+            functions[key] = products.function(arrays[name])
+    return functions

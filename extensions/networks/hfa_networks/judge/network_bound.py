@@ -1,0 +1,112 @@
+"""The largest error of a network over a box of states, proved by branch and bound."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_networks.judge.affine_rows import NotReadError
+from hfa_networks.judge.relaxation import Relaxation
+from hfa_support.progress import Progress
+
+#: Boxes that are bounded and halved before the next are chosen.
+_BATCH = 1024
+
+
+class Proof(NamedTuple):
+    """What is proved of the errors of a network.
+
+    what: "error" of V, its slopes and the policy, "error of the policy", "of V and its slopes".
+    error: none is larger, relative as searched, ...
+    fraction: ... at any state |z_i| <= fraction b_i of the box; 0 where nothing is proved.
+    boxes: into how many the box was divided.
+    beyond: a state (n,) where one is larger, which ended the proof; None where there is none.
+    is_of_all: whether it is of all errors that are compared.
+    """
+
+    what: str
+    error: float
+    fraction: float
+    boxes: int
+    beyond: np.ndarray | None = None
+    is_of_all: bool = True
+
+    @property
+    def where(self) -> str:
+        """The part of the box on which it is proved, never more than that."""
+        if self.fraction == 1.0:
+            return "in the box"
+        return f"on {math.floor(100.0 * self.fraction) / 100.0:g} times the box"
+
+
+def prove(
+    what: str,
+    errors: ca.Function,
+    b: np.ndarray,
+    limit: float,
+    seconds: float,
+    progress: Progress | None = None,
+) -> Proof | None:
+    """What is proved of |errors(z)| <= limit for |z_i| <= b_i within so many seconds; None where
+    the function has operations that have no bound.
+
+    A box that is not bounded by the limit is halved across the input that contributes most to the
+    width of its bound. Those nearest to z = 0 come first, so the fraction grows.
+    """
+    y = ca.SX.sym("y", len(b))
+    scaled = ca.Function("errors", [y], [ca.densify(errors(ca.DM(b) * y))])
+    try:
+        relaxation = Relaxation(scaled)
+    except (NotReadError, OverflowError):  # a coefficient that is no double
+        return None
+    begin = time.monotonic()
+    centres = np.zeros((1, len(b)))
+    half_widths = np.ones((1, len(b)))
+    count = 0
+    while len(centres):
+        distances = np.max(np.abs(centres) - half_widths, axis=1)
+        fraction = max(float(distances.min()), 0.0)
+        elapsed = time.monotonic() - begin
+        if progress is not None:
+            progress(min(elapsed, seconds), seconds, f"proved on {fraction:.2g} times the box")
+        if elapsed >= seconds:
+            return Proof(what, limit, fraction, count)
+        batch = min(_BATCH, len(centres))
+        order = np.argpartition(distances, batch - 1)
+        bounds = relaxation.over(centres[order[:batch]], half_widths[order[:batch]])
+        count += batch
+        worst = int(np.argmax(np.nan_to_num(bounds.lowest)))
+        if bounds.lowest[worst] > limit:
+            corner = bounds.corner[worst]
+            if np.abs(np.array(scaled(corner))).max() > limit:
+                return Proof(what, limit, fraction, count, b * corner)
+        is_open = ~(bounds.highest <= limit)
+        wide = order[:batch][is_open]
+        halves = _halves(centres[wide], half_widths[wide], bounds.gaps[is_open])
+        waiting = order[batch:]
+        centres = np.concatenate([centres[waiting], halves[0]])
+        half_widths = np.concatenate([half_widths[waiting], halves[1]])
+    return Proof(what, limit, 1.0, count)
+
+
+def _halves(
+    centres: np.ndarray, half_widths: np.ndarray, gaps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Both halves of each box, across the input with the largest gap, the widest where all are
+    equal."""
+    boxes = np.arange(len(centres))
+    # where nothing is known of the gaps, as without a bound, the widest input
+    known = np.all(np.isfinite(gaps), axis=1) & np.any(gaps > 0.0, axis=1)
+    across = np.argmax(np.where(known[:, None], gaps, half_widths), axis=1)
+    halved = half_widths.copy()
+    halved[boxes, across] *= 0.5
+    step = halved[boxes, across]
+    lower = centres.copy()
+    lower[boxes, across] -= step
+    upper = centres.copy()
+    upper[boxes, across] += step
+    return np.concatenate([lower, upper]), np.concatenate([halved, halved])

@@ -1,0 +1,341 @@
+"""A critic that is a nonlinear function of the state: its errors searched and proved over a box of
+states, and flown from there.
+
+What a search finds is a lower bound of the largest error; a proof gives an upper bound. Errors over
+a box of states are the same in continuous time and in steps; a `TimeAxis` says how it flies.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import FUNCTIONS, Critic
+from hfa_networks.judge.network_bound import Proof, prove
+from hfa_support.reporting.checks import Check
+from verification.critic.critic_errors import SMALL, Exact, error_check
+from verification.critic.network_flights import (
+    DOUBLINGS,
+    FEW,
+    Flown,
+    TimeAxis,
+    fly,
+    rest_check,
+    starts_in,
+)
+from verification.critic.verdict import Section
+
+if TYPE_CHECKING:
+    from verification.critic.scope import Scope
+
+#: States at which the errors are computed, half of them corners of the box.
+STARTS = 1000
+#: From how many corners and how many others a search climbs.
+CLIMBS = 3
+#: How often a search begins again at a state that a proof came upon.
+_SEARCHES = 3
+#: Of a policy that is not exact this much more than the largest error found is to be proved.
+_MARGIN = 1.25
+#: Of which errors a proof is -> what they are called, where that is not all of them.
+_PROVED = {
+    ("policy",): "error of the policy",
+    ("value", "gradient"): "error of V and its slopes",
+    ("gradient",): "error of the slopes of V",
+}
+_NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
+
+
+class Found(NamedTuple):
+    """The largest error that was found: relative, of `name`, at the state z (n,)."""
+
+    name: str
+    error: float
+    at: np.ndarray
+
+
+class Findings(NamedTuple):
+    """errors: at the origin and in the box. checks: these, and that of the rest point."""
+
+    errors: list[Check]
+    checks: list[Check]
+    proof: Proof | None
+    flown: Flown
+    section: Section
+
+
+class Comparison(NamedTuple):
+    """A network beside the exact solution, over a box of states.
+
+    weights: (m,), of the inputs beside each other: the roots of their prices.
+    box: b (n,), of the states |z_i| <= b_i.
+    """
+
+    critic: Critic
+    exact: Exact
+    weights: np.ndarray
+    box: np.ndarray
+
+    @property
+    def functions(self) -> dict[str, ca.Function]:
+        """What is compared: of "value", "gradient" and "policy" those that it has."""
+        functions = {"policy": self.critic.policy}
+        if self.critic.gradient is not None:
+            functions = {"gradient": self.critic.gradient} | functions
+        if self.critic.value is not None:
+            functions = {"value": self.critic.value} | functions
+        return functions
+
+    def errors(self, z: ca.SX, kinds: Sequence[str] = ()) -> tuple[list[str], ca.SX]:
+        """The kind of each error, and the errors, of the symbols z.
+
+        Each is relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its
+        constant, on which no policy depends.
+        """
+        P = ca.DM(self.exact.P)
+        names = []
+        errors = []
+        functions = self.functions
+        for kind in kinds or functions:
+            given = functions[kind](z)
+            if kind == "value":
+                error = given - self.critic.constant - ca.bilin(P, z, z)
+                sizes = np.atleast_1d(self.box @ np.abs(self.exact.P) @ self.box)
+            elif kind == "gradient":
+                error = given - 2.0 * P @ z
+                sizes = _floored(2.0 * np.abs(self.exact.P) @ self.box)
+            else:
+                error = given + ca.DM(self.exact.K) @ z
+                inputs = np.abs(self.exact.K) @ self.box
+                sizes = _floored(self.weights * inputs) / self.weights
+            names += [kind] * len(sizes)
+            errors.append(error / ca.DM(sizes))
+        return names, ca.vertcat(*errors)
+
+    def function(self, kinds: Sequence[str]) -> ca.Function:
+        """z -> the errors of these kinds, whose functions are graphs of scalars."""
+        z = ca.SX.sym("z", len(self.box))
+        return ca.Function("errors", [z], [self.errors(z, kinds)[1]])
+
+
+def _floored(sizes: np.ndarray) -> np.ndarray:
+    """As in `entry_error`: small ones are compared with a part of the largest."""
+    return np.maximum(sizes, SMALL * sizes.max() or 1.0)
+
+
+def findings(
+    axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
+) -> Findings:
+    """Search a network over the box |z_i| <= b_i, prove a bound, and fly it from there, if its
+    linear loop is stable."""
+    about = Comparison(critic, exact, np.sqrt(np.diag(axis.price)), b)
+    origin, worst, proof = _searched_and_proved(about, limit, scope)
+    errors = search_checks(critic, origin, worst, limit)
+    checks = list(errors)
+    flown = fly(axis, critic, exact, b, scope.flights, scope.plant)
+    if flown.flights:
+        checks.append(rest_check(flown.rest_point, b, limit))
+    section = network_section(critic, b, worst, proof, flown)
+    return Findings(errors, checks, proof, flown, section)
+
+
+# The search and the proof.
+
+
+def _searched_and_proved(
+    about: Comparison, limit: float, scope: Scope
+) -> tuple[float, tuple[Found, ...], Proof | None]:
+    """What `search` finds, and a proof: of the limit for all errors where no larger one is found,
+    else of `_MARGIN` times what the policy is off.
+
+    A larger error that the proof comes upon is searched from there. Only functions that are graphs
+    of scalars are proved, whose operations are bounded one by one.
+    """
+    end = time.monotonic() + scope.seconds
+    origin, worst = search(about)
+    functions = about.functions
+    provable = tuple(kind for kind in functions if functions[kind].is_a("SXFunction"))
+    proof = None
+    for _ in range(_SEARCHES if provable and scope.seconds else 0):
+        largest = {item.name: item.error for item in worst}
+        covers = provable
+        bound = limit
+        if max(largest.values()) > limit:
+            if "policy" not in provable:
+                break
+            covers = ("policy",)
+            if largest["policy"] > limit:
+                bound = _rounded_up(_MARGIN * largest["policy"])
+        function = about.function(covers)
+        seconds = end - time.monotonic()
+        what = _PROVED.get(covers, "error")
+        proof = prove(what, function, about.box, bound, seconds, scope.progress)
+        if proof is None:
+            break
+        proof = proof._replace(is_of_all=covers == tuple(functions))
+        if proof.beyond is None:
+            break
+        origin, worst = search(about, proof.beyond)
+    return origin, worst, proof
+
+
+def _rounded_up(number: float) -> float:
+    """To two digits."""
+    if not math.isfinite(number):
+        return number
+    digit = 10.0 ** (math.floor(math.log10(number)) - 1)
+    return float(f"{math.ceil(number / digit) * digit:.2g}")
+
+
+def search_checks(
+    critic: Critic, origin: float, found: tuple[Found, ...], limit: float
+) -> list[Check]:
+    """The checks of what `search` found."""
+    what = "u" if critic.gradient is None else "the slope of V"
+    checks = [error_check("origin_error", origin, limit, f"{what} at the origin")]
+    for item in found:
+        what = f"{_NOUNS[item.name]} in the box"
+        checks.append(error_check(f"searched_{item.name}_error", item.error, limit, what))
+    return checks
+
+
+def search(about: Comparison, also: np.ndarray | None = None) -> tuple[float, tuple[Found, ...]]:
+    """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any
+    dV/dz_i, of any input.
+
+    L-BFGS-B climbs each error from the `CLIMBS` worst corners and the `CLIMBS` worst others of
+    `STARTS` states, of a wide network from the worst state alone, and from the state `also` (n,).
+    All errors are compared at all states that any climb reaches.
+    """
+    b = about.box
+    z = about.critic.symbols
+    names, errors = about.errors(z)
+    values = ca.Function("values", [z], [errors])
+    climb = _climber(errors, z, b)
+    climbs = 0 if about.critic.wide else CLIMBS
+    starts = starts_in(np.ones(len(b)), STARTS, seed=0)
+    if also is not None:
+        starts = np.vstack([starts, also / b])
+    ends = []
+    for sampled, unit in zip(np.array(values((b * starts).T)), np.eye(len(names)), strict=True):
+        sizes = np.where(np.isfinite(sampled), np.abs(sampled), math.inf)
+        order = np.argsort(-sizes, kind="stable")
+        ends.append(starts[order[0]])
+        if not math.isfinite(sizes[order[0]]):
+            continue
+        corners = order[order % 2 == 0][:climbs]
+        inside = order[order % 2 == 1][:climbs]
+        for index in (order[0], *corners, *inside, *range(STARTS, len(starts))):
+            ends.append(climb(np.copysign(unit, sampled[index]), starts[index]))
+    reached = b * np.array(ends)
+    sizes = _sizes(values(reached.T))
+    largest: dict[str, Found] = {}
+    for name, row in zip(names, sizes, strict=True):
+        worst = int(np.argmax(row))
+        if name not in largest or row[worst] > largest[name].error:
+            largest[name] = Found(name, float(row[worst]), reached[worst])
+    return float(_sizes(values(np.zeros(len(b)))).max()), tuple(largest.values())
+
+
+def _sizes(values: ca.DM) -> np.ndarray:
+    sizes = np.abs(np.array(values))
+    return np.where(np.isfinite(sizes), sizes, math.inf)
+
+
+def _climber(
+    errors: ca.SX, z: ca.SX, b: np.ndarray
+) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """(weights, y) -> where weights'errors(b y), |y_i| <= 1, is largest on the way up from y."""
+    from scipy.optimize import minimize
+
+    w = type(z).sym("w", errors.numel())
+    weighted = ca.dot(w, errors)
+    ascent = ca.Function("ascent", [z, w], [weighted, ca.gradient(weighted, z)])
+
+    def climb(weights: np.ndarray, start: np.ndarray) -> np.ndarray:
+        def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
+            value, slope = ascent(b * y, weights)
+            return -float(value), -np.array(slope).ravel() * b
+
+        bounds = [(-1.0, 1.0)] * len(b)
+        end = minimize(
+            descent, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25}
+        )
+        return np.asarray(end.x)
+
+    return climb
+
+
+# What is said of them.
+
+
+def network_section(
+    critic: Critic, b: np.ndarray, found: tuple[Found, ...], proof: Proof | None, flown: Flown
+) -> Section:
+    """What was read of a network, one value to compare with one's own, what was found and
+    proved."""
+    outputs = [name for name in FUNCTIONS if name in critic.network]
+    if "V" in outputs:
+        outputs.remove("gradient")  # its derivative
+    if critic.implies_policy:
+        outputs.remove("policy")
+    output = " and ".join(outputs)
+    value = np.array(critic.network[outputs[0]](b)).ravel()
+    constant = f", V(0) = {critic.constant:.4g}" if "V" in outputs else ""
+    errors = "; ".join(
+        f"{_NOUNS[item.name]} {item.error:.3g} at ({_row(item.at)})" for item in found
+    )
+    name = {"V": "V", "gradient": "dV/dz", "policy": "u"}[outputs[0]]
+    lines = [
+        f"Network of {output}, {critic.precision} weights, linearized exactly at the origin"
+        f"{constant}",
+        f"Read: {critic.origin}",
+        f"{name}({_row(b)}) = {_row(value)}; compare it with your own",
+        f"Largest errors in the box (searched, {STARTS} starts; not a bound): {errors}",
+    ]
+    if proof is not None:
+        lines.append(
+            f"Proved: no {proof.what} above {proof.error:.3g} {proof.where} ({proof.boxes} boxes)"
+        )
+    data = {
+        "output": output,
+        "precision": critic.precision,
+        "value_at_origin": critic.constant,
+        "origin": critic.origin,
+        "starts": STARTS,
+        "searched": [item._asdict() for item in found],
+        "proved": None if proof is None else proof._asdict(),
+        "at": b,
+        "value_at": value,
+        **flown._asdict(),
+    }
+    return Section((*lines, *_flown_lines(flown)), {"network": data})
+
+
+def _row(numbers: np.ndarray) -> str:
+    return ", ".join(f"{number:.4g}" for number in numbers)
+
+
+def _flown_lines(flown: Flown) -> list[str]:
+    if not flown.flights:
+        return ["Not flown: the linear loop is not stable"]
+    cost = "it does not return from all of them"
+    if math.isfinite(flown.cost_lost_flown_percent):
+        cost = (
+            f"cost lost {flown.cost_lost_flown_percent:.3g} percent at most, "
+            f"{flown.cost_lost_flown_mean_percent:.3g} on average"
+        )
+    lines = [f"Flown from {flown.flights} starts in the box (not a bound): {cost}"]
+    reach = f"{flown.reach:g} times the box on the linear plant"
+    if flown.reach_nonlinear is not None:
+        reach += (
+            f", {flown.reach_nonlinear:g} times on the nonlinear one within the limits of its "
+            f"controls (the exact policy {flown.reach_nonlinear_exact:g})"
+        )
+    few = min(FEW, flown.flights)
+    lines.append(f"Returns to rest from {reach} ({few} starts each, doubled up to {2**DOUBLINGS})")
+    return lines

@@ -1,0 +1,140 @@
+"""Networks as their users write them: ONNX graphs, torch's zip, safetensors, without torch."""
+
+from __future__ import annotations
+
+import json
+import struct
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hfa_networks.files.network_file import network_in
+from hfa_support import BadInputError
+
+#: z'Pz: x P, times x, summed.
+QUADRATIC = [("MatMul", "x P", "h"), ("Mul", "x h", "terms"), ("MatMul", "terms ones", "y")]
+ONES = np.ones((6, 1))
+_STORAGE = {"float32": b"FloatStorage", "float64": b"DoubleStorage", "float16": b"HalfStorage"}
+
+
+def onnx_file(
+    path: Path | str,
+    nodes: list[tuple[Any, ...]],
+    constants: Mapping[str, Any],
+    outputs: int = 1,
+    states: int = 6,
+    inputs: int = 0,
+    opset: int = 20,
+) -> str:
+    """A graph from "x" (1, states), and "u" (1, inputs) where there are any, to "y" (1, outputs).
+    nodes: (operator, inputs, output, attributes)."""
+    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
+    kinds = {
+        "float32": onnx.TensorProto.FLOAT,
+        "float64": onnx.TensorProto.DOUBLE,
+        "float16": onnx.TensorProto.FLOAT16,
+    }
+    found = {name: np.asarray(value) for name, value in constants.items()}
+    kind = next(
+        (kinds[str(each.dtype)] for each in found.values() if each.dtype.kind == "f"),
+        kinds["float32"],
+    )
+    graph = onnx.helper.make_graph(
+        [
+            onnx.helper.make_node(operator, inputs.split(), [output], **(more[0] if more else {}))
+            for operator, inputs, output, *more in nodes
+        ],
+        "critic",
+        [
+            onnx.helper.make_tensor_value_info(name, kind, [1, width])
+            for name, width in {"x": states, "u": inputs}.items()
+            if width
+        ],
+        [onnx.helper.make_tensor_value_info("y", kind, [1, outputs])],
+        [onnx.numpy_helper.from_array(each, name) for name, each in found.items()],
+    )
+    model = onnx.helper.make_model(
+        graph, opset_imports=[onnx.helper.make_opsetid("", opset)], ir_version=9
+    )
+    onnx.save(model, str(path))
+    return str(path)
+
+
+def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
+    """A state dict as torch.save writes it, opcode by opcode."""
+
+    def text(value: str) -> bytes:
+        return b"X" + struct.pack("<I", len(value)) + value.encode()
+
+    def whole(*values: int) -> bytes:
+        return b"(" + b"".join(b"J" + struct.pack("<i", each) for each in values) + b"t"
+
+    parts = [b"\x80\x02ccollections\nOrderedDict\n)R"]
+    arrays = {name: np.asarray(value) for name, value in tensors.items()}
+    for key, (name, each) in enumerate(arrays.items()):
+        storage = b"ctorch\n" + _STORAGE[str(each.dtype)] + b"\n"
+        size = struct.pack("<i", each.size)
+        pid = b"(" + text("storage") + storage + text(str(key)) + text("cpu") + b"J" + size + b"tQ"
+        strides = [step // each.itemsize for step in np.ascontiguousarray(each).strides]
+        view = (
+            pid
+            + b"J\0\0\0\0"
+            + whole(*each.shape)
+            + whole(*strides)
+            + b"\x89ccollections\nOrderedDict\n)R"
+        )
+        parts.append(text(name) + b"ctorch._utils\n_rebuild_tensor_v2\n(" + view + b"tRs")
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("critic/data.pkl", b"".join(parts) + b".")
+        for key, each in enumerate(arrays.values()):
+            archive.writestr(f"critic/data/{key}", each.tobytes())
+    return str(path)
+
+
+def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
+    """A header of JSON, then the numbers."""
+    header = {}
+    body = b""
+    for name, value in tensors.items():
+        each = np.asarray(value)
+        kind = {"float32": "F32", "float64": "F64", "float16": "F16"}[str(each.dtype)]
+        header[name] = {
+            "dtype": kind,
+            "shape": list(each.shape),
+            "data_offsets": [len(body), len(body) + each.nbytes],
+        }
+        body += each.tobytes()
+    said = json.dumps(header).encode()
+    Path(path).write_bytes(struct.pack("<Q", len(said)) + said + body)
+    return str(path)
+
+
+def square_layers(*names: str) -> dict[str, np.ndarray]:
+    """Layers 6-6-...-1 with these names; the widths fit in any order of all but the last."""
+    rng = np.random.default_rng(4)
+    layers = {f"{name}.weight": rng.normal(size=(6, 6)) for name in names[:-1]}
+    return layers | {f"{names[-1]}.weight": np.ones((1, 6))}
+
+
+def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
+    """Linear layers 6-4-k of a network with this name."""
+    rng = np.random.default_rng(0)
+    weights = {f"{name}.0": rng.normal(size=(4, 6)), f"{name}.2": rng.normal(size=(outputs, 4))}
+    return {
+        f"{key}.{kind}": W if kind == "weight" else W[:, 0]
+        for key, W in weights.items()
+        for kind in ("weight", "bias")
+    }
+
+
+def refusal(path: str | Path, **how: Any) -> str:
+    """The one line with which a network's file is refused."""
+    with pytest.raises(BadInputError) as caught:
+        network_in(path, 6, **how)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)

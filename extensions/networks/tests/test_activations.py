@@ -1,0 +1,26 @@
+"""Activation functions: their derivatives."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hfa_networks.files.activations import ACTIVATIONS
+
+
+@pytest.mark.parametrize("name", ["tanh", "sigmoid", "softplus", "gelu"])
+def test_smooth_activations_have_their_derivatives_at_zero_and_far_away(name: str) -> None:
+    x = ca.SX.sym("x")
+    y = ACTIVATIONS[name](np.array([x], dtype=object))[0]
+    f = ca.Function("f", [x], [ca.gradient(y, x), ca.gradient(ca.gradient(y, x), x)])
+    at_zero = {
+        "tanh": (1, 0),
+        "sigmoid": (0.25, 0),
+        "softplus": (0.5, 0.25),
+        "gelu": (0.5, math.sqrt(2 / math.pi)),
+    }
+    assert [float(each) for each in f(0.0)] == pytest.approx(at_zero[name], abs=1e-12)
+    assert all(math.isfinite(each) for far in (-1e4, 1e4) for each in map(float, f(far)))

@@ -1,0 +1,254 @@
+"""What is said to be proved of a network holds, and what does not hold is not said to be proved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from fractions import Fraction
+from itertools import product
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from controller import Game
+from controller.hfa_game import ORDINARY_DEVIATIONS
+from hfa_networks.judge.network_bound import Proof, _halves, prove
+from hfa_networks.judge.relaxation import (
+    _LINES as LINES,
+    _TANH_ERROR,
+    Relaxation,
+    _tanh,
+    _tanh_lines,
+)
+from verification import Scope, check_critic, from_network, solve_game
+from verification.critic.verdict import Verdict
+from verification.hfa_box import ordinary_box
+
+BOX = np.array(ORDINARY_DEVIATIONS)
+TRAINED = Path(__file__).parent / "trained"
+ACTIVATIONS: dict[str, Callable[[ca.SX], ca.SX]] = {
+    "tanh": ca.tanh,
+    "relu": lambda t: ca.fmax(t, 0.0),
+    "sigmoid": lambda t: 0.5 + 0.5 * ca.tanh(0.5 * t),
+    "silu": lambda t: t * (0.5 + 0.5 * ca.tanh(0.5 * t)),
+    "cube": lambda t: t**3,
+    "clip": lambda t: ca.fmin(ca.fmax(t, -0.7), 0.4),
+}
+
+
+def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.Function:
+    """Of four inputs, two layers of 8; with a linear and a quadratic part, as of an error."""
+    rng = np.random.default_rng(seed)
+    y = ca.SX.sym("y", 4)
+    h = y
+    for _ in range(2):
+        weights = rng.normal(size=(8, h.numel())) * rng.uniform(0.2, 1.5)
+        h = ACTIVATIONS[activation](ca.DM(weights) @ h + ca.DM(rng.normal(size=8)))
+    outputs = ca.DM(rng.normal(size=(2, 8))) @ h
+    if of_gradient:
+        outputs = ca.gradient(outputs[0], y)
+    quadratic = ca.bilin(ca.DM(rng.normal(size=(4, 4))), y, y)
+    linear = ca.DM(rng.normal(size=(outputs.numel(), 4))) @ y
+    return ca.Function("network", [y], [ca.densify(outputs + linear + quadratic)])
+
+
+@pytest.mark.parametrize("of_gradient", [False, True])
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+def test_no_sample_of_a_box_is_above_its_bound(activation: str, of_gradient: bool) -> None:
+    """Boxes from the whole one to 1e-4 of it, where nothing but rounding would be left."""
+    if of_gradient and activation in ("relu", "clip"):
+        return  # its gradient has steps
+    rng = np.random.default_rng(7)
+    for seed in range(3):
+        function = random_network(activation, seed, of_gradient)
+        half_widths = 10.0 ** rng.uniform(-4.0, 0.0, (8, 1)) * rng.uniform(0.1, 1.0, (8, 4))
+        centres = rng.uniform(-1.0, 1.0, (8, 4)) * (1.0 - half_widths)
+        bounds = Relaxation(function).over(centres, half_widths)
+        assert np.all(bounds.highest < np.inf)
+        for index, (centre, half_width) in enumerate(zip(centres, half_widths, strict=True)):
+            y = rng.uniform(-1.0, 1.0, (500, 4))
+            y[::2] = np.sign(y[::2])
+            largest = np.abs(np.array(function((centre + half_width * y).T))).max()
+            assert largest <= bounds.highest[index] * (1.0 + 1e-14)
+            assert bounds.lowest[index] <= bounds.highest[index]
+        assert bounds.highest[half_widths.max(axis=1) < 1e-3] == pytest.approx(
+            bounds.lowest[half_widths.max(axis=1) < 1e-3], rel=1e-2, abs=1e-2
+        )
+
+
+def test_rounding_is_in_the_bound() -> None:
+    """1e8 (a + 1/3 b) - 1e8 (...) of relu units, evaluated in rationals: the bound of what doubles
+    make 0 is above what it is."""
+    rng = np.random.default_rng(1)
+    weights = rng.normal(size=(16, 3)) * 1e8
+    y = ca.SX.sym("y", 3)
+    units = ca.fmax(ca.DM(weights) @ y, 0.0)
+    function = ca.Function("f", [y], [ca.sum1(units) - ca.DM(weights.sum(axis=0)).T @ y])
+    centres = np.abs(rng.normal(size=(40, 3))) / 3.0
+    bounds = Relaxation(function).over(centres, np.zeros((40, 3)))
+    for centre, highest in zip(centres, bounds.highest, strict=True):
+        state = list(map(Fraction, centre))
+        exact = -sum(map(lambda w, x: Fraction(w) * x, weights.sum(axis=0), state))
+        for row in weights:
+            exact += max(sum(map(lambda w, x: Fraction(w) * x, row, state)), Fraction(0))
+        assert abs(exact) <= Fraction(highest)
+
+
+def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
+    rng = np.random.default_rng(2)
+    t = np.concatenate([10.0 ** rng.uniform(-12.0, 3.0, 4000), np.linspace(0.0, 25.0, 4000)])
+    exact = np.tanh(t.astype(np.longdouble))
+    assert np.abs(_tanh(t) - exact).max() <= _TANH_ERROR
+    assert np.array_equal(_tanh(-t), -_tanh(t))
+    ends = np.sort(rng.normal(size=(2, 2000)) * 10.0 ** rng.uniform(-6.0, 2.0, 2000), axis=0)
+    lines = _tanh_lines(*ends)
+    for part in np.linspace(0.0, 1.0, 41):
+        t = np.clip(ends[0] + part * (ends[1] - ends[0]), *ends)
+        between = np.abs(np.tanh(t) - lines.slopes[0] * t - lines.constant)
+        assert np.all(between <= lines.radius)
+
+
+@pytest.mark.parametrize("kind", LINES)
+def test_every_node_is_between_its_lines_to_the_ends(kind: str) -> None:
+    """At both ends, at 0 and between; half of them come within 10 % of a line."""
+    of = {
+        "tanh": np.tanh,
+        "relu": lambda t: np.maximum(t, 0.0),
+        "square": lambda t: t * t,
+        "product": lambda s, t: s * t,
+    }
+    rng = np.random.default_rng(3)
+    arguments = 2 if kind == "product" else 1
+    ends = [np.sort(rng.normal(size=(2, 3000)), axis=0) for _ in range(arguments)]
+    lines = LINES[kind](*(end for pair in ends for end in pair))
+    largest = np.zeros(3000)
+    for parts in product(np.linspace(0.0, 1.0, 21), repeat=arguments):
+        t = [
+            np.clip(low + part * (high - low), low, high)
+            for part, (low, high) in zip(parts, ends, strict=True)
+        ]
+        along = sum(slope * argument for slope, argument in zip(lines.slopes, t, strict=True))
+        off = np.abs(of[kind](*t) - along - lines.constant)
+        assert np.all(off <= lines.radius + 1e-15)
+        assert np.all(np.abs(of[kind](*t)) <= lines.size * (1.0 + 1e-14))
+        largest = np.maximum(largest, off / np.maximum(lines.radius, 1e-12))
+    assert np.median(largest[lines.radius > 1e-9]) > 0.9
+
+
+def test_halves_are_the_box() -> None:
+    centres = np.array([[0.0, 0.5], [0.25, 0.0]])
+    half_widths = np.array([[1.0, 0.5], [0.25, 1.0]])
+    parts, widths = _halves(centres, half_widths, np.array([[0.0, 2.0], [np.nan, 0.0]]))
+    assert np.array_equal(parts, [[0.0, 0.25], [0.25, -0.5], [0.0, 0.75], [0.25, 0.5]])
+    assert np.array_equal(widths, [[1.0, 0.25], [0.25, 0.5], [1.0, 0.25], [0.25, 0.5]])
+
+
+# Right policies are proved.
+
+
+def judged(game: Game, policy: Callable[[ca.SX], ca.SX], seconds: float = 20.0) -> Verdict:
+    z = ca.SX.sym("z", 6)
+    function = ca.Function("policy", [z], [policy(z)])
+    scope = Scope(box=ordinary_box(), flights=1, seconds=seconds)
+    return check_critic(game, from_network(game, function, network="policy"), scope=scope)
+
+
+def linear(game: Game, z: ca.SX) -> ca.SX:
+    return -ca.DM(solve_game(game).K) @ z
+
+
+def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
+    """K z = K max(W z, 0) / W - K max(-W z, 0) / W, W no matrix of a state each."""
+    W = np.random.default_rng(3).normal(size=(6, 6))
+    back = ca.DM(solve_game(game).K @ np.linalg.inv(W))
+
+    def policy(z: ca.SX) -> ca.SX:
+        t = ca.DM(W) @ z
+        return -back @ ca.fmax(t, 0.0) + back @ ca.fmax(-t, 0.0)
+
+    verdict = judged(game, policy)
+    assert verdict.headline().startswith("PASS: no error above 1e-06 in the box, proved, stab")
+    assert verdict.to_dict()["network"]["proved"]["boxes"] == 1
+    assert (
+        judged(game, policy, seconds=0.0)
+        .headline()
+        .startswith("PASS: no error above 1e-06 found at 1000 states, stabilizing")
+    )
+
+
+def test_other_operations_are_searched_alone(game: Game) -> None:
+    verdict = judged(game, lambda z: linear(game, z) + 0.0 * ca.sin(z[0]) + 1e-9 * ca.exp(z[1]))
+    assert "PASS: no error above 1e-06 found at 1000 states, stab" in verdict.headline()
+    assert verdict.to_dict()["network"]["proved"] is None
+
+
+# Planted errors are not.
+
+
+def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
+    """1 at y = at, 0 where any |y_i - at_i| >= half_width: relu units in two layers."""
+    t = (y - ca.DM(at)) / half_width
+    hats = ca.fmax(t + 1.0, 0.0) - 2.0 * ca.fmax(t, 0.0) + ca.fmax(t - 1.0, 0.0)
+    return ca.fmax(ca.sum1(hats) - (y.numel() - 1.0), 0.0)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_narrow_bump_that_the_search_misses_is_found(game: Game, seed: int) -> None:
+    """The first input off by 300 % at one place, in 0.05 of the width of the box."""
+    rng = np.random.default_rng(seed)
+    at = rng.uniform(-0.9, 0.9, 6)
+    exact = solve_game(game)
+    size = np.abs(exact.K[0]) @ BOX
+
+    def policy(z: ca.SX) -> ca.SX:
+        off = ca.vertcat(3.0 * size * bump(z / ca.DM(BOX), at, 0.05), *[0.0] * 4)
+        return linear(game, z) + off
+
+    verdict = judged(game, policy, seconds=0.0)
+    assert verdict.headline().startswith("PASS: no error above 1e-06 found at")
+    verdict = judged(game, policy)
+    assert not verdict.ok
+    assert verdict.value_of("searched_policy_error") > 1.0
+    proof = verdict.proof
+    assert proof is not None
+    assert proof.fraction <= np.abs(at).max() + 0.05 or proof.error >= 3.0
+
+
+def test_a_fraction_ends_before_the_first_error() -> None:
+    """1.25 at (1, 1) and an error above 0.5 from |y| = 0.8 on, bounded by no line."""
+    y = ca.SX.sym("y", 2)
+    function = ca.Function("f", [y], [ca.fmax(5.0 * ca.tanh(y[0]) - 3.0, 0.0) + 0.2 * y[1] ** 2])
+    largest = float(function([0.6, 0.6]))
+    proof = prove("error", function, np.ones(2), largest, 2.0)
+    assert proof is not None
+    assert proof.beyond is not None
+    assert proof.fraction <= 0.6
+    assert float(function(proof.beyond)) > largest
+    assert Proof("error", 0.1, 0.96875, 1).where == "on 0.96 times the box"
+    proof = prove("error", function, np.ones(2), 2.0, 2.0)
+    assert proof == Proof("error", 2.0, 1.0, proof.boxes if proof else 0)
+
+
+def test_where_there_is_no_bound_nothing_is_proved() -> None:
+    """An error that is 1 at 0 and the limit, and one beyond all doubles."""
+    y = ca.SX.sym("y", 2)
+    squares = ca.tanh(y[0]) ** 2 + ca.tanh(y[1]) ** 2
+    proof = prove("error", ca.Function("f", [y], [1.0 - 0.1 * squares]), np.ones(2), 1.0, 0.5)
+    assert proof is not None
+    assert proof.beyond is None
+    assert proof.fraction == 0.0
+    huge = ca.Function("f", [y], [(1e200 * ca.tanh(y[0])) ** 2 * 1e-200])
+    proof = prove("error", huge, np.ones(2), 1e299, 0.2)
+    assert proof is not None
+    assert proof.fraction < 1.0
+
+
+@pytest.mark.slow
+def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
+    """The stored policy of 6-32-32-5."""
+    critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
+    verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))
+    line = "FAIL: not exact (policy proved within 0.051 in the box), stabilizing"
+    assert verdict.headline().startswith(line)
+    assert 0.04 < verdict.value_of("searched_policy_error") < 0.051

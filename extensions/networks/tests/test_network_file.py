@@ -1,0 +1,325 @@
+"""State dicts read as networks: torch's files, safetensors, .npz and .json; the order of their
+layers, LayerNorms, several networks in one file."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import zipfile
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from network_files import refusal, safetensors_file, square_layers, torch_file, two_layers
+
+from controller import Game
+from controller.critic.critic_file import Reading, critic_in
+from hfa_networks.files.network import from_network
+from hfa_networks.files.network_file import network_in
+from hfa_support import BadInputError
+
+HERE = Path(__file__).parent
+TORCH = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["state_dict"]
+X = np.random.default_rng(0).normal(size=(7, 6))
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
+    """V against torch's own, F against differences of V, P against differences of F."""
+    critic = from_network(game, HERE / "torch_2_13.pt", activation="tanh")
+    assert critic.value is not None
+    assert critic.gradient is not None
+    V = np.array(critic.value(np.array(TORCH["x"]).T))
+    F = np.array(critic.gradient(np.array(TORCH["x"]).T))
+    assert V.ravel() == pytest.approx(TORCH["V"], rel=1e-12)
+    step = 1e-5
+    z = np.array(TORCH["x"][0])
+    moved = np.array(critic.value(z[:, None] + step * np.hstack([np.eye(6), -np.eye(6)]))).ravel()
+    assert F[:, 0] == pytest.approx((moved[:6] - moved[6:]) / (2 * step), abs=1e-9)
+    ends = np.array(critic.gradient(step * np.hstack([np.eye(6), -np.eye(6)])))
+    assert np.allclose(critic.P, (ends[:, :6] - ends[:, 6:]) / (4 * step), atol=1e-9)
+    assert critic.precision == "float32"
+
+
+# The order of layers.
+
+
+def test_safetensors_sorts_names_and_the_layers_keep_their_order(game: Game) -> None:
+    """As the library writes them, "10.weight" comes before "2.weight"; wide enough, either order
+    would fit."""
+    rng = np.random.default_rng(3)
+    tensors = {f"{place}.weight": rng.normal(size=(6, 6)) for place in (0, 2, 10)} | {
+        "12.weight": np.ones((1, 6))
+    }
+    sorted_names = {name: tensors[name] for name in sorted(tensors)}
+    expected = from_network(game, torch_file("a.pt", tensors), activation="tanh").K
+    found = from_network(game, safetensors_file("a.safetensors", sorted_names), activation="tanh").K
+    assert list(sorted_names) != list(tensors)
+    assert np.array_equal(found, expected)
+
+
+def test_layers_of_an_npz_run_in_the_order_of_their_numbers(game: Game) -> None:
+    right = square_layers("0", "2", "10", "12")
+    np.savez("sorted.npz", **{name: right[name] for name in sorted(right)})  # 0, 10, 12, 2
+    expected = from_network(game, torch_file("a.pt", right), activation="tanh")
+    critic = from_network(game, "sorted.npz", activation="tanh")
+    assert np.array_equal(critic.K, expected.K)
+    assert critic.origin == (
+        "network sorted.npz: 6 -> tanh 6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10, 12)"
+    )
+
+
+@pytest.mark.parametrize("write", [safetensors_file, np.savez])
+def test_layers_whose_names_do_not_tell_their_order_are_refused(game: Game, write: Any) -> None:
+    """Formats that sort their names, or may have been written from a sorted dictionary."""
+    layers = square_layers("hidden", "embed", "out")
+    path = "letters.npz" if write is np.savez else "letters.safetensors"
+    if write is np.savez:
+        np.savez(path, **layers)
+    else:
+        write(path, layers)
+    with pytest.raises(BadInputError, match="fit together in more than one order"):
+        from_network(game, path, activation="tanh")
+
+
+def test_names_do_not_matter_where_the_widths_leave_one_order(game: Game) -> None:
+    layers = {"w.weight": np.ones((4, 6)), "b.weight": np.ones((3, 4)), "a.weight": np.ones((1, 3))}
+    np.savez("widths.npz", **{name: layers[name] for name in sorted(layers)})
+    expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
+    assert np.array_equal(from_network(game, "widths.npz", activation="tanh").K, expected.K)
+
+
+def test_a_module_declared_in_another_order_than_its_numbers_is_refused(game: Game) -> None:
+    path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
+    with pytest.raises(BadInputError, match="'fc1' stands after 'fc2': the file does not tell"):
+        from_network(game, path, activation="tanh")
+
+
+def test_layers_in_json_are_those_of_an_npz(game: Game) -> None:
+    layers = square_layers("0", "2", "10")
+    Path("sorted.json").write_text(
+        json.dumps({name: layers[name].tolist() for name in sorted(layers)}), encoding="utf-8"
+    )
+    critic = critic_in("sorted.json", game, reading=Reading(activation="tanh"))
+    expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
+    assert np.array_equal(critic.K, expected.K)
+    assert critic.origin.endswith("6 -> tanh 6 -> tanh 6 -> 1 (layers 0, 2, 10)")
+    with pytest.raises(BadInputError, match="called 'policy'; it is one network"):
+        from_network(game, "a.pt", network="policy", activation="tanh")
+    Path("letters.json").write_text(
+        json.dumps({name: rows.tolist() for name, rows in square_layers("b", "a", "c").items()}),
+        encoding="utf-8",
+    )
+    assert "fit together in more than one order" in refusal("letters.json", activation="tanh")
+
+
+# LayerNorm.
+
+
+def with_norm(first: str, norm: str, last: str) -> dict[str, np.ndarray]:
+    """6 -> 4, LayerNorm, 4 -> 1."""
+    rng = np.random.default_rng(6)
+    shapes = {f"{first}.weight": (4, 6), f"{first}.bias": (4,), f"{norm}.weight": (4,)}
+    shapes |= {f"{norm}.bias": (4,), f"{last}.weight": (1, 4), f"{last}.bias": (1,)}
+    return {name: rng.normal(size=shape) for name, shape in shapes.items()}
+
+
+def normal(h: np.ndarray) -> np.ndarray:
+    return (h - h.mean()) / np.sqrt(h.var() + 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("places", "before", "chain"),
+    [
+        ("013", False, "6 -> 4 -> LayerNorm 4 (epsilon 1e-05) -> tanh 4 -> 1"),
+        ("023", True, "6 -> tanh 4 -> LayerNorm 4 (epsilon 1e-05) -> 1"),
+    ],
+)
+def test_a_layer_norm_is_where_the_numbers_of_its_neighbours_leave_it(
+    places: str, before: bool, chain: str
+) -> None:
+    """In a torch.nn.Sequential the activation takes the number that is missing."""
+    tensors = with_norm(*places)
+    A, a, scale, shift, B, b = tensors.values()
+    for path in (torch_file("a.pt", tensors), safetensors_file("a.safetensors", tensors)):
+        stored = network_in(path, 6, "tanh")
+        assert stored.chain == f"{chain} (layers {', '.join(places)})"
+        for x in X:
+            h = A @ x + a
+            h = normal(np.tanh(h)) * scale + shift if before else np.tanh(normal(h) * scale + shift)
+            assert float(stored.functions[""](x)) == pytest.approx((B @ h + b).item(), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "names", [("0", "2", "4"), ("0", "1", "2"), ("fc1", "ln1", "out"), ("net.0", "norm.0", "net.2")]
+)
+def test_a_layer_norm_whose_place_the_names_do_not_tell_is_refused(
+    names: tuple[str, str, str],
+) -> None:
+    message = refusal(torch_file("a.pt", with_norm(*names)), activation="tanh")
+    assert f"before or behind the LayerNorm '{names[1]}'; export the network to ONNX" in message
+
+
+def test_a_layer_norm_of_the_states_or_of_the_output_needs_no_gap() -> None:
+    rng = np.random.default_rng(7)
+    A = rng.normal(size=(4, 6))
+    norms = {"0.weight": rng.normal(size=6), "0.bias": rng.normal(size=6)}
+    norms |= {"1.weight": A, "2.weight": np.ones(4), "2.bias": np.zeros(4)}
+    stored = network_in(torch_file("a.pt", norms), 6)
+    h = normal(X[0]) * norms["0.weight"] + norms["0.bias"]
+    assert np.array(stored.functions[""](X[0])).ravel() == pytest.approx(normal(A @ h), rel=1e-12)
+    apart = {name.replace("0.", "input."): array for name, array in norms.items()}
+    assert "LayerNorm 'input'" in refusal(torch_file("b.pt", apart), activation="tanh")
+
+
+def test_a_batch_norm_is_no_layer_norm() -> None:
+    tensors = with_norm("0", "1", "3") | {"1.running_mean": np.zeros(4)}
+    assert "'1.running_mean' (4,) is no weight" in refusal(
+        torch_file("a.pt", tensors), activation="tanh"
+    )
+
+
+# Wide layers.
+
+
+def test_wide_layers_stay_matrices_and_have_their_slopes(game: Game) -> None:
+    rng = np.random.default_rng(8)
+    sizes = (6, 150, 150, 1)
+    layers = {
+        f"{2 * index}.weight": rng.normal(size=(k, n)) / np.sqrt(n)
+        for index, (n, k) in enumerate(pairwise(sizes))
+    }
+    critic = from_network(game, torch_file("wide.pt", layers), activation="tanh")
+    assert critic.value is not None
+    assert critic.gradient is not None
+    assert critic.value.is_a("MXFunction")
+    A, B, C = layers.values()
+    first = np.tanh(A @ X[0])
+    second = np.tanh(B @ first)
+    assert float(critic.value(X[0])) == pytest.approx((C @ second).item(), rel=1e-12)
+    slopes = (C * (1 - second**2)) @ (B * (1 - first**2)) @ A
+    assert np.array(critic.gradient(X[0])).ravel() == pytest.approx(slopes.ravel(), rel=1e-11)
+    assert critic.P is not None
+    step = 1e-5 * np.hstack([np.eye(6), -np.eye(6)])
+    ends = np.array(critic.gradient(step))
+    assert pytest.approx((ends[:, :6] - ends[:, 6:]) / 4e-5, abs=1e-9) == critic.P
+
+
+# Names, and several networks in one file.
+
+
+@pytest.mark.parametrize("name", ["v", "net", "critic.model", "critic.model.0.net"])
+def test_names_of_layers_are_free(name: str) -> None:
+    tensors = two_layers(name)
+    found = network_in(torch_file("critic.pt", tensors), 6, "tanh").functions[""]
+    first, bias, last, end = tensors.values()
+    for x in X:
+        assert float(found(x)) == pytest.approx(
+            float((last @ np.tanh(first @ x + bias) + end)[0]), rel=1e-12
+        )
+
+
+def test_actors_and_critics_of_one_file_and_of_stable_baselines() -> None:
+    """A3C-like heads: each network by a word in its names, parts with + between them."""
+    value_net = two_layers("mlp_extractor.value_net", 3)
+    policy = two_layers("mlp_extractor.policy_net", 3)
+    heads = {
+        "action_net.weight": np.ones((5, 3)),
+        "action_net.bias": np.zeros(5),
+        "log_std": np.zeros(5),
+    }
+    heads |= {"value_net.weight": np.ones((1, 3)), "value_net.bias": np.ones(1)}
+    torch_file("policy.pth", policy | value_net | heads)
+    with zipfile.ZipFile("ppo.zip", "w") as archive:
+        archive.write("policy.pth")
+        archive.writestr("data", "{}")
+        archive.writestr("policy.optimizer.pth", b"no pickle")
+    parts = {"V": "value_net", "policy": "policy_net+action_net"}
+    found = network_in("ppo.zip", 6, "tanh", parts).functions
+    assert {name: each.numel_out(0) for name, each in found.items()} == {"V": 1, "policy": 5}
+    first, bias, last, end = value_net.values()
+    inside = np.tanh(last @ np.tanh(first @ X[0] + bias) + end)
+    assert float(found["V"](X[0])) == pytest.approx(inside.sum() + 1.0, rel=1e-12)
+
+
+# Refused in one line.
+
+
+class Evil:
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.mkdir, ("executed",)
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_a_pickle_that_would_run_code_is_refused_and_nothing_runs(packed: bool) -> None:
+    content = pickle.dumps({"0.weight": Evil()})
+    for path in map(Path, ("evil.pkl", "evil.pt", "evil.pth")):
+        if packed:
+            with zipfile.ZipFile(path, "w") as archive:
+                archive.writestr("evil/data.pkl", content)
+        else:
+            path.write_bytes(content)
+        assert (
+            "mkdir, which is not done: save state_dict() alone" if packed else "since torch 1.6"
+        ) in refusal(path)
+        assert not Path("executed").exists()
+    pickle.loads(content)  # as torch.load without weights_only
+    assert Path("executed").exists()
+
+
+@pytest.mark.parametrize("stride", [60, -6])
+def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
+    """4 rows of 6 numbers, 60 numbers apart, of which the file has 24."""
+    torch_file("a.pt", {"weight": np.ones((4, 6))})
+    with zipfile.ZipFile("a.pt") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    strides = b"(J\x06\0\0\0J\x01\0\0\0t"
+    assert members["critic/data.pkl"].count(strides) == 1
+    longer = b"(J" + stride.to_bytes(4, "little", signed=True) + b"J\x01\0\0\0t"
+    members["critic/data.pkl"] = members["critic/data.pkl"].replace(strides, longer)
+    with zipfile.ZipFile("a.pt", "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    assert "a tensor of shape (4, 6) is larger than its storage" in refusal("a.pt")
+
+
+def test_wrong_state_dicts_are_refused() -> None:
+    good = np.zeros((1, 6), "float32")
+    wrong = {
+        "has 10 inputs": {"weight": np.zeros((1, 10))},
+        "is float16; give weights as float32": {"weight": good.astype("float16")},
+        "not finite": {"weight": good + np.nan},
+        "'conv.weight' (3, 1, 1) is no weight or bias": {
+            "0.weight": good,
+            "conv.weight": np.zeros((3, 1, 1)),
+        },
+        "'1.weight' (4,) is no weight or bias": {
+            "0.weight": np.zeros((4, 6)),
+            "1.weight": np.ones(4),
+        },
+        "has more than 4194304 numbers": {"weight": np.zeros((700_000, 6))},
+        "the layer before gives 1": {"0.weight": good, "1.weight": good},
+    }
+    for said, tensors in wrong.items():
+        assert said in refusal(torch_file("wrong.pt", tensors)), said
+    assert "is float16" in refusal(
+        safetensors_file("half.safetensors", {"weight": good.astype("float16")})
+    )
+    for name, content in (
+        ("a.pt", b"PK\3\4"),
+        ("b.pt", b"text"),
+        ("c.safetensors", b"\xff" * 20),
+        ("d.pkl", b""),
+    ):
+        Path(name).write_bytes(content)
+        refusal(name)
+    with Path("large.pt").open("wb") as stream:
+        stream.truncate(2**27)
+    assert "larger than 64 MiB" in refusal("large.pt")
+    with zipfile.ZipFile("script.pt", "w") as archive:
+        for name in ("script/data.pkl", "script/constants.pkl", "script/code/__torch__.py"):
+            archive.writestr(name, b"")
+    assert "it is TorchScript, a program; save state_dict" in refusal("script.pt")

@@ -1,0 +1,97 @@
+"""The search of a network over the box, and its flights."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from game_samples import failed_names
+from network_files import ONES, QUADRATIC, onnx_file, torch_file
+from planted_critics import gain, value
+
+from controller import Game
+from controller.hfa_game import ORDINARY_DEVIATIONS
+from hfa_networks.judge.network_search import Comparison, search
+from verification import check_critic, from_network, solve_game
+from verification.critic.scope import Scope
+from verification.hfa_box import ordinary_box
+
+BOX = np.array(ORDINARY_DEVIATIONS)
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
+    """u = -K z + 5 z_1³/7³ in the first input: K is exact, and the search finds the corner."""
+    nodes = [
+        ("MatMul", "x K", "u"),
+        ("MatMul", "x first", "h"),
+        ("Mul", "h h", "s"),
+        ("Mul", "s h", "c"),
+    ]
+    constants = {
+        "K": -gain(game).T,
+        "first": 5.0 ** (1 / 3) / 7.0 * np.eye(6)[:, :1] @ np.eye(5)[:1],
+    }
+    critic = from_network(game, onnx_file("bent.onnx", [*nodes, ("Add", "u c", "y")], constants, 5))
+    check = check_critic(game, critic, scope=Scope(box=ordinary_box()))
+    assert check.K_rel_error < 1e-12
+    assert [each.name for each in check.checks if not each.ok] == ["searched_policy_error"]
+    (found,) = check.to_dict()["network"]["searched"]
+    largest = np.sqrt(game.R.diagonal()) * (np.abs(solve_game(game).K) @ BOX)
+    assert found["error"] == pytest.approx(5.0 * np.sqrt(game.R[0, 0]) / largest[0], rel=1e-6)
+    assert check.to_dict()["graded"]["cost_lost_worst_percent"] <= 1e-6
+    assert not check.holds(1e-6)
+
+
+def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
+    nodes = [
+        *QUADRATIC[:2],
+        ("MatMul", "terms ones", "V"),
+        ("Slice", "x a b c", "s"),
+        ("Pow", "s half", "r"),
+    ]
+    constants = {
+        "P": value(game),
+        "ones": ONES,
+        "a": np.array([0]),
+        "b": np.array([1]),
+        "c": np.array([1]),
+    }
+    constants |= {"half": np.array(2.5), "zero": np.array(1e-30)}
+    path = onnx_file("nan.onnx", [*nodes, ("Mul", "r zero", "n"), ("Add", "V n", "y")], constants)
+    critic = from_network(game, path)
+    beside = Comparison(critic, solve_game(game), np.sqrt(np.diag(game.R)), BOX)
+    found = {each.name: each.error for each in search(beside)[1]}
+    assert found["value"] == math.inf
+
+
+def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_linear(
+    game: Game,
+) -> None:
+    """From 40 starts, under the disturbance of the exact policies: no more than the worst of
+    all."""
+    critic = from_network(game, torch_file("policy.pt", {"weight": -1.2 * gain(game)}))
+    check = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=40))
+    data = check.to_dict()
+    flown = data["network"]["cost_lost_flown_percent"]
+    linear_loop = data["graded"]
+    assert 0.1 * linear_loop["cost_lost_mean_percent"] < flown
+    assert flown <= linear_loop["cost_lost_worst_percent"] * (1 + 1e-6)
+
+
+def test_an_actor_with_a_constant_is_stable_and_rests_off_trim(game: Game) -> None:
+    """The exact gain and 1 % of the largest input: a finding of its own, with its rest point."""
+    offset = 0.01 * np.abs(gain(game)) @ BOX
+    critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
+    verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=10))
+    assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
+    data = verdict.to_dict()["network"]
+    rest = np.linalg.solve(game.B @ gain(game) - game.A, game.B @ offset)
+    assert data["rest_point"] == pytest.approx(rest, rel=1e-9)
+    assert data["cost_lost_flown_percent"] == pytest.approx(0.0, abs=1e-9)
+    assert data["reach"] == 16.0
+    headline = verdict.headline()
+    assert "stabilizing, rests off trim (" in headline
+    assert "without bound" not in headline
+    assert verdict.diagnosis == "it is right but for a constant in u"

@@ -1,0 +1,131 @@
+"""The command `hfa report`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa.options.argument_types import output_file, some_of
+from hfa.options.command import command
+from hfa.options.ranges import Range, array_of, scheduled_range
+from hfa.options.request import OfModel, option
+from hfa.options.trims import TrimOptions, UnitsOption, scheduled
+from hfa.output import ProgressLine, stated
+from hfa_model.outputs import OUTPUTS
+from hfa_model.vectors import STATES
+from hfa_page.claims import load_claims
+from hfa_page.job_report import main_report, page, plotly_script
+from hfa_page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
+from hfa_support.errors import BadInputError
+from hfa_support.files import all_or_none, write_text
+from hfa_support.jsonable import jsonable
+from hfa_support.progress import say
+from hfa_support.reporting.figure import save
+from hfa_support.reporting.report import Report
+
+if TYPE_CHECKING:
+    from hfa_support.provenance import Provenance
+
+
+def _claims(text: str) -> Any:
+    return load_claims(Path(text))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReportRequest(UnitsOption, TrimOptions):
+    """The main job on one page."""
+
+    at: Range | None = scheduled(
+        scheduled_range,
+        "RANGE",
+        "shown in full: a,b,c or start:stop:step; default: the printed 5 and 15",
+    )
+    sweep: Range = option(
+        "angles of the slider and the root locus; default 0:20:0.5",
+        "RANGE",
+        OfModel(scheduled_range),
+        default=tuple(SWEEP.tolist()),
+    )
+    outputs: tuple[str, ...] | None = option(
+        "C and D of these outputs too", "a,b,...", some_of(*STATES, *OUTPUTS)
+    )
+    claims: Any = option(
+        "claims of the paper to show: the claims.json that `python -m studies.section5` "
+        "wrote, or its folder",
+        "FILE",
+        _claims,
+    )
+    output: Path | None = option(
+        "one self-contained .html file, or a folder for the page, its pictures and its "
+        "numbers (JSON)",
+        "PLACE",
+        output_file(".html", folder=True),
+        names="-o --output",
+    )
+    json: bool = option("print the numbers as JSON (radians, feet, pounds)")
+
+
+@command(ReportRequest)
+def report(request: ReportRequest) -> int:
+    """The main job on one page: both printed pairs regenerated, the linear models over the dihedral
+    angle with a slider, and at each asked angle the trim, the model beside its print, the exact
+    game solution and a learned critic.
+
+    The page needs Plotly (`pip install .[page]`), which it then holds: it loads nothing from any
+    network. Exit code 1 when the printed matrices were not regenerated or a learned critic is
+    wrong."""
+    if request.output is None and not request.json:
+        raise BadInputError(
+            "give the place of the report, --output FILE.html or --output FOLDER, or --json"
+        )
+    if request.output is not None:
+        plotly_script()  # refused before anything is computed
+    if "dihedral" in (*request.free, *request.hold):
+        raise BadInputError(
+            "the angles of a report are given by --dihedral and --sweep; do not free or hold "
+            "dihedral"
+        )
+    asked = array_of("--dihedral", request.at or ASKED, MOST_ASKED)
+    swept = array_of("--sweep", request.sweep, MOST_SWEPT)
+    job = main_job(
+        request.parameter_set,
+        request.dynamics,
+        asked=np.unique(asked).tolist(),
+        swept=np.unique(swept),
+        outputs=request.outputs,
+        claims=request.claims,
+        flight=request.common_condition(),
+        start=request.start_point,
+        progress=ProgressLine("report"),
+    )
+    whole = stated(main_report(job), request)
+    lines = []
+    if request.output is not None:
+        lines.append(_written(job, whole, request.output, request.provenance))
+    lines.append(f"Both printed pairs regenerated: {'yes' if job.regeneration.ok else 'NO'}")
+    lines.append(
+        f"Learned critics agree with the exact game solution: {'yes' if job.learned else 'NO'}"
+    )
+    say(whole.json() if request.json else "\n".join(lines))
+    return 0 if job.ok else 1
+
+
+def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) -> str:
+    """Write the page to a file, or with its pictures and numbers into a folder; says so."""
+    html = page(job, report, provenance)
+    if place.suffix:
+        write_text(place, html)
+        return f"wrote {place}"
+    pictures = list(report.pictures())
+    numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
+    with all_or_none(folder=place):
+        for picture in pictures:
+            save(picture.draw(), place / picture.name, report.source)
+        write_text(place / "numbers.json", numbers)
+        write_text(place / "report.html", html)
+    names = ", ".join(picture.name for picture in pictures)
+    return f"wrote {place / 'report.html'}, numbers.json, {names}"

@@ -1,0 +1,281 @@
+"""The page of the main job: its sections and every number of it, and the HTML file with style, data
+and Plotly's script in it, which loads nothing from elsewhere."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import json
+from dataclasses import replace
+from functools import cache, partial
+from importlib.resources import files
+from typing import Any
+
+from controller.riccati.solution_report import solution_report
+from hfa_page.claims import claims_section
+from hfa_page.main_job import Angle, MainJob
+from hfa_page.plots import front_view, locus_plot
+from hfa_support.errors import BadInputError
+from hfa_support.provenance import Provenance
+from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.report import Part, Picture, Report
+from hfa_support.reporting.text import Cell, Table, angle_text
+from trim.hfa.hfa_report import trim_report
+from trim.hfa.printed import (
+    bands_known,
+    comparison_table,
+    entry_bands,
+    matrices_beside_the_print,
+    printed_at,
+    with_bands,
+)
+from trim.linear.linear_model import (
+    LinearModel,
+    linear_model_report,
+    matrices,
+    units_in_words,
+)
+from trim.linear.modes import modes_table
+from verification.critic.figures import verdict_figure
+
+SCHEMA = "hfa.report/1"
+_COLORS = (
+    "Colors of A and B: green prints the same (within 1 half unit of the last printed digit), "
+    "yellow is one off (2 half units), violet at most 3 half units, red more. The table entry by "
+    "entry has the half units."
+)
+TITLE = "Highly flexible aircraft: linear models"
+_PAPER = (
+    'Zhang, Ma, Zhang and Wu, <a href="https://doi.org/10.3390/electronics15173838"><cite>'
+    "Zero-Sum Game-Based Practical Predefined-Time Reinforcement Learning for Robust Tracking "
+    "Control of Highly Flexible Aircraft</cite></a>, Electronics 2026, 15(17), 3838"
+)
+#: A browser that follows it loads nothing from any network.
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+)
+
+
+def main_report(job: MainJob) -> Report:
+    """What the page shows below its slider; data: every number."""
+    regeneration = job.regeneration.report()
+    swept = job.sweep.report()
+    angles = [angle_report(job, angle) for angle in job.angles]
+    claims = claims_section(job.claims, job.regeneration)
+    plots = (front_view(job.aircraft, job.points), locus_plot(job.sweep))
+    critics = []
+    for report in angles:
+        if "critic" in report.data:
+            angle_deg = report.data["dihedral_deg"]
+            critics.append({"dihedral_deg": angle_deg, **report.data["critic"]})
+    return Report(
+        title="",
+        parts=(
+            Report("Any dihedral angle", [plot for plot in plots if plot is not None]),
+            *angles,
+            claims,
+            Report("Every entry against the print", (job.regeneration.picture(),)),
+            Report("Modes over the dihedral angle", (swept.without_pictures(),)),
+            Report("The aircraft", (job.parameters.report(),)),
+        ),
+        data={
+            "schema": SCHEMA,
+            "ok": job.ok,
+            "regeneration": regeneration.data,
+            "sweep": swept.data,
+            "critics": critics,
+            "angles": [report.data for report in angles],
+            "claims": claims.data or None,
+        },
+    )
+
+
+def verdicts(job: MainJob) -> Table:
+    """What was checked and what came of it, a row each."""
+    rows: list[tuple[Any, ...]] = [
+        (f"printed pair at {pair.published.dihedral_deg:g} deg regenerated", verdict_text(pair.ok))
+        for pair in job.regeneration.pairs
+    ]
+    for angle in job.angles:
+        at = f"{angle.dihedral_deg:g} deg"
+        rows.append(
+            (f"exact game solution certified at {at}", verdict_text(angle.solution is not None))
+        )
+        rows.append(
+            (f"learned critic agrees with the exact solution at {at}", verdict_text(angle.ok))
+        )
+    trimmed = int(job.sweep.trimmed.sum())
+    rows.append(
+        (f"{trimmed} of {len(job.points)} angles of the sweep trimmed", verdict_text(trimmed > 0))
+    )
+    if job.claims is not None:
+        rows.append(("claims of Section 5 of the paper", Cell(job.claims.not_confirmed, "near")))
+    return Table(("check", "verdict"), rows)
+
+
+def angle_report(job: MainJob, angle: Angle) -> Report:
+    """One asked angle: linear model with the print, game solution, learned critic; the slider shows
+    its trim."""
+    model = angle.model
+    data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
+    title = f"Dihedral {angle_text(angle.dihedral)}: model, game, critic"
+    if model is None:
+        return Report(title, (f"No trim: {angle.reason}",), data=data)
+    reports = {"model": _model_report(job, angle, model)}
+    if angle.solution is not None:
+        reports["solution"] = solution_report(angle.solution)
+    if angle.check is not None:
+        judged = angle.check.report()
+        picture = Picture(
+            f"critic-{angle.dihedral_deg:g}.png",
+            f"P learned, P exact and their difference at {angle.dihedral_deg:g} deg; "
+            "residual and error over time",
+            partial(verdict_figure, angle.check),
+        )
+        reports["critic"] = replace(judged, parts=(*judged.parts, picture))
+    parts: list[Part] = list(reports.values())
+    if angle.reason:
+        parts.append(f"No game solution: {angle.reason}")
+    data["trim"] = trim_report(job.aircraft, angle.condition, model.point).data
+    for name, report in reports.items():
+        data[name] = report.data
+    return Report(title, parts, data=data)
+
+
+def point_report(job: MainJob, angle: Angle) -> Report:
+    """What the slider shows of one angle: trim, modes, A and B with their units."""
+    title = f"At dihedral {angle_text(angle.dihedral)}"
+    model = angle.model
+    if model is None:
+        return Report(title, (f"No trim: {angle.reason}",))
+    trim = trim_report(job.aircraft, angle.condition, model.point)
+    modes = Report("Modes", (modes_table(model.modes, model.point.model.time_unit),))
+    pair = Report(f"A and B, in {units_in_words(model)}", matrices(model))
+    return Report(title, (trim, modes, pair))
+
+
+def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
+    """The linear model; where the paper prints one, with the printed entries below the computed
+    ones."""
+    bands = (
+        entry_bands(job.parameters, angle.condition, model) if bands_known(job.parameters) else None
+    )
+    report = with_bands(linear_model_report(model), model, bands)
+    printed = printed_at(model.point)
+    if printed is None or model.point.model.native is not None:  # the print is in feet
+        return report
+    beside: tuple[Part, ...] = matrices_beside_the_print(model, printed)
+    kept = report.parts[len(beside) :]
+    return replace(report, parts=(*beside, _COLORS, *kept, comparison_table(model, printed)))
+
+
+def page(job: MainJob, report: Report, origin: Provenance) -> str:
+    """The page as HTML: the verdict in one sentence, the aircraft with its slider beside the
+    verdicts, then the sections of the report, each folded."""
+    names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
+    first, *parts = (part for part in report.parts if isinstance(part, Report))
+    parts.append(Report("Provenance", (f"{origin.command}\n{origin.text()}",)))
+    links = [_link("any-angle", first.title)]
+    sections = []
+    for number, part in enumerate(parts):
+        links.append(_link(f"part-{number}", part.title))
+        sections.append(_folded(f"part-{number}", part))
+    contents = "".join(links)
+    folded_sections = "\n".join(sections)
+    return f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="pictures" content="{names}"><style>{_file("page.css")}</style></head><body><main>
+<h1>{TITLE}</h1>
+<p>{verdict_sentence(job)}</p>
+<nav aria-label="Contents"><ul>{contents}</ul></nav>
+{any_angle(job, first)}
+{folded_sections}
+</main>{plotly_script()}<script type="module">{_file("page.js")}</script></body></html>
+"""
+
+
+def verdict_sentence(job: MainJob) -> str:
+    """What was checked, what came of it, and what is wrong with the paper, as HTML."""
+    regenerated = _toned(job.regeneration.ok, "regenerated", "NOT regenerated")
+    agrees = _toned(job.learned, "agrees", "DOES NOT agree")
+    asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
+    sentence = (
+        f"{_toned(job.ok, 'PASS', 'FAIL')}: both pairs of matrices (A, B) that the paper prints "
+        f"are {regenerated} from one set of parameters ({html.escape(job.sweep.model.name)} "
+        f"dynamics), and the learned critic {agrees} with the exact solution of the game"
+    )
+    if job.angles:
+        sentence += f" at {asked} deg"
+    if job.claims is not None:
+        not_confirmed = html.escape(job.claims.not_confirmed)
+        sentence += (
+            f'; of the paper\'s Section 5, <strong class="bad">{not_confirmed}</strong> '
+            f"({html.escape(job.claims.others)})"
+        )
+    return f"{sentence}."
+
+
+def _link(section: str, title: str) -> str:
+    return f'<li><a href="#{section}">{html.escape(title)}</a></li>'
+
+
+def _folded(section: str, part: Report) -> str:
+    """A section that a click unfolds; it is unfolded where it is printed, or where a link leads to
+    it."""
+    return (
+        f'<details id="{section}"><summary><h2>{html.escape(part.title)}</h2></summary>'
+        f"<section>{replace(part, title='').html(2)}</section></details>"
+    )
+
+
+def any_angle(job: MainJob, drawn: Report) -> str:
+    """The slider over the sweep, the aircraft beside the verdicts, the root locus, and trim and
+    model of the chosen angle."""
+    labels = [f"{point.dihedral_deg:g} deg" for point in job.points]
+    asked = [angle.dihedral_deg for angle in job.angles]
+    first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)
+    sections = []
+    for i, (label, point) in enumerate(zip(labels, job.points, strict=True)):
+        hidden = "" if i == first else " hidden"
+        shown = point_report(job, point).html(3)
+        sections.append(f'<section class="point" data-angle="{label}"{hidden}>{shown}</section>')
+    pictures = [picture.html() for picture in drawn.pictures()]
+    aircraft = "".join(pictures[:1])
+    locus = "".join(pictures[1:])
+    checks = Report("Verdicts", (verdicts(job),)).html(3)
+    points = "\n".join(sections)
+    return f"""<div id="any-angle"><h2>{drawn.title}</h2>
+<p class="slider"><label for="dihedral">Dihedral angle</label>
+<input type="range" id="dihedral" min="0" max="{len(labels) - 1}" value="{first}" aria-valuetext="{labels[first]}">
+<output for="dihedral" id="angle">{labels[first]}</output> <span class="noscript">The slider needs scripts.</span></p>
+<div class="first"><div>{aircraft}</div><section>{checks}<p class="paper">The paper: {_PAPER}.</p></section></div>
+{locus}
+{points}</div>"""
+
+
+def _file(name: str) -> str:
+    return files("hfa_page").joinpath(name).read_text(encoding="utf-8")
+
+
+@cache
+def plotly_script() -> str:
+    """Plotly's own script, whole, packed to less than half its size, its license in plain text
+    before it.
+
+    BadInputError when Plotly is not installed.
+    """
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError as error:
+        raise BadInputError("a page needs Plotly; install it with `pip install .[page]`") from error
+    text = str(get_plotlyjs())
+    packed = base64.b64encode(gzip.compress(text.encode(), 6, mtime=0)).decode()
+    license_ = text.partition("*/")[0].removeprefix("/**")
+    return f'<!--{license_}--><script type="text/plain" id="plotly">{packed}</script>'
+
+
+def _toned(ok: bool, yes: str, no: str) -> str:
+    return f'<strong class="good">{yes}</strong>' if ok else f'<strong class="bad">{no}</strong>'

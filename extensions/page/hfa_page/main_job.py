@@ -1,0 +1,160 @@
+"""The main job: both printed pairs regenerated, the sweep, and every asked angle with its game and
+its critic."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import hfa_model
+from controller.critic.critic import from_weights
+from controller.hfa_game import published_game
+from controller.learning.certified import learn
+from controller.riccati.solution_report import AnalysedGame, analyse_game
+from hfa_aircraft.model import Model
+from hfa_model.parameters import ParameterSet
+from hfa_model.printed_matrices import published_models
+from hfa_model.variants import variant_named
+from hfa_page.claims import Claims
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+from hfa_support.reporting.text import angle_text, in_degrees
+from trim.hfa.level_flight import LEVEL_FLIGHT
+from trim.linear.linear_model import LinearModel, linearize
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+from trim.sweeps.sweep import Sweep, sweep
+from verification.critic.critic_check import Scope, check_critic
+from verification.critic.verdict import Verdict
+from verification.hfa_box import ordinary_box
+from verification.regeneration import Regeneration, regenerate_all
+
+#: Dihedral angles of the sweep, rad: the paper's range and a little beyond.
+SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))
+#: The angles that are shown in full: the printed ones.
+ASKED = tuple(sorted(model.dihedral for model in published_models()))
+#: A page with more would be too large to file (3 MB of data), or take minutes.
+MOST_SWEPT = 151
+MOST_ASKED = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Angle:
+    """The trim and the linear model at a dihedral angle (rad); of an asked angle the exact solution
+    of the paper's game, and a critic learned with the default law and compared with it.
+
+    model, solution, check: None where there is none; `reason` says why.
+    """
+
+    dihedral: float
+    condition: TrimCondition
+    model: LinearModel | None = None
+    solution: AnalysedGame | None = None
+    check: Verdict | None = None
+    reason: str = ""
+
+    @property
+    def dihedral_deg(self) -> float:
+        """As it was asked for, degrees."""
+        return in_degrees(self.dihedral)
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is a trim, a certified solution, and a critic that agrees with it."""
+        return self.check is not None and self.check.ok
+
+
+def trimmed_angle(
+    aircraft: Model,
+    dihedral: float,
+    outputs: tuple[str, ...] | None,
+    flight: TrimCondition,
+    start: OperatingPoint | None,
+) -> Angle:
+    """Trim and linearize a flight at a dihedral angle, rad; an angle without a trim keeps the
+    reason."""
+    condition = flight.at(dihedral, {"dihedral": dihedral})
+    try:
+        point = find_operating_point(aircraft, condition, start)
+    except NoSolutionError as error:
+        return Angle(dihedral, condition, reason=str(error))
+    return Angle(dihedral, condition, linearize(aircraft, point, outputs=outputs))
+
+
+def with_game(angle: Angle) -> Angle:
+    """The same with the game solved, and a critic learned and compared with the solution."""
+    model = angle.model
+    if model is None:
+        return angle
+    game = published_game(model)
+    try:
+        angle = replace(angle, solution=analyse_game(game))
+        run = learn(game)
+        learned = from_weights(game, run.weights[-1], run.basis)
+        scope = Scope(box=ordinary_box())
+        return replace(angle, check=check_critic(game, learned, run=run, scope=scope))
+    except NoSolutionError as error:
+        return replace(angle, reason=str(error))
+
+
+@dataclass(frozen=True, eq=False)
+class MainJob:
+    """One aircraft: both pairs regenerated, trims and models over the dihedral angle, asked angles
+    in full.
+
+    points: one for each angle of the sweep. claims: None where none were given.
+    """
+
+    aircraft: Model
+    parameters: ParameterSet
+    regeneration: Regeneration
+    sweep: Sweep
+    points: tuple[Angle, ...]
+    angles: tuple[Angle, ...]
+    claims: Claims | None = None
+
+    @property
+    def learned(self) -> bool:
+        """Whether every learned critic agrees with the exact game solution."""
+        return all(angle.ok for angle in self.angles)
+
+    @property
+    def ok(self) -> bool:
+        """Whether everything holds; what became of the paper's claims is a finding and not
+        counted."""
+        return self.regeneration.ok and self.learned
+
+
+def main_job(
+    parameters: ParameterSet,
+    dynamics: str,
+    *,
+    asked: Sequence[float] = ASKED,
+    swept: np.ndarray = SWEEP,
+    outputs: tuple[str, ...] | None = None,
+    claims: Claims | None = None,
+    flight: TrimCondition = LEVEL_FLIGHT,
+    start: OperatingPoint | None = None,
+    progress: Progress = lambda *_: None,
+) -> MainJob:
+    """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked
+    angle (rad).
+
+    asked: the sweep visits these too. flight, start: the trimmed flight, as of `sweep`; the printed
+    pairs are at the paper's condition."""
+    aircraft = hfa_model.aircraft(variant_named(dynamics), parameters.values)
+    progress(0.0, 1.0, "printed pairs")
+    regeneration = regenerate_all(aircraft)
+    progress(0.05, 1.0, "sweep")
+    swept = np.union1d(swept, asked)
+    over = sweep(aircraft, {"dihedral": swept}, condition=flight, start=start)
+    points = tuple(trimmed_angle(aircraft, float(angle), outputs, flight, start) for angle in swept)
+    in_full = []
+    for count, angle in enumerate(point for point in points if point.dihedral in asked):
+        progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle_text(angle.dihedral)}")
+        in_full.append(with_game(angle))
+    progress(1.0, 1.0)
+    return MainJob(aircraft, parameters, regeneration, over, points, tuple(in_full), claims)

@@ -1,0 +1,272 @@
+"""Interactive plots of the page: Plotly figures as JSON, drawn by Plotly's own script.
+
+`front_view`: the aircraft from the front, panels, lift and weight to one scale. `locus_plot`: the
+root locus over the dihedral angle, where hovering says angle, frequency and damping."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_aircraft.units import in_units_of, unit_of
+from hfa_page.main_job import Angle
+from hfa_support.jsonable import jsonable
+from hfa_support.reporting.report import Picture
+from trim.hfa.hfa_report import panels_from_the_front, scale_text, trim_figure
+from trim.point.operating_point import OperatingPoint
+from trim.sweeps.sweep import Sweep
+
+#: data, layout and, where a slider moves it, frames, as Plotly's figure schema has them.
+PlotlyFigure: TypeAlias = Mapping[str, Any]
+#: Colors that stand apart on a light and on a dark page, also for the color-blind (Okabe, Ito
+#: 2008).
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+NEUTRAL = "#888888"
+#: Length of the longest arrow, of the span of a panel.
+_LONGEST = 0.7
+_ARROW = {"symbol": "arrow", "size": 13, "angleref": "previous"}
+#: What does not move, trace by trace as in `_drawing`.
+_FIXED: tuple[dict[str, Any], ...] = (
+    {"name": "panels", "mode": "lines", "line": {"color": NEUTRAL, "width": 7}},
+    {
+        "name": "lift",
+        "mode": "lines+markers",
+        "line": {"color": COLORS[0], "width": 3},
+        "marker": _ARROW,
+    },
+    {
+        "name": "weight",
+        "mode": "lines+markers",
+        "line": {"color": COLORS[1], "width": 3},
+        "marker": _ARROW,
+    },
+    {
+        "name": "hinges (moment of loads and weight)",
+        "mode": "markers",
+        "marker": {"size": 10, "color": COLORS[2]},
+    },
+    {"name": "sizes", "mode": "text", "showlegend": False},
+)
+_HOVER = (
+    "dihedral %{customdata[0]:.4g} deg<br>frequency %{customdata[1]:.4f} rad/s<br>damping"
+    " %{customdata[2]:.4f}<br>eigenvalue %{x:.4f}, %{y:.4f} 1/s"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class InteractivePlot(Picture):
+    """A picture that is one or more Plotly figures on a page of HTML; elsewhere Matplotlib draws
+    it."""
+
+    figures: tuple[PlotlyFigure, ...]
+
+    def html(self) -> str:
+        """Boxes, figures and one caption; the page that holds them brings Plotly's script."""
+        key = self.name.removesuffix(".png")
+        text = html.escape(self.text)
+        boxes = "".join(
+            f'<div class="plot" id="plot-{key}-{number}" role="img"'
+            f' aria-label="{text}"></div><script type="application/json"'
+            f' data-plot="plot-{key}-{number}">{in_script(figure)}</script>'
+            for number, figure in enumerate(self.figures, start=1)
+        )
+        return f'<figure><div class="plots">{boxes}</div><figcaption>{text}</figcaption></figure>'
+
+
+def in_script(value: Any) -> str:
+    """The value as JSON of which no word can end the script element that holds it."""
+    return json.dumps(jsonable(value), allow_nan=False, separators=(",", ":")).replace(
+        "<", "\\u003c"
+    )
+
+
+def _axis(title: str, **more: Any) -> dict[str, Any]:
+    grid = {"gridcolor": "rgba(128,128,128,0.3)", "zerolinecolor": "rgba(128,128,128,0.8)"}
+    return {"title": {"text": title}, **grid, **more}
+
+
+def _figure(
+    traces: Sequence[dict[str, Any]],
+    moving: Sequence[Sequence[dict[str, Any]]],
+    x: dict[str, Any],
+    y: dict[str, Any],
+    legend: bool = True,
+) -> PlotlyFigure:
+    """A frame for each position of the slider, named by it: what changes of the last traces.
+    Background and size are the page's, which moves to a frame at once; the legend stands above."""
+    layout = {
+        "xaxis": x,
+        "yaxis": y,
+        "autosize": True,
+        "margin": {"l": 50, "r": 40, "t": 10, "b": 45},
+        "hovermode": "closest",
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "modebar": {
+            "orientation": "v",
+            "bgcolor": "rgba(0,0,0,0)",
+            "color": NEUTRAL,
+            "activecolor": COLORS[1],
+        },
+        "showlegend": legend,
+        "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02},
+    }
+    numbers = list(range(len(traces) - len(moving[0]), len(traces)))
+    frames = [
+        {"name": str(i), "data": list(changed), "traces": numbers}
+        for i, changed in enumerate(moving)
+    ]
+    return {"data": list(traces), "layout": layout, "frames": frames}
+
+
+def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | None:
+    """One drawing for all points that are trimmed, a frame each, arrows to one scale; None where
+    none is trimmed."""
+    trims = [None if angle.model is None else angle.model.point for angle in points]
+    trimmed = [point for point in trims if point is not None]
+    if not trimmed:
+        return None
+    span = hfa_model.parameters_of(aircraft).panel_span
+    length = unit_of(aircraft, "ft")
+    panels = [panel for point in trimmed for panel in panels_from_the_front(aircraft, point)]
+    largest = max(np.linalg.norm([panel.lift, panel.weight], axis=1).max() for panel in panels)
+    scale = _LONGEST * span / float(largest)
+    moving = [_drawing(aircraft, point, scale) for point in trims]
+    heights = np.concatenate(
+        [np.asarray(trace["y"], dtype=float) for traces in moving for trace in traces]
+    )
+    room = in_units_of(aircraft, 16.0, "ft")
+    wide = 1.5 * span + in_units_of(aircraft, 12.0, "ft")
+    plain = {
+        "constrain": "domain",
+        "showgrid": False,
+        "zeroline": False,
+    }  # lines would cross the texts
+    x = _axis(length, range=[-wide, wide], **plain)
+    low = float(np.nanmin(heights)) - room
+    high = float(np.nanmax(heights)) + room
+    y = _axis(length, range=[low, high], scaleanchor="x", scaleratio=1, constrain="domain")
+    text = (
+        "The trimmed aircraft at the chosen angle, seen from the front: lift (blue), weight "
+        "(orange), and at the hinges (green) the moment of loads and weight; "
+        f"{scale_text(aircraft, scale)}"
+    )
+    figure = _figure(_FIXED, moving, x, y, legend=False)
+    return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, trimmed[0]), (figure,))
+
+
+def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
+    """What moves: the ends of the panels, lift, weight, hinges, and their sizes; nothing without a
+    trim."""
+    if point is None:
+        return [{"x": [], "y": []} for _ in _FIXED]
+    panels = panels_from_the_front(aircraft, point)
+    half = hfa_model.parameters_of(aircraft).panel_span / 2
+    hinges = np.array([[-half, 0.0], [half, 0.0]])
+    moment = float(hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment)
+    moment_text = f"{round(moment, 1) + 0.0:.1f} {unit_of(aircraft, 'ft lbf')}"
+    middles = [panel.middle for panel in panels]
+    lifts = [panel.lift for panel in panels]
+    weights = [panel.weight for panel in panels]
+    texts = []
+    positions = []
+    sides = []
+    for start, force in zip([*middles, *middles], [*lifts, *weights], strict=True):
+        texts.append(f"{np.linalg.norm(force):.1f} {unit_of(aircraft, 'lbf')}")
+        positions.append(start + scale * force)
+        sides.append("top center" if force[1] >= 0 else "bottom center")
+    for hinge in hinges:
+        texts.append(moment_text)
+        positions.append(hinge - [0.0, 0.1 * half])
+        sides.append("bottom center")
+    return [
+        _pieces([panel.ends for panel in panels]),
+        _pieces(_arrows(middles, lifts, scale)),
+        _pieces(_arrows(middles, weights, scale)),
+        _line(hinges),
+        {**_line(positions), "text": texts, "textposition": sides},
+    ]
+
+
+def _arrows(starts: list[np.ndarray], forces: list[np.ndarray], scale: float) -> list[np.ndarray]:
+    """Start and end of each force, (2, 2)."""
+    pairs = zip(starts, forces, strict=True)
+    return [np.array([start, start + scale * force]) for start, force in pairs]
+
+
+def _pieces(pieces: list[np.ndarray]) -> dict[str, Any]:
+    """A trace of separate lines, each (2, 2): NaN after each is a gap."""
+    gap = np.full((1, 2), np.nan)
+    return _line(np.concatenate([part for piece in pieces for part in (piece, gap)]))
+
+
+def _line(positions: Any) -> dict[str, Any]:
+    x, y = np.round(np.asarray(positions), 3).T
+    return {"type": "scatter", "x": x, "y": y, "hoverinfo": "skip"}
+
+
+def locus_plot(swept: Sweep) -> InteractivePlot | None:
+    """All modes, and the slow ones alone where there are slow and fast ones; None where nothing is
+    trimmed."""
+    if not swept.mode_names:
+        return None
+    slow = swept.slow
+    figures = [_locus(swept, np.ones(len(swept.mode_names), dtype=bool))]
+    text = "Eigenvalues over the dihedral angle"
+    if slow.any() and not slow.all():
+        figures.append(_locus(swept, slow))
+        text += ": all modes, and the slow ones alone"
+    return InteractivePlot("root_locus.png", text, swept.figure, tuple(figures))
+
+
+def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
+    """A line a mode, and the point of the slider; shown: (n,) which columns."""
+    angles = np.degrees(swept.values[:, -1])
+    roots = swept.eigenvalues[:, shown]
+    names = [swept.mode_names[column] for column in np.flatnonzero(shown).tolist()]
+    modes = list(dict.fromkeys(swept.mode_names))
+    traces: list[dict[str, Any]] = []
+    for column, name in enumerate(names):
+        color = COLORS[modes.index(name) % len(COLORS)]
+        traces.append(
+            _roots(angles, roots[:, column])
+            | {
+                "name": name,
+                "legendgroup": name,
+                "showlegend": name not in names[:column],
+                "line": {"color": color, "width": 2},
+                "mode": "lines+markers",
+                "marker": {"size": 4},
+            }
+        )
+    moving = [[_roots(angle, row)] for angle, row in zip(angles, roots, strict=True)]
+    traces.append(
+        {
+            "name": "chosen angle",
+            "mode": "markers",
+            "marker": {"symbol": "x", "size": 9, "color": COLORS[1]},
+        }
+    )
+    x = _axis("real part, 1/s", rangemode="tozero")
+    y = _axis("imaginary part, 1/s", rangemode="tozero")
+    return _figure(traces, moving, x, y)
+
+
+def _roots(angles: Any, roots: np.ndarray) -> dict[str, Any]:
+    """Eigenvalues with angle, frequency and damping."""
+    size = np.abs(roots)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        hover = np.broadcast_arrays(angles, size, np.where(size > 0, -roots.real / size, 0.0))
+    numbers = {
+        "x": np.round(roots.real, 6),
+        "y": np.round(roots.imag, 6),
+        "customdata": np.round(np.stack(hover, 1), 6),
+    }
+    return {"type": "scatter", **numbers, "hovertemplate": _HOVER}

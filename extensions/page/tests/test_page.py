@@ -1,0 +1,175 @@
+"""The page: verdicts that can fail, the claims that were stored, and plots with the numbers of the
+models."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from dataclasses import replace
+from functools import reduce
+from operator import getitem
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from plotly.graph_objects import Figure
+from project import ROOT
+
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_model.parameters import ParameterSet
+from hfa_page.claims import Claims, claims_section, load_claims
+from hfa_page.job_report import angle_report, verdict_sentence, verdicts
+from hfa_page.main_job import MainJob, main_job, with_game
+from hfa_page.plots import front_view, in_script, locus_plot
+from hfa_support import BadInputError, NoSolutionError
+from trim import modes_of, sweep
+
+
+@pytest.fixture(scope="module")
+def job(parameter_set: ParameterSet) -> MainJob:
+    """Without games: both pairs, five angles, one of them without a trim."""
+    return main_job(
+        parameter_set, "published", asked=(), swept=np.radians([5.0, 10.0, 15.0, 20.0, 59.0])
+    )
+
+
+STORED = ROOT / "studies" / "section5" / "results"
+
+
+def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
+    assert [row[1] for row in verdicts(job).rows] == ["PASS"] * 3
+    pair = job.regeneration.pairs[0]
+    wrong = replace(
+        pair, checks=(pair.checks[0]._replace(ok=False, reason="planted"), *pair.checks[1:])
+    )
+    planted = replace(
+        job, regeneration=replace(job.regeneration, pairs=(wrong, *job.regeneration.pairs[1:]))
+    )
+    assert [row[1] for row in verdicts(planted).rows] == ["FAIL", "PASS", "PASS"]
+    assert not planted.ok
+
+
+def test_a_game_without_a_solution_is_said_and_fails(job: MainJob, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    def unsolved(game: object) -> None:
+        raise NoSolutionError("no solution: planted")
+
+    monkeypatch.setattr("hfa_page.main_job.analyse_game", unsolved)
+    angle = with_game(job.points[1])
+    text = angle_report(job, angle).text()
+    assert "No game solution: no solution: planted" in text
+    assert "short period" in text
+    planted = replace(job, angles=(angle,))
+    assert [row[1] for row in verdicts(planted).rows] == ["PASS", "PASS", "FAIL", "FAIL", "PASS"]
+
+
+@pytest.fixture(scope="module")
+def claims() -> Claims:
+    return load_claims(STORED)
+
+
+def test_a_row_each_with_the_verdict_that_is_stored(job: MainJob, claims: Claims) -> None:
+    said, table = claims_section(claims, job.regeneration).parts
+    stored = claims.data["claims"]
+    assert [(row[0], row[-1]) for row in table.rows] == [
+        (claim["number"], claim["verdict"]) for claim in stored
+    ]
+    assert {row[-1].tone for row in table.rows if row[-1] == "not confirmed"} == {"bad"}
+    assert "the same matrices as" in said
+    with_claims = replace(job, claims=claims)
+    assert verdicts(with_claims).rows[-1][1] == "28 of 55 claims not confirmed"
+    assert "28 of 55 claims not confirmed" in verdict_sentence(with_claims)
+
+
+def test_another_aircraft_is_noticed(job: MainJob, claims: Claims) -> None:
+    angle, A, B = claims.models[1]
+    for changed in (B * (1 + 1e-6), B[:, 1:]):
+        other = claims._replace(models=[claims.models[0], (angle, A, changed)])
+        assert "OTHER matrices than" in str(claims_section(other, job.regeneration).parts[0])
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (["schema"], "hfa.report/1"),
+        (["setting", "models", 0, "A", 0], [1.0]),
+        (["claims", 0, "subject"], "nobody"),
+        (["claims", 0, "findings", "published, modified", "value"], "1"),
+    ],
+)
+def test_a_damaged_table_is_refused(
+    place: list[Any], value: Any, claims: Claims, tmp_path: Path
+) -> None:
+    data = copy.deepcopy(claims.data)
+    *path, last = place
+    reduce(getitem, path, data)[last] = value
+    (tmp_path / "claims.json").write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(BadInputError, match="is damaged"):
+        load_claims(tmp_path)
+
+
+def test_plotly_takes_it_and_the_arrows_are_to_scale(job: MainJob) -> None:
+    plot = front_view(job.aircraft, job.points)
+    assert plot is not None
+    (spec,) = plot.figures
+    figure = Figure(spec)
+    found = re.search(r"arrows: ([\d.e+-]+) lbf to the foot", plot.text)
+    assert found is not None
+    assert len(figure.frames) == len(job.points)
+    for frame, point in zip(spec["frames"], job.points, strict=True):
+        panels, lift, weight, _, sizes = frame["data"]
+        if point.model is None:
+            assert len(panels["x"]) == len(sizes["x"]) == 0
+            continue
+        loads = hfa_model.loads(job.aircraft, point.model.point.states, point.model.point.inputs)
+        p = hfa_model.parameters_of(job.aircraft)
+        lengths = [
+            np.hypot(np.diff(each["x"])[::3], np.diff(each["y"])[::3]) for each in (lift, weight)
+        ]
+        forces = (
+            np.array([loads.outer.lift, loads.center.lift, loads.outer.lift]),
+            p.panel_mass * p.gravity,
+        )
+        for length, force in zip(lengths, forces, strict=True):
+            assert length * float(found[1]) == pytest.approx(force, rel=2e-3)
+        assert sizes["text"][1] == f"{loads.center.lift:.1f} lbf"
+        # The tip of the left panel is a span beyond its hinge, at the dihedral angle.
+        x, y = panels["x"][7], panels["y"][7]
+        assert np.arctan2(y, x - p.panel_span / 2) == pytest.approx(point.dihedral, abs=1e-4)
+
+
+def test_data_cannot_leave_its_script() -> None:
+    value = {"name": "</script><script>alert(1)", "x": np.array([0.5, np.nan])}
+    text = in_script(value)
+    assert "<" not in text
+    assert json.loads(text) == {"name": "</script><script>alert(1)", "x": [0.5, None]}
+
+
+def test_hover_shows_the_modes(job: MainJob) -> None:
+    plot = locus_plot(job.sweep)
+    assert plot is not None
+    every, slow = plot.figures
+    named = [{trace["name"] for trace in spec["data"]} for spec in (every, slow)]
+    assert named[0] == {*job.sweep.mode_names, "chosen angle"}
+    assert named[1] == {"phugoid", "dihedral (slow)", "chosen angle"}
+    for spec in (every, slow):
+        assert len(Figure(spec).frames) == len(job.points)
+    for trace in every["data"]:
+        for angle, frequency, damping in trace.get("customdata", ()):
+            if np.isfinite(frequency):
+                point = next(point for point in job.points if point.dihedral_deg == angle)
+                modes = modes_of(point.model.A, point.model.states, hfa_model.aircraft().modes)
+                assert (
+                    min(
+                        abs(mode.frequency - frequency) + abs(mode.damping - damping)
+                        for mode in modes
+                    )
+                    < 1e-4
+                )
+
+
+def test_where_nothing_is_trimmed_there_is_no_plot(job: MainJob, published_aircraft: Model) -> None:
+    assert front_view(job.aircraft, job.points[-1:]) is None
+    assert locus_plot(sweep(published_aircraft, {"dihedral": np.radians([59.0])})) is None

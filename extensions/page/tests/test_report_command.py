@@ -1,0 +1,156 @@
+"""`hfa report`: one page, or a folder with the page, its pictures and its numbers."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import Result, assert_refused, hfa
+from project import ROOT
+
+from hfa.main import BAD_INPUT, DONE, FAILED
+from hfa_model import default_parameters
+from hfa_page.job_report import plotly_script
+from hfa_page.main_job import MOST_SWEPT
+from hfa_support.provenance import parameter_hash
+
+CLAIMS = ROOT / "studies" / "section5" / "results" / "claims.json"
+MEGABYTE = 1_000_000
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+    """The output of the command, and its folder."""
+    folder = tmp_path_factory.mktemp("report") / "new"
+    words = (
+        "-o",
+        str(folder),
+        "--dihedral",
+        "15",
+        "--json",
+        "--outputs",
+        "load_factor",
+        "--claims",
+        str(CLAIMS),
+    )
+    return hfa("report", *words), folder
+
+
+def test_a_folder_holds_the_page_its_pictures_and_its_numbers(made: tuple[Result, Path]) -> None:
+    result, folder = made
+    assert (result.code, result.err) == (DONE, "")
+    names = {
+        "report.html",
+        "numbers.json",
+        "regeneration.png",
+        "root_locus.png",
+        "trim.png",
+        "critic-15.png",
+    }
+    assert {path.name for path in folder.iterdir()} == names
+    text = (folder / "numbers.json").read_text(encoding="utf-8")
+    data = json.loads(text, parse_constant=pytest.fail)
+    assert json.loads(result.out) == data
+    assert (data["ok"], data["claims"]["schema"]) == (True, "hfa.claims/1")
+    assert (len(data["regeneration"]["cases"]), len(data["sweep"]["A"]), len(data["angles"])) == (
+        2,
+        41,
+        1,
+    )
+    linearized = json.loads(hfa("linearize", "--dihedral", "15", "--json").out)
+    assert data["angles"][0]["model"]["A"] == linearized["A"]
+    html = (folder / "report.html").read_text(encoding="utf-8").replace(plotly_script(), "")
+    assert 'are <strong class="good">regenerated</strong>' in html
+    assert html.count('src="data:image/png;base64,') == html.count("<img ") == 2
+    html = html.replace('<a href="https://doi.org/10.3390/electronics15173838">', "")
+    assert not any(word in html for word in ("http://", "https://", "<link", 'src="/', "<pre"))
+    assert parameter_hash(default_parameters().values) in html
+    assert '<tr><th scope="row">load_factor</th>' in html
+    assert "the same matrices as those of this page" in html
+    assert f"Read from {CLAIMS}" in html
+
+
+def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> None:
+    from matplotlib.image import imread
+
+    folder = ROOT / "docs" / "pictures"
+    drawn = ["regeneration.png", "root_locus.png"]
+    # `make bench` draws benchmarks.png anew on every machine, a browser page.png; test_docs.py
+    # looks at the folders.
+    others = ["benchmarks.png", "page.png"]
+    assert sorted(path.name for path in folder.glob("*.png")) == sorted([*drawn, *others])
+    for name in drawn:
+        one = imread(folder / name)
+        other = imread(made[1] / name)
+        assert one.shape == other.shape
+        # Another release of the font library moves some edges of letters.
+        assert np.mean(np.abs(one - other) > 0.1) < 0.005, "run `make pictures`"
+
+
+@pytest.mark.slow
+def test_the_largest_page_holds_at_most_three_megabytes_of_data(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    assert hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "0:15:0.1").code == FAILED
+    html = page.read_text(encoding="utf-8")
+    assert html.count('<section class="point"') == MOST_SWEPT + 1
+    assert len(html) - len(plotly_script()) < 3 * MEGABYTE
+
+
+@pytest.mark.slow
+def test_a_folder_that_cannot_hold_the_numbers_gets_no_pictures(tmp_path: Path) -> None:
+    (tmp_path / "numbers.json").mkdir()
+    words = ("--dihedral", "15", "--sweep", "15", "-o", str(tmp_path))
+    assert_refused(hfa("report", *words), BAD_INPUT, "it is a folder")
+    assert [path.name for path in tmp_path.iterdir()] == ["numbers.json"]
+
+
+def test_an_angle_without_a_trim_is_on_the_page_with_its_reason(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    result = hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "20,59")
+    assert (result.code, result.err) == (FAILED, "")
+    assert "Learned critics agree with the exact game solution: NO" in result.out
+    html = page.read_text(encoding="utf-8").replace(plotly_script(), "")
+    assert (
+        html.count("these rates do not balance: dihedral_rate") == 3
+    )  # slider, sweep, the angle in full
+    assert 'exact game solution certified at 59 deg</th><td class="words bad">FAIL' in html
+
+
+def test_without_plotly_the_page_is_refused_before_anything_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plotly_script.cache_clear()
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
+    assert_refused(
+        hfa("report", "-o", str(tmp_path / "page.html")), 2, "Plotly", "pip install .[page]"
+    )
+    assert hfa("report", "--json", "--dihedral", "59", "--sweep", "20").code == FAILED
+    plotly_script.cache_clear()
+
+
+def test_every_angle_is_trimmed_as_asked() -> None:
+    """The printed pairs alone stay at the paper's condition."""
+    words = (
+        "--free",
+        "alpha",
+        "--hold",
+        "aileron_outer=0",
+        "--hold",
+        "gamma=1",
+        "--hold",
+        "speed=70",
+    )
+    result = hfa("report", "--dihedral", "12", "--sweep", "10,12", *words, "--json")
+    assert result.code == DONE, result.err
+    data = json.loads(result.out)
+    single = json.loads(hfa("linearize", "--dihedral", "12", *words, "--json").out)
+    assert data["angles"][0]["model"]["A"] == single["A"]
+    np.testing.assert_allclose(data["sweep"]["A"][1], single["A"], rtol=1e-9, atol=1e-9)
+    assert data["regeneration"]["ok"]
+    swept = json.loads(hfa("sweep", "--dihedral", "10,12", *words, "--json").out)
+    condition = data["provenance"]["condition"]
+    assert condition.get("free", []) == swept["provenance"]["condition"].get("free", [])
+    assert data["sweep"]["condition"] == condition

@@ -1,0 +1,229 @@
+"""The search for one entry of the plant with which the printed answer is right.
+
+Every text that one slip of the pen makes of an entry is tried, entry after entry: the plants with
+its values are solved together, roughly, and those whose digits are right again, with a certificate.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_printed.comparison import Position, change, compare, in_signs
+from hfa_printed.exact_answer import answer_of, certified_value, rough_values
+from hfa_printed.printed_file import PrintedFile
+from hfa_support.errors import BadInputError, NoSolutionError
+
+#: A rough answer is right to this part of the largest entry of its block.
+_ROUGH = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ChangedEntry:
+    """An entry of the plant, with another value of which every printed digit is right.
+
+    position: of the entry
+    typed: its text in the file
+    lowest: of the interval of such values
+    highest: of it
+    value: text of the value within it that is one slip of the pen away
+    slip: what happened to the text
+    """
+
+    position: Position
+    typed: str
+    lowest: float
+    highest: float
+    value: str
+    slip: str
+
+    def __str__(self) -> str:
+        return f"{self.position} = {self.value}, not {self.typed} ({self.slip})"
+
+
+class _Edit(NamedTuple):
+    """A text with which the rough answer has every printed digit.
+
+    slip: what made the typed text of it
+    value: of the text
+    lowest: of the values near it that do the same, to first order
+    highest: of them
+    """
+
+    text: str
+    slip: str
+    value: float
+    lowest: float
+    highest: float
+
+
+def changed_entries(file: PrintedFile) -> list[ChangedEntry]:
+    """Every interval of one entry of A, B, E, N, Q, R or gamma that makes all digits right and
+    holds an edit of the typed text. More than one: the answer does not decide between them."""
+    entries = []
+    for position, text in _positions(file):
+        for edits in _by_interval(_fitting(file, position, text)):
+            entry = _likeliest(file, position, text, edits)
+            if entry is not None:
+                entries.append(entry)
+    return entries
+
+
+def edits_tried(file: PrintedFile) -> int:
+    """How many values of entries the search tries."""
+    return sum(len(_edits(text)) for _, text in _positions(file))
+
+
+def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
+    """Entries of the plant and their texts; of Q and R the upper triangle."""
+    for name, block in file.typed.items():
+        for row, texts in enumerate(block.texts):
+            for column, text in enumerate(texts):
+                is_number = block.half_units[row, column] > 0.0
+                if is_number and (name not in ("Q", "R") or column >= row):
+                    yield Position(name, row, column), text
+
+
+def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
+    """The edits of a text with which the rough answer has every printed digit."""
+    slips = _edits(text)
+    values = np.array([float(edit) for edit in slips])
+    blocks = file.answer.values()
+    printed = np.concatenate([block.values.ravel() for block in blocks])
+    allowed = np.concatenate(
+        [(block.half_units + _ROUGH * np.abs(block.values).max()).ravel() for block in blocks]
+    )
+    plants = file.plant.stacked(*position, values)
+    with np.errstate(all="ignore"):
+        P = rough_values(plants)
+        misfits = printed - in_signs(file, answer_of(plants, P))
+        fits = (np.abs(misfits) <= allowed).all(axis=-1)
+    edits = []
+    for index, (edit, slip) in enumerate(slips.items()):
+        if fits[index]:
+            plant = file.plant.with_entry(*position, values[index])
+            slopes = change(file, plant, P[index], position)
+            if slopes.any():  # else the answer says nothing of this entry
+                lowest, highest = _moves(misfits[index], slopes, allowed)
+                value = float(values[index])
+                edits.append(_Edit(edit, slip, value, value + lowest, value + highest))
+    return edits
+
+
+def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tuple[float, float]:
+    """The least and the largest x with |misfits - slopes x| <= allowed."""
+    depends = slopes != 0.0
+    centers = misfits[depends] / slopes[depends]
+    widths = allowed[depends] / np.abs(slopes[depends])
+    return float((centers - widths).max()), float((centers + widths).min())
+
+
+def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
+    """The same, those together whose intervals overlap."""
+    groups: list[list[_Edit]] = []
+    for edit in sorted(edits, key=lambda edit: edit.lowest):
+        if groups and edit.lowest <= max(before.highest for before in groups[-1]):
+            groups[-1].append(edit)
+        else:
+            groups.append([edit])
+    return groups
+
+
+def _likeliest(
+    file: PrintedFile, position: Position, text: str, edits: list[_Edit]
+) -> ChangedEntry | None:
+    """Of the edits in an interval the likeliest that a certified answer confirms, of these the one
+    nearest to the middle; None where there is none."""
+    lowest = min(edit.lowest for edit in edits)
+    highest = max(edit.highest for edit in edits)
+    middle = (lowest + highest) / 2.0
+    order = [_SIGN, *_SLIPS]
+    for edit in sorted(edits, key=lambda edit: (order.index(edit.slip), abs(edit.value - middle))):
+        plant = file.plant.with_entry(*position, edit.value)
+        try:
+            confirmed = not compare(file, plant, certified_value(plant)).outside.any()
+        except (NoSolutionError, BadInputError):
+            continue
+        if confirmed:
+            return ChangedEntry(position, text, lowest, highest, edit.text, edit.slip)
+    return None
+
+
+def _edits(text: str) -> dict[str, str]:
+    """Texts that one slip made this one of -> the slip, the likeliest where there are several."""
+    match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
+    assert match is not None
+    sign, digits, exponent = match.groups()
+    opposite = "" if sign == "-" else "-"
+    slips = {f"{opposite}{digits}{exponent}": _SIGN}
+    for slip, digits_before in _SLIPS.items():
+        for before in digits_before(digits):
+            if before.strip("."):
+                word = f"{sign}{_without_leading_zeros(before)}{exponent}"
+                slips.setdefault(word, slip)
+    return {word: slip for word, slip in slips.items() if float(word) != float(text)}
+
+
+def _without_leading_zeros(digits: str) -> str:
+    """0.5 of 00.5 and of .5."""
+    stripped = digits.lstrip("0")
+    if not stripped or stripped.startswith("."):
+        return f"0{stripped}"
+    return stripped
+
+
+def _without_one(digits: str) -> Iterator[str]:
+    for index in _places(digits):
+        yield digits[:index] + digits[index + 1 :]
+
+
+def _with_one_more(digits: str) -> Iterator[str]:
+    for index in range(len(digits) + 1):
+        for digit in "0123456789":
+            yield f"{digits[:index]}{digit}{digits[index:]}"
+
+
+def _with_another(digits: str) -> Iterator[str]:
+    for index in _places(digits):
+        for digit in "0123456789":
+            yield f"{digits[:index]}{digit}{digits[index + 1 :]}"
+
+
+def _with_neighbours_interchanged(digits: str) -> Iterator[str]:
+    places = _places(digits)
+    for first, second in pairwise(places):
+        swapped = list(digits)
+        swapped[first] = digits[second]
+        swapped[second] = digits[first]
+        yield "".join(swapped)
+
+
+def _with_the_point_elsewhere(digits: str) -> Iterator[str]:
+    """The point anywhere among the digits, or one place beyond them."""
+    plain = digits.replace(".", "")
+    yield f"0.0{plain}"
+    for moved in range(len(plain) + 1):
+        yield f"{plain[:moved]}.{plain[moved:]}"
+    yield f"{plain}0"
+
+
+def _places(digits: str) -> list[int]:
+    """Where the digits are, without the point."""
+    return [index for index, digit in enumerate(digits) if digit != "."]
+
+
+_SIGN = "the sign"
+#: Slips of the pen -> the digits that it made these of. The fewer ways a slip has, the likelier is
+#: each of them: those come first, after the sign.
+_SLIPS: Mapping[str, Callable[[str], Iterator[str]]] = {
+    "digits interchanged": _with_neighbours_interchanged,
+    "a digit too many": _without_one,
+    "the decimal point": _with_the_point_elsewhere,
+    "a digit is missing": _with_one_more,
+    "another digit": _with_another,
+}

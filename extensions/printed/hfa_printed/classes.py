@@ -1,0 +1,300 @@
+"""The class of a printed answer: what its digits say about the plant beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from hfa_printed.changed_entry import ChangedEntry, changed_entries, edits_tried
+from hfa_printed.comparison import Comparison, Position, change, compare, compare_answer
+from hfa_printed.exact_answer import answer_of, certified_value
+from hfa_printed.printed_file import TIMES, PrintedFile
+from hfa_support.errors import BadInputError, NoSolutionError
+from verification.critic.diagnosis import named_with_noise
+from verification.critic.hypotheses import Hypothesis, View
+
+Class = Literal[
+    "as printed",
+    "cut off",
+    "one entry of the answer",
+    "the answer belongs to another plant",
+    "close",
+    "not decided",
+    "cannot tell",
+    "wrong",
+]
+CLASSES: tuple[str, ...] = get_args(Class)
+#: An answer this far off is of another problem, which the file does not name. A convention: those
+#: of 88 sources that nothing explains are off by less than 0.03 %, or by more than 80 %.
+_FAR = 0.5
+#: Least evidence for a changed entry of the plant: entries beside the worst must be off too.
+_EVIDENCE = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Classified:
+    """A class and why.
+
+    name: of the class
+    reason: one line
+    comparison: of every entry with the exact answer of the plant as typed
+    P: (n, n), that answer
+    changed: the intervals of one entry of the plant that make all digits right
+    """
+
+    name: Class
+    reason: str
+    comparison: Comparison
+    P: np.ndarray
+    changed: tuple[ChangedEntry, ...] = ()
+
+
+def classify(file: PrintedFile) -> Classified:
+    """The class of a printed answer: the first that its digits allow.
+
+    NoSolutionError where the plant as typed has no certified answer; it names the other time, or
+    entries of the plant one of which, changed, makes the printed answer right. BadInputError where
+    the file does not say the time; it names the one that every digit fits."""
+    if not file.has_time:
+        missing = 'time is missing; give time = "continuous" or "discrete"'
+        raise BadInputError(fitting_time(file) or missing)
+    try:
+        P = certified_value(file.plant)
+    except NoSolutionError as failure:
+        question = fitting_time(file)
+        if question:
+            raise NoSolutionError(f"{failure}; {question}") from failure
+        entries = [str(entry) for entry in changed_entries(file)]
+        if not entries:
+            raise
+        changes = "; or with ".join(entries)
+        raise NoSolutionError(
+            f"with {changes} every printed digit is right; as typed: {failure}"
+        ) from failure
+    comparison = compare(file, file.plant, P)
+    by_digits = _by_digits(file, comparison)
+    if by_digits is not None:
+        name, reason = by_digits
+        return Classified(name, reason, comparison, P)
+    changed = tuple(changed_entries(file))
+    mistake = _known_mistake(file, P, comparison)
+    by_search = _by_search(file, comparison, changed, mistake)
+    if by_search is not None:
+        name, reason = by_search
+        return Classified(name, reason, comparison, P, changed)
+    if file.plant_rounded:
+        name, reason = _by_rounding(rounding_used(file, P, comparison))
+    else:
+        name, reason = _by_size(file, comparison)
+    return Classified(name, reason, comparison, P)
+
+
+def fitting_time(file: PrintedFile) -> str:
+    """Asks for the time with which every printed digit is right; "" where there is none."""
+    for time in TIMES:
+        plant = replace(file.plant, is_discrete=time == "discrete")
+        if "H" in file.answer and not plant.is_discrete:
+            continue
+        try:
+            outside = compare(file, plant, certified_value(plant)).outside
+        except (NoSolutionError, BadInputError):
+            continue
+        if not outside.any():
+            return f'every printed digit fits time = "{time}"; did you mean that?'
+    return ""
+
+
+def _by_digits(file: PrintedFile, comparison: Comparison) -> tuple[Class, str] | None:
+    """The class that needs no search; None where the digits alone do not say."""
+    if not comparison.outside.any():
+        return "as printed", f"all {len(comparison.printed)} entries"
+    if _is_cut_off(comparison):
+        return "cut off", "the digits are cut off, not rounded"
+    if file.assumption:
+        return "cannot tell", file.assumption
+    asymmetric = _asymmetric_block(file)
+    if asymmetric:
+        return "cannot tell", f"{asymmetric} is not symmetric within its digits"
+    wrong = comparison.wrong_positions
+    if len(wrong) == 1 and not comparison.outside.all():
+        return "one entry of the answer", _wrong_entry(file, comparison, wrong[0])
+    return None
+
+
+def _by_search(
+    file: PrintedFile, comparison: Comparison, changed: tuple[ChangedEntry, ...], mistake: str
+) -> tuple[Class, str] | None:
+    """The class where a changed entry of the plant or a known mistake explains the answer; None
+    where nothing does."""
+    is_evident = _is_evident(file, comparison)
+    is_inexact = file.learned or file.plant_rounded
+    explanations = [mistake] if mistake else []
+    if is_evident or not is_inexact:
+        explanations += [str(entry) for entry in changed]
+    if not explanations:
+        return None
+    if len(explanations) > 1:
+        return "wrong", "the answer does not say which: " + "; or ".join(explanations)
+    if mistake:
+        return "wrong", mistake
+    if is_evident:
+        return "the answer belongs to another plant", explanations[0]
+    return "wrong", f"perhaps {explanations[0]}, for which too few other entries speak"
+
+
+def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
+    """Whether the entries outside their digits are enough to name a changed entry of the plant.
+
+    An error of r half units is met by chance once in r. A learned answer and a rounded plant
+    explain such errors, so that there a tenth of a chance among all edits tried is the most."""
+    evidence = comparison.evidence()
+    if evidence[1:].sum() < _EVIDENCE:
+        return False
+    if not (file.learned or file.plant_rounded):
+        return True
+    return bool(evidence.sum() >= _EVIDENCE + np.log10(edits_tried(file)))
+
+
+def _by_rounding(used: float) -> tuple[Class, str]:
+    """used: as of `rounding_used`."""
+    if used <= 1.0:
+        return "not decided", f"{used:.2g} of the rounding of the plant explains it"
+    return "cannot tell", f"{used:.3g} times the rounding of the plant would explain it"
+
+
+def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> float:
+    """The least s such that entries of the plant, each moved by at most s half units of its own,
+    bring every printed digit right to first order; inf where none does."""
+    from scipy.optimize import linprog
+
+    columns = []
+    for name, block in file.typed.items():
+        for (row, column), rounding in np.ndenumerate(block.roundings):
+            is_mirror = name in ("Q", "R") and column < row
+            if rounding > 0.0 and not is_mirror:
+                position = Position(name, int(row), int(column))
+                columns.append(rounding * change(file, file.plant, P, position))
+    if not columns:
+        return float("inf")
+    slopes = np.column_stack(columns) / comparison.allowed[:, None]
+    misfit = (comparison.printed - comparison.exact) / comparison.allowed
+    size = slopes.shape[1]
+    last = np.zeros((len(misfit), 1))
+    fits = np.vstack([np.hstack([slopes, last]), np.hstack([-slopes, last])])
+    moved = np.vstack(
+        [
+            np.hstack([np.eye(size), -np.ones((size, 1))]),
+            np.hstack([-np.eye(size), -np.ones((size, 1))]),
+        ]
+    )
+    cost = np.zeros(size + 1)
+    cost[-1] = 1.0
+    solution = linprog(
+        cost,
+        A_ub=np.vstack([fits, moved]),
+        b_ub=np.concatenate([1.0 + misfit, 1.0 - misfit, np.zeros(2 * size)]),
+        bounds=[*((None, None) for _ in range(size)), (0.0, None)],
+    )
+    return float(solution.fun) if solution.success else float("inf")
+
+
+def _is_cut_off(comparison: Comparison) -> bool:
+    """Whether every entry outside is less than one unit from the exact one, toward zero."""
+    outside = comparison.outside
+    exact = comparison.exact[outside]
+    short = np.sign(exact) * (exact - comparison.printed[outside])
+    return bool(((short >= 0.0) & (short < 2.0 * comparison.half_units[outside])).all())
+
+
+def _asymmetric_block(file: PrintedFile) -> str:
+    """The first of P and H whose mirrored entries differ beyond their digits; or "".
+
+    One wrong entry is no asymmetry: two positions must differ. A learned P may be a little so."""
+    names = ("H",) if file.learned else ("P", "H")
+    for name in names:
+        if name in file.answer:
+            block = file.answer[name]
+            allowed = block.half_units + block.half_units.T + 1e-12 * np.abs(block.values).max()
+            differ = np.triu(np.abs(block.values - block.values.T) > allowed)
+            if np.count_nonzero(differ) > 1:
+                return name
+    return ""
+
+
+def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> str:
+    """The entry and what it is, to two digits finer than what counts as right."""
+    outside = [comparison.positions[index] for index in np.flatnonzero(comparison.outside)]
+    position = next(position for position in outside if position.block == wrong.block)
+    index = comparison.positions.index(position)
+    printed = file.answer[position.block].texts[position.row][position.column]
+    exact = comparison.exact[index]
+    unit = 2.0 * comparison.allowed[index] or 1e-12  # a formula of an answer that is 0 has none
+    digits = math.ceil(math.log10(max(abs(exact) / unit, 1.0))) + 2
+    return f"{position} is printed {printed}, exact {exact:.{digits}g}"
+
+
+def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> str:
+    """The known mistake that explains the print, of a learned one most of its error; or ""."""
+    question = fitting_time(file)
+    if question:
+        return question
+    hypotheses = []
+    for mistake, answer in _mistaken_answers(file, P):
+        mistaken = compare_answer(file, answer)
+        if not mistaken.outside.any():
+            return mistake
+        undone = comparison.exact + mistaken.printed - mistaken.exact
+        hypotheses.append(Hypothesis(mistake, undone[None, :]))
+    if not file.learned:
+        return ""
+    printed = comparison.printed[None, :]
+    exact = comparison.exact[None, :]
+    return named_with_noise(View("", printed, exact, np.ones_like(exact)), hypotheses)
+
+
+def _mistaken_answers(
+    file: PrintedFile, P: np.ndarray
+) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Mistakes and the answers that they make of the right one."""
+    exact = answer_of(file.plant, P)
+    for name in ("K", "L"):
+        if name in file.answer:
+            yield f"{name} has the opposite sign", exact | {name: -exact[name]}
+    row, column = np.triu_indices(len(P))
+    if "W" in file.answer:
+        yield "W lacks the factor 2 on products", exact | {"W": P[row, column][None, :]}
+        by_column = np.lexsort((row, column))
+        yield "W stands column by column", exact | {"W": exact["W"][:, by_column]}
+        squares_first = np.argsort(row != column, kind="stable")
+        yield "W stands with the squares first", exact | {"W": exact["W"][:, squares_first]}
+    for name in ("P", "K", "W", "H"):
+        if name in file.answer:
+            yield f"{name} is twice the value", exact | {name: 2.0 * exact[name]}
+            yield f"{name} is half the value", exact | {name: 0.5 * exact[name]}
+    n = len(P)
+    for first in range(n):
+        for second in range(first):
+            order = np.arange(n)
+            order[[first, second]] = order[[second, first]]
+            swapped = P[np.ix_(order, order)]
+            answer = dict(exact)
+            answer["P"] = swapped
+            answer["K"] = exact["K"][:, order]
+            answer["L"] = exact["L"][:, order]
+            answer["W"] = np.where(row == column, 1.0, 2.0)[None, :] * swapped[row, column]
+            yield f"states {second + 1} and {first + 1} are interchanged", answer
+
+
+def _by_size(file: PrintedFile, comparison: Comparison) -> tuple[Class, str]:
+    """Close, cannot tell or wrong, by the relative error."""
+    error = comparison.relative_error
+    size = f"relative error {error:.2g}, worst entry {comparison.errors.max():.3g} half units"
+    if error > _FAR:
+        return "cannot tell", f"nothing says of which problem the answer is; {size}"
+    if file.learned:
+        return "close", size
+    return "wrong", f"{size}; no single entry of the plant explains it"

@@ -1,0 +1,133 @@
+"""Printed numbers beside exact ones, entry by entry in half units of their last digit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_printed.exact_answer import Plant, answer_change, answer_of
+from hfa_printed.printed_file import PrintedFile
+
+#: Prints of 15 to 17 digits are right to this part of the largest entry of their block.
+FLOOR = 1e-12
+#: Blocks that are symmetric.
+_SYMMETRIC = ("P", "H")
+
+
+class Position(NamedTuple):
+    """Where an entry stands; row and column from 0. Mirrored entries have one position."""
+
+    block: str
+    row: int
+    column: int
+
+    def __str__(self) -> str:
+        if self.block == "gamma":
+            return self.block
+        separator = "," if max(self.row, self.column) >= 9 else ""
+        return f"{self.block}{self.row + 1}{separator}{self.column + 1}"
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """All printed entries of an answer and their exact values.
+
+    positions: (N) positions
+    printed: (N,)
+    exact: (N,), in the signs of the print
+    half_units: (N,)
+    allowed: (N,), the half unit or the floor, whichever is larger
+    """
+
+    positions: tuple[Position, ...]
+    printed: np.ndarray
+    exact: np.ndarray
+    half_units: np.ndarray
+    allowed: np.ndarray
+
+    @property
+    def errors(self) -> np.ndarray:
+        """|printed - exact| in allowed units, (N,); at most 1 where the digits are right."""
+        return np.abs(self.printed - self.exact) / np.maximum(self.allowed, 1e-300)
+
+    @property
+    def outside(self) -> np.ndarray:
+        """Which entries are not as printed, (N,)."""
+        return np.abs(self.printed - self.exact) > self.allowed
+
+    @property
+    def wrong_positions(self) -> list[Position]:
+        """Positions of the entries outside; mirrored ones count once."""
+        wrong = {_mirrored(self.positions[index]) for index in np.flatnonzero(self.outside)}
+        return sorted(wrong)
+
+    def relative(self, block: str) -> float:
+        """|printed - exact| / |exact| of a block, Frobenius norms."""
+        members = np.array([position.block == block for position in self.positions])
+        size = float(np.linalg.norm(self.exact[members])) or 1.0
+        return float(np.linalg.norm((self.printed - self.exact)[members])) / size
+
+    @property
+    def relative_error(self) -> float:
+        """The largest of the blocks."""
+        return max(
+            self.relative(block) for block in {position.block for position in self.positions}
+        )
+
+    def evidence(self) -> np.ndarray:
+        """log₁₀ max(1, r) of every position with its errors r, the largest first."""
+        terms: dict[Position, float] = {}
+        for position, error in zip(self.positions, self.errors, strict=True):
+            upper = _mirrored(position)
+            terms[upper] = max(terms.get(upper, 0.0), float(np.log10(max(1.0, error))))
+        return np.array(sorted(terms.values(), reverse=True))
+
+
+def compare(file: PrintedFile, plant: Plant, P: np.ndarray) -> Comparison:
+    """The printed answer beside that of a plant whose value is x'P x."""
+    return compare_answer(file, answer_of(plant, P))
+
+
+def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Comparison:
+    """The printed answer beside another one."""
+    positions = []
+    allowed = []
+    for name, block in file.answer.items():
+        floor = FLOOR * float(np.abs(answer[name]).max(initial=0.0))
+        allowed.append(np.maximum(block.half_units, floor).ravel())
+        for row, column in np.ndindex(block.values.shape):
+            positions.append(Position(name, row, column))
+    blocks = file.answer.values()
+    return Comparison(
+        positions=tuple(positions),
+        printed=np.concatenate([block.values.ravel() for block in blocks]),
+        exact=in_signs(file, answer),
+        half_units=np.concatenate([block.half_units.ravel() for block in blocks]),
+        allowed=np.concatenate(allowed),
+    )
+
+
+def change(file: PrintedFile, plant: Plant, P: np.ndarray, position: Position) -> np.ndarray:
+    """The derivative of `Comparison.exact` with an entry of the plant, (N,)."""
+    return in_signs(file, answer_change(plant, P, *position))
+
+
+def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The entries of the printed blocks in one row, in the signs of the print, (N,); of a stack of
+    answers a row each."""
+    rows = []
+    for name in file.answer:
+        matrix = answer[name]
+        row = matrix.reshape(*matrix.shape[:-2], -1)
+        rows.append(file.signs.get(name, 1.0) * row)
+    return np.concatenate(rows, axis=-1)
+
+
+def _mirrored(position: Position) -> Position:
+    """The position in the upper triangle where the block is symmetric."""
+    if position.block in _SYMMETRIC and position.row > position.column:
+        return Position(position.block, position.column, position.row)
+    return position

@@ -1,0 +1,342 @@
+"""The file of a printed answer: plant and answer pasted as text, read with their half units."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.critic.features import number_of
+from hfa_printed.exact_answer import Plant
+from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, said_of, shown
+from hfa_support.files import note_read
+
+TIMES = ("continuous", "discrete")
+#: Keys of the file, of its plant and of its printed answer.
+_KEYS = ("title", "source", "note", "time", "discount", "learned", "plant_rounded")
+_PLANT = ("A", "B", "E", "N", "Q", "R", "gamma")
+_MATRICES = ("P", "K", "L", "W", "H")
+_ANSWER = (*_MATRICES, "K_sign", "L_sign", "basis", "scale")
+#: How a policy may be written -> the factor from K of u = -K x, or L of w = L x, to it.
+_SIGNS = {
+    "K_sign": {"u = -K x": 1.0, "u = K x": -1.0},
+    "L_sign": {"w = L x": 1.0, "w = -L x": -1.0},
+}
+_DECIMAL = re.compile(
+    r"[+-]?(\d+\.?(?P<decimals>\d*)|\.(?P<only>\d+))([eE](?P<exponent>[+-]?\d+))?"
+)
+#: The factor that MATLAB prints above a matrix, alone or as its first line.
+_FACTOR = re.compile(r"1\.0+[eE](?P<exponent>[+-]\d+)")
+_FIRST_LINE = re.compile(rf"\s*({_FACTOR.pattern})\s*\*\s*\n")
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A matrix as it is printed.
+
+    texts: rows of numbers as typed; a common factor is the exponent of each
+    values: (rows, columns)
+    half_units: (rows, columns), half a unit of the last digit; 0 of a formula
+    """
+
+    texts: tuple[tuple[str, ...], ...]
+    values: np.ndarray
+    half_units: np.ndarray
+
+    @property
+    def roundings(self) -> np.ndarray:
+        """Half units of entries of a plant, (rows, columns): an integer is exact."""
+        with_decimals = np.array([["." in text for text in row] for row in self.texts])
+        return np.where(with_decimals, self.half_units, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PrintedFile:
+    """A plant and the answer that is printed beside it.
+
+    title: of the file
+    source: where it is printed; "" where the file does not say
+    note: what a reader of it has to know; or ""
+    plant: as typed
+    typed: the blocks of the plant
+    answer: the printed blocks of P, K, L, W, H
+    signs: block -> factor from the exact K or L to the convention of the print
+    learned: whether the answer comes out of learning or an iteration
+    plant_rounded: whether the plant is printed with fewer digits than the answer was computed of
+    assumption: how an incomplete plant was read; "" where it is complete
+    has_time: whether the file says continuous or discrete; else the plant is taken for continuous
+    """
+
+    title: str
+    source: str
+    note: str
+    plant: Plant
+    typed: dict[str, Block]
+    answer: dict[str, Block]
+    signs: dict[str, float]
+    learned: bool
+    plant_rounded: bool
+    assumption: str
+    has_time: bool = True
+
+
+def load_printed(path: Path) -> PrintedFile:
+    """The printed answer of a TOML file.
+
+    BadInputError names the block and the row of a text that is no number, a shape that does not
+    fit, and what is missing."""
+    try:
+        content = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BadInputError(f"{path}: {error}") from error
+    note_read(path)
+    with said_of(path):
+        return _printed_file(content)
+
+
+def read_block(
+    name: str, text: Any, parameters: Mapping[str, float] | None = None, exponent: int = 0
+) -> Block:
+    """The numbers of a text: spaces, commas and & separate; lines, ; and \\\\ end rows.
+
+    parameters: what formulas such as m*g/l may name
+    exponent: of the power of ten that is the factor of all numbers, as "1.0e+04 *" in the first
+        line says it too
+    """
+    if isinstance(text, int) and not isinstance(text, bool):
+        text = str(text)
+    if not isinstance(text, str):
+        raise BadInputError(f"{name} is not a text; put its numbers in quotes, digits as printed")
+    factor = _FIRST_LINE.match(text)
+    if factor is not None:
+        text = text[factor.end() :]
+        exponent += int(factor["exponent"])
+    plain = re.sub(r"[\[\]]", " ", text.replace("\N{MINUS SIGN}", "-"))
+    lines = [re.split(r"[\s,&]+", line.strip(" \t,&")) for line in re.split(r"[\n;\\]+", plain)]
+    rows = [line for line in lines if line != [""]]
+    if not rows:
+        raise BadInputError(f"{name} is empty; paste its numbers")
+    if rows[0][0] == "diag":
+        diagonal = [number for row in rows for number in row][1:]
+        rows = [["0" for _ in diagonal] for _ in diagonal]
+        for index, number in enumerate(diagonal):
+            rows[index][index] = number
+        if not rows:
+            raise BadInputError(f"{name}: diag has no numbers")
+    for index, row in enumerate(rows):
+        if len(row) != len(rows[0]):
+            raise BadInputError(
+                f"{name}, row {index + 1}, has {len(row)} numbers; row 1 has {len(rows[0])}"
+            )
+    if exponent:
+        rows = _multiplied(name, rows, exponent)
+    numbers = []
+    for index, row in enumerate(rows):
+        with said_of(f"{name}, row {index + 1}"):
+            numbers.append([_number(word, parameters or {}) for word in row])
+    table = np.array(numbers)
+    return Block(tuple(map(tuple, rows)), table[:, :, 0], table[:, :, 1])
+
+
+def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[str]]:
+    """The texts times a power of ten; a 0 without decimals is exact to those of the others."""
+    decimals = max(len(word.partition(".")[2]) for row in rows for word in row)
+    multiplied = []
+    for row in rows:
+        for word in row:
+            if not re.fullmatch(r"[+-]?\d*\.?\d*", word):
+                raise BadInputError(f"{name}: {shown(word)} does not go with a common factor")
+        multiplied.append(
+            [f"0e{exponent - decimals}" if word == "0" else f"{word}e{exponent}" for word in row]
+        )
+    return multiplied
+
+
+def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
+    """Value and half unit of a typed number, or of a formula, which is exact."""
+    match = _DECIMAL.fullmatch(word)
+    if match is None:
+        lacks_space = not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word))  # 0.1-0.2
+        if lacks_space or re.search(r"(?<!\w)\d+[xXoObB_]", word):
+            raise BadInputError(f"{shown(word)} is no number")
+        return number_of(word, parameters), 0.0
+    decimals = len(match["decimals"] or match["only"] or "")
+    half = float(f"0.5e{int(match['exponent'] or 0) - decimals}")
+    value = float(word)
+    if not np.isfinite([value, half]).all():
+        raise BadInputError(f"{shown(word)} is too large")
+    return value, half
+
+
+def _printed_file(content: dict[str, Any]) -> PrintedFile:
+    plant_texts = _table(content, "plant", _PLANT)
+    answer_texts = _table(content, "printed", _ANSWER)
+    for key in content:
+        refuse_unknown("the file has no key", key, (*_KEYS, "parameters", "plant", "printed"))
+    parameters = _parameters(content)
+    time = content.get("time")
+    if time is not None:
+        refuse_unknown("time is", time, TIMES)
+    typed = {name: read_block(name, text, parameters) for name, text in plant_texts.items()}
+    for name in ("A", "B", "Q", "R"):
+        if name not in typed:
+            raise BadInputError(f"the plant has no {name}")
+    assumption = _completed(typed, parameters)
+    plant = _plant(typed, is_discrete=time == "discrete", discount=_discount(content))
+    exponent = _exponent(answer_texts.get("scale", "1.0e+00"))
+    answer = {
+        name: read_block(name, answer_texts[name], parameters, exponent)
+        for name in _MATRICES
+        if name in answer_texts
+    }
+    if not answer:
+        raise BadInputError("nothing is printed; give P, K, L, W or H")
+    _check_answer(answer, answer_texts, plant)
+    flags = {}
+    for name in ("learned", "plant_rounded"):
+        flags[name] = content.get(name, False)
+        if not isinstance(flags[name], bool):
+            raise BadInputError(f"{name} is {shown(flags[name])}; give true or false")
+    signs = {"K": 1.0, "L": 1.0}
+    for key, conventions in _SIGNS.items():
+        convention = answer_texts.get(key, next(iter(conventions)))
+        refuse_unknown(f"{key} is", convention, conventions)
+        signs[key[0]] = conventions[convention]
+    return PrintedFile(
+        title=str(content.get("title", "printed answer")),
+        source=str(content.get("source", "")),
+        note=str(content.get("note", "")),
+        plant=plant,
+        typed=typed,
+        answer=answer,
+        signs=signs,
+        learned=flags["learned"],
+        plant_rounded=flags["plant_rounded"],
+        assumption=assumption,
+        has_time=time is not None,
+    )
+
+
+def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[str, Any]:
+    table = content.get(name)
+    if not isinstance(table, dict):
+        raise BadInputError(f"the table [{name}] is missing")
+    for key in table:
+        refuse_unknown(f"[{name}] has no", key, keys)
+    return table
+
+
+def _parameters(content: dict[str, Any]) -> dict[str, float]:
+    """The values of the table [parameters], each a number or a formula of those before it."""
+    if "parameters" not in content:
+        return {}
+    parameters: dict[str, float] = {}
+    texts = content["parameters"]
+    if not isinstance(texts, dict):
+        raise BadInputError('parameters is no table; give [parameters] with lines as g = "9.81"')
+    for name, text in texts.items():
+        parameters[name] = _scalar(name, read_block(name, text, parameters))
+    return parameters
+
+
+def _exponent(scale: Any) -> int:
+    """Of the power of ten that is the factor of all that is printed."""
+    match = _FACTOR.fullmatch(str(scale))
+    if match is None:
+        raise BadInputError(f'scale is {shown(scale)}; give a power of ten as "1.0e+04"')
+    return int(match["exponent"])
+
+
+def _discount(content: dict[str, Any]) -> float:
+    if "discount" not in content:
+        return 1.0
+    if content.get("time") != "discrete":
+        raise BadInputError('discount belongs to a step; did you mean time = "discrete"?')
+    return _scalar("discount", read_block("discount", content["discount"]))
+
+
+def _scalar(name: str, block: Block) -> float:
+    if block.values.shape != (1, 1):
+        raise BadInputError(f"{name} must be one number")
+    return float(block.values[0, 0])
+
+
+def _completed(typed: dict[str, Block], parameters: Mapping[str, float]) -> str:
+    """One number for Q or R of several rows becomes a diagonal of it; how, in words."""
+    readings = []
+    for name, size in (("Q", len(typed["A"].values)), ("R", typed["B"].values.shape[1])):
+        block = typed[name]
+        if block.values.size == 1 and size > 1:
+            number = block.texts[0][0]
+            typed[name] = read_block(name, " ".join(["diag", *([number] * size)]), parameters)
+            readings.append(f"{name} is one number where {size} x {size} are needed")
+    return "; ".join(readings)
+
+
+def _plant(typed: dict[str, Block], *, is_discrete: bool, discount: float) -> Plant:
+    n = len(typed["A"].values)
+    m = typed["B"].values.shape[1]
+    if ("E" in typed) != ("gamma" in typed):
+        missing = "gamma" if "E" in typed else "E"
+        raise BadInputError(f"{missing} is missing; a game has both E and gamma")
+    shapes = {"A": (n, n), "B": (n, m), "N": (n, m), "Q": (n, n), "R": (m, m)}
+    for name, (rows, columns) in shapes.items():
+        if name in typed:
+            _check_shape(name, typed[name], rows, columns)
+    gamma = np.inf
+    E = np.zeros((n, 0))
+    if "E" in typed:
+        E = typed["E"].values
+        _check_shape("E", typed["E"], n, E.shape[1])
+        gamma = _scalar("gamma", typed["gamma"])
+        refuse_unless_positive("gamma", gamma)
+    N = typed["N"].values if "N" in typed else np.zeros((n, m))
+    return Plant(
+        A=typed["A"].values,
+        B=typed["B"].values,
+        E=E,
+        N=N,
+        Q=typed["Q"].values,
+        R=typed["R"].values,
+        gamma=gamma,
+        is_discrete=is_discrete,
+        discount=discount,
+    )
+
+
+def _check_shape(name: str, block: Block, rows: int, columns: int) -> None:
+    """BadInputError names the row at which the shape goes wrong."""
+    actual_rows, actual_columns = block.values.shape
+    if (actual_rows, actual_columns) == (rows, columns):
+        return
+    row = 1 if actual_columns != columns else min(actual_rows, rows) + 1
+    raise BadInputError(
+        f"{name}, row {row}: {name} is {actual_rows} x {actual_columns}; with this plant it must be"
+        f" {rows} x {columns}"
+    )
+
+
+def _check_answer(answer: dict[str, Block], texts: dict[str, Any], plant: Plant) -> None:
+    n, m = plant.B.shape
+    k = plant.E.shape[1]
+    size = n + m + k
+    if "H" in answer and not plant.is_discrete:
+        raise BadInputError('H belongs to a step; did you mean time = "discrete"?')
+    if "L" in answer and not k:
+        raise BadInputError("L is printed, and the plant has no E and gamma")
+    shapes = {"P": (n, n), "K": (m, n), "L": (k, n), "H": (size, size)}
+    for name, block in answer.items():
+        if name == "W":
+            refuse_unknown("basis is", texts.get("basis", "quadratic"), ("quadratic",))
+            if block.values.size != n * (n + 1) // 2:
+                raise BadInputError(
+                    f"W, row 1: W has {block.values.size} numbers; the quadratic basis of {n}"
+                    f" states has {n * (n + 1) // 2}"
+                )
+        else:
+            _check_shape(name, block, *shapes[name])

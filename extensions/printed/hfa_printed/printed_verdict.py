@@ -1,0 +1,194 @@
+"""The verdict on a printed answer, and how it reads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.critic.critic import from_parts
+from controller.game.discrete_game import DiscreteGame
+from hfa_printed.classes import Class, Classified, classify
+from hfa_printed.comparison import Comparison
+from hfa_printed.exact_answer import policies
+from hfa_printed.printed_file import PrintedFile, load_printed
+from hfa_support.errors import said_of
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import Table
+from verification.critic.critic_check import check_critic
+from verification.critic.discrete_check import check_discrete
+
+#: Entries in a report; a file has all.
+_ENTRIES = 12
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PrintedData(Result):
+    """A printed answer judged.
+
+    ok: exit code 0.
+    verdict: the class of the answer.
+    reason: why, one line.
+    title: of the file.
+    relative_error: |printed - exact| / |exact|, the largest of the blocks.
+    cost_lost_percent: of an answer that is close, at most; null of others.
+    entries: block, row and column (from 1), printed, exact, half_unit, half_units_off each.
+    other_plants: entries of the plant with another value of which all digits are right: entry,
+        typed, value, lowest and highest of the interval, slip."""
+
+    schema = "hfa.printed-check/1"
+    made_by = "hfa verify --printed"
+
+    ok: bool
+    verdict: Class
+    reason: str
+    title: str
+    relative_error: float
+    cost_lost_percent: float
+    entries: Sequence[Mapping[str, Any]]
+    other_plants: Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PrintedVerdict(Reported):
+    """What the digits of a printed answer say.
+
+    file: what was judged
+    classified: its class, the comparison and the search
+    cost_lost: percent, of a close answer; else nan
+    """
+
+    file: PrintedFile
+    classified: Classified
+    cost_lost: float
+
+    def holds(self, limit_cost: float | None = None) -> bool:
+        """As printed, cut off, or close and costing no more than the limit, percent."""
+        if self.classified.name == "close":
+            return limit_cost is not None and self.cost_lost <= limit_cost
+        return self.classified.name in ("as printed", "cut off")
+
+    def data(self, limit_cost: float | None = None) -> PrintedData:
+        """As data."""
+        comparison = self.classified.comparison
+        others = [
+            {
+                "entry": str(entry.position),
+                "typed": entry.typed,
+                "value": entry.value,
+                "lowest": entry.lowest,
+                "highest": entry.highest,
+                "slip": entry.slip,
+            }
+            for entry in self.classified.changed
+        ]
+        return PrintedData(
+            ok=self.holds(limit_cost),
+            verdict=self.classified.name,
+            reason=self.classified.reason,
+            title=self.file.title,
+            relative_error=comparison.relative_error,
+            cost_lost_percent=self.cost_lost,
+            entries=[dict(zip(_COLUMNS, row, strict=True)) for row in _rows(comparison)],
+            other_plants=others,
+        )
+
+    def report(self, limit_cost: float | None = None) -> Report:
+        """The class in the first line, then the entries that are farthest off."""
+        comparison = self.classified.comparison
+        line = f"{self.classified.name}: {self.classified.reason}"
+        if not math.isnan(self.cost_lost):
+            line += f", cost lost {self.cost_lost:.2g} %"
+        rows = _rows(comparison)
+        nearest = np.argsort(-comparison.errors, kind="stable")[:_ENTRIES]
+        shown = []
+        for index in sorted(nearest):
+            _, _, _, printed, exact, _, off = rows[index]
+            position = str(comparison.positions[index])
+            shown.append((position, f"{printed:.12g}", f"{exact:.12g}", f"{off:.3g}"))
+        parts: list[Any] = [f"{self.file.title}: consistent with its digits is at most 1 half unit"]
+        if self.file.assumption:
+            parts.append(self.file.assumption)
+        for entry in self.classified.changed:
+            interval = f"{entry.lowest:.8g} to {entry.highest:.8g}"
+            parts.append(f"{entry.position} in {interval} makes every printed digit right")
+        parts.append(Table(("entry", "printed", "exact", "half units off"), shown))
+        if len(rows) > _ENTRIES:
+            parts.append(
+                f"the {_ENTRIES} of {len(rows)} entries that are farthest off; --json has all"
+            )
+        return Report(
+            line,
+            parts,
+            data=self.data(limit_cost).to_dict(),
+            records=Table(_COLUMNS, rows),
+        )
+
+
+_COLUMNS = ("block", "row", "column", "printed", "exact", "half_unit", "half_units_off")
+
+
+def check_printed(path: Path) -> PrintedVerdict:
+    """The verdict on the printed answer of a TOML file.
+
+    BadInputError for a file that cannot be read; NoSolutionError where the plant as typed has no
+    certified answer."""
+    file = load_printed(path)
+    with said_of(path):
+        classified = classify(file)
+    cost_lost = math.nan
+    if classified.name == "close":
+        cost_lost = _cost_lost(file)
+    return PrintedVerdict(file, classified, cost_lost)
+
+
+def _cost_lost(file: PrintedFile) -> float:
+    """What the printed policy costs more than the optimum, at most, percent."""
+    game = file.plant.game()
+    K = _printed_gain(file)
+    if isinstance(game, DiscreteGame):
+        return check_discrete(game, from_parts(game.step, {"K": K})).cost_lost
+    feed = np.linalg.solve(file.plant.R, file.plant.N.T)
+    return check_critic(game, from_parts(game, {"K": K - feed})).cost_lost
+
+
+def _printed_gain(file: PrintedFile) -> np.ndarray:
+    """K of u = -K x as printed, or as P, W or H implies it."""
+    n, m = file.plant.B.shape
+    if "K" in file.answer:
+        return file.signs["K"] * file.answer["K"].values
+    if "H" in file.answer:
+        H = file.answer["H"].values
+        return np.asarray(np.linalg.solve(H[n:, n:], H[n:, :n])[:m])
+    if "P" in file.answer:
+        P = file.answer["P"].values
+    else:
+        weights = file.answer["W"].values.ravel()
+        row, column = np.triu_indices(n)
+        P = np.zeros((n, n))
+        P[row, column] = 0.5 * weights
+        P = P + P.T
+    return policies(file.plant, P)[:m]
+
+
+def _rows(comparison: Comparison) -> list[tuple[Any, ...]]:
+    """Block, row and column from 1, printed, exact, half unit, half units off."""
+    rows = []
+    for index, position in enumerate(comparison.positions):
+        rows.append(
+            (
+                position.block,
+                position.row + 1,
+                position.column + 1,
+                float(comparison.printed[index]),
+                float(comparison.exact[index]),
+                float(comparison.half_units[index]),
+                float(comparison.errors[index]),
+            )
+        )
+    return rows

@@ -1,0 +1,90 @@
+"""Slips of the pen planted in plants are named; right, learned and twice wrong ones are not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from printed_samples import SLIPS, printed_sample
+
+from hfa_printed.exact_answer import certified_value, rough_values
+from hfa_printed.printed_file import load_printed
+from hfa_printed.printed_verdict import check_printed
+from hfa_support.errors import NoSolutionError
+
+SLOW = pytest.mark.slow
+ANOTHER_PLANT = "the answer belongs to another plant"
+
+
+@pytest.fixture
+def judged(tmp_path) -> Callable[[str], tuple[str, str]]:
+    """The class of a file and its reason; of a plant without an answer the error."""
+
+    def judge(text: str) -> tuple[str, str]:
+        path = tmp_path / "printed.toml"
+        path.write_text(text)
+        try:
+            classified = check_printed(path).classified
+        except NoSolutionError as error:
+            return "no solution", str(error)
+        return classified.name, classified.reason
+
+    return judge
+
+
+@pytest.mark.parametrize("count", [6, pytest.param(200, marks=SLOW)])
+def test_of_planted_slips_85_of_100_that_show_are_named_and_none_wrong(judged, count) -> None:
+    rng = np.random.default_rng(1)
+    visible = 0
+    named = 0
+    for index in range(count):
+        sample, slip = printed_sample(index, rng).with_slip(SLIPS[index % len(SLIPS)], rng)
+        name, reason = judged(sample.file())
+        if name == ANOTHER_PLANT:
+            assert reason.startswith(f"{slip.entry} = "), (slip, reason)
+        visible += name != "as printed"
+        named += name == ANOTHER_PLANT or f"with {slip.entry} = {slip.right}, not" in reason
+    assert named >= 0.85 * visible
+
+
+@pytest.mark.parametrize("count", [8, pytest.param(200, marks=SLOW)])
+def test_right_answers_are_as_printed(judged, count) -> None:
+    rng = np.random.default_rng(2)
+    for index in range(count):
+        assert judged(printed_sample(index, rng).file())[0] == "as printed"
+
+
+@pytest.mark.parametrize("count", [4, pytest.param(100, marks=SLOW)])
+def test_learned_answers_accuse_no_entry(judged, count) -> None:
+    rng = np.random.default_rng(3)
+    for index in range(count):
+        sample = printed_sample(index, rng).noisy(10.0 ** rng.uniform(-4.0, -1.5), rng)
+        name, reason = judged(sample.file(learned=True))
+        assert name != ANOTHER_PLANT
+        assert "which:" not in reason
+
+
+@pytest.mark.slow
+def test_of_two_slips_none_is_named_but_where_the_other_does_not_show(judged) -> None:
+    rng = np.random.default_rng(4)
+    for index in range(60):
+        sample, first = printed_sample(index, rng).with_slip(SLIPS[index % len(SLIPS)], rng)
+        sample, second = sample.with_slip(SLIPS[index % 5], rng)
+        name, reason = judged(sample.file())
+        if name == ANOTHER_PLANT:
+            assert reason.startswith((f"{first.entry} = ", f"{second.entry} = ")), (first, second)
+
+
+def test_rough_values_are_the_certified_ones(tmp_path) -> None:
+    rng = np.random.default_rng(5)
+    path = tmp_path / "printed.toml"
+    for index in range(8):
+        path.write_text(printed_sample(index, rng).file())
+        plant = load_printed(path).plant
+        values = plant.A[0, 0] * np.array([1.0, 1.01, np.nan])
+        rough = rough_values(plant.stacked("A", 0, 0, values))
+        for value, P in zip(values[:2], rough, strict=False):
+            exact = certified_value(plant.with_entry("A", 0, 0, float(value)))
+            np.testing.assert_allclose(P, exact, atol=1e-10 * np.abs(exact).max())
+        assert np.isnan(rough[2]).all()

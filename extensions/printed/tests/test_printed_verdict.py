@@ -1,0 +1,368 @@
+"""Printed answers: each class, planted errors, and right ones that are never accused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from hfa_printed.exact_answer import (
+    Plant,
+    answer_change,
+    answer_of,
+    certified_value,
+)
+from hfa_printed.printed_file import load_printed, read_block
+from hfa_printed.printed_verdict import check_printed
+from hfa_support.errors import BadInputError, NoSolutionError
+
+#: A game in discrete time whose A21 lacks a digit: its K and L are those of 0.0741349.
+MULTIPLAYER = '''
+time = "discrete"
+[plant]
+A = """
+0.906488 0.0816012 -0.0005
+0.074349 0.90121 -0.000708383
+0 0 0.132655
+"""
+B = """
+-0.00150808 0.00951892 -0.00563451
+-0.0096 0.00038373 -0.08962
+0.867345 0 0.356478
+"""
+E = "0.0123956; 0.068; -0.05673"
+Q = "diag 5 5 5"
+R = "diag 1 1 1"
+gamma = "1"
+[printed]
+K = """
+0.5665 0.7300 0.1098
+0.4271 0.2752 0.0009
+-2.2643 -2.8476 0.0329
+"""
+L = "2.2925 2.6572 0.0032"
+'''
+#: A turbocharged diesel engine, P and K to four decimals.
+DIESEL = '''
+time = "continuous"
+[plant]
+A = """
+-0.4125 -0.0248 0.0741 0.0089 0 0
+101.5873 -7.2651 2.7608 2.8068 0 0
+0.0704 0.0085 -0.0741 -0.0089 0 0.0200
+0.0878 0.2672 0 -0.3674 0.0044 0.3962
+-1.8414 0.0990 0 0 -0.0343 -0.0330
+0 0 0 -359 187.5364 -87.0316
+"""
+B = """
+-0.0042 0.0064
+-1.0360 1.5849
+0.0042 0
+0.1261 0
+0 -0.0168
+0 0
+"""
+Q = "diag 100 0 0 0 0 100"
+R = "diag 1 1"
+[printed]
+P = """
+766.7586 1.4020 97.3265 119.0937 -111.2549 0.6265
+1.4020 0.1032 -0.6581 3.9893 -1.8221 0.0150
+97.3265 -0.6581 71.6915 -1.3767 -29.0678 0.0230
+119.0937 3.9893 -1.3767 233.8101 -126.0952 -1.1828
+-111.2549 -1.8221 -29.0678 -126.0952 88.0775 0.5859
+0.6265 0.0150 0.0230 -1.1828 0.5859 0.5687
+"""
+K = """
+10.7537 0.3875 0.4006 24.8446 -13.6677 -0.1672
+8.9983 0.2031 0.0681 9.2032 -5.0796 0.0180
+"""
+'''
+#: K = (√5, √(1 + 2√5)) = (2.236068, 2.339259), cut off.
+INTEGRATOR = """
+time = "continuous"
+[plant]
+A = "0 1; 0 0"
+B = "0; 1"
+Q = "5 0; 0 1"
+R = "1"
+[printed]
+K = "2.23606 2.33925"
+"""
+#: The answer of a plant whose texts have four decimals: P in closed form is not needed.
+SMALL = """
+time = "continuous"
+[plant]
+A = "-1.0189 0.9051; 0.8223 -1.0774"
+B = "0.3127; 1.4586"
+Q = "1 0; 0 2"
+R = "1"
+[printed]
+P = "{P}"
+K = "{K}"
+"""
+
+
+@pytest.fixture
+def verdict_of(tmp_path):
+    """The verdict on the text of a file."""
+
+    def check(text):
+        path = tmp_path / "printed.toml"
+        path.write_text(text)
+        return check_printed(path)
+
+    return check
+
+
+def printed(matrix, decimals):
+    """A matrix as text with so many decimals."""
+    return "; ".join(" ".join(f"{value:.{decimals}f}" for value in row) for row in matrix)
+
+
+def small_case(decimals=5):
+    """SMALL with its right answer."""
+    plant = Plant(
+        A=np.array([[-1.0189, 0.9051], [0.8223, -1.0774]]),
+        B=np.array([[0.3127], [1.4586]]),
+        E=np.zeros((2, 0)),
+        N=np.zeros((2, 1)),
+        Q=np.diag([1.0, 2.0]),
+        R=np.eye(1),
+        gamma=np.inf,
+    )
+    answer = answer_of(plant, certified_value(plant))
+    return SMALL.format(P=printed(answer["P"], decimals), K=printed(answer["K"], decimals))
+
+
+def test_all_digits_right(verdict_of):
+    verdict = verdict_of(DIESEL)
+    assert verdict.classified.name == "as printed"
+    assert verdict.holds()
+    comparison = verdict.classified.comparison
+    index = [str(position) for position in comparison.positions].index("P12")
+    assert comparison.errors[index] == pytest.approx(0.99, abs=0.01)
+
+
+def test_digits_cut_off(verdict_of):
+    assert verdict_of(INTEGRATOR).classified.name == "cut off"
+
+
+def test_a_digit_dropped_in_the_plant_is_named(verdict_of):
+    verdict = verdict_of(MULTIPLAYER)
+    assert verdict.classified.name == "the answer belongs to another plant"
+    assert not verdict.holds(limit_cost=100.0)
+    (entry,) = verdict.classified.changed
+    assert str(entry) == "A21 = 0.0741349, not 0.074349 (a digit is missing)"
+    assert entry.lowest == pytest.approx(0.0741338, abs=1e-7)
+    assert entry.highest == pytest.approx(0.0741351, abs=1e-7)
+    assert verdict.classified.comparison.errors.max() == pytest.approx(131.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("right", "typed", "name"),
+    [
+        ("0.8223", "0.8232", "A21"),
+        ("-1.0774", "1.0774", "A22"),
+        ("0.3127", "0.317", "B11"),
+        ("1.4586", "14.586", "B21"),
+    ],
+)
+def test_a_planted_slip_is_named(verdict_of, right, typed, name):
+    verdict = verdict_of(small_case().replace(right, typed, 1))
+    assert verdict.classified.name == "the answer belongs to another plant"
+    (entry,) = verdict.classified.changed
+    assert str(entry.position) == name
+    assert float(entry.value) == float(right)
+
+
+def test_one_entry_of_the_answer(verdict_of):
+    verdict = verdict_of(DIESEL.replace("24.8446", "24.8464"))
+    assert verdict.classified.name == "one entry of the answer"
+    assert verdict.classified.reason == "K14 is printed 24.8464, exact 24.844586"
+
+
+def test_a_mirrored_pair_is_one_entry_of_the_answer(verdict_of):
+    verdict = verdict_of(DIESEL.replace("97.3265", "97.3256"))
+    assert verdict.classified.name == "one entry of the answer"
+
+
+@pytest.mark.parametrize("decimals", [2, 4, 8, 15])
+def test_a_right_answer_is_as_printed_at_any_number_of_digits(verdict_of, decimals):
+    assert verdict_of(small_case(decimals)).classified.name == "as printed"
+
+
+def test_a_learned_answer_is_close_and_accuses_nobody(verdict_of):
+    text = "learned = true\n" + small_case(4)
+    block = re.search(r'K = "(.*)"', text)[1]
+    moved = read_block("K", block).values * [1.0031, 0.9988]
+    text = text.replace(f'K = "{block}"', f'K = "{printed(moved, 4)}"')
+    text = re.sub(r'P = ".*"\n', "", text)
+    verdict = verdict_of(text)
+    assert verdict.classified.name == "close"
+    assert verdict.classified.changed == ()
+    assert 0.0 < verdict.cost_lost < 0.01
+    assert not verdict.holds()
+    assert verdict.holds(limit_cost=0.01)
+
+
+def test_rounding_of_the_plant_decides_nothing(verdict_of):
+    text = small_case(6).replace("0.8223", "0.82", 1).replace("-1.0774", "-1.08", 1)
+    assert verdict_of("plant_rounded = true\n" + text).classified.name == "not decided"
+    assert verdict_of(text).classified.name == "wrong"
+
+
+def test_a_slip_after_which_no_answer_exists_is_named(verdict_of):
+    """Gamma and an E of one column cannot be told apart: both are named."""
+    plant = Plant(
+        A=np.array([[-1.0, 0.9], [0.8, -1.1]]),
+        B=np.array([[0.0], [1.0]]),
+        E=np.array([[1.0], [0.0]]),
+        N=np.zeros((2, 1)),
+        Q=np.eye(2),
+        R=np.eye(1),
+        gamma=5.2,
+    )
+    answer = answer_of(plant, certified_value(plant))
+    text = f"""
+time = "continuous"
+[plant]
+A = "-1.0 0.9; 0.8 -1.1"
+B = "0; 1"
+E = "1; 0"
+Q = "diag 1 1"
+R = "1"
+gamma = "0.52"
+[printed]
+P = "{printed(answer["P"], 5)}"
+"""
+    assert verdict_of(text.replace("0.52", "5.2")).classified.name == "as printed"
+    with pytest.raises(
+        NoSolutionError, match=r"with gamma = 5\.2, not 0\.52 \(the decimal point\)"
+    ):
+        verdict_of(text)
+
+
+def test_an_answer_of_nothing_cannot_be_told(verdict_of):
+    text = re.sub(r'P = ".*"\nK = ".*"', 'K = "71.123 -38.71"', small_case())
+    assert verdict_of(text).classified.name == "cannot tell"
+
+
+def test_the_opposite_sign_of_a_gain_is_a_known_mistake(verdict_of):
+    text = small_case()
+    gain = read_block("K", re.search(r'K = "(.*)"', text)[1])
+    opposite = re.sub(r'K = ".*"', f'K = "{printed(-gain.values, 5)}"', text)
+    verdict = verdict_of(opposite)
+    assert verdict.classified.name == "wrong"
+    assert verdict.classified.reason == "K has the opposite sign"
+    declared = opposite + 'K_sign = "u = K x"\n'
+    assert verdict_of(declared).classified.name == "as printed"
+
+
+def test_a_missing_factor_on_products_is_known_under_noise(verdict_of):
+    text = small_case()
+    P = read_block("P", re.search(r'P = "(.*)"', text)[1]).values
+    weights = P[np.triu_indices(2)] * [1.003, 0.998, 1.001]
+    answer = f'W = "{printed(weights[None, :], 5)}"'
+    verdict = verdict_of("learned = true\n" + re.sub(r'P = ".*"\nK = ".*"', answer, text))
+    assert verdict.classified.name == "wrong"
+    assert verdict.classified.reason.startswith("W lacks the factor 2 on products; an error")
+
+
+@pytest.mark.parametrize("is_discrete", [False, True])
+@pytest.mark.parametrize("name", ["A", "B", "E", "N", "Q", "R", "gamma"])
+def test_the_derivative_is_that_of_the_exact_answer(name, is_discrete):
+    generator = np.random.default_rng(3)
+    plant = Plant(
+        A=0.3 * generator.normal(size=(3, 3)),
+        B=generator.normal(size=(3, 2)),
+        E=0.2 * generator.normal(size=(3, 1)),
+        N=0.1 * generator.normal(size=(3, 2)),
+        Q=np.diag([1.0, 2.0, 3.0]),
+        R=np.diag([1.0, 2.0]),
+        gamma=4.0,
+        is_discrete=is_discrete,
+        discount=0.9 if is_discrete else 1.0,
+    )
+    row, column = (0, 0) if name == "gamma" else (1, 0)
+    value = plant.gamma if name == "gamma" else getattr(plant, name)[row, column]
+    step = 1e-5
+    around = []
+    for moved in (value - step, value + step):
+        other = plant.with_entry(name, row, column, moved)
+        around.append(answer_of(other, certified_value(other)))
+    before, after = around
+    change = answer_change(plant, certified_value(plant), name, row, column)
+    for block, slope in change.items():
+        np.testing.assert_allclose((after[block] - before[block]) / (2 * step), slope, atol=1e-7)
+
+
+def test_numbers_of_a_text_and_their_half_units():
+    block = read_block("P", r"1.4350, -2e-3 & 5 \\ -160/3 .50 0.")
+    np.testing.assert_allclose(block.values, [[1.435, -0.002, 5.0], [-160 / 3, 0.5, 0.0]])
+    np.testing.assert_allclose(block.half_units, [[5e-5, 5e-4, 0.5], [0.0, 5e-3, 0.5]])
+    assert block.roundings[0].tolist() == [5e-5, 0.0, 0.0]
+
+
+def test_formulas_of_parameters_and_a_common_factor():
+    parameters = {"m": 0.5, "g": 9.81}
+    block = read_block("A", "m*g/2 -160/3 sqrt(m**2); 1.50 -(m+1) 2", parameters)
+    expected = [[0.5 * 9.81 / 2, -160 / 3, 0.5], [1.5, -1.5, 2.0]]
+    np.testing.assert_allclose(block.values, expected, rtol=1e-15)
+    assert block.half_units[0].tolist() == [0.0, 0.0, 0.0]
+    assert block.roundings.tolist() == [[0.0, 0.0, 0.0], [0.005, 0.0, 0.0]]
+    scaled = read_block("P", "1.0e+04 *\n 1.2345 0\n 0 -0.0020")
+    assert scaled.values.tolist() == [[12345.0, 0.0], [0.0, -20.0]]
+    assert scaled.half_units == pytest.approx(0.5 * np.ones((2, 2)))
+    assert scaled.roundings.tolist() == [[0.5, 0.0], [0.0, 0.5]]
+    with pytest.raises(BadInputError, match="P: '1/3' does not go with a common factor"):
+        read_block("P", "1.0e+04 *\n 1/3")
+
+
+def test_a_plant_of_parameters_and_a_scaled_answer_are_as_printed(verdict_of):
+    text = small_case()
+    parametrized = text.replace("[plant]", '[parameters]\na = "0.8223"\n[plant]').replace(
+        "0.8223 -1.0774", "a -1.0774"
+    )
+    assert verdict_of(parametrized).classified.name == "as printed"
+    P = read_block("P", re.search(r'P = "(.*)"', small_case(9))[1]).values
+    answer = f'scale = "1.0e-03"\nP = "{printed(1e3 * P, 4)}"'
+    assert verdict_of(re.sub(r'P = ".*"\nK = ".*"', answer, text)).classified.name == "as printed"
+
+
+def test_a_time_that_every_digit_fits_is_asked_for(verdict_of):
+    question = 'every printed digit fits time = "continuous"; did you mean that?'
+    text = small_case()
+    verdict = verdict_of(text.replace('"continuous"', '"discrete"'))
+    assert verdict.classified.name == "wrong"
+    assert verdict.classified.reason == question
+    with pytest.raises(BadInputError, match=re.escape(question)):
+        verdict_of(text.replace('time = "continuous"', ""))
+    with pytest.raises(BadInputError, match='time is missing; give time = "continuous" or'):
+        verdict_of(text.replace('time = "continuous"', "").replace("0.8223", "0.7"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("0.8223", "0.82x3", "A, row 2: '0.82x3' is no number"),
+        ('"0.3127; 1.4586"', '"0.3127"', "B, row 2: B is 1 x 1; with this plant it must be 2 x 1"),
+        ("0.8223 -1.0774", "0.8223", "A, row 2, has 1 numbers; row 1 has 2"),
+        ('R = "1"', 'R = "1"\nE = "1; 0"', "gamma is missing; a game has both E and gamma"),
+        ('R = "1"', "R = 1.0", "R is not a text; put its numbers in quotes, digits as printed"),
+        ("0.8223", "0x82", "A, row 2: '0x82' is no number"),
+        ("0.8223", "0.1-0.2", "A, row 2: '0.1-0.2' is no number"),
+        ("0.8223", "m*g", "A, row 2: 'm' is not known; use numbers, + - * / ** and sin"),
+        ("0.8223", "1/0", "A, row 2: '1/0' is inf; it must be finite"),
+        ("[printed]", '[printed]\nscale = "4"', "scale is '4'; give a power of ten as"),
+        ('time = "continuous"', 'discount = "0.9"', "discount belongs to a step; did you mean"),
+        ('Q = "1 0; 0 2"', "", "the plant has no Q"),
+        ('R = "1"', 'R = "1"\nE = "1; 0"\ngamma = "-2"', "gamma is -2.0; it must be a positive"),
+    ],
+)
+def test_bad_input_names_the_block_and_the_row(tmp_path, old, new, message):
+    path = tmp_path / "bad.toml"
+    path.write_text(small_case().replace(old, new, 1))
+    with pytest.raises(BadInputError, match=re.escape(f"{path}: {message}")):
+        load_printed(path)

@@ -1,0 +1,160 @@
+"""A model's steady flights and linear models as functions that run on balls, series and Taylor
+models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_proof.arithmetic.ball_function import BallFunction
+
+Rows = list[list[Any]]
+
+
+class LinearParts(NamedTuple):
+    """Matrices as lists of rows, at a steady flight.
+
+    values: (names, 1), values of `SteadyFlight.names`
+    slopes: (equations, unknowns), F_w
+    A: (n, n), of the linear model x' = A x + B u, y = C x + D u
+    B: (n, m)
+    C: (k, n), of the measured outputs
+    D: (k, m)
+    """
+
+    values: Rows
+    slopes: Rows
+    A: Rows
+    B: Rows
+    C: Rows
+    D: Rows
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyFlight:
+    """The equations F(w; imposed, parameters) = 0 of a trim, w its unknowns.
+
+    balanced: BallFunction (v, p) -> the balanced rates, then the imposed outputs
+    linear_parts: BallFunction (v, p) -> the parts of `LinearParts`
+    variables: names of v, what a trim imposes or finds
+    parameters: names of p
+    imposed_outputs: names of the outputs that the trim imposes
+    names: states, inputs and outputs whose values `LinearParts.values` holds
+    unknowns: names of w
+    moving_rows: the equations that an unknown moves
+    heights: number of rows of each part of `LinearParts`
+    """
+
+    balanced: BallFunction
+    linear_parts: BallFunction
+    variables: tuple[str, ...]
+    parameters: tuple[str, ...]
+    imposed_outputs: tuple[str, ...]
+    names: tuple[str, ...]
+    unknowns: tuple[str, ...]
+    moving_rows: tuple[int, ...]
+    heights: tuple[int, ...]
+
+    def residual(self, values: Mapping[str, Any]) -> list[Any]:
+        """F where every variable, parameter and imposed output has a value: a ball, a series or a
+        Taylor model."""
+        results = self.balanced(*self._arguments(values))[0]
+        rates = len(results) - len(self.imposed_outputs)
+        outputs = zip(results[rates:], self.imposed_outputs, strict=True)
+        return results[:rates] + [output - values[name] for output, name in outputs]
+
+    def linear(self, values: Mapping[str, Any]) -> LinearParts:
+        """The linear model where every variable and parameter has such a value."""
+        columns = self.linear_parts(*self._arguments(values))
+        parts = []
+        for entries, height in zip(columns, self.heights, strict=True):
+            parts.append([entries[row::height] for row in range(height)])
+        return LinearParts(*parts)
+
+    def _arguments(self, values: Mapping[str, Any]) -> list[list[Any]]:
+        """(v, p) from values by name."""
+        return [[values[name] for name in names] for names in (self.variables, self.parameters)]
+
+
+def steady_flight(
+    model: Model,
+    imposed: Mapping[str, float],
+    limited: Sequence[str] = (),
+    measured: Sequence[str] = (),
+) -> SteadyFlight:
+    """The trim equations and the linear model of a model, as functions of its parameters too.
+
+    model: the aircraft
+    imposed: variables and outputs that the trim imposes, beside the scheduling variable
+    limited: names whose values are wanted, because they have limits
+    measured: outputs of the linear model
+
+    BadInputError names an operation that balls do not take, such as that of a table.
+    """
+    imposed_outputs = tuple(name for name in imposed if name not in model.variables)
+    limited_outputs = [name for name in limited if name in model.outputs]
+    unknowns = tuple(
+        name for name in model.variables if name not in imposed and name != model.schedule
+    )
+    outputs = tuple(dict.fromkeys((*imposed_outputs, *limited_outputs)))
+    return _steady_flight(model, unknowns, imposed_outputs, outputs, tuple(measured))
+
+
+@lru_cache(maxsize=16)
+def _steady_flight(
+    model: Model,
+    unknowns: tuple[str, ...],
+    imposed_outputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    measured: tuple[str, ...],
+) -> SteadyFlight:
+    """`steady_flight`, kept for the next call.
+
+    unknowns: of the trim
+    imposed_outputs: that the trim imposes
+    outputs: those, and others whose values are wanted
+    measured: outputs of the linear model
+    """
+    states = list(model.states)
+    variables = model.variables
+    v = ca.SX.sym("v", len(variables))
+    (p,) = model.layout.symbols("p")
+    values = dict(zip(variables, ca.vertsplit(v), strict=True))
+    x, u, f, y = model.layout.in_variables(values, p, outputs)
+    y = ca.vec(y)
+    _, _, A, B, C, D, *_ = model.functions(measured)(x, u, p)
+    balanced = [states.index(name) for name in model.steady]
+    linear = [states.index(name) for name in model.linear]
+
+    F = ca.densify(ca.vertcat(f[balanced], y[: len(imposed_outputs), :]))
+    w = ca.vertcat(*(values[name] for name in unknowns))
+    rate_slopes = ca.mtimes(A[balanced, :], ca.jacobian(x, w))
+    rate_slopes += ca.mtimes(B[balanced, :], ca.jacobian(u, w))
+    output_slopes = ca.jacobian(y[: len(imposed_outputs), :], w)
+    parts = [
+        ca.vertcat(x, u, y),
+        ca.vertcat(rate_slopes, output_slopes),
+        A[linear, linear],
+        B[linear, :],
+        C[:, linear],
+        D,
+    ]
+    moves = np.array(ca.DM(ca.jacobian_sparsity(F, w), 1)).any(axis=1)
+    linear_parts = ca.Function("linear", [v, p], [ca.densify(part) for part in parts])
+    return SteadyFlight(
+        balanced=BallFunction(ca.Function("balanced", [v, p], [F]), model.name),
+        linear_parts=BallFunction(linear_parts, model.name),
+        variables=tuple(variables),
+        parameters=tuple(model.parameters),
+        imposed_outputs=imposed_outputs,
+        names=(*states, *model.inputs, *outputs),
+        unknowns=unknowns,
+        moving_rows=tuple(np.flatnonzero(moves).tolist()),
+        heights=tuple(part.shape[0] for part in parts),
+    )

@@ -1,0 +1,345 @@
+"""Checks a certificate: reads what it claims and what shall prove it, and proves it.
+
+Nobody needs to trust the search or the prover: with them the checker shares the model and the
+arithmetic alone. Every quantity is a Taylor model in the position s within a box and the errors t
+of the parameters.
+
+    statement.py  what is claimed            witness.py  what proves it
+    trims.py      trims and linear models    loop.py     the loop
+    modes.py      numbers of eigenvalues     riccati.py  the exact solution of a game
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from flint import arb, ctx
+
+from hfa_aircraft.model import Model
+from hfa_proof.arithmetic.balls import TaylorModel, matrix
+from hfa_proof.checker.covering import covering
+from hfa_proof.checker.loop import actuated_loop, between, closed_loop
+from hfa_proof.checker.modes import check_motion, check_pieces, least_and_most
+from hfa_proof.checker.reading import Fields, Rejected
+from hfa_proof.checker.riccati import (
+    Solution,
+    check_axis,
+    critic_distances,
+    distance_bounds,
+    solution_on,
+)
+from hfa_proof.checker.statement import (
+    GameStatement,
+    ModelsStatement,
+    Plant,
+    Run,
+    ScheduleStatement,
+    Statement,
+    UncertainActuators,
+    loop_size,
+    read_statement,
+)
+from hfa_proof.checker.trims import LinearModelBox, check_branches, linear_model_on
+from hfa_proof.checker.witness import (
+    GameWitness,
+    Line,
+    ModelsWitness,
+    ModesBox,
+    Motion,
+    ScheduleWitness,
+    SolutionBox,
+    TrimBox,
+)
+from hfa_support.errors import BadInputError, NoSolutionError, on_one_line
+from hfa_support.files import read_json
+from hfa_support.progress import Progress, told
+
+SCHEMA = "hfa.certificate/8"
+#: What a file holds beside the statement and the witness, none of which is claimed.
+_CLOSING = ("digest", "provenance", "checksum")
+#: Bits of a midpoint.
+_PRECISION = 256
+
+
+@dataclass(frozen=True, eq=False)
+class Verified:
+    """A statement that is proved.
+
+    statement: what is proved, every field of which the checker has interpreted
+    boxes: how many boxes prove it
+    written: version, command and date in the file, which nothing verifies
+    """
+
+    statement: Statement
+    boxes: int
+    written: dict[str, str]
+
+
+def sealed(head: str, origin: str) -> str:
+    """The text of a certificate.
+
+    head: its JSON object without the last brace; `digest`, the SHA-256 of this, is added
+    origin: its provenance, JSON; `checksum`, the SHA-256 of all before, is added
+
+    An edited digit of any number shows; the digest covers the statement and the witness and not the
+    date of the proof."""
+    digest = hashlib.sha256(head.encode()).hexdigest()
+    whole = f'{head}, "digest": "{digest}", "provenance": {origin}'
+    checksum = hashlib.sha256(whole.encode()).hexdigest()
+    return f'{whole}, "checksum": "{checksum}"}}\n'
+
+
+@ctx.workprec(_PRECISION)
+def check_certificate(
+    path: Path, progress: Progress | None = None, model: Model | None = None
+) -> Verified:
+    """What the file proves. model: that of a certificate about a user's own.
+
+    BadInputError when the file is none or was edited; Rejected names entries that are not
+    understood or not proved."""
+    content, written = _read(path)
+    try:
+        entries = Fields("", content)
+        for name in ("schema", "toolchain", *_CLOSING):
+            entries.value(name, lambda value: True)
+        kind = entries.value("kind", lambda value: True)
+        statement = read_statement(kind, entries.value("statement", lambda value: True), model)
+        boxes = _check(statement, entries.fields("witness"), progress)
+        entries.close()
+    except BadInputError as error:  # it is about another model
+        raise BadInputError(f"{path}: {error}") from error
+    except (
+        NoSolutionError,
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        ArithmeticError,
+    ) as error:
+        raise Rejected(f"{path}: not proved: {error or type(error).__name__}") from error
+    return Verified(statement, boxes, written)
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """The content of a file that was not edited, and which run wrote it."""
+    try:
+        content = read_json(path)
+        text = path.read_text(encoding="utf-8")
+        origin = content["provenance"]
+        body = {key: value for key, value in content.items() if key not in _CLOSING}
+        edited = text != sealed(json.dumps(body)[:-1], json.dumps(origin))
+        schema = str(content["schema"])
+        written = {key: on_one_line(str(origin[key])) for key in ("version", "command", "date")}
+    except (OSError, ValueError, LookupError, AttributeError, TypeError) as error:
+        raise BadInputError(
+            f"{path}: is no certificate; `hfa prove schedule -o FILE.json` writes one"
+        ) from error
+    if schema != SCHEMA:
+        raise BadInputError(
+            f"{path}: is a certificate of another version, {on_one_line(schema)}; prove it again"
+        )
+    if edited:
+        raise BadInputError(
+            f"{path}: refused, the certificate was edited: its digest is that of other content"
+        )
+    return content, written
+
+
+def _check(statement: Statement, entries: Fields, progress: Progress | None) -> int:
+    """Number of boxes that prove the statement; Rejected unless they do."""
+    if isinstance(statement, ScheduleStatement):
+        return check_schedule(statement, ScheduleWitness.read(entries, statement), progress)
+    if isinstance(statement, GameStatement):
+        return check_game(statement, GameWitness.read(entries, statement))
+    return check_models(statement, ModelsWitness.read(entries, statement), progress)
+
+
+def check_schedule(
+    statement: ScheduleStatement, witness: ScheduleWitness, progress: Progress | None = None
+) -> int:
+    """Every run has the unstable modes that are claimed, and the motion is stable. Number of
+    boxes."""
+    flight = statement.flight
+    n = len(flight.model.linear)
+    size = loop_size(flight.model, statement.controller, statement.actuators)
+    boxes = [("loop", box) for box in witness.loop] + [("modes", box) for box in witness.modes]
+    bounds: dict[str, list[Run]] = {"loop": [], "modes": []}
+    linear_models = []
+    for name, box in told(boxes, progress):
+        linear = _linear_model(statement, box.trim)
+        if name == "loop":
+            least, most = _loop_bounds(statement, linear, box)
+        else:
+            assert isinstance(box.proof, Line)
+            least, most = least_and_most(linear.A, box.proof)
+        bounds[name].append(Run(box.trim.low, box.trim.high, least, most))
+        linear_models.append(linear)
+    _check_runs("loop", statement.loop, bounds["loop"], size)
+    _check_runs("modes", statement.modes, bounds["modes"], n)
+    count = len(boxes)
+    if witness.motion is not None:
+        linear_models += _check_scheduled_rate(statement, witness.motion, progress)
+        count += len(witness.motion.boxes)
+    check_branches(flight, linear_models)
+    return count
+
+
+def _linear_model(statement: ScheduleStatement, trim: TrimBox) -> LinearModelBox:
+    measured = statement.controller.outputs(statement.flight.model)
+    return linear_model_on(statement.flight, trim, measured)
+
+
+def _loop_bounds(
+    statement: ScheduleStatement, linear: LinearModelBox, box: ModesBox
+) -> tuple[int, int]:
+    """Least and most unstable modes of the loop that a box proves."""
+    model = statement.flight.model
+    if isinstance(statement.actuators, UncertainActuators):
+        assert isinstance(box.proof, list)
+        loop = actuated_loop(linear, model, statement.controller, statement.actuators)
+        check_pieces(loop, statement.actuators, box.proof)
+        return 0, 0
+    assert isinstance(box.proof, Line)
+    A = closed_loop(linear, model, statement.controller, statement.actuators)
+    least, most = least_and_most(A, box.proof)
+    if most == 0 and box.proof.rate < statement.decay_rate:
+        most = A.parts[0].nrows()  # stable, but not with the decay rate that is claimed
+    return least, most
+
+
+def _check_runs(name: str, runs: Sequence[Run], bounds: Sequence[Run], size: int) -> None:
+    """The bounds that boxes prove are those of the runs, or better; a run of 0 to all is open."""
+    for run in runs:
+        ends = [(run.low, run.high)]
+        if run.least > 0:
+            enough = [bound for bound in bounds if bound.least >= run.least]
+            what = f"the boxes of {name} with {run.least} or more unstable modes"
+            covering(what, ends, enough, _ends_of_run)
+        if run.most < size:
+            enough = [bound for bound in bounds if bound.most <= run.most]
+            what = f"the boxes of {name} with at most {run.most} unstable modes"
+            covering(what, ends, enough, _ends_of_run)
+
+
+def _ends_of_run(run: Run) -> list[tuple[float, float]]:
+    return [(run.low, run.high)]
+
+
+def _ends_of_cell(cell: tuple[TrimBox, Any]) -> list[tuple[float, float]]:
+    trim, _ = cell
+    return [(trim.low, trim.high)]
+
+
+def _check_scheduled_rate(
+    statement: ScheduleStatement, motion: Motion, progress: Progress | None
+) -> list[LinearModelBox]:
+    """V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 for both signs of the largest η', hence for all
+    between."""
+    flight = statement.flight
+    boxes = covering(
+        "the boxes of the motion", [(flight.low, flight.high)], motion.boxes, _ends_of_cell
+    )
+    linear_models = []
+    for trim, turn in told(boxes, progress):
+        linear = _linear_model(statement, trim)
+        loop = closed_loop(linear, flight.model, statement.controller, statement.actuators)
+        P = between(motion.breakpoints, motion.P, trim.low, trim.high)
+        slope = P.parts[1] * (2 / (arb(trim.high) - arb(trim.low)))
+        check_motion(loop, P, slope * arb(statement.scheduled_rate), turn)
+        linear_models.append(linear)
+    return linear_models
+
+
+def check_game(statement: GameStatement, witness: GameWitness) -> int:
+    """The distances, the modes and the bracket of delta_min are as claimed."""
+    weights = statement.weights
+    doubles = _plant(statement, witness, decimals=False)
+    wide = _plant(statement, witness, decimals=True) if statement.decimals else doubles
+    exact = solution_on(weights, *wide, witness.solution, lowest=1)
+    bounds = critic_distances(statement.critic, exact)
+    for name, (least, most) in statement.distances.items():
+        lowest, highest = bounds[name]
+        if not (highest <= arb(most) and (least == 0.0 or lowest >= arb(least))):
+            raise Rejected(f"the distance of {name} may be another one")
+    A, B = wide
+    n = A.parts[0].nrows()
+    loop = A - B * matrix(statement.critic["K"])
+    _check_runs("loop", [Run(0.0, 0.0, *statement.loop)], _line_bounds(loop, witness.loop), n)
+    if statement.delta_min is None:
+        return 1
+    assert statement.modes is not None
+    A, B = doubles
+    _check_runs("modes", [Run(0.0, 0.0, *statement.modes)], _line_bounds(A, witness.modes), n)
+    refused, value = statement.delta_min
+    assert witness.value is not None
+    solution_on(replace(weights, delta=value), A, B, witness.value, lowest=1)
+    below = replace(weights, delta=refused)
+    if isinstance(witness.refused, SolutionBox):
+        solution_on(below, A, B, witness.refused, lowest=-1)
+    else:
+        check_axis(below, A, B, witness.refused or [])
+    return 1
+
+
+def _plant(
+    statement: GameStatement, witness: GameWitness, *, decimals: bool
+) -> tuple[TaylorModel, TaylorModel]:
+    """A and B, for the doubles or for every number that reads as them.
+
+    The trim of the doubles lies within its radii about the center, and so within the larger ones of
+    all of them, where each has no other trim: they are one branch."""
+    plant = statement.plant
+    if isinstance(plant, Plant):
+        return TaylorModel(matrix(plant.A)), TaylorModel(matrix(plant.B))
+    assert witness.trim is not None
+    radii = witness.trim.wide_radii if decimals else witness.trim.radii
+    trim = TrimBox(plant.low, plant.high, witness.trim.center, radii)
+    linear = linear_model_on(plant, trim, decimals=decimals)
+    check_branches(plant, [linear])
+    return linear.A, linear.B
+
+
+def _line_bounds(A: TaylorModel, lines: Sequence[Line]) -> list[Run]:
+    return [Run(0.0, 0.0, *least_and_most(A, line)) for line in lines]
+
+
+def check_models(
+    statement: ModelsStatement, witness: ModelsWitness, progress: Progress | None = None
+) -> int:
+    """Everywhere between the breakpoints the interpolation errors are at most those claimed."""
+    flight = statement.flight
+    cells = covering("the cells", [(flight.low, flight.high)], witness.cells, _ends_of_cell)
+    linear_models = []
+    for trim, box in told(cells, progress):
+        linear = linear_model_on(flight, trim)
+        exact = solution_on(statement.weights, linear.A, linear.B, box, lowest=1)
+        for name, most in interpolation_errors(statement, linear, exact).items():
+            if not most <= arb(statement.errors[name]):
+                raise Rejected(f"the error of {name} from {trim.low} on may be larger")
+        linear_models.append(linear)
+    check_branches(flight, linear_models)
+    return len(cells)
+
+
+def interpolation_errors(
+    tables: ModelsStatement, linear: LinearModelBox, exact: Solution
+) -> dict[str, arb]:
+    """Bounds on a box of |A - Â| / |A|, of B and K likewise, and of |U - Û| in nominal values."""
+    model = tables.flight.model
+    nominal = np.array([model.signals[name].nominal for name in model.inputs])
+    errors = {}
+    for name, value in (("A", linear.A), ("B", linear.B), ("K", exact.K)):
+        table = between(
+            tables.breakpoints, getattr(tables, name), linear.trim.low, linear.trim.high
+        )
+        _, errors[name] = distance_bounds(value - table, value.range().entries())
+    table = between(tables.breakpoints, tables.inputs, linear.trim.low, linear.trim.high)
+    difference = matrix(np.diag(1.0 / nominal)) * (linear.inputs - table)
+    _, errors["inputs"] = distance_bounds(difference, None)
+    return errors

@@ -1,0 +1,87 @@
+"""Whether evidence reaches everywhere that a statement does, decided in one place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from hfa_proof.checker.reading import Rejected
+
+#: Lowest and highest value of each coordinate; both ends belong to it.
+Box = Sequence[tuple[float, float]]
+Piece = TypeVar("Piece")
+
+
+def covering(
+    what: str, stated: Box, pieces: Sequence[Piece], box_of: Callable[[Piece], Box]
+) -> list[Piece]:
+    """The pieces, at least one, whose boxes together hold every point of the stated box.
+
+    what: the pieces in a message, such as "the cells"
+    stated: where something is claimed; low = high is the claim at that value and not at none
+    pieces: the evidence in any order; they may overlap and reach beyond what is stated
+    box_of: where a piece is evidence
+
+    Rejected where a point is left out, and for an end that is not finite, ends in reverse order or
+    a box with another number of coordinates.
+    """
+    _check_ends(f"where {what} are needed", stated, len(stated))
+    boxes = [box_of(piece) for piece in pieces]
+    for box in boxes:
+        _check_ends(what, box, len(stated))
+    waiting = [(stated, boxes)]
+    while waiting:
+        part, all_boxes = waiting.pop()
+        near = [box for box in all_boxes if _meets(box, part)]
+        if not near:
+            raise Rejected(
+                f"{what} do not cover {_said(stated)}: nothing is proved at {_said(part)}"
+            )
+        if not any(_holds(box, part) for box in near):
+            waiting += [(half, near) for half in _halves(part, near)]
+    return list(pieces)
+
+
+def _check_ends(what: str, box: Box, coordinates: int) -> None:
+    ordered = all(math.isfinite(low) and math.isfinite(high) and low <= high for low, high in box)
+    if not (ordered and len(box) == coordinates > 0):
+        raise Rejected(f"{what} have no ends in order, or not one pair a coordinate: {_said(box)}")
+
+
+def _meets(box: Box, part: Box) -> bool:
+    """Whether the two share more than a face of the part."""
+    for (low, high), (least, most) in zip(box, part, strict=True):
+        if least == most and not low <= least <= high:
+            return False
+        if least < most and not (low < most and high > least):
+            return False
+    return True
+
+
+def _holds(box: Box, part: Box) -> bool:
+    """Whether all of the part lies in the box."""
+    pairs = zip(box, part, strict=True)
+    return all(low <= least and most <= high for (low, high), (least, most) in pairs)
+
+
+def _halves(part: Box, boxes: Sequence[Box]) -> list[Box]:
+    """The part, cut in two at an end of a box: the middle one of the coordinate with most ends.
+
+    boxes: that meet the part and do not hold it, so that an end lies inside
+    """
+    cuts = []
+    for i, (least, most) in enumerate(part):
+        ends = {end for box in boxes for end in box[i] if least < end < most}
+        cuts.append(sorted(ends))
+    i = max(range(len(part)), key=lambda coordinate: len(cuts[coordinate]))
+    cut = cuts[i][len(cuts[i]) // 2]
+    least, most = part[i]
+    return [[*part[:i], ends, *part[i + 1 :]] for ends in ((least, cut), (cut, most))]
+
+
+def _said(box: Box) -> str:
+    sides = []
+    for low, high in box:
+        sides.append(f"{low:.10g}" if low == high else f"{low:.10g} to {high:.10g}")
+    return " by ".join(sides) or "nothing"

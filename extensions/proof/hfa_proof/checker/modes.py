@@ -1,0 +1,118 @@
+"""Eigenvalues on both sides of a line, for every matrix of a box.
+
+If H is symmetric and -(A'H + H A + 2 a H) is positive definite, A has as many eigenvalues with
+Re λ > -a as H has negative ones, and none with Re λ = -a (Ostrowski and Schneider, J. Math. Anal.
+Appl. 4, 1962); with H > 0 it is Lyapunov's theorem. For a fixed H the matrix is affine in A and
+positive definite matrices form a convex cone: the corners of a box decide.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from flint import arb, arb_mat
+
+from hfa_proof.arithmetic.balls import (
+    TaylorModel,
+    is_positive_definite,
+    matrix,
+    pivots,
+)
+from hfa_proof.checker.covering import covering
+from hfa_proof.checker.loop import LoopBox
+from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.statement import UncertainActuators
+from hfa_proof.checker.witness import Line, Piece
+
+
+def modes_right_of(A: TaylorModel, line: Line) -> int:
+    """How many eigenvalues of every A lie right of -rate; none lies on it. Rejected unless
+    proved."""
+    H = matrix(line.H)
+    turn = matrix(line.turn)
+    n = A.parts[0].nrows()
+    rate = matrix(line.rate * np.eye(n))
+    half = -(H * (A + rate))
+    check_positive(half + half.transpose(), turn)
+    return eigenvalue_signs(H, turn).count(-1)
+
+
+def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
+    """Bounds of the number of eigenvalues with a positive real part, of every A.
+
+    A line on the right of the axis gives the first, one on the left the second, the axis both.
+    """
+    count = modes_right_of(A, line)
+    least = count if line.rate <= 0.0 else 0
+    most = count if line.rate >= 0.0 else A.parts[0].nrows()
+    return least, most
+
+
+def check_motion(
+    loop: TaylorModel, P: TaylorModel, growth: arb_mat, turn_of_box: np.ndarray
+) -> None:
+    """V = ζ'P ζ, P > 0, decreases: A'P + P A ± growth < 0 on the box, growth what P changes by
+    at the largest rate. Rejected unless proved."""
+    turn = matrix(turn_of_box)
+    for end in (P.parts[0] - P.parts[1], P.parts[0] + P.parts[1]):
+        if -1 in eigenvalue_signs(end, turn):
+            raise Rejected("the Lyapunov function of the motion is not positive")
+    half = -(P * loop)
+    decrease = half + half.transpose()
+    check_positive(decrease + growth, turn)
+    check_positive(decrease - growth, turn)
+
+
+def check_positive(form: TaylorModel, turn: arb_mat) -> None:
+    """Rejected unless every symmetric matrix of the form is positive definite.
+
+    turn: coordinates in which that is decided; the errors of the parameters are small in them
+    """
+    turned = form.map(lambda part: turn.transpose() * part * turn)
+    if not all(is_positive_definite(corner) for corner in turned.corners()):
+        raise Rejected("the matrix that proves the modes is not positive definite")
+
+
+def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
+    """Signs of the eigenvalues (Sylvester); turn: coordinates, proved to be such."""
+    diagonal = pivots(turn.transpose() * symmetric * turn)
+    if diagonal is None:
+        raise Rejected("an eigenvalue is not told from 0")
+    return [1 if pivot > 0 else -1 for pivot in diagonal]
+
+
+def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piece]) -> None:
+    """ζ' = base ζ + ω (lag ζ + G v), v_i = λ_i(t) u_i(t - τ_i(t)), u = U ζ is stable for each
+    constant ω of the interval, all λ within theirs and delays up to the one stated.
+
+    In v = λ_0 (u + d) + e, λ_0 is the middle and r the half width of the effectiveness: |e| <= |z|,
+    z = r (u + d); d = u(t - τ) - u is minus an integral of u' = q / τ over at most τ, so that the
+    integral of d² is at most that of q² (Kao and Lincoln, Automatica 40, 2004). V = ζ'H ζ with the
+    integrals of q² decreases if for all ζ, d, e that are not all 0
+
+        2 ζ'H ζ' + q'X_1 q - d'X_1 d + z'X_2 z - e'X_2 e < 0,   H > 0,  X_1, X_2 >= 0 diagonal.
+
+    The left side is convex in ω: the ends of a piece decide. Rejected unless proved."""
+    pieces = covering("the pieces", [actuators.bandwidth], pieces, lambda piece: [piece.bandwidth])
+    least, most = map(arb, actuators.effectiveness)
+    n = loop.G.nrows()
+    a = loop.G.ncols()
+    eye = np.eye(n + 2 * a)
+    zeta = matrix(eye[:n])
+    d = matrix(eye[n : n + a])
+    e = matrix(eye[n + a :])
+    heard = loop.U * zeta + d
+    z = heard * ((most - least) / 2)
+    v = heard * ((least + most) / 2) + e
+    for piece in pieces:
+        H = matrix(piece.H)
+        if min(piece.X) < 0.0 or not is_positive_definite(H):
+            raise Rejected("a Lyapunov function or a multiplier is not positive")
+        X_1, X_2 = (matrix(np.diag(weights)) for weights in np.split(piece.X, 2))
+        for bandwidth in map(arb, piece.bandwidth):
+            rates = loop.base * zeta + (loop.lag * zeta + loop.G * v) * bandwidth
+            q = loop.U * rates * arb(actuators.delay)
+            growth = zeta.transpose() * H * rates
+            form = -growth - growth.transpose()
+            form += d.transpose() * X_1 * d - q.transpose() * (X_1 * q)
+            form += e.transpose() * X_2 * e - z.transpose() * (X_2 * z)
+            check_positive(form, matrix(piece.turn))

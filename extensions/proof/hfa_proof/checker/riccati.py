@@ -1,0 +1,138 @@
+"""The exact solution of a game, for every linear model of a box.
+
+    A'P + P A + Q - P S P = 0,   S = B R⁻¹ B' - E E' / delta²,   K = R⁻¹ B' P.
+
+A solution with A - S P Hurwitz is the only one. The game has a value if and only if it exists and
+is positive semidefinite; the delta that have one are an interval up to infinity (Basar and
+Bernhard, H-infinity-Optimal Control, 1995, Theorem 4.11).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from typing import NamedTuple
+
+import numpy as np
+from flint import acb, acb_mat, arb, arb_mat
+
+from hfa_proof.arithmetic.balls import TaylorModel, doubles, matrix, norm, symmetric
+from hfa_proof.checker.modes import eigenvalue_signs, modes_right_of
+from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.statement import Weights
+from hfa_proof.checker.trims import root_offsets
+from hfa_proof.checker.witness import SolutionBox
+
+
+class Solution(NamedTuple):
+    """P (n, n) and K (m, n) on a box."""
+
+    P: TaylorModel
+    K: TaylorModel
+
+
+def solution_on(
+    weights: Weights, A: TaylorModel, B: TaylorModel, box: SolutionBox, lowest: int
+) -> Solution:
+    """The solution that makes A - S P Hurwitz. Rejected unless it is proved to be near the stated
+    P(s), and its lowest eigenvalue to have the sign `lowest`.
+
+    F(P) = A'P + P A + Q - P S P has the derivative E -> (A - S P)'E + E (A - S P) at symmetric P,
+    and its one root near a symmetric P(s) is symmetric, because its transpose is a root too."""
+    units = matrix(np.diag(box.units))
+    n = len(box.units)
+    S = riccati_S(weights, B)
+    A = units.inv() * A * units
+    S = units.inv() * S * units.inv()
+    Q = units * matrix(weights.Q) * units
+    P = box.P
+    zero = matrix(np.zeros((n, n)))
+    near = P + TaylorModel(zero, zero, zero, arb_mat(n, n, [symmetric(box.reach)] * n**2))
+    loop = (A - S * near).range()
+    half = (A - S * P * 0.5).transpose() * P
+    residual = half + half.transpose() + Q
+    column = residual.map(lambda part: arb_mat(n * n, 1, part.entries()))
+    derivative = TaylorModel(lyapunov_operator(loop))
+    offsets = root_offsets(column, derivative, [box.reach] * n**2)
+    P = P + TaylorModel(zero, zero, zero, arb_mat(n, n, offsets.entries()))
+    if modes_right_of(A - S * P, box.line) != 0:
+        raise Rejected("A - S P is not proved Hurwitz")
+    axes = matrix(np.linalg.eigh(doubles(P.parts[0]))[1])
+    if min(eigenvalue_signs(P.range(), axes)) != lowest:
+        raise Rejected("the lowest eigenvalue of the solution has another sign")
+    P = units.inv() * P * units.inv()
+    return Solution(P, gain_matrix(weights, B) * P)
+
+
+def lyapunov_operator(loop: arb_mat) -> arb_mat:
+    """L(E) = A_c'E + E A_c as a matrix, (n², n²), of E row by row: (L E)_ij = Σ A_c,ki E_kj + E_im
+    A_c,mj."""
+    entries = [divmod(entry, loop.nrows()) for entry in range(loop.nrows() ** 2)]
+    return arb_mat(
+        [[loop[k, i] * (j == m) + loop[m, j] * (i == k) for k, m in entries] for i, j in entries]
+    )
+
+
+def gain_matrix(weights: Weights, B: TaylorModel) -> TaylorModel:
+    """R⁻¹ B'."""
+    return matrix(weights.R).inv() * B.transpose()
+
+
+def riccati_S(weights: Weights, B: TaylorModel) -> TaylorModel:
+    """B R⁻¹ B' - E E' / delta²."""
+    E = matrix(weights.E)
+    return B * gain_matrix(weights, B) - E * E.transpose() * (1 / arb(weights.delta) ** 2)
+
+
+def check_axis(
+    weights: Weights, A: TaylorModel, B: TaylorModel, frequencies: Sequence[float]
+) -> None:
+    """No solution makes A - S P Hurwitz, because H = [[A, -S], [-Q, -A']] has an eigenvalue j ω.
+
+    The spectrum of H is symmetric, so that det(j ω I - H) is real: where it changes its sign there
+    is one. Rejected unless it is proved to do so among the frequencies, rad/s."""
+    rows = hamiltonian_rows(A.range(), riccati_S(weights, B).range(), matrix(weights.Q))
+    H = acb_mat(rows)
+    identity = acb_mat(matrix(np.eye(len(rows))))
+    values = [(identity * acb(0, arb(frequency)) - H).det().real for frequency in frequencies]
+    if not (any(value > 0 for value in values) and any(value < 0 for value in values)):
+        raise Rejected("no eigenvalue is proved to lie on the axis")
+
+
+def hamiltonian_rows(A: arb_mat, S: arb_mat, Q: arb_mat) -> list[list[arb]]:
+    """[[A, -S], [-Q, -A']]."""
+    upper = [[*a, *s] for a, s in zip(A.tolist(), (-S).tolist(), strict=True)]
+    lower = [[*q, *a] for q, a in zip((-Q).tolist(), (-A.transpose()).tolist(), strict=True)]
+    return upper + lower
+
+
+def weights_of_basis(P: arb_mat, size: int) -> arb_mat:
+    """(size, 1), W with W'ψ(z) = z'P z: P_ii and 2 P_ij row by row, then zeros."""
+    n = P.nrows()
+    entries = [P[i, j] if i == j else 2 * P[i, j] for i in range(n) for j in range(i, n)]
+    return arb_mat(size, 1, entries + [arb(0)] * (size - len(entries)))
+
+
+def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tuple[arb, arb]:
+    """Least and largest Frobenius norm of the differences, over that of the sizes if given.
+
+    A norm is convex: it is largest at a corner."""
+    whole = arb(1) if sizes is None else norm(sizes)
+    least = norm(differences.range().entries()) / whole
+    norms = [norm(corner.entries()) for corner in differences.corners()]
+    most = reduce(arb.max, norms) / whole
+    return least.lower(), most.upper()
+
+
+def critic_distances(
+    critic: Mapping[str, np.ndarray], exact: Solution
+) -> dict[str, tuple[arb, arb]]:
+    """Bounds of |X - X*| / |X*| of each part of the critic: K, P, W."""
+    targets = {"K": exact.K, "P": exact.P}
+    if "W" in critic:
+        targets["W"] = TaylorModel(weights_of_basis(exact.P.range(), len(critic["W"])))
+    bounds = {}
+    for name, values in critic.items():
+        target = targets[name]
+        bounds[name] = distance_bounds(target - matrix(values), target.range().entries())
+    return bounds

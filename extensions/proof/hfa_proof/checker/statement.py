@@ -1,0 +1,623 @@
+"""What a certificate claims. Every field is interpreted by the checker or refused, all of it is in
+the digest, and a report shows it. Evidence is elsewhere (`witness.py`) and cannot change a claim.
+
+Scheduling values are written as people write them, angles in degrees, because their doubles are
+exact; all other numbers are in the units of the model.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from flint import arb
+
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_proof.arithmetic.balls import lowest_sign
+from hfa_proof.checker.reading import Fields, require
+from hfa_support.errors import BadInputError, shown
+
+#: The equations of the paper's aircraft, which a certificate names without a file.
+_DYNAMICS = ("published", "newton", "unsteady")
+#: A trim is the stated one when it lies this close to it, in nominal values of its unknowns.
+SAME_TRIM = 1e-6
+
+
+class Run(NamedTuple):
+    """At every scheduling value from `low` to `high`, at least `least` and at most `most`
+    eigenvalues have a positive real part, and none is on the axis where the two are equal."""
+
+    low: float
+    high: float
+    least: int
+    most: int
+
+
+class StatedTrim(NamedTuple):
+    """The trim at a scheduling value, within `SAME_TRIM`: where a model has several, this one.
+
+    unknowns: name -> value
+    """
+
+    breakpoint: float
+    unknowns: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """Trims of an aircraft at every scheduling value from `low` to `high`, all states, inputs and
+    outputs within their limits.
+
+    model: the equations; its name, units and the hash of its source files are in the statement
+    parameters: every parameter of the model -> value
+    spread: parameter -> half width; the claim holds for all parameters within it
+    imposed: what every trim imposes -> value
+    limits: state, input or output -> (lowest, highest)
+    low: first scheduling value
+    high: last scheduling value
+    trims: one stated trim for each branch of trims that the claim is about, in order
+    """
+
+    model: Model
+    parameters: Mapping[str, float]
+    spread: Mapping[str, float]
+    imposed: Mapping[str, float]
+    limits: Mapping[str, tuple[float, float]]
+    low: float
+    high: float
+    trims: tuple[StatedTrim, ...]
+
+    def value(self, scheduling_value: Any) -> Any:
+        """In the unit of the model, as a ball or a double: of an angle in rad, π enclosed."""
+        return in_model_unit(self.model, scheduling_value)
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """What a trim finds."""
+        imposed = (self.model.schedule, *self.imposed)
+        return tuple(name for name in self.model.variables if name not in imposed)
+
+    @classmethod
+    def read(cls, entries: Fields, model: Model, *, point: bool) -> Flight:
+        """point: whether `low` and `high` are one value."""
+        for name, fact in facts_of(model).items():
+            entries.same(name, fact)
+        scheduled = model.schedule
+        holdable = [name for name in model.holdable if name != scheduled]
+        low, high = entries.pair("range")
+        require((low == high) == point, "range", [low, high])
+        parameters = entries.numbers("parameters", model.parameters)
+        require(set(parameters) == set(model.parameters), "parameters", sorted(parameters))
+        spread = entries.numbers("spread", [] if point else model.parameters)
+        require(all(width > 0.0 for width in spread.values()), "spread")
+        require(scheduled not in spread, "spread", scheduled)
+        imposed = entries.numbers("imposed", holdable)
+        flight = cls(
+            model, parameters, spread, imposed, _read_limits(entries, model), low, high, ()
+        )
+        require(bool(flight.unknowns), "imposed", imposed)
+        flight._check_imposed()
+        trims = []
+        for trim in entries.items("trims"):
+            breakpoint = trim.number("breakpoint")
+            require(low <= breakpoint <= high, "trims", breakpoint)
+            unknowns = trim.numbers("unknowns", flight.unknowns)
+            require(set(unknowns) == set(flight.unknowns), "trims", sorted(unknowns))
+            trim.close()
+            trims.append(StatedTrim(breakpoint, unknowns))
+        breakpoints = [trim.breakpoint for trim in trims]
+        require(sorted(set(breakpoints)) == breakpoints, "trims", breakpoints)
+        entries.close()
+        return cls(model, parameters, spread, imposed, flight.limits, low, high, tuple(trims))
+
+    def _check_imposed(self) -> None:
+        """What is imposed, and the scheduling variable, lies within the limits too."""
+        ends = {name: (value, value) for name, value in self.imposed.items()}
+        ends[self.model.schedule] = tuple(
+            in_model_unit(self.model, end) for end in (self.low, self.high)
+        )
+        for name, (lowest, highest) in ends.items():
+            if name in self.limits:
+                least, most = self.limits[name]
+                require(least <= lowest and highest <= most, f"{name} beyond its limits", lowest)
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """x' = A x + B u + E w, given by its matrices.
+
+    A: (n, n)
+    B: (n, m)
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+
+    @classmethod
+    def read(cls, entries: Fields) -> Plant:
+        """Of any size."""
+        A = entries.array("A", None, None)
+        B = entries.array("B", len(A), None)
+        require(A.shape == (len(A), len(A)) and B.size > 0, "A", A.shape)
+        entries.close()
+        return cls(A, B)
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """The game with the cost ∫ x'Q x + u'R u - delta² w'w dt.
+
+    Q: (n, n), symmetric, positive semidefinite, decided exactly
+    R: (m, m), symmetric, positive definite
+    E: (n, q), what the disturbance does
+    delta: disturbance weight, inf for none
+    """
+
+    Q: np.ndarray
+    R: np.ndarray
+    E: np.ndarray
+    delta: float
+
+    @classmethod
+    def read(cls, entries: Fields, n: int, m: int) -> Weights:
+        """Of a game with n states and m inputs."""
+        Q = entries.symmetric("Q", n)
+        R = entries.symmetric("R", m)
+        E = entries.array("E", n, None)
+        delta = entries.positive("delta")
+        require(lowest_sign(Q) >= 0, f"{entries.where}: Q is not positive semidefinite")
+        require(lowest_sign(R) > 0, f"{entries.where}: R is not positive definite")
+        entries.close()
+        return cls(Q, R, E, delta)
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """x_c' = A x_c + B y, u = C x_c + D y, linear in the scheduling value between breakpoints.
+
+    Gains u = -K x are a controller without states, D = -K.
+    breakpoints: (g,), increasing
+    A: (g, k, k)
+    B: (g, k, p)
+    C: (g, a, k)
+    D: (g, a, p)
+    measurements: (p,), linear states, outputs, OUTPUT_PART, and INPUT_position of actuators
+    inputs: (a,), the inputs that u moves; the others rest
+    """
+
+    breakpoints: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    measurements: tuple[str, ...]
+    inputs: tuple[str, ...]
+
+    @classmethod
+    def read(cls, entries: Fields, model: Model) -> Controller:
+        """Malformed where a name is not the model's."""
+        breakpoints = entries.increasing("breakpoints")
+        inputs = entries.texts("inputs", model.inputs)
+        positions = [f"{name}_position" for name in inputs]
+        measurements = entries.texts("measurements", (*measurable(model), *positions))
+        require(len(set(inputs)) == len(inputs) > 0, "inputs", inputs)
+        require(bool(measurements), "measurements")
+        g = len(breakpoints)
+        a = len(inputs)
+        p = len(measurements)
+        k = entries.count("states", 10**4)
+        controller = cls(
+            breakpoints,
+            entries.array("A", g, k, k),
+            entries.array("B", g, k, p),
+            entries.array("C", g, a, k),
+            entries.array("D", g, a, p),
+            measurements,
+            inputs,
+        )
+        entries.close()
+        return controller
+
+    def outputs(self, model: Model) -> tuple[str, ...]:
+        """The model's outputs among the measurements, whole."""
+        names = (model.part(name)[0] for name in self.measurements)
+        return tuple(dict.fromkeys(name for name in names if name in model.outputs))
+
+
+@dataclass(frozen=True, eq=False)
+class FixedActuators:
+    """One actuator for each of the controller's inputs.
+
+    order 1: a' = ω (λ u - a). order 2: a'' = ω² (λ u - a) - 2 d ω a'.
+    order: (a,), 1 or 2
+    damping: (a,), d, of order 2
+    bandwidth: (a,), ω, rad/s
+    effectiveness: (a,), λ
+    """
+
+    order: tuple[int, ...]
+    damping: np.ndarray
+    bandwidth: np.ndarray
+    effectiveness: np.ndarray
+
+    @classmethod
+    def read(cls, entries: Fields, count: int) -> FixedActuators:
+        """Of so many inputs."""
+        order = _read_orders(entries, count)
+        numbers = [entries.array(name, count) for name in ("damping", "bandwidth", "effectiveness")]
+        require(all(bool(np.all(values > 0.0)) for values in numbers), entries.where)
+        entries.close()
+        return cls(order, *numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainActuators:
+    """The same with ω, λ(t) and u(t - τ(t)) known within intervals.
+
+    order: (a,), 1 or 2
+    damping: (a,), d, of order 2
+    bandwidth: lowest and highest ω, rad/s; constant and the same of all inputs
+    effectiveness: lowest and highest λ; of each input for itself and at any time
+    delay: largest τ, s; likewise
+    """
+
+    order: tuple[int, ...]
+    damping: np.ndarray
+    bandwidth: tuple[float, float]
+    effectiveness: tuple[float, float]
+    delay: float
+
+    @classmethod
+    def read(cls, entries: Fields, count: int) -> UncertainActuators:
+        """Of so many inputs."""
+        order = _read_orders(entries, count)
+        damping = entries.array("damping", count)
+        bandwidth = entries.pair("bandwidth", least=0.0)
+        effectiveness = entries.pair("effectiveness", least=0.0)
+        delay = entries.number("delay", least=0.0)
+        require(bandwidth[0] > 0.0 and bool(np.all(damping > 0.0)), entries.where)
+        entries.close()
+        return cls(order, damping, bandwidth, effectiveness, delay)
+
+
+Actuators = FixedActuators | UncertainActuators
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduleStatement:
+    """The loop of a flight, a controller and perhaps actuators, at every scheduling value.
+
+    loop: unstable modes of the loop, runs from `low` to `high` without gaps; 0 to all is open
+    modes: of the aircraft alone, likewise
+    decay_rate: every eigenvalue lies left of -decay_rate in the runs of the loop whose most is 0,
+        1/s; 0 if there is no such run
+    scheduled_rate: the loop stays stable while the scheduling value moves this fast, per s; or none
+    """
+
+    flight: Flight
+    controller: Controller
+    actuators: Actuators | None
+    loop: tuple[Run, ...]
+    modes: tuple[Run, ...]
+    decay_rate: float
+    scheduled_rate: float | None = None
+
+    @classmethod
+    def read(cls, entries: Fields, model: Model) -> ScheduleStatement:
+        """Malformed names the first entry that cannot be."""
+        flight = Flight.read(entries.fields("flight"), model, point=False)
+        controller = Controller.read(entries.fields("controller"), model)
+        actuators: Actuators | None = None
+        if entries.has("fixed_actuators"):
+            actuators = FixedActuators.read(
+                entries.fields("fixed_actuators"), len(controller.inputs)
+            )
+        elif entries.has("uncertain_actuators"):
+            actuators = UncertainActuators.read(
+                entries.fields("uncertain_actuators"), len(controller.inputs)
+            )
+        size = loop_size(model, controller, actuators)
+        loop = _read_runs(entries, "loop", flight, size)
+        modes = _read_runs(entries, "modes", flight, len(model.linear))
+        decay_rate = entries.number("decay_rate", least=0.0)
+        hurwitz = any(run.most == 0 for run in loop)
+        require(hurwitz or decay_rate == 0.0, "decay_rate", decay_rate)
+        scheduled_rate = None
+        if entries.has("scheduled_rate"):
+            scheduled_rate = entries.number("scheduled_rate", above=0.0)
+        if isinstance(actuators, UncertainActuators):
+            require(scheduled_rate is None and decay_rate == 0.0, "decay_rate", decay_rate)
+        entries.close()
+        return cls(flight, controller, actuators, loop, modes, decay_rate, scheduled_rate)
+
+
+@dataclass(frozen=True, eq=False)
+class GameStatement:
+    """The exact solution of a game, and how far a critic is from it.
+
+    plant: of a flight at one scheduling value, or matrices
+    decimals: `distances` and `loop` hold for every number that reads as these doubles; else, and
+        `delta_min` and `modes` always, for the doubles alone
+    critic: K (m, n), and P (n, n) or W (weights, 1) if it has them
+    distances: name of each of the critic's parts -> bounds of |X - X*| / |X*| (Frobenius)
+    loop: least and most unstable modes of A - B K with the critic's K
+    delta_min: the game has no value at the first and a value at the second; or none
+    modes: least and most unstable modes of A, with delta_min
+    """
+
+    plant: Flight | Plant
+    weights: Weights
+    decimals: bool
+    critic: Mapping[str, np.ndarray]
+    distances: Mapping[str, tuple[float, float]]
+    loop: tuple[int, int]
+    delta_min: tuple[float, float] | None = None
+    modes: tuple[int, int] | None = None
+
+    @classmethod
+    def read(cls, entries: Fields, model: Model | None) -> GameStatement:
+        """The statement of a certificate.
+
+        entries: of the statement
+        model: of the aircraft; None where the game is of a plant's matrices
+
+        Malformed names the first entry that cannot be.
+        """
+        plant: Flight | Plant
+        if model is None:
+            plant = Plant.read(entries.fields("plant"))
+            n, m = plant.B.shape
+        else:
+            plant = Flight.read(entries.fields("flight"), model, point=True)
+            n = len(model.linear)
+            m = len(model.inputs)
+        weights = Weights.read(entries.fields("weights"), n, m)
+        decimals = entries.flag("decimals")
+        require(model is not None or not decimals, "decimals", decimals)
+        critic = _read_critic(entries.fields("critic"), n, m)
+        stated = entries.fields("distances")
+        distances = {name: stated.pair(name, least=0.0) for name in critic}
+        stated.close()
+        loop = _read_bounds(entries, "loop", n)
+        delta_min = None
+        modes = None
+        if entries.has("delta_min"):
+            delta_min = entries.pair("delta_min")
+            require(0.0 < delta_min[0] < delta_min[1], "delta_min", list(delta_min))
+            modes = _read_bounds(entries, "modes", n)
+        entries.close()
+        return cls(plant, weights, decimals, critic, distances, loop, delta_min, modes)
+
+
+@dataclass(frozen=True, eq=False)
+class ModelsStatement:
+    """Linear models at breakpoints, between which they are interpolated linearly.
+
+    breakpoints: (g,), increasing, from one end of the flight to the other
+    A: (g, n, n)
+    B: (g, n, m)
+    inputs: (g, m, 1), of the trims
+    K: (g, m, n), gains of the exact game
+    errors: A, B, K -> bound of |X - X*| / |X*| (Frobenius); inputs -> of |U - U*|, U in nominal
+        values
+    """
+
+    flight: Flight
+    weights: Weights
+    breakpoints: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    inputs: np.ndarray
+    K: np.ndarray
+    errors: Mapping[str, float]
+
+    @classmethod
+    def read(cls, entries: Fields, model: Model) -> ModelsStatement:
+        """Malformed names the first entry that cannot be."""
+        flight = Flight.read(entries.fields("flight"), model, point=False)
+        n = len(model.linear)
+        m = len(model.inputs)
+        weights = Weights.read(entries.fields("weights"), n, m)
+        breakpoints = entries.increasing("breakpoints")
+        ends = (breakpoints[0], breakpoints[-1])
+        require(ends == (flight.low, flight.high), "breakpoints", list(ends))
+        g = len(breakpoints)
+        tables = {
+            "A": entries.array("A", g, n, n),
+            "B": entries.array("B", g, n, m),
+            "inputs": entries.array("inputs", g, m, 1),
+            "K": entries.array("K", g, m, n),
+        }
+        errors = entries.numbers("errors", tables)
+        require(set(errors) == set(tables) and min(errors.values()) >= 0.0, "errors", errors)
+        entries.close()
+        return cls(flight, weights, breakpoints, **tables, errors=errors)
+
+
+Statement = ScheduleStatement | GameStatement | ModelsStatement
+KINDS: dict[str, Any] = {
+    "schedule": ScheduleStatement,
+    "game": GameStatement,
+    "models": ModelsStatement,
+}
+
+
+def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
+    """The statement in a file; own: the user's model, where it is about one."""
+    require(isinstance(kind, str) and kind in KINDS, "kind", kind)
+    entries = Fields("statement", content)
+    model = None
+    if not (kind == "game" and entries.has("plant")):
+        require(isinstance(content.get("flight"), dict), "flight", content.get("flight"))
+        model = _model_of(content["flight"], own)
+    statement: Statement = KINDS[kind].read(entries, model)
+    return statement
+
+
+def content_of(statement: Statement) -> dict[str, Any]:
+    """The statement as a file has it; `read_statement` reads it back."""
+    return {name: _content(value) for name, value in _named_parts(statement).items()}
+
+
+def _named_parts(statement: Statement) -> dict[str, Any]:
+    parts = {entry.name: getattr(statement, entry.name) for entry in fields(statement)}
+    actuators = parts.pop("actuators", None)
+    plant = parts.pop("plant", None)
+    if isinstance(actuators, FixedActuators):
+        parts["fixed_actuators"] = actuators
+    elif isinstance(actuators, UncertainActuators):
+        parts["uncertain_actuators"] = actuators
+    if isinstance(plant, Flight):
+        parts["flight"] = plant
+    elif isinstance(plant, Plant):
+        parts["plant"] = plant
+    return {name: value for name, value in parts.items() if value is not None}
+
+
+def _content(value: Any) -> Any:
+    if isinstance(value, Flight):
+        trims = [_content(trim._asdict()) for trim in value.trims]
+        numbers = {name: dict(getattr(value, name)) for name in ("parameters", "spread", "imposed")}
+        limits = {name: list(ends) for name, ends in value.limits.items()}
+        ends = [value.low, value.high]
+        return facts_of(value.model) | numbers | {"limits": limits, "range": ends, "trims": trims}
+    if is_dataclass(value):
+        content = {entry.name: _content(getattr(value, entry.name)) for entry in fields(value)}
+        if isinstance(value, Controller):
+            content["states"] = value.A.shape[1]
+        if isinstance(value, Weights) and value.delta == math.inf:
+            content["delta"] = "inf"
+        return content
+    if isinstance(value, Mapping):
+        return {name: _content(entry) for name, entry in value.items()}
+    if isinstance(value, np.ndarray):
+        return value.astype(float).tolist()
+    if isinstance(value, (tuple, list)):
+        return [_content(entry) for entry in value]
+    return value
+
+
+def facts_of(model: Model) -> dict[str, Any]:
+    """Which model it is, over which variable, and the units of all numbers."""
+    return {
+        "dynamics": model.name,
+        "source": model.source[1],
+        "over": model.schedule,
+        "unit": model.schedule_unit,
+        "state_units": list(model.units(model.linear)),
+        "input_units": list(model.units(tuple(model.inputs))),
+        "input_scales": [model.signals[name].nominal for name in model.inputs],
+    }
+
+
+def in_model_unit(model: Model, scheduling_value: Any) -> Any:
+    """A scheduling value of a file in the unit of the model: degrees become rad."""
+    if model.schedule_unit != "deg":
+        return scheduling_value
+    if isinstance(scheduling_value, arb):
+        return scheduling_value * arb.pi() / 180
+    return math.radians(scheduling_value)
+
+
+def measurable(model: Model) -> tuple[str, ...]:
+    """What the controller of a statement may measure."""
+    return tuple(name for name in model.measurable if name in model.linear or _output(model, name))
+
+
+def _output(model: Model, name: str) -> bool:
+    return model.part(name)[0] in model.outputs
+
+
+def loop_size(model: Model, controller: Controller, actuators: Actuators | None) -> int:
+    """States of the loop: of the aircraft, the actuators and the controller."""
+    size = len(model.linear) + controller.A.shape[1]
+    return size if actuators is None else size + sum(actuators.order)
+
+
+def _model_of(flight: Mapping[str, Any], own: Model | None) -> Model:
+    """The model that a statement is about: the HFA's, or the user's own, which must be the same."""
+    name = flight.get("dynamics")
+    source = flight.get("source")
+    require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
+    if own is not None:
+        if (own.name, own.source[1]) != (name, source):
+            raise BadInputError(
+                f"the certificate is about {shown(name)} of another file than that of {own.name}"
+            )
+        return own
+    if source or name not in _DYNAMICS:
+        raise BadInputError(
+            f"the certificate is about {shown(name)}; name its file by --aircraft FILE.py:NAME"
+        )
+    return _own_aircraft(name)
+
+
+@cache
+def _own_aircraft(dynamics: str) -> Model:
+    return hfa_model.aircraft(dynamics)
+
+
+def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
+    """The limits of a certificate by signal: of every signal that has a limit in the model, and of
+    others if stated."""
+    stated = entries.fields("limits")
+    limits = {}
+    for name, ends in model.limits.items():
+        needed = bool(np.isfinite(ends).any()) and name not in model.disturbances
+        if needed or stated.has(name):
+            limits[name] = stated.pair(name)
+    stated.close()
+    return limits
+
+
+def _read_orders(entries: Fields, count: int) -> tuple[int, ...]:
+    orders = entries.array("order", count).tolist()
+    require(all(order in (1.0, 2.0) for order in orders), f"{entries.where}: order", orders)
+    return tuple(int(order) for order in orders)
+
+
+def _read_runs(entries: Fields, name: str, flight: Flight, size: int) -> tuple[Run, ...]:
+    """The runs of a certificate's entry.
+
+    entries: where the entry is
+    name: of the entry, rows [low, high, least, most]
+    flight: from whose low end to whose high end the runs must follow each other without a gap
+    size: how many eigenvalues there are
+
+    Malformed names the entry when its rows are anything else.
+    """
+    runs: list[Run] = []
+    for row in entries.array(name, None, 4).tolist():
+        low, high, least, most = row
+        run = Run(low, high, int(least), int(most))
+        require(row == list(run) and low < high, name, row)
+        require(0 <= run.least <= run.most <= size, name, row)
+        runs.append(run)
+    require(bool(runs), name)
+    require(runs[0].low == flight.low and runs[-1].high == flight.high, name)
+    for first, second in pairwise(runs):
+        require(first.high == second.low, name)
+    return tuple(runs)
+
+
+def _read_bounds(entries: Fields, name: str, size: int) -> tuple[int, int]:
+    low, high = entries.pair(name, least=0)
+    require(low == int(low) and high == int(high) <= size, name, [low, high])
+    return int(low), int(high)
+
+
+def _read_critic(entries: Fields, n: int, m: int) -> dict[str, np.ndarray]:
+    critic = {"K": entries.array("K", m, n)}
+    if entries.has("P"):
+        critic["P"] = entries.array("P", n, n)
+    if entries.has("W"):
+        critic["W"] = entries.array("W", None, 1)
+        require(len(critic["W"]) >= n * (n + 1) // 2, "W", len(critic["W"]))
+    entries.close()
+    return critic

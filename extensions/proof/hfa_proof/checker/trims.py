@@ -1,0 +1,250 @@
+"""Trims and linear models on a box of scheduling values, proved to exist.
+
+The trims solve F(w, η) = 0. Krawczyk's test along the stated polynomial ŵ(s): with C ≈ F_w⁻¹ and
+e = w - ŵ, if |C F(ŵ)| + |I - C F_w| < 1 in units of the radii, there is one and only one root with
+|e_i| <= r_i at every s, and it is smooth in s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+from flint import arb, arb_mat
+
+from hfa_proof.arithmetic.balls import READING, TaylorModel, matrix, norm, symmetric
+from hfa_proof.arithmetic.steady_flight import LinearParts, SteadyFlight, steady_flight
+from hfa_proof.checker.covering import covering
+from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.statement import SAME_TRIM, Flight, StatedTrim
+from hfa_proof.checker.witness import TrimBox
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModelBox:
+    """x' = A x + B u, y = C x + D u on a box, as Taylor models of matrices.
+
+    trim: the box
+    A: (n, n)
+    B: (n, m)
+    C: (k, n), of the measured outputs
+    D: (k, m)
+    inputs: (m, 1), of the trims
+    offsets: unknown -> where about its polynomial the trim is
+    """
+
+    trim: TrimBox
+    A: TaylorModel
+    B: TaylorModel
+    C: TaylorModel
+    D: TaylorModel
+    inputs: TaylorModel
+    offsets: Mapping[str, arb]
+
+
+def linear_model_on(
+    flight: Flight, trim: TrimBox, measured: Sequence[str] = (), *, decimals: bool = True
+) -> LinearModelBox:
+    """The linear model on a box; Rejected unless a trim is proved to be there, within all limits.
+
+    decimals: for every number that reads as the parameters and what is imposed, not only for their
+    doubles
+    """
+    model = flight.model
+    equations = equations_of(flight, measured)
+    imposed = known_values(flight, trim, decimals=decimals)
+    along = dict(imposed)
+    around = dict(imposed)
+    for name, (c0, c1, c2, *errors) in trim.polynomials.items():
+        along[name] = TaylorModel(c0, c1, c2, arb(0), *errors)
+        around[name] = TaylorModel(c0, c1, c2, symmetric(trim.radii[name]), *errors)
+    linear = equations.linear(around)
+    offsets = _root_offsets(equations.residual(along), linear, [*trim.radii.values()])
+    values = dict(zip(equations.names, (value for (value,) in linear.values), strict=True)) | around
+    _check_limits(flight, values)
+    inputs = [[values[name]] for name in model.inputs]
+    return LinearModelBox(
+        trim,
+        stacked(linear.A),
+        stacked(linear.B),
+        stacked(linear.C, columns=len(model.linear)),
+        stacked(linear.D, columns=len(model.inputs)),
+        stacked(inputs),
+        dict(zip(trim.radii, offsets, strict=True)),
+    )
+
+
+def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dict[str, Any]:
+    """Parameters, what is imposed and the scheduling variable on a box, as Taylor models."""
+    reading = READING if decimals else 0.0
+    values: dict[str, Any] = {}
+    for name, number in (dict(flight.imposed) | dict(flight.parameters)).items():
+        ball = arb(number, abs(number) * reading)
+        errors = [arb(width if name == owner else 0.0) for owner, width in flight.spread.items()]
+        values[name] = TaylorModel(ball, arb(0), arb(0), arb(0), *errors)
+    low = arb(trim.low)
+    high = arb(trim.high)
+    middle = flight.value((low + high) / 2)
+    radius = flight.value((high - low) / 2)
+    values[flight.model.schedule] = TaylorModel(middle, radius)
+    return values
+
+
+def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]) -> list[arb]:
+    """How far the trim lies from the polynomials of a box, a ball for each unknown.
+
+    residual: of the trim equations at the polynomials
+    linear: slopes of the equations on the box
+    radii: of the unknowns about the polynomials
+
+    Rejected unless there is one trim within the radii. Equations that no unknown moves must hold
+    exactly.
+    """
+    moved = []
+    for row, slopes in enumerate(linear.slopes):
+        if not _is_zero([*slopes, residual[row]]):
+            moved.append(row)
+    if len(moved) != len(radii):
+        raise Rejected("there are not as many equations as unknowns")
+    column = stacked([[residual[row]] for row in moved])
+    derivative = stacked([linear.slopes[row] for row in moved])
+    return [offset for (offset,) in root_offsets(column, derivative, radii).tolist()]
+
+
+def root_offsets(residual: TaylorModel, derivative: TaylorModel, radii: list[arb]) -> arb_mat:
+    """Krawczyk's test: where about x̂(s) the one root of F is, a column; Rejected unless proved.
+
+    residual: F along x̂, a column
+    derivative: F' where |e_i| <= r_i
+    radii: r
+    """
+    n = len(radii)
+    J = derivative.range()
+    C = J.mid().inv().mid()
+    step = C * residual.range()
+    slope = matrix(np.eye(n)) - C * J
+    distance = norm(step[i, 0] / radii[i] for i in range(n))
+    scaled = (slope[i, j] * radii[j] / radii[i] for i in range(n) for j in range(n))
+    contraction = norm(scaled)
+    if not distance + contraction < 1:
+        raise Rejected("a root of the equations is not proved to exist")
+    rows = [[arb(0, 1) * contraction * radius - step[i, 0]] for i, radius in enumerate(radii)]
+    return arb_mat(rows)
+
+
+def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
+    """Rejected unless every value that the trim finds lies within its limits.
+
+    flight: its limits; a value that it imposes was compared when the statement was read
+    values: name -> value on the box
+    """
+    for name, (least, most) in flight.limits.items():
+        if name == flight.model.schedule or name in flight.imposed:
+            continue
+        value = TaylorModel.of(values[name]).range()
+        if not (arb(least) <= value and value <= arb(most)):
+            raise Rejected(f"{name} may lie beyond its limits")
+
+
+def _is_zero(values: Iterable[Any]) -> bool:
+    """Exactly 0, all of them."""
+    return all(part == 0 for value in values for part in TaylorModel.of(value).parts)
+
+
+def stacked(rows: list[list[Any]], columns: int = 1) -> TaylorModel:
+    """Rows of scalars as the Taylor model of a matrix; columns: of a matrix without rows."""
+    if not rows:
+        return TaylorModel(arb_mat(0, columns))
+    parts = [TaylorModel.of(entry).parts for row in rows for entry in row]
+    together = zip_longest(*parts, fillvalue=arb(0))
+    return TaylorModel(*(arb_mat(len(rows), len(rows[0]), list(part)) for part in together))
+
+
+def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
+    """Every stated trim is one, and the boxes from it to the next stated trim, at least one, are on
+    its branch.
+
+    Two boxes are on one branch if at a common scheduling value the trim of one lies where the
+    other has no other trim than its own. Rejected unless proved."""
+    starts = [trim.breakpoint for trim in flight.trims]
+    ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
+    if ascending and not (starts and starts[0] <= ascending[0].trim.low):
+        raise Rejected("there are trims below the first stated one; no branch is stated of them")
+    for stated, following in zip(flight.trims, [*starts[1:], math.inf], strict=True):
+        own = [box for box in ascending if stated.breakpoint <= box.trim.low < following]
+        _check_branch(_stated_trim(flight, stated), own, following)
+
+
+def _check_branch(
+    stated: LinearModelBox, boxes: Sequence[LinearModelBox], following: float
+) -> None:
+    """The boxes, ascending, begin at a stated trim, are on its branch and end below the following
+    stated trim."""
+    start = stated.trim.low
+    covering(
+        "the trims of the boxes",
+        [(start, start)],
+        boxes,
+        lambda box: [(box.trim.low, box.trim.high)],
+    )
+    connected = [stated]
+    for box in boxes:
+        connected = [before for before in connected if before.trim.high >= box.trim.low]
+        if not any(_is_same(box, before) for before in connected):
+            raise Rejected(
+                f"the trims from {box.trim.low} on are not proved to be on the branch of the trim "
+                f"stated at {start}"
+            )
+        if box.trim.high >= following:
+            raise Rejected(f"another branch is stated at {following}, within a box of this one")
+        connected.append(box)
+
+
+def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
+    """The one trim within `SAME_TRIM` of the stated one, the parameters without errors."""
+    polynomials = {name: [arb(x), arb(0), arb(0)] for name, x in trim.unknowns.items()}
+    radii = {name: arb(SAME_TRIM * flight.model.signals[name].nominal) for name in trim.unknowns}
+    box = TrimBox(trim.breakpoint, trim.breakpoint, polynomials, radii)
+    return linear_model_on(replace(flight, spread={}), box)
+
+
+def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
+    """At the lowest scheduling value of both."""
+    at = max(box.trim.low, other.trim.low)
+    if at > min(box.trim.high, other.trim.high):
+        return False
+    return _holds_root(other, box, at) or _holds_root(box, other, at)
+
+
+def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: float) -> bool:
+    """The trim of the other box lies where this one has no other trim than its own: for all errors
+    of the parameters that both boxes have, else without errors."""
+    for name, offset in other.offsets.items():
+        here = _polynomial_at(box.trim, name, scheduling_value)
+        there = _polynomial_at(other.trim, name, scheduling_value)
+        away = offset + there[0] - here[0]
+        for other_slope, slope in zip(there[1:], here[1:], strict=False):
+            away += arb(0, 1) * (other_slope - slope)
+        if not symmetric(box.trim.radii[name]).contains_interior(away):
+            return False
+    return True
+
+
+def _polynomial_at(trim: TrimBox, name: str, scheduling_value: float) -> list[arb]:
+    """(value, z_1, ...) at a scheduling value of the box."""
+    c0, c1, c2, *errors = trim.polynomials[name]
+    if trim.low == trim.high:
+        return [c0, *errors]
+    low = arb(trim.low)
+    high = arb(trim.high)
+    s = (2 * arb(scheduling_value) - low - high) / (high - low)
+    return [c0 + c1 * s + c2 * s * s, *errors]
+
+
+def equations_of(flight: Flight, measured: Sequence[str] = ()) -> SteadyFlight:
+    """The equations of the flight's trims."""
+    return steady_flight(flight.model, flight.imposed, tuple(flight.limits), measured)

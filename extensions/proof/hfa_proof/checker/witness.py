@@ -1,0 +1,325 @@
+"""What proves the claims of a statement. A wrong entry here makes a check fail; none of it is part
+of what is claimed.
+
+s from -1 to 1 is the position in a box of scheduling values: the value is middle + s radius.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from flint import arb, arb_mat
+
+from hfa_proof.arithmetic.balls import TaylorModel
+from hfa_proof.checker.reading import Fields, require
+from hfa_proof.checker.statement import (
+    Flight,
+    GameStatement,
+    ModelsStatement,
+    Plant,
+    ScheduleStatement,
+    UncertainActuators,
+    loop_size,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class TrimBox:
+    """From `low` to `high` each unknown lies within its radius of c0 + c1 s + c2 s² + Σ z_k t_k,
+    |t_k| <= 1 the errors of the parameters in their half widths.
+
+    polynomials: unknown -> (c0, c1, c2, z_1, ...)
+    radii: unknown -> radius
+    """
+
+    low: float
+    high: float
+    polynomials: dict[str, list[arb]]
+    radii: dict[str, arb]
+
+    @classmethod
+    def read(cls, entries: Fields, flight: Flight) -> TrimBox:
+        """Takes the entries `range` and `trim`; others may follow."""
+        low, high = entries.pair("range")
+        require(flight.low <= low < high <= flight.high, "range", [low, high])
+        trims = entries.fields("trim")
+        polynomials = {}
+        radii = {}
+        for name in flight.unknowns:
+            radii[name], *polynomials[name] = trims.balls(name, 4 + len(flight.spread))
+            require(bool(radii[name] > 0), trims.where, name)
+        trims.close()
+        return cls(low, high, polynomials, radii)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """H of an inertia theorem about the eigenvalues on both sides of Re λ = -rate.
+
+    H: (n, n), symmetric
+    turn: (n, n), coordinates in which the signs are decided
+    rate: 1/s
+    """
+
+    H: np.ndarray
+    turn: np.ndarray
+    rate: float = 0.0
+
+    @classmethod
+    def read(cls, entries: Fields, n: int, *, rated: bool = True) -> Line:
+        """rated: whether there is an entry `rate`."""
+        rate = entries.number("rate") if rated else 0.0
+        return cls(entries.symmetric("H", n), entries.array("turn", n, n), rate)
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """V = ζ'H ζ for the actuators of an interval of bandwidths.
+
+    bandwidth: lowest and highest, rad/s
+    H: (n, n), symmetric
+    X: (2 a,), multipliers of the delays, then of the effectiveness
+    turn: (n + 2 a, n + 2 a), coordinates of (ζ, d, e)
+    """
+
+    bandwidth: tuple[float, float]
+    H: np.ndarray
+    X: np.ndarray
+    turn: np.ndarray
+
+    @classmethod
+    def read(cls, entries: Fields, n: int, a: int) -> Piece:
+        """Of a loop with n states and a actuators."""
+        bandwidth = entries.pair("bandwidth", least=0.0)
+        H = entries.symmetric("H", n)
+        piece = cls(
+            bandwidth, H, entries.array("X", 2 * a), entries.array("turn", *[n + 2 * a] * 2)
+        )
+        entries.close()
+        return piece
+
+
+@dataclass(frozen=True, eq=False)
+class ModesBox:
+    """proof: a line, or the pieces of uncertain actuators, for the matrices of a box."""
+
+    trim: TrimBox
+    proof: Line | list[Piece]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """V = ζ'P ζ, P linear between breakpoints, for a scheduling value that moves.
+
+    breakpoints: (l,)
+    P: (l, n, n), symmetric
+    boxes: trims and coordinates (n, n) of each
+    """
+
+    breakpoints: np.ndarray
+    P: np.ndarray
+    boxes: list[tuple[TrimBox, np.ndarray]]
+
+    @classmethod
+    def read(cls, entries: Fields, flight: Flight, n: int) -> Motion:
+        """The motion of a certificate.
+
+        entries: of the motion
+        flight: whose trims the boxes enclose
+        n: number of states of the loop
+
+        Malformed names the entry that cannot be.
+        """
+        breakpoints = entries.increasing("breakpoints")
+        P = entries.array("P", len(breakpoints), n, n)
+        require(np.array_equal(P, P.transpose(0, 2, 1)), f"{entries.where}: P: not symmetric")
+        boxes = []
+        for box in entries.items("boxes"):
+            trim = TrimBox.read(box, flight)
+            boxes.append((trim, box.array("turn", n, n)))
+            box.close()
+        entries.close()
+        return cls(breakpoints, P, boxes)
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduleWitness:
+    """loop, modes: boxes whose bounds together are those of the statement's runs."""
+
+    loop: list[ModesBox]
+    modes: list[ModesBox]
+    motion: Motion | None = None
+
+    @classmethod
+    def read(cls, entries: Fields, statement: ScheduleStatement) -> ScheduleWitness:
+        """Sizes are those of the statement."""
+        flight = statement.flight
+        actuators = statement.actuators
+        n = len(flight.model.linear)
+        size = loop_size(flight.model, statement.controller, actuators)
+        loop = []
+        for box in entries.items("loop"):
+            trim = TrimBox.read(box, flight)
+            proof: Line | list[Piece]
+            if isinstance(actuators, UncertainActuators):
+                count = len(actuators.order)
+                proof = [Piece.read(piece, size, count) for piece in box.items("pieces")]
+            else:
+                proof = Line.read(box, size)
+            box.close()
+            loop.append(ModesBox(trim, proof))
+        modes = []
+        for box in entries.items("modes"):
+            modes.append(ModesBox(TrimBox.read(box, flight), Line.read(box, n)))
+            box.close()
+        motion = None
+        if statement.scheduled_rate is not None:
+            motion = Motion.read(entries.fields("motion"), flight, size)
+        entries.close()
+        return cls(loop, modes, motion)
+
+
+@dataclass(frozen=True, eq=False)
+class SolutionBox:
+    """The solution of the Riccati equation, in states measured in `units`, lies within `reach` of
+    P(s) in every entry.
+
+    units: (n,), positive
+    P: matrix of balls, or a Taylor model of one; symmetric
+    reach: ball
+    line: proves A - S P Hurwitz
+    """
+
+    units: np.ndarray
+    P: TaylorModel
+    reach: arb
+    line: Line
+
+    @classmethod
+    def read(cls, entries: Fields, n: int, orders: int) -> SolutionBox:
+        """orders: coefficients of P in s."""
+        units = entries.array("units", n)
+        require(bool(np.all(units > 0.0)), "units")
+        coefficients = entries.balls("P", orders, n, n)
+        for rows in coefficients:
+            for i in range(n):
+                for j in range(i):
+                    same = bool(rows[i][j].mid() == rows[j][i].mid())
+                    require(same, f"{entries.where}: P: not symmetric")
+                    rows[j][i] = rows[i][j]
+        reach = entries.balls("reach")
+        require(bool(reach > 0), "reach")
+        P = TaylorModel(*(arb_mat(rows) for rows in coefficients))
+        return cls(units, P, reach, Line.read(entries, n, rated=False))
+
+
+@dataclass(frozen=True, eq=False)
+class PointTrim:
+    """The trim at one scheduling value, about the same center for the doubles and for every number
+    that reads as them.
+
+    center: unknown -> ball
+    radii: unknown -> how near the trim of the doubles is
+    wide_radii: unknown -> how near all of them are, at least the radius
+    """
+
+    center: dict[str, list[arb]]
+    radii: dict[str, arb]
+    wide_radii: dict[str, arb]
+
+    @classmethod
+    def read(cls, entries: Fields, flight: Flight) -> PointTrim:
+        """One list (center, radius, wide radius) an unknown."""
+        center = {}
+        radii = {}
+        wide_radii = {}
+        for name in flight.unknowns:
+            middle, radii[name], wide_radii[name] = entries.balls(name, 3)
+            center[name] = [middle, arb(0), arb(0)]
+            require(bool(radii[name] > 0) and bool(radii[name] <= wide_radii[name]), entries.where)
+        entries.close()
+        return cls(center, radii, wide_radii)
+
+
+@dataclass(frozen=True, eq=False)
+class GameWitness:
+    """trim: None of a plant. solution: at the game's delta. loop, modes: lines of A - B K and of A.
+    value: the solution at the upper end of delta_min. refused: at the lower end a solution whose
+    lowest eigenvalue is negative, or frequencies, rad/s, between which the Hamiltonian has an
+    eigenvalue on the axis."""
+
+    trim: PointTrim | None
+    solution: SolutionBox
+    loop: list[Line]
+    modes: list[Line] = field(default_factory=list)
+    value: SolutionBox | None = None
+    refused: SolutionBox | Sequence[float] | None = None
+
+    @classmethod
+    def read(cls, entries: Fields, statement: GameStatement) -> GameWitness:
+        """Sizes are those of the statement."""
+        n = len(statement.weights.Q)
+        trim = None
+        if isinstance(statement.plant, Flight):
+            trim = PointTrim.read(entries.fields("trim"), statement.plant)
+        else:
+            assert isinstance(statement.plant, Plant)
+        solution = _closed_solution(entries.fields("solution"), n)
+        loop = _lines(entries, "loop", n)
+        if statement.delta_min is None:
+            entries.close()
+            return cls(trim, solution, loop)
+        modes = _lines(entries, "modes", n)
+        value = _closed_solution(entries.fields("value"), n)
+        refused: Any = None
+        if entries.has("frequencies"):
+            refused = entries.array("frequencies", None).tolist()
+        else:
+            refused = _closed_solution(entries.fields("refused"), n)
+        entries.close()
+        return cls(trim, solution, loop, modes, value, refused)
+
+
+@dataclass(frozen=True, eq=False)
+class ModelsWitness:
+    """cells: trims and the solution of the game on boxes that cover the interval."""
+
+    cells: list[tuple[TrimBox, SolutionBox]]
+
+    @classmethod
+    def read(cls, entries: Fields, statement: ModelsStatement) -> ModelsWitness:
+        """Sizes are those of the statement."""
+        n = len(statement.weights.Q)
+        cells = []
+        for cell in entries.items("cells"):
+            trim = TrimBox.read(cell, statement.flight)
+            cells.append((trim, SolutionBox.read(cell, n, orders=3)))
+            cell.close()
+        entries.close()
+        return cls(cells)
+
+
+def _closed_solution(entries: Fields, n: int) -> SolutionBox:
+    solution = SolutionBox.read(entries, n, orders=1)
+    entries.close()
+    return solution
+
+
+def _lines(entries: Fields, name: str, n: int) -> list[Line]:
+    lines = []
+    for line in entries.items(name):
+        lines.append(Line.read(line, n))
+        line.close()
+    return lines
+
+
+def trim_content(trim: TrimBox) -> dict[str, Any]:
+    """As a file has it, in doubles."""
+    numbers = {
+        name: [float(trim.radii[name]), *map(float, polynomial)]
+        for name, polynomial in trim.polynomials.items()
+    }
+    return {"range": [trim.low, trim.high], "trim": numbers}

@@ -1,0 +1,148 @@
+"""What is proved: a statement and its witness, as a certificate has them; the file."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+from hfa_aircraft.model import Model
+from hfa_proof.checker.checker import SCHEMA, check_certificate, sealed
+from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.statement import (
+    KINDS,
+    ModelsStatement,
+    ScheduleStatement,
+    Statement,
+    content_of,
+)
+from hfa_proof.search.report import proof_report
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.files import forget_read, write_text
+from hfa_support.jsonable import jsonable
+from hfa_support.provenance import Provenance
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.version import VERSION
+
+Content = dict[str, Any]
+#: Least time between two writings of an unfinished certificate, s, and in writing times: writing
+#: takes a tenth at most.
+_PAUSE = 2.0
+_RARELY = 9.0
+#: Decimals of a ball: the checker's own digits, and some.
+_DIGITS = 55
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Proof(Reported):
+    """A statement and what proves it.
+
+    statement: what is proved
+    witness: what the checker needs to prove it again
+    data: the result as JSON has it, with `proved`, but of models
+    """
+
+    statement: Statement
+    witness: Content
+    data: Content = field(default_factory=dict)
+
+    @property
+    def kind(self) -> str:
+        """schedule, game or models."""
+        return next(name for name, kind in KINDS.items() if isinstance(self.statement, kind))
+
+    @property
+    def proved(self) -> bool:
+        """All that was asked; a grid of models is one that is proved, or none is found."""
+        return isinstance(self.statement, ModelsStatement) or bool(self.data["proved"])
+
+    def report(self) -> Report:
+        """What is proved, in words, tables and data."""
+        return proof_report(self.statement, self.data)
+
+    def write(self, path: Path, origin: Provenance) -> None:
+        """The certificate, every number a double in full; of which run it is is not in its digest.
+
+        NoSolutionError where nothing is proved that it could state."""
+        if not self.witness:
+            raise NoSolutionError("nothing is proved; there is nothing to certify")
+        content = {
+            "schema": SCHEMA,
+            "kind": self.kind,
+            "toolchain": VERSION,
+            "statement": content_of(self.statement),
+            "witness": witness_content(self.witness),
+        }
+        head = json.dumps(jsonable(content))[:-1]
+        write_text(path, sealed(head, json.dumps(jsonable(origin.to_dict()))))
+
+
+def witness_content(value: Any) -> Any:
+    """A witness as JSON data: balls as decimals, arrays as lists."""
+    if isinstance(value, Mapping):
+        return {name: witness_content(entry) for name, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [witness_content(entry) for entry in value]
+    if isinstance(value, arb):
+        return value.mid().str(_DIGITS, radius=False)
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+class CertificateFile:
+    """The file of a proof while it runs: whole at any time, with what is proved so far."""
+
+    def __init__(self, path: Path, origin: Provenance, *, resume: bool = False) -> None:
+        self.path = path
+        self._origin = origin
+        self._resume = resume
+        self._next = time.monotonic() + _PAUSE
+
+    def save(self, proof: Proof, *, finished: bool = False) -> None:
+        """Write what there is, unless it was written a short time ago and is not all."""
+        start = time.monotonic()
+        if finished or start > self._next:
+            proof.write(self.path, self._origin)
+            now = time.monotonic()
+            self._next = now + max(_PAUSE, _RARELY * (now - start))
+
+    def known(self, statement: ScheduleStatement, model: Model) -> Content:
+        """The witness that an earlier run left, verified here, so that nothing in the file is
+        believed.
+
+        statement: what is to be proved; its flight without trims, controller and actuators
+        BadInputError when the file is not the certificate of this, or does not prove what it
+        states."""
+        if not self._resume:
+            return {}
+        try:
+            verified = check_certificate(self.path, model=model).statement
+        except Rejected as error:
+            raise BadInputError(f"{error}; remove the file and begin again") from error
+        forget_read(self.path)
+        content: Content = json.loads(self.path.read_text(encoding="utf-8"))
+        subjects = [_subject(content_of(claim)) for claim in (verified, statement)]
+        if subjects[0] != subjects[1] or content["toolchain"] != VERSION:
+            raise BadInputError(
+                f"{self.path}: is of another statement or version; write to another file"
+            )
+        witness: Content = content["witness"]
+        return witness
+
+
+def _subject(content: Content) -> Content:
+    """What a statement is about, without what is proved of it."""
+    subject = {
+        name: value
+        for name, value in content.items()
+        if name in ("flight", "controller", "fixed_actuators", "uncertain_actuators")
+    }
+    subject["flight"] = {
+        name: value for name, value in subject.get("flight", {}).items() if name != "trims"
+    }
+    return subject

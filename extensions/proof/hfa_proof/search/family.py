@@ -1,0 +1,289 @@
+"""Steady flights of a model that differ in its scheduling variable alone, and their trims on boxes.
+
+What is found here in doubles is proved by the checker's own test, which is called on every box.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from flint import arb
+
+from hfa_aircraft.model import Model
+from hfa_proof.arithmetic.ball_function import Undecided
+from hfa_proof.arithmetic.balls import TaylorModel, doubles, matrix
+from hfa_proof.checker.statement import Flight, StatedTrim, in_model_unit
+from hfa_proof.checker.trims import (
+    LinearModelBox,
+    Rejected,
+    equations_of,
+    known_values,
+    linear_model_on,
+    stacked,
+)
+from hfa_proof.checker.witness import PointTrim, TrimBox
+from hfa_support.errors import BadInputError
+from hfa_support.linear_table import LinearTable
+from trim.point.condition import TrimCondition, usual_condition
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+
+Proved = TypeVar("Proved")
+#: Limits farther away than this are none.
+_FAR = 1e300
+#: The radius of a trim is so many times what Newton's method leaves, and the root of the number of
+#: unknowns; at least so many nominal values.
+_ROOM = 1.5
+_FINEST = 1e-46
+#: Newton's steps from a trim in doubles to one at the precision of the balls.
+_STEPS = 4
+
+
+class Box(NamedTuple):
+    """Scheduling values from `low` to `high`, exact doubles, as people write them."""
+
+    low: float
+    high: float
+
+    @property
+    def middle(self) -> float:
+        """Where it is cut."""
+        return (self.low + self.high) / 2
+
+
+def bisected(
+    boxes: Sequence[Box],
+    prove: Callable[[Box], Proved | None],
+    narrowest: float,
+    start: float = -math.inf,
+) -> Iterator[tuple[Box, Proved | None]]:
+    """Each box with what `prove` returns, or its halves where it returns None or cannot decide.
+
+    A box no wider than `narrowest` is not halved but comes with None. Boxes up to `start` are
+    passed over, and bisected as if none of them had been proved as a whole: a continued proof has
+    the same boxes there."""
+    waiting = list(boxes)[::-1]
+    while waiting:
+        box = waiting.pop()
+        if box.high <= start:
+            continue
+        is_wide = box.high - box.low > narrowest
+        proved = None
+        if not (is_wide and box.low < start):
+            with suppress(Undecided, Rejected):
+                proved = prove(box)
+        if proved is None and is_wide:
+            waiting += [Box(box.middle, box.high), Box(box.low, box.middle)]
+        else:
+            yield box, proved
+
+
+@dataclass(frozen=True)
+class Family:
+    """Trims at any value of the scheduling variable.
+
+    model: the aircraft; its parameters have the values of its declaration
+    flights: what is imposed and left free, the model's own unless given
+    spread: parameter -> half width within which it may lie
+    """
+
+    model: Model
+    flights: TrimCondition | None = None
+    spread: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def step(self) -> float:
+        """A power of two that is to the scheduling values what 1 deg is to an angle, of the nominal
+        value 1/57."""
+        if self.model.schedule_unit == "deg":
+            return 1.0
+        nominal = self.model.signals[self.model.schedule].nominal
+        return float(2.0 ** round(math.log2(math.radians(nominal))))
+
+    def condition(self, scheduling_value: float | None = None) -> TrimCondition:
+        """What a trim imposes; at the model's own scheduling value unless given."""
+        flights = usual_condition(self.model) if self.flights is None else self.flights
+        if scheduling_value is None or self.model.schedule in self.model.parameters:
+            return flights.at(None)
+        return flights.at(in_model_unit(self.model, scheduling_value))
+
+    def point(self, scheduling_value: float) -> OperatingPoint:
+        """The trim in doubles. Raises TrimError."""
+        model = self.model
+        if model.schedule in model.parameters:
+            value = in_model_unit(model, scheduling_value)
+            model = model.with_parameters(**{model.schedule: value})
+        return find_operating_point(model, self.condition(scheduling_value))
+
+    def flight(self, low: float, high: float) -> Flight:
+        """The flights of an interval as a statement has them, without their stated trims."""
+        model = self.model
+        condition = self.condition()
+        imposed = dict(condition.imposed)
+        imposed.pop(model.schedule, None)
+        limits = {}
+        for name in model.limits:
+            lowest, highest = condition.limits_of(name)
+            if np.isfinite((lowest, highest)).any() and name not in model.disturbances:
+                limits[name] = (max(lowest, -_FAR), min(highest, _FAR))
+        parameters = {name: signal.start for name, signal in model.parameters.items()}
+        spread = {name: width for name, width in self.spread.items() if width > 0.0}
+        return Flight(model, parameters, spread, imposed, limits, low, high, ())
+
+    def check(self, low: float, high: float) -> None:
+        """BadInputError unless the trims of the interval are of the kind that is proved."""
+        model = self.model
+        if not model.schedule:
+            raise BadInputError(
+                f"{model.title} declares no schedule, the variable that a proof runs over; name one"
+            )
+        if self.flights is not None:
+            for name, value in self.flights.imposed.items():
+                if isinstance(value, LinearTable):
+                    raise BadInputError(
+                        f"{name} changes with the {model.schedule} in this condition; --hold it at "
+                        "one value"
+                    )
+        first = self.condition(low)
+        self.condition(high)
+        flight = self.flight(low, high)
+        equations = equations_of(flight)
+        count = len(equations.moving_rows)
+        steady = first.rates == dict.fromkeys(model.steady, 0.0)
+        if not (steady and model.schedule not in first.free and len(first.free) == count):
+            raise BadInputError(
+                f"a proof takes trims at a given {model.schedule}, all rates 0, with {count} "
+                f"unknowns; here free are {', '.join(first.free)}: change --hold and --free"
+            )
+
+
+class TrimSearch:
+    """Trims of a family on boxes, and the linear models that the checker proves there.
+
+    measured: outputs of the linear models
+    """
+
+    def __init__(
+        self, family: Family, low: float, high: float, measured: Sequence[str] = ()
+    ) -> None:
+        self.family = family
+        self.flight = family.flight(low, high)
+        self.measured = tuple(measured)
+        self._equations = equations_of(self.flight, self.measured)
+        self._rows = self._equations.moving_rows
+        self._linear_models: dict[Box, LinearModelBox] = {}
+        self._refuse_what_nothing_balances(low)
+
+    def linear_model(self, box: Box) -> LinearModelBox:
+        """Of a box. Undecided or Rejected when it is too wide or a trim may lie beyond its limits,
+        TrimError when its middle has no trim."""
+        if box not in self._linear_models:
+            trim = self.trim_box(box)
+            self._linear_models[box] = linear_model_on(self.flight, trim, self.measured)
+        return self._linear_models[box]
+
+    def _refuse_what_nothing_balances(self, low: float) -> None:
+        """BadInputError when an equation that no unknown moves does not hold."""
+        start = self.family.point(low).values
+        trim = TrimBox(low, low, {}, {})
+        values: dict[str, Any] = known_values(self.flight, trim, decimals=False)
+        values |= {name: arb(float(start[name])) for name in self._equations.unknowns}
+        residual = self._equations.residual(values)
+        names = (*self.flight.model.steady, *self._equations.imposed_outputs)
+        for row, name in enumerate(names):
+            if row not in self._rows and not TaylorModel.of(residual[row]).range() == 0:
+                raise BadInputError(
+                    f"the rate of {name} is not 0 whatever is free; change --hold and --free"
+                )
+
+    def trim_box(self, box: Box) -> TrimBox:
+        """Polynomials of the trims, and radii within which the checker will find them."""
+        unknowns = self._equations.unknowns
+        middle = self._newton(box.middle)
+        C = matrix(np.linalg.inv(doubles(self._slopes(box.middle, middle))))
+        count = len(self.flight.spread)
+        zeros = [arb(0) for _ in range(2 + count)]
+        polynomials = {name: [value, *zeros] for name, value in zip(unknowns, middle, strict=True)}
+        trim = TrimBox(box.low, box.high, polynomials, {})
+        for order in (1, 2):
+            steps = (C * self._residual(trim).parts[order]).entries()
+            for name, step in zip(unknowns, steps, strict=True):
+                polynomials[name][order] = arb(float(-step.mid()))
+            if order == 1:
+                self._add_errors(trim, C)
+        remaining = (C * self._residual(trim).range()).entries()
+        room = _ROOM * math.sqrt(len(unknowns))
+        for name, step in zip(unknowns, remaining, strict=True):
+            nominal = self.family.model.signals[name].nominal
+            trim.radii[name] = arb(room * float(abs(step).upper()) + _FINEST * nominal)
+        return trim
+
+    def point_trim(self, scheduling_value: float) -> PointTrim:
+        """About one center, for the doubles and for every number that reads as them."""
+        unknowns = self._equations.unknowns
+        values = self._newton(scheduling_value, precise=True)
+        C = matrix(np.linalg.inv(doubles(self._slopes(scheduling_value, values))))
+        center = {
+            name: [value, arb(0), arb(0)] for name, value in zip(unknowns, values, strict=True)
+        }
+        trim = TrimBox(scheduling_value, scheduling_value, center, {})
+        radii: list[dict[str, arb]] = []
+        for decimals in (False, True):
+            steps = (C * self._residual(trim, decimals=decimals).range()).entries()
+            room = 2 * _ROOM * math.sqrt(len(unknowns))
+            sizes = {}
+            for name, step in zip(unknowns, steps, strict=True):
+                nominal = self.family.model.signals[name].nominal
+                sizes[name] = arb(room * float(abs(step).upper()) + _FINEST * nominal)
+            radii.append(sizes)
+        return PointTrim(center, *radii)
+
+    def stated_trim(self, scheduling_value: float) -> StatedTrim:
+        """The trim in doubles."""
+        values = map(float, self._newton(scheduling_value))
+        return StatedTrim(
+            scheduling_value, dict(zip(self._equations.unknowns, values, strict=True))
+        )
+
+    def _newton(self, scheduling_value: float, *, precise: bool = False) -> list[arb]:
+        """The unknowns at one scheduling value, rounded to doubles unless `precise`."""
+        unknowns = self._equations.unknowns
+        start = self.family.point(scheduling_value).values
+        values = [arb(float(start[name])) for name in unknowns]
+        C = matrix(np.linalg.inv(doubles(self._slopes(scheduling_value, values))))
+        for _ in range(_STEPS if precise else 1):
+            pairs = zip(unknowns, values, strict=True)
+            center = {name: [value, arb(0), arb(0)] for name, value in pairs}
+            trim = TrimBox(scheduling_value, scheduling_value, center, {})
+            steps = (C * self._residual(trim, decimals=False).parts[0]).entries()
+            values = [(value - step).mid() for value, step in zip(values, steps, strict=True)]
+        return values if precise else [arb(float(value)) for value in values]
+
+    def _residual(self, trim: TrimBox, *, decimals: bool = True) -> TaylorModel:
+        """F along the polynomials, a column."""
+        values: dict[str, Any] = known_values(self.flight, trim, decimals=decimals)
+        for name, (c0, c1, c2, *errors) in trim.polynomials.items():
+            values[name] = TaylorModel(c0, c1, c2, arb(0), *errors)
+        residual = self._equations.residual(values)
+        return stacked([[residual[row]] for row in self._rows])
+
+    def _slopes(self, scheduling_value: float, values: Sequence[arb]) -> Any:
+        """F_w at a point."""
+        trim = TrimBox(scheduling_value, scheduling_value, {}, {})
+        imposed = known_values(self.flight, trim, decimals=False)
+        at: dict[str, Any] = {name: model.parts[0] for name, model in imposed.items()}
+        at |= dict(zip(self._equations.unknowns, values, strict=True))
+        slopes = self._equations.linear(at).slopes
+        return stacked([slopes[row] for row in self._rows]).parts[0]
+
+    def _add_errors(self, trim: TrimBox, C: Any) -> None:
+        """What each error of a parameter does to the unknowns."""
+        for index, slope in enumerate(self._residual(trim).parts[4:]):
+            steps = (C * slope).entries()
+            for name, step in zip(self._equations.unknowns, steps, strict=True):
+                trim.polynomials[name][3 + index] = arb(float(-step.mid()))

@@ -1,0 +1,140 @@
+"""Symmetric H, found in doubles, with which the checker counts the eigenvalues of a box of matrices
+on both sides of a line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+from flint import arb_mat
+
+from hfa_proof.arithmetic.balls import TaylorModel, doubles
+from hfa_proof.checker.modes import least_and_most, modes_right_of
+from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.witness import Line
+
+#: Eigenvectors are taken for dependent when their condition number is larger.
+_DEPENDENT = 1e12
+
+
+def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
+    """(count, line): how many eigenvalues of every matrix lie right of Re λ = -rate, and the H that
+    proves it. None when no H does: an eigenvalue may lie on the line.
+
+    A: the matrices, (n, n)
+    rate: 1/s
+    """
+    for H, turn in _candidates(A, rate):
+        line = Line(H, turn, rate)
+        try:
+            return modes_right_of(A, line), line
+        except Rejected:
+            continue
+    return None
+
+
+def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
+    """At most one line on each side of the axis between eigenvalues: the nearest that is proved."""
+    abscissae = np.sort(np.linalg.eigvals(doubles(A.parts[0])).real)
+    lines = []
+    for side in (-1.0, 1.0):
+        between = []
+        for first, second in pairwise(abscissae.tolist()):
+            if second > first:
+                between += [-(first + second) / 2, -(2 * first + second) / 3]
+        ends = [1.0 - abscissae[0], -1.0 - abscissae[-1]]
+        for rate in sorted([*between, *ends], key=abs):
+            if rate * side <= 0.0:
+                continue
+            counted = find_line(A, rate)
+            if counted is not None:
+                _, line = counted
+                lines.append(line)
+                break
+    return lines
+
+
+def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
+    """Least and most eigenvalues with a positive real part, and the lines that prove it."""
+    on_axis = find_line(A)
+    if on_axis is not None:
+        count, line = on_axis
+        return (count, count), [line]
+    least = 0
+    most = A.parts[0].nrows()
+    lines = lines_beside_the_axis(A)
+    for line in lines:
+        at_least, at_most = least_and_most(A, line)
+        least = max(least, at_least)
+        most = min(most, at_most)
+    return (least, most), lines
+
+
+def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """H (n, n) for the middle of a box, and coordinates T in which to prove it.
+
+    H = T⁻ᵀ diag(±h) T⁻¹ with the eigenvectors T of the middle, in which it is normal. For all of
+    some additions h = y/x with G x = 1, G'y = 1, G = diag|Re λ + a| - N, N what they do at most in
+    these coordinates: where G has a positive inverse, diag(h) G + G' diag(h) is positive definite
+    (Berman and Plemmons 1979). h = 1/|Re λ + a|: Lyapunov's equation, for additions that do less
+    than their entries could. Where eigenvectors are dependent Lyapunov's equation is solved as it
+    stands."""
+    middle, *additions = A.parts
+    A_middle = doubles(middle)
+    values, vectors = np.linalg.eig(A_middle)
+    distances = np.abs(values.real + rate)
+    if np.linalg.cond(vectors) > _DEPENDENT:
+        yield from _lyapunov_candidate(A_middle, rate)
+        return
+    inverse = np.linalg.inv(vectors)
+    shares = []
+    for chosen in (additions, additions[3:]):
+        share = _shares(distances, vectors, inverse, chosen)
+        if share is not None:
+            shares.append(share)
+    if distances.min() > 0.0:
+        shares.insert(1, 1.0 / distances)
+    signs = np.where(values.real > -rate, -1.0, 1.0)
+    # Real and imaginary parts of the eigenvectors: T = X U with a unitary U.
+    parts = np.where(values.imag > 0.0, vectors.real, vectors.imag)
+    turn = np.where(values.imag == 0.0, vectors.real, np.sqrt(2.0) * parts)
+    for share in shares:
+        H = (inverse.conj().T @ ((signs * share)[:, None] * inverse)).real
+        if np.isfinite(H).all():
+            yield (H + H.T) / 2, turn
+
+
+def _shares(
+    distances: np.ndarray,
+    vectors: np.ndarray,
+    inverse: np.ndarray,
+    additions: Sequence[arb_mat],
+) -> np.ndarray | None:
+    """h = y/x of `_candidates`; None where G has no positive inverse."""
+    G = np.diag(distances)
+    for addition in additions:
+        rows = addition.tolist()
+        radii = np.array([[float(entry.rad()) for entry in row] for row in rows])
+        G -= np.abs(inverse @ doubles(addition) @ vectors)
+        G -= np.abs(inverse) @ radii @ np.abs(vectors)
+    ones = np.ones(len(G))
+    try:
+        x = np.linalg.solve(G, ones)
+        y = np.linalg.solve(G.T, ones)
+    except np.linalg.LinAlgError:
+        return None
+    return y / x if min(x.min(), y.min()) > 0.0 else None
+
+
+def _lyapunov_candidate(A: np.ndarray, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """H of (A + a I)'H + H (A + a I) = -I, unless two eigenvalues lie mirrored in the line."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    shifted = A + rate * np.eye(len(A))
+    values = np.linalg.eigvals(shifted)
+    if np.abs(values[:, None] + values.conj()).min() <= 1e-9 * np.abs(values).max():
+        return
+    H = solve_continuous_lyapunov(shifted.T, -np.eye(len(A)))
+    H = (H + H.T) / 2
+    yield H, np.linalg.eigh(H)[1]

@@ -1,0 +1,202 @@
+"""Controllers and actuators as a statement has them, made of gains, designs and exact games."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from controller.game.gain_schedule import GainSchedule
+from controller.game.zero_sum import Game
+from controller.hfa_game import usual_game
+from controller.riccati.gare import solve_game
+from hfa_aircraft.model import Model
+from hfa_proof.checker.statement import (
+    Actuators,
+    Controller,
+    FixedActuators,
+    UncertainActuators,
+    measurable,
+)
+from hfa_proof.search.family import Box, Family
+from hfa_servo.design import Actuator
+from hfa_servo.scheduled_controller import ScheduledController
+from hfa_support.errors import BadInputError
+from trim.linear.linear_model import linearize
+
+#: Distance between two gains of `exact_gains`, in steps of the family: of the dihedral 2 deg.
+_STEP = 2.0
+#: With actuators these are the gains of the LQR on the plant with its slowest actuators, with R so
+#: many times the usual: the usual weights ask for more bandwidth than such actuators have.
+_SLOWER = 300.0
+#: Digits of breakpoints, deg, that were degrees before they became radians.
+_DIGITS = 10
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Of uncertain actuators.
+
+    bandwidth: lowest and highest, rad/s
+    effectiveness: lowest and highest
+    delay: largest, s
+    """
+
+    bandwidth: tuple[float, float]
+    effectiveness: tuple[float, float] = (1.0, 1.0)
+    delay: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """What a proof of a schedule is about, beside the flights."""
+
+    controller: Controller
+    actuators: Actuators | None = None
+
+    def segments(self, low: float, high: float) -> list[Box]:
+        """The interval, cut at the breakpoints. BadInputError when they do not reach."""
+        if not low < high:
+            raise BadInputError(
+                f"the interval goes from {low:g} to {high:g}; give the lower end first"
+            )
+        breakpoints = self.controller.breakpoints.tolist()
+        first = breakpoints[0]
+        last = breakpoints[-1]
+        if low < first or high > last:
+            raise BadInputError(
+                f"the table covers {first:g} to {last:g}, not {low:g} to {high:g}; prove it where "
+                "it is"
+            )
+        cuts = [low, *(cut for cut in breakpoints if low < cut < high), high]
+        return [Box(*ends) for ends in pairwise(cuts)]
+
+
+def loop_of_gains(
+    model: Model, breakpoints: Any, K: np.ndarray, intervals: Intervals | None = None
+) -> Loop:
+    """u = -K x, or of (x, positions of the actuators); with intervals through uncertain actuators
+    of first order.
+
+    K: (g, m, n) or (g, m, n + m). BadInputError for a single gain and for other shapes.
+    """
+    if len(breakpoints) < 2:
+        raise BadInputError("a table of gains needs at least two breakpoints, in increasing order")
+    count, m, columns = K.shape
+    n = len(model.linear)
+    inputs = tuple(model.inputs)
+    if columns not in ((n, n + m) if intervals else (n,)):
+        raise BadInputError(
+            f"K has {columns} columns; a proof takes {n}, or through actuators {n + m} with their "
+            "positions"
+        )
+    positions = tuple(f"{name}_position" for name in inputs)
+    measurements = (*model.linear, *positions)[:columns]
+    controller = Controller(
+        np.asarray(breakpoints, dtype=float),
+        np.zeros((count, 0, 0)),
+        np.zeros((count, 0, columns)),
+        np.zeros((count, m, 0)),
+        -np.asarray(K),
+        measurements,
+        inputs,
+    )
+    return Loop(
+        controller, None if intervals is None else _uncertain([1] * m, [1.0] * m, intervals)
+    )
+
+
+def loop_of_schedule(gains: GainSchedule, intervals: Intervals | None = None) -> Loop:
+    """Of a gain schedule."""
+    return loop_of_gains(gains.model, gains.file_breakpoints, gains.gains, intervals)
+
+
+def loop_of_servo(
+    controller: ScheduledController,
+    actuators: Mapping[str, Actuator],
+    model: Model,
+    intervals: Intervals | None = None,
+) -> Loop:
+    """The loop of a scheduled controller with its commands at rest, through actuators.
+
+    controller: whose commands are left out
+    actuators: input -> actuator, of its design
+    model: of the aircraft
+    intervals: of bandwidth, effectiveness and delay, in place of the numbers of the actuators
+
+    BadInputError names an input without an actuator, and a measurement that a proof does not take.
+    """
+    where = f"controller {controller.name}:"
+    missing = [name for name in controller.inputs if name not in actuators]
+    if missing:
+        raise BadInputError(f"{where} {missing[0]} has no actuator; name a design that has one")
+    for name in controller.measurements:
+        if name not in measurable(model):
+            raise BadInputError(f"{where} a proof takes no measurement of {name}")
+    measured = len(controller.measurements)
+    breakpoints = controller.breakpoints
+    if model.schedule_unit == "deg":
+        breakpoints = np.round(np.degrees(controller.breakpoints), _DIGITS)
+    stated = Controller(
+        breakpoints,
+        controller.A,
+        controller.B[..., :measured],
+        controller.C,
+        controller.D[..., :measured],
+        tuple(controller.measurements),
+        tuple(controller.inputs),
+    )
+    designed = [actuators[name] for name in controller.inputs]
+    orders = [actuator.order for actuator in designed]
+    dampings = [actuator.damping for actuator in designed]
+    if intervals is not None:
+        return Loop(stated, _uncertain(orders, dampings, intervals))
+    bandwidths = np.array([actuator.bandwidth for actuator in designed])
+    effectiveness = np.array([actuator.effectiveness for actuator in designed])
+    fixed = FixedActuators(tuple(orders), np.array(dampings), bandwidths, effectiveness)
+    return Loop(stated, fixed)
+
+
+def exact_gains(
+    family: Family, low: float, high: float, intervals: Intervals | None, **changes: Any
+) -> Loop:
+    """The gains of the exact game between two scheduling values; with actuators those of an LQR on
+    the aircraft with its slowest actuators. changes: of the usual game."""
+    model = family.model
+    count = max(2, math.ceil((high - low) / (_STEP * family.step)) + 1)
+    breakpoints = np.linspace(low, high, count)
+    gains = []
+    for breakpoint in breakpoints.tolist():
+        point = family.point(breakpoint)
+        linear = linearize(point.model, point)
+        game = usual_game(model, linear.A, linear.B, **changes)
+        if intervals is not None:
+            game = _with_slowest_actuators(game, intervals.bandwidth[0], changes)
+        gains.append(solve_game(game).K)
+    return loop_of_gains(model, breakpoints, np.array(gains), intervals)
+
+
+def _with_slowest_actuators(game: Game, slowest: float, changes: Mapping[str, Any]) -> Game:
+    """The game of the aircraft with actuators of first order, whose positions cost nothing."""
+    n, m = game.B.shape
+    A = np.block([[game.A, game.B], [np.zeros((m, n)), -slowest * np.eye(m)]])
+    B = np.vstack([np.zeros((n, m)), slowest * np.eye(m)])
+    Q = np.pad(game.Q, (0, m))
+    R = game.R if "R" in changes else _SLOWER * game.R
+    return Game(A, B, np.eye(n + m), Q, R, changes.get("delta", np.inf))
+
+
+def _uncertain(
+    orders: Sequence[int], dampings: Sequence[float], intervals: Intervals
+) -> UncertainActuators:
+    return UncertainActuators(
+        tuple(orders),
+        np.array(dampings, dtype=float),
+        intervals.bandwidth,
+        intervals.effectiveness,
+        intervals.delay,
+    )

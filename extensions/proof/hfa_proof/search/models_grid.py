@@ -1,0 +1,249 @@
+"""The coarsest breakpoints between which the linear model is interpolated with a proved bound of
+the error.
+
+What is searched for here, in doubles, is proved by the checker's own tests: trims, A, B and K on
+every cell, and how far they are from the chord of two breakpoints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from flint import arb, arb_mat
+
+from controller.game.zero_sum import Game
+from controller.hfa_game import usual_game
+from controller.riccati.balancing import balanced_units, in_units
+from controller.riccati.derivations import schur_solution
+from hfa_proof.arithmetic.balls import TaylorModel, doubles, matrix, norm
+from hfa_proof.checker.checker import interpolation_errors
+from hfa_proof.checker.riccati import (
+    Solution,
+    lyapunov_operator,
+    riccati_S,
+    solution_on,
+)
+from hfa_proof.checker.statement import ModelsStatement, Weights
+from hfa_proof.checker.trims import LinearModelBox, Rejected
+from hfa_proof.checker.witness import SolutionBox, trim_content
+from hfa_proof.search.certificate import Content, Proof
+from hfa_proof.search.family import Box, Family, TrimSearch, bisected
+from hfa_proof.search.lines import find_line
+from hfa_proof.search.report import breakpoint_data
+from hfa_proof.search.solution_proof import weights_of
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.progress import Progress, told
+
+SCHEMA = "hfa.lpv/1"
+#: How much wider than what Newton's step shows the solution of the game is sought, one after the
+#: other: a narrow reach gives a sharp bound and may be too narrow.
+_REACHES = (2.5, 4.0)
+#: Cells, in steps of the family: every breakpoint of a grid is an end of one.
+_CELL = 2.0**-4
+#: Narrower cells are not tried.
+_NARROWEST = 2.0**-8
+#: Part of the tolerance that a cell may use up with breakpoints at its own ends.
+_LOOSE = 0.5
+#: What the error is stated larger than it is found, relative: radii of balls have 30 bits.
+_ROUNDING = 1e-7
+#: P is found in doubles at the zeros of Chebyshev's polynomial of third order: 0 and this on either
+#: side.
+_ZERO = 0.75**0.5
+_PARTS = ("A", "B", "inputs", "K")
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """What is proved on a part of the interval."""
+
+    box: Box
+    linear: LinearModelBox
+    solution_box: SolutionBox
+    exact: Solution
+
+    def at(self, s: float) -> dict[str, np.ndarray]:
+        """A, B, the inputs and K at an end, s = -1 or 1, in doubles."""
+        models = {
+            "A": self.linear.A,
+            "B": self.linear.B,
+            "inputs": self.linear.inputs,
+            "K": self.exact.K,
+        }
+        return {
+            name: doubles(model.parts[0] + arb(s) * model.parts[1] + model.parts[2])
+            for name, model in models.items()
+        }
+
+    def content(self) -> Content:
+        """As a certificate has it."""
+        box = self.solution_box
+        P = [doubles(part).tolist() for part in box.P.parts[:3]]
+        proof = {"units": box.units, "P": P, "reach": float(box.reach)}
+        return trim_content(self.linear.trim) | proof | {"H": box.line.H, "turn": box.line.turn}
+
+
+def prove_models(
+    family: Family, low: float, high: float, tolerance: float, *, progress: Progress | None = None
+) -> Proof:
+    """A, B, the trimmed inputs and the usual game's K at as few breakpoints as the bound allows:
+    from `low` on, every step is the longest that is proved to keep every error, at every scheduling
+    value between two breakpoints, below the tolerance.
+
+    `data` of the result has the breakpoints, A (g, n, n), B, inputs_offset (g, m), K (g, m, n)
+    there, and as `error` the bounds of `ModelsStatement`. Breakpoints are ends of cells
+    of 1/16 of a step, or less. NoSolutionError when no step is fine enough."""
+    if not low < high:
+        raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
+    grid = GridSearch(family, low, high, tolerance)
+    count = max(1, round((high - low) / (_CELL * family.step)))
+    edges = np.linspace(low, high, count + 1).tolist()
+    for box in told([Box(*ends) for ends in pairwise(edges)], progress):
+        grid.add(box)
+    ends, errors = grid.coarsest()
+    statement = replace(grid.tables(ends), errors=errors)
+    model = family.model
+    data = {
+        "schema": SCHEMA,
+        "dynamics": model.name,
+        "tolerance": tolerance,
+        "error": errors,
+        **breakpoint_data(model, statement.breakpoints),
+        "A": statement.A,
+        "B": statement.B,
+        "K": statement.K,
+        "inputs_offset": statement.inputs[..., 0],
+        "states": list(model.linear),
+        "inputs": list(model.inputs),
+        "state_units": list(model.units(model.linear)),
+        "input_units": list(model.units(tuple(model.inputs))),
+    }
+    return Proof(statement, {"cells": [cell.content() for cell in grid.cells]}, data)
+
+
+class GridSearch:
+    """Cells of an interval, in increasing order, and the grids whose breakpoints are their ends."""
+
+    def __init__(self, family: Family, low: float, high: float, tolerance: float) -> None:
+        self.family = family
+        self.tolerance = tolerance
+        self.cells: list[Cell] = []
+        self._trims = TrimSearch(family, low, high)
+        self._flight = replace(self._trims.flight, trims=(self._trims.stated_trim(low),))
+        first = self._trims.linear_model(Box(low, low))
+        self._game = usual_game(family.model, doubles(first.A.parts[0]), doubles(first.B.parts[0]))
+        self._weights = weights_of(self._game)
+
+    def add(self, box: Box) -> None:
+        """Prove a box, or its parts. NoSolutionError where that is not possible."""
+        for part, cell in bisected([box], self._prove, _NARROWEST * self.family.step):
+            if cell is None:
+                raise NoSolutionError(
+                    f"the models from {part.low:g} to {part.high:g} could not be enclosed"
+                )
+            self.cells.append(cell)
+
+    def _prove(self, box: Box) -> Cell | None:
+        linear = self._trims.linear_model(box)
+        cell = self._solved(box, linear)
+        if box.high - box.low > _NARROWEST * self.family.step:
+            own_ends = self._tables([(cell, -1.0), (cell, 1.0)])
+            errors = interpolation_errors(own_ends, linear, cell.exact)
+            if max(float(error) for error in errors.values()) > _LOOSE * self.tolerance:
+                return None
+        return cell
+
+    def _solved(self, box: Box, linear: LinearModelBox) -> Cell:
+        """Rejected where the solution of the game is not found."""
+        solution_box = _solution_near(self._game, self._weights, linear)
+        for reach in _REACHES:
+            tried = replace(solution_box, reach=arb(reach * float(solution_box.reach)))
+            with suppress(Rejected):
+                exact = solution_on(self._weights, linear.A, linear.B, tried, lowest=1)
+                return Cell(box, linear, tried, exact)
+        raise Rejected("the solution of the game is not proved on this box")
+
+    def coarsest(self) -> tuple[list[int], dict[str, float]]:
+        """Numbers of the cells at whose ends the breakpoints are, and the largest errors."""
+        ends = [0]
+        largest = dict.fromkeys(_PARTS, 0.0)
+        while ends[-1] < len(self.cells):
+            first = ends[-1]
+            last = first + 1
+            errors = self._errors(first, last)
+            if max(errors.values()) > self.tolerance:
+                box = self.cells[first].box
+                raise NoSolutionError(
+                    f"no grid is proved within {self.tolerance:g}: from {box.low:g} to "
+                    f"{box.high:g} {self.family.model.schedule_unit} the bound is "
+                    f"{max(errors.values()):.3g}; ask for a larger tolerance"
+                )
+            while last < len(self.cells):
+                longer = self._errors(first, last + 1)
+                if max(longer.values()) > self.tolerance:
+                    break
+                last += 1
+                errors = longer
+            ends.append(last)
+            largest = {name: max(largest[name], errors[name]) for name in _PARTS}
+        return ends, largest
+
+    def tables(self, ends: Sequence[int]) -> ModelsStatement:
+        """Models where these cells begin, and at the end of the last one."""
+        count = len(self.cells)
+        return self._tables(
+            [(self.cells[k], -1.0) if k < count else (self.cells[-1], 1.0) for k in ends]
+        )
+
+    def _tables(self, ends: Sequence[tuple[Cell, float]]) -> ModelsStatement:
+        parts = [cell.at(s) for cell, s in ends]
+        tables = {name: np.array([part[name] for part in parts]) for name in _PARTS}
+        breakpoints = np.array([cell.box.high if s > 0.0 else cell.box.low for cell, s in ends])
+        return ModelsStatement(self._flight, self._weights, breakpoints, **tables, errors={})
+
+    def _errors(self, first: int, last: int) -> dict[str, float]:
+        """The largest errors on these cells when their outer ends are breakpoints."""
+        tables = self.tables([first, last])
+        largest = dict.fromkeys(_PARTS, 0.0)
+        for cell in self.cells[first:last]:
+            for name, error in interpolation_errors(tables, cell.linear, cell.exact).items():
+                largest[name] = max(largest[name], float(error) * (1.0 + _ROUNDING))
+        return largest
+
+
+def _solution_near(game: Game, weights: Weights, linear: LinearModelBox) -> SolutionBox:
+    """P(s) of the game on a box to second order; reach is what Newton's step leaves."""
+    middle = replace(game, A=doubles(linear.A.parts[0]), B=doubles(linear.B.parts[0]))
+    units = balanced_units(middle)
+    T = matrix(np.diag(units))
+    A = T.inv() * linear.A * T
+    S = T.inv() * riccati_S(weights, linear.B) * T.inv()
+    Q = T * matrix(weights.Q) * T
+    before, here, after = _solutions(game, linear, units)
+    slope = (after - before) / (2 * _ZERO)
+    curvature = ((after + before) / 2 - here) / _ZERO**2
+    P = TaylorModel(matrix(here), matrix(slope), matrix(curvature))
+    loop = A - S * P
+    half = (A - S * P * 0.5).transpose() * P
+    residual = half + half.transpose() + Q
+    inverse = matrix(np.linalg.inv(doubles(lyapunov_operator(loop.parts[0]))))
+    column = arb_mat(len(units) ** 2, 1, residual.range().entries())
+    reach = norm((inverse * column).entries()).upper()
+    line = find_line(TaylorModel(loop.parts[0]))
+    if line is None or line[0] != 0:
+        raise Rejected("the solution of the game is not found on this box")
+    return SolutionBox(units, P, reach, line[1])
+
+
+def _solutions(game: Game, linear: LinearModelBox, units: np.ndarray) -> Iterator[np.ndarray]:
+    """P in these units at s = -_ZERO, 0 and _ZERO, symmetric."""
+    for s in (-_ZERO, 0.0, _ZERO):
+        A, B = (
+            doubles(model.parts[0] + arb(s) * model.parts[1] + arb(s * s) * model.parts[2])
+            for model in (linear.A, linear.B)
+        )
+        P = schur_solution(in_units(replace(game, A=A, B=B), units))
+        yield (P + P.T) / 2

@@ -1,0 +1,588 @@
+"""What a proof states, and what the checker verified of it, in words, tables and data."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_model.parameters import NAMED, Parameters, load_parameters
+from hfa_proof.checker.checker import Verified
+from hfa_proof.checker.statement import (
+    KINDS,
+    Controller,
+    Flight,
+    GameStatement,
+    ModelsStatement,
+    Plant,
+    Run,
+    ScheduleStatement,
+    Statement,
+    UncertainActuators,
+    Weights,
+    content_of,
+)
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.provenance import parameter_hash
+from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.text import Table, matrix_table, numbered
+
+SCHEMA = "hfa.proof/1"
+Content = dict[str, Any]
+Found = TypeVar("Found")
+_ERRORS = {
+    "A": "|A - interpolated| / |A|",
+    "B": "|B - interpolated| / |B|",
+    "K": "|K - interpolated| / |K|",
+    "inputs": "|U0 - interpolated|, in nominal units",
+}
+
+
+def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
+    """The runs with neighbours of the same result made one.
+
+    runs: (low, high, result), ascending
+    """
+    together: list[tuple[float, float, Found]] = []
+    for low, high, result in runs:
+        if together and together[-1][1:] == (low, result):
+            together[-1] = (together[-1][0], high, result)
+        else:
+            together.append((low, high, result))
+    return together
+
+
+def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
+    """The intervals (low, high) between `low` and `high` that no run covers, ascending.
+
+    runs: in any order; they may overlap
+    """
+    empty = []
+    reached = low
+    for run in sorted(runs):
+        if run.low > reached:
+            empty.append((reached, run.low))
+        reached = max(reached, run.high)
+    if reached < high:
+        empty.append((reached, high))
+    return empty
+
+
+def breakpoint_data(model: Model, breakpoints: Any) -> Content:
+    """Scheduling values as data: of the HFA dihedral_deg; of other models by the name of the
+    scheduling variable."""
+    if model.schedule == "dihedral":
+        return {"dihedral_deg": breakpoints}
+    return {"scheduled": {model.schedule: breakpoints}}
+
+
+def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
+    """What is proved of the loop and of the modes of A. moving: whether a rate was asked for."""
+    flight = statement.flight
+    model = flight.model
+    suffix = "_deg" if model.schedule_unit == "deg" else ""
+
+    def ends(run: Run, **more: Any) -> Content:
+        return {f"from{suffix}": run.low, f"to{suffix}": run.high} | more
+
+    def counted(runs: Sequence[Run]) -> list[Content]:
+        return [ends(run, unstable=run.least) for run in runs if run.least == run.most]
+
+    refuted = [ends(run, unstable=run.least) for run in statement.loop if run.least > 0]
+    still_open = [ends(run) for run in statement.loop if run.least == 0 < run.most]
+    crossings = [
+        ends(run, at_least=run.least, at_most=run.most)
+        for run in statement.modes
+        if run.least < run.most
+    ]
+    stable = not (refuted or still_open)
+    one_branch = len(flight.trims) == 1
+    data: Content = {
+        "schema": SCHEMA,
+        "statement": "schedule",
+        "dynamics": model.name,
+        **breakpoint_data(model, [flight.low, flight.high]),
+        "proved": stable and one_branch and not (moving and statement.scheduled_rate is None),
+        "one_branch": one_branch,
+        "decay_rate": statement.decay_rate,
+        "loop": {"proved": counted(statement.loop), "open": still_open},
+        "modes": {"proved": counted(statement.modes), "open": crossings},
+        "refuted": refuted,
+        "not_covered": _not_covered(statement),
+    }
+    if isinstance(statement.actuators, UncertainActuators):
+        names = ("bandwidth", "effectiveness", "delay")
+        data["actuators"] = {name: getattr(statement.actuators, name) for name in names}
+    if moving:
+        key = "dihedral_rate_deg_s" if model.schedule == "dihedral" else "scheduled_rate"
+        data[key] = statement.scheduled_rate or 0.0
+    return data
+
+
+def _not_covered(statement: ScheduleStatement) -> str:
+    others = "other actuators than these"
+    if not isinstance(statement.actuators, UncertainActuators):
+        others = "other actuators than the loop's own, delay"
+    return (
+        f"not covered: {others}, sampling of a controller's own states, a "
+        f"{statement.flight.model.schedule} that the loop\nitself moves and that is not imposed "
+        "from outside, limits of the inputs, the nonlinear aircraft"
+    )
+
+
+def proof_report(statement: Statement, data: Content) -> Report:
+    """The report of a proof.
+
+    statement: what was proved
+    data: of the report
+    """
+    if isinstance(statement, ScheduleStatement):
+        moving = {"dihedral_rate_deg_s", "scheduled_rate"} & data.keys()
+        title = f"every {_interval(statement.flight)}, {statement.flight.model.title}"
+        parts = _schedule_parts(statement, bool(moving), data)
+        return Report(f"{_verdict(statement, bool(moving))}: {title}", parts, data=data)
+    if isinstance(statement, GameStatement):
+        return game_report(data)
+    return _models_report(statement, data)
+
+
+def _verdict(statement: ScheduleStatement, moving: bool) -> str:
+    if any(run.least > 0 for run in statement.loop):
+        return "Refuted"
+    if any(run.most > 0 for run in statement.loop) or len(statement.flight.trims) != 1:
+        return "Left open"
+    return "Proved"
+
+
+def _schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
+    """What is proved of a schedule, refuted and left open: sentences, then a table of the loop's
+    unstable modes and one of those of A.
+
+    statement: of the loop
+    moving: whether a rate of the scheduling variable was asked for
+    data: the report's data, for the number of boxes
+    """
+    flight = statement.flight
+    variable = flight.model.schedule
+    unit = flight.model.schedule_unit
+    stable = all(run.most == 0 for run in statement.loop)
+    parts: list[Part] = ["\n".join(_loop_sentences(statement, stable, data))]
+    if isinstance(statement.actuators, UncertainActuators):
+        parts.append(_actuators_text(statement.actuators, stable))
+    rate = statement.scheduled_rate
+    if rate is not None:
+        parts.append(
+            f"stable while the {variable} moves by at most {rate:.4g} {unit}/s, however it does"
+        )
+    elif moving:
+        interval = f"{flight.low:.10g} to {flight.high:.10g}"
+        parts.append(f"open: a moving {variable} from {interval} {unit}")
+    parts.append(_not_covered(statement))
+    for name, runs in (("loop", statement.loop), ("aircraft A", statement.modes)):
+        heading = (f"{name}: {variable}, {unit}", "unstable modes")
+        parts.append(Table(heading, [(_span(run), _count(run)) for run in runs]))
+    return parts
+
+
+def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -> list[str]:
+    """Where the loop is unstable, open or stable, and how sharp that is.
+
+    statement: of the loop
+    stable: whether no run has an unstable mode, or may have one
+    data: the report's data, for the number of boxes
+    """
+    flight = statement.flight
+    unit = flight.model.schedule_unit
+    every = "angle" if unit == "deg" else flight.model.schedule
+    lines = []
+    for run in statement.loop:
+        if run.least > 0:
+            modes = f"{_count(run)} unstable modes"
+            lines.append(f"the loop has {modes} at every {every} from {_span(run)} {unit}")
+    for run in statement.loop:
+        if run.least == 0 < run.most:
+            lines.append(f"open: the loop from {_span(run)} {unit}")
+    if stable:
+        what = _what_is_stable(statement)
+        lines.append(f"the trim exists within its limits and {what} at every {every}")
+    if len(flight.trims) != 1:
+        starts = ", ".join(f"{trim.breakpoint:.10g}" for trim in flight.trims[:4])
+        lines.append(f"open: whether the trims from {starts or 'any value'} on are one branch")
+    hurwitz = any(run.most == 0 for run in statement.loop)
+    if hurwitz and not isinstance(statement.actuators, UncertainActuators):
+        lines.append(f"decay rate where the loop is Hurwitz: {statement.decay_rate:.6g} 1/s")
+    if "boxes" in data.get("loop", {}):
+        counts = [data[name]["boxes"] for name in ("loop", "modes")]
+        lines.append(f"boxes: {counts[0]} for the loop, {counts[1]} for the aircraft's modes")
+    return lines
+
+
+def _what_is_stable(statement: ScheduleStatement) -> str:
+    """Of which loop the statement says that it is stable, in words."""
+    if statement.actuators is not None:
+        return "the loop through the actuators is stable"
+    if statement.controller.A.shape[1]:
+        return "the loop of aircraft and controller is stable"
+    return "A - B K is Hurwitz"
+
+
+def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
+    """For which actuators the statement holds; where the loop is not proved stable, for which it
+    was asked."""
+    slow, fast = actuators.bandwidth
+    least, most = actuators.effectiveness
+    return (
+        f"{'' if stable else 'asked '}for every actuator bandwidth from {slow:g} to {fast:g} rad/s,"
+        f" the same of all inputs; for effectiveness from {least:g} to {most:g}\nand delay up to "
+        f"{actuators.delay:g} s of each input for itself, changing at any time, as when commands "
+        "are sampled and held"
+    )
+
+
+def _span(run: Run) -> str:
+    """Its interval: "5 to 15"."""
+    return f"{run.low:.10g} to {run.high:.10g}"
+
+
+def _count(run: Run) -> str:
+    """Its number of unstable modes: "2", or "0 to 2" where only bounds are proved."""
+    return str(run.least) if run.least == run.most else f"{run.least} to {run.most}"
+
+
+def game_report(
+    data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it"
+) -> Report:
+    """The report of a proof about a game: of its solution the statements one by one and P, of a
+    critic its distances from the solution.
+
+    data: of the proof, with the entry `statement`
+    states: names of the rows of P; () for z1, z2, ...
+    origin: whose game it is, for the title
+    file: of the critic, for the title
+    """
+    if data["statement"] == "critic":
+        verdict = _stabilizing(data["closed_loop_hurwitz"], f"the gain of {file}")
+        title = f"{verdict}; its distance from the exact solution of the game of {origin}"
+        return Report(title, _critic_parts(data), data=data)
+    verdict = "Proved" if data["proved"] else "Left open"
+    title = f"{verdict}: the solution of the game of {origin}"
+    return Report(title, _solution_parts(data, states), data=data)
+
+
+def _stabilizing(hurwitz: bool | None, gain: str) -> str:
+    """Whether a gain stabilizes, as a headline.
+
+    hurwitz: what is proved of A - B K; None: nothing
+    gain: whose it is, in words
+    """
+    if hurwitz is None:
+        return f"Left open: whether {gain} stabilizes"
+    return f"Proved: {gain} stabilizes" if hurwitz else f"Refuted: {gain} does not stabilize"
+
+
+def _critic_parts(data: Content) -> list[Part]:
+    """Bounds of the distances of a critic, and whether its gain stabilizes."""
+    rows = [
+        (name, f"{bounds['at_least']:.6e}", f"{bounds['at_most']:.6e}")
+        for name, bounds in data["distances"].items()
+    ]
+    loop = f"A - B K with this gain: {_hurwitz(data['closed_loop_hurwitz'])}"
+    return [Table(("|X - X*| / |X*|", "at least", "at most"), rows), loop]
+
+
+def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
+    """What is proved of a solution, statement by statement, and P."""
+    above = data["delta_min_above"]
+    most = data["delta_min_at_most"]
+    bracket = "open" if above is None else f"above {above:.10g}, at most {most:.10g}"
+    width = "" if above is None else f"{(most - above) / most:.2g}"
+    words = {True: "proved", False: "open"}
+    least_modes, most_modes = data["unstable_modes_between"]
+    statements = [
+        ("the stabilizing solution exists and is unique", words[data["worst_case_hurwitz"]]),
+        ("P is positive definite", words[data["positive_definite"]]),
+        ("A - S P is Hurwitz", words[data["worst_case_hurwitz"]]),
+        ("A - B K is Hurwitz", words[data["closed_loop_hurwitz"]]),
+        ("relative radius about the printed P", f"{data['relative_radius']:.3g}"),
+        ("delta_min", bracket),
+        ("relative width of the bracket", width),
+        ("unstable modes of A", _count(Run(0.0, 0.0, least_modes, most_modes))),
+    ]
+    states = states or numbered("z", len(data["P"]))
+    return [
+        Table(("statement", "result"), statements),
+        matrix_table("P", states, states, data["P"]),
+    ]
+
+
+def _hurwitz(closed_loop: bool | None) -> str:
+    """What is proved of a closed loop, in words; None: nothing."""
+    if closed_loop is None:
+        return "open: a mode may lie on the axis"
+    return "proved Hurwitz" if closed_loop else "proved not Hurwitz"
+
+
+def _models_report(statement: ModelsStatement, data: Content) -> Report:
+    """The proved bounds and where the breakpoints are; the matrices are data."""
+    model = statement.flight.model
+    breakpoints = statement.breakpoints
+    unit = model.schedule_unit
+    steps = np.diff(breakpoints)
+    every = "angle" if unit == "deg" else model.schedule
+    bounds = [(_ERRORS[name], f"{error:.3g}") for name, error in statement.errors.items()]
+    heading = (model.schedule_key, "matrix", "row", "column", "value", "unit")
+    return Report(
+        title=f"Proved: {len(breakpoints)} models from {breakpoints[0]:g} to {breakpoints[-1]:g} "
+        f"{unit}, {model.title}, interpolate linearly within {data['tolerance']:g}",
+        parts=[
+            Table((f"error at every {every} between, at most", "bound"), bounds),
+            f"steps from {steps.min():g} to {steps.max():g} {unit}",
+        ],
+        data=data,
+        records=Table(heading, _entries(statement)),
+    )
+
+
+def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
+    """Every entry of the models with its unit."""
+    model = statement.flight.model
+    states = model.linear
+    inputs = tuple(model.inputs)
+    rows: list[tuple[Any, ...]] = []
+    for k, breakpoint in enumerate(statement.breakpoints.tolist()):
+        for name, columns in (("A", states), ("B", inputs)):
+            values = getattr(statement, name)[k]
+            for (i, j), value in np.ndenumerate(values):
+                unit = model.entry_unit(states[i], columns[j])
+                rows.append((breakpoint, name, states[i], columns[j], float(value), unit))
+        for (i, j), value in np.ndenumerate(statement.K[k]):
+            unit = f"({model.unit(inputs[i])})/({model.unit(states[j])})"
+            rows.append((breakpoint, "K", inputs[i], states[j], float(value), unit))
+        for i, value in enumerate(statement.inputs[k].ravel().tolist()):
+            rows.append((breakpoint, "U0", inputs[i], "", value, model.unit(inputs[i])))
+    return rows
+
+
+def checked_report(verified: Verified) -> Report:
+    """The whole statement that was verified: of which aircraft in which flight whatever the options
+    of the command, with which controller, limits and weights; proved on all of the interval or not.
+    """
+    statement = verified.statement
+    content = content_of(statement)
+    data: Content = {
+        "schema": SCHEMA,
+        "statement": "check",
+        "kind": next(name for name, kind in KINDS.items() if isinstance(statement, kind)),
+        "boxes": verified.boxes,
+        "written": verified.written,
+        "statement_sha256": _digest(content),
+        "claim": content,
+    }
+    lines = [f"statement: SHA-256 {data['statement_sha256'][:16]}"]
+    parts: list[Part] = []
+    flight = getattr(statement, "flight", getattr(statement, "plant", None))
+    if isinstance(flight, Flight):
+        description, of_aircraft = _flight_said(flight)
+        parts.append(description)
+        data |= of_aircraft
+    if isinstance(statement, ScheduleStatement):
+        moving = statement.scheduled_rate is not None
+        result = schedule_data(statement, moving)
+        data |= {name: result[name] for name in result if name not in ("schema", "statement")}
+        parts += _schedule_parts(statement, moving, {})
+        lines += _controller_said(statement)
+        what = _interval(statement.flight)
+    elif isinstance(statement, GameStatement):
+        parts += _game_parts(statement, data)
+        lines += _weights_said(statement.weights)
+        data["game"] = content["weights"]
+        data["proved"] = data["closed_loop_hurwitz"] is True
+        what = "the exact game, the plant of a file"
+        if isinstance(statement.plant, Flight):
+            unit = statement.plant.model.schedule_unit
+            what = (
+                f"the exact game, {statement.plant.model.schedule} {statement.plant.low:g} {unit}"
+            )
+    else:
+        rows = [(_ERRORS[name], f"{error:.3g}") for name, error in statement.errors.items()]
+        parts.append(Table(("error between the breakpoints, at most", "bound"), rows))
+        lines += _weights_said(statement.weights)
+        data |= {"error": dict(statement.errors), "nodes": len(statement.breakpoints)}
+        data["proved"] = True
+        data["game"] = content["weights"]
+        what = f"linear interpolation of {len(statement.breakpoints)} models, "
+        what += _interval(statement.flight)
+    origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
+    parts += ["\n".join(lines), origin]
+    title = f"{_checked_verdict(statement, data)}: {what}, {verified.boxes} boxes"
+    return Report(title, parts, data=data)
+
+
+def _checked_verdict(statement: Statement, data: Content) -> str:
+    """The first words about a statement that was verified: proved, refuted, or what is open.
+
+    data: of the report, with `proved`
+    """
+    if data["proved"]:
+        return "Verified, proved"
+    if not isinstance(statement, GameStatement):
+        return "Verified, but not proved on the whole interval"
+    if data["closed_loop_hurwitz"] is None:
+        return "Verified, but whether the critic's gain stabilizes is open"
+    return "Verified, refuted, the critic's gain does not stabilize"
+
+
+def _interval(flight: Flight) -> str:
+    unit = flight.model.schedule_unit
+    return f"{flight.model.schedule} from {flight.low:g} to {flight.high:g} {unit}"
+
+
+def _flight_said(flight: Flight) -> tuple[str, Content]:
+    """The aircraft, its trims, limits and errors of parameters, in words and as data."""
+    model = flight.model
+    lines = [_aircraft_said(flight)]
+    lines.append(f"trims at {_values_said(model, flight.imposed)}")
+    for trim in flight.trims:
+        unknowns = _values_said(model, trim.unknowns)
+        lines.append(f"the trim with {unknowns} at {trim.breakpoint:.10g} {model.schedule_unit}")
+    limits = [
+        f"{name} {' to '.join(model.describe(name, end) for end in ends)}"
+        for name, ends in flight.limits.items()
+    ]
+    lines.append(f"limits of the trims: {', '.join(limits) or 'none'}")
+    if flight.spread:
+        lines.append(f"for every value of {len(flight.spread)} parameters within half widths of")
+        lines.append(_values_said(model, flight.spread))
+    data: Content = {
+        "dynamics": model.name,
+        "source": model.source[1],
+        **breakpoint_data(model, [flight.low, flight.high]),
+        "limits": {name: list(ends) for name, ends in flight.limits.items()},
+        "spread": dict(flight.spread),
+        "parameters": dict(flight.parameters),
+    }
+    if _is_hfa(flight):
+        values = Parameters(**flight.parameters)
+        data["parameters"] = _name_of_parameters(values)
+        data["parameter_hash"] = parameter_hash(values)
+    return "\n".join(lines), data
+
+
+def _is_hfa(flight: Flight) -> bool:
+    return not flight.model.source[1] and set(flight.parameters) == set(Parameters._fields)
+
+
+def _name_of_parameters(values: Parameters) -> str:
+    names = [name for name in NAMED if load_parameters(name).values == values]
+    return names[0] if names else "of the certificate"
+
+
+def _aircraft_said(flight: Flight) -> str:
+    model = flight.model
+    if _is_hfa(flight):
+        values = Parameters(**flight.parameters)
+        parameters = f"{_name_of_parameters(values)} ({parameter_hash(values)})"
+        return f"{model.name} dynamics, parameters {parameters}"
+    source = f", files of SHA-256 {model.source[1][:16]}" if model.source[1] else ""
+    numbers = "".join(f", {name} {value:.10g}" for name, value in flight.parameters.items())
+    return f"{model.title}{source}{numbers}"
+
+
+def _values_said(model: Model, values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {model.describe(name, value)}" for name, value in values.items())
+
+
+def _controller_said(statement: ScheduleStatement) -> list[str]:
+    """Names and sizes of the controller, and all of the actuators."""
+    controller: Controller = statement.controller
+    lines = [
+        f"controller: {len(controller.breakpoints)} breakpoints, {controller.A.shape[1]} states, "
+        f"SHA-256 {_digest(content_of(statement)['controller'])[:16]}",
+        f"it measures {', '.join(controller.measurements)}",
+        f"it moves {', '.join(controller.inputs)}",
+    ]
+    actuators = statement.actuators
+    if actuators is not None:
+        numbers = ", ".join(f"{name} {_plain(value)}" for name, value in vars(actuators).items())
+        lines.append(f"actuators: {numbers}")
+    return lines
+
+
+def _plain(value: Any) -> str:
+    entries = np.atleast_1d(np.asarray(value, dtype=float)).tolist()
+    return " ".join(f"{entry:.10g}" for entry in entries)
+
+
+def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
+    """Distances and modes, which are added to the data too."""
+    rows = [
+        (name, f"{low:.6g}", f"{high:.6g}") for name, (low, high) in statement.distances.items()
+    ]
+    least, most = statement.loop
+    hurwitz = True if most == 0 else False if least > 0 else None
+    closed = {True: "Hurwitz", False: f"not Hurwitz: {_count(Run(0.0, 0.0, least, most))} unstable"}
+    loop = (
+        f"A - B K with this gain is {closed[hurwitz]}"
+        if hurwitz is not None
+        else ("open: whether A - B K with this gain is Hurwitz")
+    )
+    lines = [loop]
+    data["distances"] = dict(statement.distances)
+    data["closed_loop_hurwitz"] = hurwitz
+    if statement.delta_min is not None and statement.modes is not None:
+        above, at_most = statement.delta_min
+        data["delta_min_above"] = above
+        data["delta_min_at_most"] = at_most
+        data["unstable_modes_between"] = list(statement.modes)
+        lines.append(f"delta_min is above {above:.10g}, at most {at_most:.10g}")
+        modes = Run(0.0, 0.0, *statement.modes)
+        count = "" if modes.least == modes.most else "open: the number between them; "
+        lines.append(f"{count}A has {_count(modes)} unstable modes")
+    if statement.decimals:
+        lines.append("the distances hold for every number that reads as the same doubles")
+    if isinstance(statement.plant, Plant):
+        for name, values in vars(statement.plant).items():
+            lines.append(f"{name} = {_matrix_said(values)}")
+    for name, values in statement.critic.items():
+        lines.append(f"critic's {name} = {_matrix_said(values)}")
+    table = Table(("|X - X*| / |X*|, X* of the exact game", "at least", "at most"), rows)
+    return [table, "\n".join(lines)]
+
+
+def _weights_said(weights: Weights) -> list[str]:
+    lines = [f"{name} = {_matrix_said(getattr(weights, name))}" for name in "QRE"]
+    return [*lines, f"delta = {weights.delta:.10g}"]
+
+
+def _matrix_said(values: np.ndarray) -> str:
+    """I; the diagonal; else the SHA-256 of the matrix, whose entries are data."""
+    diagonal = np.diag(values)
+    if values.shape[0] == values.shape[1] and np.array_equal(values, np.diag(diagonal)):
+        if set(diagonal.tolist()) == {1.0}:
+            return "I"
+        return f"diag({', '.join(f'{entry:.10g}' for entry in diagonal)})"
+    rows, columns = values.shape
+    return f"matrix {rows} x {columns}, SHA-256 {_digest(values.tolist())[:16]}"
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value).encode()).hexdigest()
+
+
+def require_same(stated: Mapping[str, Any], own: Mapping[str, Any], what: str) -> None:
+    """NoSolutionError unless the user's own data, by name, is exactly that of the statement."""
+    for name, value in own.items():
+        if name not in stated:
+            raise BadInputError(
+                f"{what} gives {name}, which this certificate does not state; leave it out"
+            )
+        claimed = np.asarray(stated[name])
+        values = np.asarray(value)
+        if values.dtype.kind in "fi":
+            claimed = np.asarray(stated[name], dtype=float)
+        if not np.array_equal(claimed, values):
+            raise NoSolutionError(f"the certificate is about another {name} than {what} gives")

@@ -1,0 +1,429 @@
+"""At every scheduling value of an interval: the trim exists, so many modes are unstable, the
+controller stabilizes.
+
+Also while the scheduling value moves: a Lyapunov function of it is proved to decrease at every
+value and rate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+from flint import arb
+
+from controller.game.gain_schedule import GainSchedule
+from hfa_proof.arithmetic.ball_function import Undecided
+from hfa_proof.arithmetic.balls import TaylorModel, doubles, is_positive_definite, matrix
+from hfa_proof.checker.loop import between, closed_loop
+from hfa_proof.checker.modes import check_motion, eigenvalue_signs, least_and_most
+from hfa_proof.checker.statement import (
+    Run,
+    ScheduleStatement,
+    StatedTrim,
+    UncertainActuators,
+    loop_size,
+)
+from hfa_proof.checker.trims import LinearModelBox, Rejected
+from hfa_proof.checker.witness import trim_content
+from hfa_proof.search.certificate import CertificateFile, Content, Proof
+from hfa_proof.search.family import Box, Family, TrimSearch, bisected
+from hfa_proof.search.lines import find_line, lines_beside_the_axis
+from hfa_proof.search.loops import Loop, loop_of_schedule
+from hfa_proof.search.report import breakpoint_data, gaps, joined, schedule_data
+from hfa_proof.search.uncertain_loop import find_pieces
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress, told
+
+#: Narrower boxes, in steps of the family, are not tried: they stay open. With errors of the
+#: parameters or actuators, which do not become smaller with the box, one gives up earlier.
+NARROWEST = 2.0**-10
+NARROWEST_WITH_ERRORS = 2.0**-5
+NARROWEST_WITH_ACTUATORS = 2.0**-3
+#: Widest box with errors of the parameters, in steps of the family: wider ones are not tried.
+_WIDEST_WITH_ERRORS = 0.25
+#: The part of the middle's decay rate that is claimed for the whole box.
+RATE_SHARE = 0.9
+#: Largest distance between two breakpoints of P, in steps of the family.
+_STEP = 0.125
+#: Parts of the rate that points suggest, tried until one is proved on the whole interval.
+_SHARES = (0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
+#: Narrower boxes of the motion are not tried, likewise.
+_NARROWEST_MOVING = 2.0**-6
+#: Steps of the search for W, which goes from point to point at most this many of them apart ..
+_TRIES = 16
+_STRIDE = 8
+#: .. and how much the point that allows least counts.
+_POWER = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedBox:
+    """A box with the bounds of its unstable modes and what a certificate has of it."""
+
+    box: Box
+    least: int
+    most: int
+    rate: float
+    content: Content
+
+    @property
+    def run(self) -> Run:
+        """The bounds."""
+        return Run(self.box.low, self.box.high, self.least, self.most)
+
+
+def prove_schedule(
+    family: Family,
+    loop: Loop | GainSchedule,
+    low: float,
+    high: float,
+    *,
+    moving: bool = False,
+    file: CertificateFile | None = None,
+    progress: Progress | None = None,
+) -> Proof:
+    """Prove or refute, box by box, that the loop is Hurwitz; bound the unstable modes of A.
+
+    loop: controller and actuators, or gains u = -K x
+    moving: also prove how fast the scheduling value may move
+    file: the certificate, which is written on the way
+
+    Raises NoSolutionError where a scheduling value has no trim, BadInputError when the controller
+    or the model does not reach.
+    """
+    if isinstance(loop, GainSchedule):
+        loop = loop_of_schedule(loop)
+    search = ScheduleSearch(family, loop, low, high)
+    if file is not None:
+        search.resume(file.known(search.statement(), family.model))
+    for index, name in enumerate(("loop", "modes")):
+        for box in search.prove(name):
+            if file is not None:
+                file.save(search.proof())
+            if progress is not None:
+                progress(round(500 * (index + (box.high - low) / (high - low))), 1000)
+    search.bound_crossings()
+    if moving:
+        search.prove_motion(progress)
+    proof = search.proof()
+    if file is not None:
+        file.save(proof, finished=True)
+    data = schedule_data(search.statement(), moving)
+    for name, boxes in search.boxes.items():
+        data[name]["boxes"] = len(boxes)
+    return replace(proof, data=data | search.data())
+
+
+class ScheduleSearch:
+    """What is proved so far of a loop on an interval."""
+
+    def __init__(self, family: Family, loop: Loop, low: float, high: float) -> None:
+        self.family = family
+        self.loop = loop
+        self.segments = loop.segments(low, high)
+        self.low = low
+        self.high = high
+        measured = loop.controller.outputs(family.model)
+        self.trims = TrimSearch(family, low, high, measured)
+        self.size = loop_size(family.model, loop.controller, loop.actuators)
+        self.boxes: dict[str, list[ProvedBox]] = {"loop": [], "modes": []}
+        self.scheduled_rate: float | None = None
+        self.motion: Content | None = None
+
+    def prove(self, name: str) -> Iterator[Box]:
+        """Each box of the loop, or of the modes of A, in increasing order: proved or given up."""
+        prove = self._prove_loop if name == "loop" else self._prove_modes
+        narrowest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
+        if name == "loop" and isinstance(self.loop.actuators, UncertainActuators):
+            narrowest = NARROWEST_WITH_ACTUATORS
+        start = max([self.low, *(proved.box.high for proved in self.boxes[name])])
+        for box, proved in bisected(self.segments, prove, narrowest * self.family.step, start):
+            if proved is not None:
+                self.boxes[name].append(proved)
+            yield box
+
+    def _prove_loop(self, box: Box) -> ProvedBox | None:
+        """The loop on a box: stable with a decay rate, or with so many unstable modes."""
+        linear = self.linear_model(box)
+        if isinstance(self.loop.actuators, UncertainActuators):
+            pieces = find_pieces(linear, self.family.model, self.loop)
+            if not pieces:
+                return None
+            proof = {"pieces": [vars(piece) for piece in pieces]}
+            return ProvedBox(box, 0, 0, 0.0, trim_content(linear.trim) | proof)
+        form = self.closed_loop(box)
+        middle = doubles(form.parts[0])
+        if not np.isfinite(middle).all():
+            raise BadInputError(
+                "the loop's entries are too large to compute with; check the gains of the table"
+            )
+        rate = RATE_SHARE * max(0.0, -float(np.linalg.eigvals(middle).real.max()))
+        return self._counted(box, form, rate)
+
+    def _prove_modes(self, box: Box) -> ProvedBox | None:
+        return self._counted(box, self.linear_model(box).A, 0.0)
+
+    def _counted(self, box: Box, A: TaylorModel, rate: float) -> ProvedBox | None:
+        """The eigenvalues right of -rate are those right of the axis, or the box is not proved."""
+        proof = find_line(A, rate)
+        if proof is None:
+            return None
+        count, line = proof
+        content = trim_content(self.linear_model(box).trim) | vars(line)
+        return ProvedBox(box, count, count, rate, content)
+
+    def bound_crossings(self) -> None:
+        """Bounds of the unstable modes of A on the boxes where they are not counted."""
+        widest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
+        counted = [proved.run for proved in self.boxes["modes"]]
+        for low, high in gaps(counted, self.low, self.high):
+            pieces = math.ceil((high - low) / (widest * self.family.step))
+            for ends in pairwise(np.linspace(low, high, pieces + 1).tolist()):
+                self._bound(Box(*ends))
+
+    def _bound(self, box: Box) -> None:
+        with suppress(Undecided, Rejected):
+            linear = self.linear_model(box)
+            for line in lines_beside_the_axis(linear.A):
+                least, most = least_and_most(linear.A, line)
+                content = trim_content(linear.trim) | vars(line)
+                self.boxes["modes"].append(ProvedBox(box, least, most, line.rate, content))
+
+    def prove_motion(self, progress: Progress | None) -> None:
+        """How fast the scheduling value may move, if anything is proved of it."""
+        search = MotionSearch(self)
+        for rate in search.suggested_rates():
+            boxes = search.boxes(rate, progress)
+            if boxes:
+                self.scheduled_rate = rate
+                self.motion = {"breakpoints": search.breakpoints, "P": search.P, "boxes": boxes}
+                return
+
+    def resume(self, witness: Content) -> None:
+        """Take over the boxes that an earlier run left, verified."""
+        for name, boxes in self.boxes.items():
+            for content in witness.get(name, []):
+                box = Box(*content["range"])
+                if "pieces" in content:
+                    boxes.append(ProvedBox(box, 0, 0, 0.0, content))
+                elif name == "loop" or content["rate"] == 0.0:
+                    signs = eigenvalue_signs(matrix(content["H"]), matrix(content["turn"]))
+                    count = signs.count(-1)
+                    boxes.append(ProvedBox(box, count, count, content["rate"], content))
+
+    def statement(self) -> ScheduleStatement:
+        """What the boxes prove."""
+        decays = [box.rate for box in self.boxes["loop"] if box.most == 0]
+        runs = {
+            "loop": self._runs("loop", self.size),
+            "modes": self._runs("modes", len(self.family.model.linear)),
+        }
+        return ScheduleStatement(
+            replace(self.trims.flight, trims=self._stated_trims()),
+            self.loop.controller,
+            self.loop.actuators,
+            runs["loop"],
+            runs["modes"],
+            min(decays, default=0.0),
+            self.scheduled_rate,
+        )
+
+    def proof(self) -> Proof:
+        """The statement with its witness."""
+        witness: Content = {
+            name: [proved.content for proved in boxes] for name, boxes in self.boxes.items()
+        }
+        if self.motion is not None:
+            witness["motion"] = self.motion
+        return Proof(self.statement(), witness)
+
+    def data(self) -> Content:
+        """What a result has beside its statement: the Lyapunov function and entries of A and B."""
+        boxes = []
+        for proved in self.boxes["loop"]:
+            linear = self.linear_model(proved.box)
+            entries = {name: _ends(getattr(linear, name)) for name in "AB"}
+            boxes.append(breakpoint_data(self.family.model, list(proved.box)) | entries)
+        data: Content = {"boxes": boxes}
+        if self.motion is not None:
+            breakpoints = breakpoint_data(self.family.model, self.motion["breakpoints"])
+            data["lyapunov"] = breakpoints | {"P": self.motion["P"]}
+        return data
+
+    def linear_model(self, box: Box) -> LinearModelBox:
+        """The aircraft on a box."""
+        if self.family.spread and box.high - box.low > _WIDEST_WITH_ERRORS * self.family.step:
+            raise Rejected("the errors of the parameters are enclosed on narrower boxes only")
+        return self.trims.linear_model(box)
+
+    def closed_loop(self, box: Box) -> TaylorModel:
+        """ζ' = F ζ on a box."""
+        linear = self.linear_model(box)
+        return closed_loop(linear, self.family.model, self.loop.controller, self.loop.actuators)
+
+    def _runs(self, name: str, size: int) -> tuple[Run, ...]:
+        """Bounds on the whole interval: of the boxes, and 0 to all where there are none."""
+        proved = [box.run for box in self.boxes[name]]
+        cuts = sorted({self.low, self.high, *(end for run in proved for end in run[:2])})
+        runs = []
+        for low, high in pairwise(cuts):
+            here = [run for run in proved if run.low <= low and high <= run.high]
+            least = max((run.least for run in here), default=0)
+            most = min((run.most for run in here), default=size)
+            runs.append((low, high, (least, most)))
+        return tuple(Run(low, high, *bounds) for low, high, bounds in joined(runs))
+
+    def _stated_trims(self) -> tuple[StatedTrim, ...]:
+        """One for each part of the interval that the boxes cover."""
+        boxes = sorted(proved.box for name in self.boxes for proved in self.boxes[name])
+        starts = []
+        reached = -math.inf
+        for low, high in boxes:
+            if low > reached:
+                starts.append(low)
+            reached = max(reached, high)
+        return tuple(self.trims.stated_trim(start) for start in starts)
+
+
+class MotionSearch:
+    """V = ζ'P(η)ζ that decreases on every motion with |η'| up to a rate.
+
+    V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 for both signs of the largest η', hence for all between. P
+    solves F'P + P F = -W at its breakpoints, with one W for all, and is linear between: V is
+    continuous, and P is as smooth as F, whatever its modes do.
+    """
+
+    def __init__(self, search: ScheduleSearch) -> None:
+        self._search = search
+        breakpoints = []
+        for segment in search.segments:
+            pieces = math.ceil((segment.high - segment.low) / (_STEP * search.family.step))
+            breakpoints += np.linspace(segment.low, segment.high, pieces + 1)[:-1].tolist()
+        self.breakpoints = [*breakpoints, search.high]
+        self._boxes = [Box(*ends) for ends in pairwise(self.breakpoints)]
+        self.P = np.zeros((0, 0, 0))
+
+    def suggested_rates(self) -> list[float]:
+        """Rates of the scheduling variable to try, the largest first: parts of the largest one that
+        a Lyapunov function allows in the middles of the boxes. Its P at the ends of the boxes is
+        kept in `self.P`.
+
+        [] where the loops cannot be enclosed, one of them is not stable, or a P is not positive
+        definite.
+        """
+        try:
+            loops = [self._search.closed_loop(box) for box in self._boxes]
+        except (Undecided, Rejected):
+            return []
+        points = []
+        for box, loop in zip(self._boxes, loops, strict=True):
+            slope = doubles(loop.parts[1]) * 2.0 / (box.high - box.low)
+            points.append((doubles(loop.parts[0]), slope))
+        if max(np.linalg.eigvals(A).real.max() for A, _ in points) >= 0.0:
+            return []
+        fastest, W = _weight([*points[::_STRIDE], points[-1]])
+        ends = []
+        for loop in loops:
+            c0, c1, c2 = (doubles(part) for part in loop.parts[:3])
+            ends.append(c0 - c1 + c2)
+        ends.append(c0 + c1 + c2)
+        self.P = np.array([_lyapunov(A, W) for A in ends])
+        if not all(is_positive_definite(matrix(P)) for P in self.P):
+            return []
+        rates = []
+        for share in _SHARES:
+            unit = math.floor(math.log10(share * fastest)) - 1  # two digits, rounded down
+            rates.append(float(f"{math.floor(share * fastest / 10.0**unit)}e{unit}"))
+        return rates
+
+    def boxes(self, rate: float, progress: Progress | None) -> list[Content]:
+        """The boxes on which the rate is proved; none when it is not on all of them."""
+        narrowest = _NARROWEST_MOVING * self._search.family.step
+        proved: list[Content] = []
+        for whole in told(self._boxes, progress):
+            for _, content in bisected([whole], partial(self._prove, rate), narrowest):
+                if content is None:
+                    return []
+                proved.append(content)
+        return proved
+
+    def _prove(self, rate: float, box: Box) -> Content | None:
+        loop = self._search.closed_loop(box)
+        P = between(np.array(self.breakpoints), self.P, box.low, box.high)
+        slope = P.parts[1] * (2 / (arb(box.high) - arb(box.low)))
+        half = doubles(-(loop.parts[0].transpose() * P.parts[0]))
+        try:
+            turn = np.linalg.inv(np.linalg.cholesky(half + half.T)).T
+        except np.linalg.LinAlgError:
+            return None
+        check_motion(loop, P, slope * arb(rate), turn)
+        return trim_content(self._search.linear_model(box).trim) | {"turn": turn}
+
+
+def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
+    """P of A'P + P A = -W."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    P = solve_continuous_lyapunov(A.T, -W)
+    return np.asarray((P + P.T) / 2)
+
+
+def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray]:
+    """The rate that W allows at all of the points A, dA/dη, and W > 0 which allows much.
+
+    At a rate W + η' dP/dη > 0 is needed. W begins so that P is the identity in the modes of the
+    middle point, and is then moved, step by step, towards Σ |dP/dη|^p, a sum over the points in
+    units of W, where the largest counts most."""
+    W = _first_weight(points[len(points) // 2][0])
+    best = (0.0, np.eye(len(W)))
+    for _ in range(_TRIES):
+        try:
+            root = np.linalg.cholesky(W)
+        except np.linalg.LinAlgError:
+            break
+        inverse = np.linalg.inv(root)
+        total = np.zeros_like(W)
+        largest = 0.0
+        for A, slope in points:
+            half = _lyapunov(A, W) @ slope
+            growth = inverse @ _lyapunov(A, half + half.T) @ inverse.T
+            sizes, axes = np.linalg.eigh(growth)
+            largest = max(largest, float(np.abs(sizes).max()))
+            total += (axes * np.abs(sizes) ** _POWER) @ axes.T
+        if 1.0 / largest > best[0]:
+            best = (1.0 / largest, W)
+        sizes, axes = np.linalg.eigh(total)
+        sizes = (sizes / sizes.max()).clip(0.0) ** (1.0 / _POWER)
+        W = root @ ((axes * (1.0 + sizes)) @ axes.T) @ root.T / 2
+    return best
+
+
+def _first_weight(A: np.ndarray) -> np.ndarray:
+    """W with which P is the identity in the modes of A; I where they are dependent."""
+    values, vectors = np.linalg.eig(A)
+    try:
+        inverse = np.linalg.inv(vectors)
+        W = (inverse.conj().T @ (-values.real[:, None] * inverse)).real
+        np.linalg.cholesky(W)
+    except np.linalg.LinAlgError:
+        return np.eye(len(A))
+    return np.asarray(W)
+
+
+def _ends(entries: TaylorModel) -> list[list[list[float]]]:
+    """Lowest and highest value of each entry on a box, rounded outward."""
+    rows = []
+    for row in entries.range().tolist():
+        ends = [(float(entry.lower()), float(entry.upper())) for entry in row]
+        outward = [
+            [float(np.nextafter(low, -np.inf)), float(np.nextafter(high, np.inf))]
+            for low, high in ends
+        ]
+        rows.append(outward)
+    return rows

@@ -1,0 +1,422 @@
+"""The exact solution of a game, proved; and how far a critic's W, P and K are from it, from below
+and from above."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from flint import acb, acb_mat, arb, arb_mat
+
+from controller.critic.critic import Critic
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import balanced_units, in_units
+from controller.riccati.derivations import schur_solution
+from controller.riccati.gare import solve_game
+from controller.riccati.smallest_delta import DeltaMin, minimum_delta
+from hfa_proof.arithmetic.balls import (
+    TaylorModel,
+    doubles,
+    lowest_sign,
+    matrix,
+    norm,
+)
+from hfa_proof.checker.riccati import (
+    Solution,
+    check_axis,
+    critic_distances,
+    gain_matrix,
+    hamiltonian_rows,
+    lyapunov_operator,
+    riccati_S,
+    solution_on,
+)
+from hfa_proof.checker.statement import (
+    Flight,
+    GameStatement,
+    Plant,
+    Weights,
+)
+from hfa_proof.checker.trims import Rejected, linear_model_on
+from hfa_proof.checker.witness import PointTrim, SolutionBox, TrimBox
+from hfa_proof.search.certificate import Content, Proof
+from hfa_proof.search.family import Family, TrimSearch
+from hfa_proof.search.lines import bounds_of_modes, find_line
+from hfa_proof.search.report import SCHEMA
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.progress import Progress
+
+#: Relative width of the bracket, where the middle of a wider one can be decided.
+WIDTH = 1e-6
+#: Distances from the middle of what was found, relative, that are tried on either side.
+_DISTANCES = (1e-7, 2e-7, 5e-7, 1e-6, 1e-5, 1e-4, 1e-3)
+#: Newton's steps on balls, at most: near the solution the number of digits that are right doubles
+#: with each. After one of this relative size the next brings the last digits.
+_STEPS = 20
+_SETTLED = 1e-18
+#: A solution is sought within so many times what Newton's method leaves, and within this part of
+#: it: far below what a statement needs, far above rounding.
+_REACH = 4.0
+_LEAST = 1e-28
+#: Part of a distance by which the certificate states it wider.
+_SHARP = 1e-6
+
+
+def weights_of(game: Game) -> Weights:
+    """What a statement has of a game. NoSolutionError unless Q >= 0 and R > 0, decided exactly."""
+    Q = (game.Q + game.Q.T) / 2
+    R = (game.R + game.R.T) / 2
+    if lowest_sign(Q) < 0:
+        raise NoSolutionError(
+            "Q has a negative eigenvalue in exact arithmetic; a proof needs Q >= 0, such as a "
+            "diagonal of weights"
+        )
+    if lowest_sign(R) <= 0:
+        raise NoSolutionError("R is not positive definite in exact arithmetic; change it")
+    return Weights(Q, R, game.E, float(game.delta))
+
+
+@dataclass(frozen=True, eq=False)
+class ExactGame:
+    """A game whose A and B are enclosed.
+
+    game: in doubles
+    weights: of the statement
+    plant: of the statement
+    trim: about which A and B are; None of a plant
+    doubles: A and B of the doubles
+    wide: A and B for every number that reads as the doubles
+    """
+
+    game: Game
+    weights: Weights
+    plant: Flight | Plant
+    trim: PointTrim | None
+    doubles: tuple[TaylorModel, TaylorModel]
+    wide: tuple[TaylorModel, TaylorModel]
+
+    @classmethod
+    def of(
+        cls, game: Game, family: Family | None = None, scheduling_value: float | None = None
+    ) -> ExactGame:
+        """A game with enclosures of its A and B.
+
+        game: in doubles
+        family: whose linear model A and B are; None: they are the matrices of the game, exactly
+        scheduling_value: of the linear model; None without a family
+
+        NoSolutionError where `weights_of` raises it, or no trim is found.
+        """
+        weights = weights_of(game)
+        if family is None or scheduling_value is None:
+            matrices = (TaylorModel(matrix(game.A)), TaylorModel(matrix(game.B)))
+            return cls(game, weights, Plant(game.A, game.B), None, matrices, matrices)
+        search = TrimSearch(replace(family, spread={}), scheduling_value, scheduling_value)
+        trim = search.point_trim(scheduling_value)
+        stated = search.stated_trim(scheduling_value)
+        flight = replace(search.flight, trims=(stated,))
+        box = TrimBox(scheduling_value, scheduling_value, trim.center, trim.radii)
+        wide_box = replace(box, radii=trim.wide_radii)
+        linear = linear_model_on(flight, box, decimals=False)
+        wide_linear = linear_model_on(flight, wide_box, decimals=True)
+        return cls(
+            game=game,
+            weights=weights,
+            plant=flight,
+            trim=trim,
+            doubles=(linear.A, linear.B),
+            wide=(wide_linear.A, wide_linear.B),
+        )
+
+    def with_delta(self, delta: float) -> ExactGame:
+        """The same game at another disturbance weight."""
+        weights = replace(self.weights, delta=delta)
+        return replace(self, game=self.game.with_delta(delta), weights=weights)
+
+    def solution(self, *, decimals: bool = False, lowest: int = 1) -> tuple[SolutionBox, Solution]:
+        """The stabilizing solution, whose lowest eigenvalue has this sign, proved. NoSolutionError
+        when that cannot be done."""
+        A, B = self.wide if decimals else self.doubles
+        box = find_solution(self.game, self.weights, A, B)
+        return box, solution_on(self.weights, A, B, box, lowest)
+
+    def has_value(self) -> bool:
+        """A stabilizing and positive definite solution is proved to exist."""
+        try:
+            self.solution()
+        except (NoSolutionError, ArithmeticError):
+            return False
+        return True
+
+    def why_no_value(self) -> SolutionBox | list[float] | None:
+        """A stabilizing solution with a negative eigenvalue, or frequencies between which the
+        Hamiltonian has an eigenvalue on the axis; None when no value is not proved."""
+        try:
+            return self.solution(lowest=-1)[0]
+        except (NoSolutionError, ArithmeticError):
+            pass
+        frequencies = list(self._frequencies_of_both_signs())
+        try:
+            check_axis(self.weights, *self.doubles, frequencies)
+        except Rejected:
+            return None
+        return frequencies
+
+    def _frequencies_of_both_signs(self) -> Iterator[float]:
+        """One ω where det(j ω I - H) > 0 and one where it is < 0, near eigenvalues on the axis."""
+        units = balanced_units(self.game)
+        game = in_units(self.game, units)
+        values = np.linalg.eigvals(np.block([[game.A, -game.S], [-game.Q, -game.A.T]]))
+        nearest = np.argsort(np.abs(values.real))[:4]
+        near = sorted(np.abs(values[nearest].imag).tolist())
+        ends = [near[0] * 0.9, *near, near[-1] * 1.1]
+        A, B = self.doubles
+        S = riccati_S(self.weights, B).range()
+        rows = hamiltonian_rows(A.range(), S, matrix(self.weights.Q))
+        H = acb_mat(rows)
+        identity = acb_mat(matrix(np.eye(len(rows))))
+        signs = set()
+        for frequency in (*ends, *((a + b) / 2 for a, b in pairwise(ends))):
+            value = (identity * acb(0, arb(frequency)) - H).det().real
+            sign = 1 if value > 0 else -1 if value < 0 else 0
+            if sign and sign not in signs:
+                signs.add(sign)
+                yield frequency
+
+
+def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) -> SolutionBox:
+    """P of the Riccati equation by Newton's method on midpoints, from the one of the Schur method.
+
+    NoSolutionError when there is none to begin with, or a mode of A - S P may lie on the axis."""
+    units = balanced_units(game)
+    start = schur_solution(in_units(game, units))
+    if not np.isfinite(start).all():
+        raise NoSolutionError("the Riccati equation has no finite solution to begin with")
+    T = matrix(np.diag(units))
+    A = T.inv() * A * T
+    S = T.inv() * riccati_S(weights, B) * T.inv()
+    Q = T * matrix(weights.Q) * T
+    P = matrix((start + start.T) / 2)
+    for _ in range(_STEPS):
+        correction = _newton_step(A, S, Q, P)
+        P = P - (correction + correction.transpose()).mid() * 0.5
+        P = P.mid()
+        if float(norm(correction.entries())) <= _SETTLED * float(norm(P.entries())):
+            break
+    remaining = norm(_newton_step(A, S, Q, P).entries()).upper()
+    reach = arb(_REACH * float(remaining) + _LEAST * float(norm(P.entries())))
+    proof = find_line(A - S * P)
+    if proof is None or proof[0] != 0:
+        raise NoSolutionError("A - S P is not proved Hurwitz")
+    return SolutionBox(units, TaylorModel(P), reach, proof[1])
+
+
+def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_mat:
+    """L⁻¹ F(P), L(E) = (A - S P)'E + E (A - S P)."""
+    n = P.nrows()
+    loop = A - S * P
+    residual = (loop.transpose() * P + P * A + Q).range()
+    try:
+        inverse = lyapunov_operator(loop.parts[0].mid()).inv()
+    except ZeroDivisionError as error:
+        raise NoSolutionError(
+            "the Riccati equation has a multiple root: A - S P is singular"
+        ) from error
+    return arb_mat(n, n, (inverse * arb_mat(n * n, 1, residual.entries())).entries())
+
+
+@dataclass(frozen=True, eq=False)
+class Bracket:
+    """refused < delta_min <= value: the game has a value at `value` and none at `refused`; proved.
+
+    why: what proves that there is none
+    """
+
+    value: float
+    refused: float
+    why: SolutionBox | list[float]
+
+
+def prove_delta_min(
+    exact: ExactGame, in_doubles: DeltaMin, progress: Progress | None = None
+) -> Bracket | None:
+    """The narrowest bracket of delta_min that can be proved; None when none can.
+
+    exact: the game; its own δ plays no part
+    in_doubles: delta_min as computed in doubles, where the search begins
+    progress: called before every halving
+
+    The δ for which the game has a value are an interval (delta_min, inf] (Basar and Bernhard,
+    Theorem 4.11), so one δ with a value bounds delta_min from above, and one without from below."""
+    if in_doubles.value <= 0.0:
+        return None
+    guess = math.sqrt(in_doubles.value * in_doubles.refused)
+    bracket = _first_bracket(exact, guess, progress)
+    while bracket is not None and bracket.value - bracket.refused > WIDTH * bracket.value:
+        _tell(progress, "narrowing delta_min")
+        middle = math.sqrt(bracket.value * bracket.refused)
+        game = exact.with_delta(middle)
+        if game.has_value():
+            bracket = replace(bracket, value=middle)
+            continue
+        why = game.why_no_value()
+        if not why:
+            break
+        bracket = replace(bracket, refused=middle, why=why)
+    return bracket
+
+
+def _first_bracket(exact: ExactGame, middle: float, progress: Progress | None) -> Bracket | None:
+    value = None
+    for distance in _DISTANCES:
+        _tell(progress, "bounding delta_min from above")
+        if exact.with_delta(middle * (1.0 + distance)).has_value():
+            value = middle * (1.0 + distance)
+            break
+    if value is None:
+        return None
+    for distance in _DISTANCES:
+        _tell(progress, "bounding delta_min from below")
+        refused = middle * (1.0 - distance)
+        why = exact.with_delta(refused).why_no_value()
+        if why is not None:
+            return Bracket(value, refused, why)
+    return None
+
+
+def _tell(progress: Progress | None, what: str) -> None:
+    """Say what is under way; how much of it is left is not known."""
+    if progress is not None:
+        progress(0, 1, what)
+
+
+def prove_solution(
+    game: Game,
+    family: Family | None = None,
+    scheduling_value: float | None = None,
+    progress: Progress | None = None,
+) -> Proof:
+    """The stabilizing solution, enclosed, of the model of a family at a scheduling value or of a
+    game given by its matrices.
+
+    `data` of the result has P, the printed one, and `relative_radius`, within which the exact
+    solution lies (Frobenius), also for every parameter that reads as the same decimal where the
+    game is the aircraft's. Proved are P > 0, A - S P and A - B K Hurwitz, delta above the proved
+    bracket of delta_min. NoSolutionError when the game has no value, or when it cannot be
+    enclosed."""
+    _tell(progress, "solving in doubles")
+    P = solve_game(game).P
+    _tell(progress, "enclosing the linear model")
+    exact = ExactGame.of(game, family, scheduling_value)
+    _tell(progress, "enclosing the solution")
+    exact.solution()
+    box, solution = exact.solution(decimals=True)
+    A, B = exact.wide
+    K = doubles(gain_matrix(exact.weights, B).parts[0] * matrix(P))
+    critic = {"K": K, "P": P}
+    distances = {}
+    for name, (_, most) in critic_distances(critic, solution).items():
+        distances[name] = (0.0, float(most) * (1.0 + _SHARP))
+    loop, loop_lines = bounds_of_modes(A - B * matrix(K))
+    modes, mode_lines = bounds_of_modes(exact.doubles[0])
+    bracket = prove_delta_min(exact, minimum_delta(game), progress)
+    proved = loop == (0, 0) and bracket is not None and game.delta > bracket.value
+    data: Content = {
+        "schema": SCHEMA,
+        "statement": "solution",
+        "proved": proved,
+        "P": P,
+        "relative_radius": distances["P"][1],
+        "positive_definite": True,
+        "worst_case_hurwitz": True,
+        "closed_loop_hurwitz": loop == (0, 0),
+        "delta": game.delta if math.isfinite(game.delta) else None,
+        "delta_min_above": None if bracket is None else bracket.refused,
+        "delta_min_at_most": None if bracket is None else bracket.value,
+        "unstable_modes": modes[0] if modes[0] == modes[1] else None,
+        "unstable_modes_between": list(modes),
+    }
+    decimals = exact.trim is not None
+    statement = GameStatement(exact.plant, exact.weights, decimals, critic, distances, loop)
+    if bracket is None or not proved:
+        return Proof(statement, {}, data)
+    statement = replace(statement, delta_min=(bracket.refused, bracket.value), modes=modes)
+    value, _ = exact.with_delta(bracket.value).solution()
+    witness = _trim_content(exact.trim) | {
+        "solution": _solution_content(box),
+        "loop": [vars(line) for line in loop_lines],
+        "modes": [vars(line) for line in mode_lines],
+        "value": _solution_content(value),
+    }
+    if isinstance(bracket.why, SolutionBox):
+        witness["refused"] = _solution_content(bracket.why)
+    else:
+        witness["frequencies"] = bracket.why
+    return Proof(statement, witness, data)
+
+
+def prove_critic(
+    game: Game,
+    critic: Critic,
+    family: Family | None = None,
+    scheduling_value: float | None = None,
+) -> Proof:
+    """How far W, P and K of a critic are from the exact ones, and whether its gain makes A - B K
+    Hurwitz; `proved` if it does.
+
+    BadInputError for a network, about which nothing is proved."""
+    if critic.network:
+        raise BadInputError("a network has no proof here; give its W, P or K")
+    exact = ExactGame.of(game, family, scheduling_value)
+    box, solution = exact.solution()
+    A, B = exact.doubles
+    parts: dict[str, np.ndarray] = {"K": critic.K}
+    if critic.P is not None:
+        parts["P"] = critic.P
+        if critic.feedback is not None:  # the gain of a value is that of its P
+            parts["K"] = doubles(gain_matrix(exact.weights, B).parts[0] * matrix(critic.P))
+    if critic.weights is not None:
+        parts["W"] = critic.weights[:, None]
+    bounds = {}
+    for name, (least, most) in critic_distances(parts, solution).items():
+        low = max(0.0, float(least) * (1.0 - _SHARP) - _LEAST)
+        bounds[name] = (low, float(most) * (1.0 + _SHARP) + _LEAST)
+    loop, lines = bounds_of_modes(A - B * matrix(parts["K"]))
+    statement = GameStatement(exact.plant, exact.weights, False, parts, bounds, loop)
+    witness = _trim_content(exact.trim) | {
+        "solution": _solution_content(box),
+        "loop": [vars(line) for line in lines],
+    }
+    hurwitz = None  # a mode may lie on the axis
+    if loop[0] > 0:
+        hurwitz = False
+    elif loop[1] == 0:
+        hurwitz = True
+    data = {
+        "schema": SCHEMA,
+        "statement": "critic",
+        "proved": hurwitz is True,
+        "distances": {
+            name: {"at_least": low, "at_most": high} for name, (low, high) in bounds.items()
+        },
+        "closed_loop_hurwitz": hurwitz,
+    }
+    return Proof(statement, witness, data)
+
+
+def _trim_content(trim: PointTrim | None) -> dict[str, Any]:
+    if trim is None:
+        return {}
+    rows = {}
+    for name, (center, *_) in trim.center.items():
+        rows[name] = [center, float(trim.radii[name]), float(trim.wide_radii[name])]
+    return {"trim": rows}
+
+
+def _solution_content(box: SolutionBox) -> Content:
+    content: Content = {"units": box.units, "P": [box.P.parts[0].tolist()]}
+    return content | {"reach": float(box.reach), "H": box.line.H, "turn": box.line.turn}

@@ -1,0 +1,170 @@
+"""A loop whose actuators have bandwidths, effectiveness and delays within intervals: one Lyapunov
+function for all of a piece of the bandwidths.
+
+What has to hold is an inequality of matrices, linear in H and X, at the ends of each piece: see
+`check_pieces` of the checker, which proves what is found here.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from flint import arb
+
+from hfa_aircraft.model import Model
+from hfa_proof.arithmetic.balls import doubles
+from hfa_proof.checker.loop import LoopBox, actuated_loop
+from hfa_proof.checker.modes import check_pieces
+from hfa_proof.checker.statement import UncertainActuators
+from hfa_proof.checker.trims import LinearModelBox, Rejected
+from hfa_proof.checker.witness import Piece
+from hfa_proof.search.loops import Loop
+
+#: The interval of bandwidths is halved at most so often.
+_HALVINGS = 3
+#: Largest multiplier, in scaled units.
+_LARGEST = 100.0
+
+
+def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]:
+    """What proves the loop on a box for all of its actuators; empty when that is not found."""
+    actuators = loop.actuators
+    assert isinstance(actuators, UncertainActuators)
+    box = actuated_loop(linear, model, loop.controller, actuators)
+    return _pieces(box, actuators, actuators.bandwidth, _HALVINGS)
+
+
+def _pieces(
+    loop: LoopBox, actuators: UncertainActuators, bandwidth: tuple[float, float], halvings: int
+) -> list[Piece]:
+    """Of an interval of bandwidths, halved where one piece is not found."""
+    piece = _piece(loop, actuators, bandwidth)
+    low, high = bandwidth
+    if piece is not None:
+        return [piece]
+    if halvings == 0 or low == high:
+        return []
+    cut = float(np.sqrt(low * high))
+    below = _pieces(loop, actuators, (low, cut), halvings - 1)
+    above = _pieces(loop, actuators, (cut, high), halvings - 1) if below else []
+    return below + above if above else []
+
+
+def _piece(
+    loop: LoopBox, actuators: UncertainActuators, bandwidth: tuple[float, float]
+) -> Piece | None:
+    points = _points(loop, actuators, bandwidth)
+    n = loop.G.nrows()
+    if max(np.linalg.eigvals(rates[:, :n]).real.max() for rates, _ in points) >= 0.0:
+        return None
+    solution = common_lyapunov(points)
+    if solution is None:
+        return None
+    H, X = solution
+    forms = [decrease(rates, rows, H, X) for rates, rows in points]
+    try:
+        turn = np.linalg.inv(np.linalg.cholesky(sum(forms))).T
+    except np.linalg.LinAlgError:
+        return None
+    piece = Piece(bandwidth, H, X, turn)
+    whole = UncertainActuators(
+        actuators.order, actuators.damping, bandwidth, actuators.effectiveness, actuators.delay
+    )
+    try:
+        check_pieces(loop, whole, [piece])
+    except Rejected:
+        return None
+    return piece
+
+
+def _points(
+    loop: LoopBox, actuators: UncertainActuators, bandwidth: tuple[float, float]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """ζ' and (q, z) as rows of (ζ, d, e), at both ends of the box and of the bandwidths."""
+    least, most = actuators.effectiveness
+    n = loop.G.nrows()
+    a = loop.G.ncols()
+    eye = np.eye(n + 2 * a)
+    G = doubles(loop.G)
+    lag = doubles(loop.lag)
+    points = []
+    for s in (-1.0, 1.0):
+        base, U = (
+            doubles(model.parts[0] + arb(s) * model.parts[1] + model.parts[2])
+            for model in (loop.base, loop.U)
+        )
+        heard = U @ eye[:n] + eye[n : n + a]
+        v = (least + most) / 2 * heard + eye[n + a :]
+        for w in sorted(set(bandwidth)):
+            rates = base @ eye[:n] + w * (lag @ eye[:n] + G @ v)
+            q = actuators.delay * (U @ rates)
+            z = (most - least) / 2 * heard
+            points.append((rates, np.vstack([q, z])))
+    return points
+
+
+def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """The form in (ζ, d, e) that must be positive: -2 ζ'H ζ' + d'X_1 d + e'X_2 e - q'X_1 q -
+    z'X_2 z."""
+    n, size = rates.shape
+    growth = np.eye(size)[:, :n] @ H @ rates
+    return np.diag([*np.zeros(n), *X]) - growth - growth.T - rows.T @ (X[:, None] * rows)
+
+
+def common_lyapunov(
+    points: list[tuple[np.ndarray, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """H and X that serve all of the points (rates, rows), in doubles; None when there are none.
+
+    The largest t with the form of `decrease` - t I >= 0 at all points, 0 <= H <= I, 0 <= X <= 100,
+    in the modes of their mean, is found by Clarabel (Goulart and Chen, 2024); t > 0 is needed."""
+    n, size = points[0][0].shape
+    mean = np.mean([rates for rates, _ in points], axis=0)
+    values, vectors = np.linalg.eig(mean[:, :n])
+    parts = np.where(values.imag > 0.0, vectors.real, vectors.imag)
+    turn = np.where(values.imag == 0.0, vectors.real, np.sqrt(2.0) * parts)
+    if np.linalg.cond(turn) > 1e12:
+        return None
+    back = np.linalg.inv(turn)
+    scales = 1.0 / np.linalg.norm(back @ mean[:, n:], axis=0).clip(1e-12)
+    S = np.zeros((size, size))
+    S[:n, :n] = turn
+    S[range(n, size), range(n, size)] = scales
+    turned = [(back @ rates @ S, rows @ S / scales[:, None]) for rates, rows in points]
+    solution = _largest_margin(turned)
+    if solution is None:
+        return None
+    H, X = solution
+    H = back.T @ H @ back
+    return (H + H.T) / 2, X / scales**2
+
+
+def _largest_margin(
+    points: list[tuple[np.ndarray, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray] | None:
+    import cvxpy as cp
+
+    n, size = points[0][0].shape
+    count = size - n
+    H = cp.Variable((n, n), symmetric=True)
+    X = cp.Variable(count)
+    margin = cp.Variable()
+    first = np.eye(size)[:, :n]
+    last = np.eye(size)[:, n:]
+    constraints = [H >> 0, np.eye(n) - H >> 0, X >= 0, X <= _LARGEST]
+    for rates, rows in points:
+        growth = first @ H @ rates
+        form = last @ cp.diag(X) @ last.T - growth - growth.T - rows.T @ cp.diag(X) @ rows
+        constraints.append(form - margin * np.eye(size) >> 0)
+    problem = cp.Problem(cp.Maximize(margin), constraints)
+    try:
+        with warnings.catch_warnings():
+            # An inaccurate solution is a candidate too: the checker decides.
+            warnings.filterwarnings("ignore", "Solution may be inaccurate", UserWarning)
+            problem.solve(solver=cp.CLARABEL)
+    except cp.error.SolverError:
+        return None
+    if margin.value is None or not margin.value > 0.0:
+        return None
+    return np.array(H.value), np.clip(np.asarray(X.value), 0.0, None)

@@ -1,0 +1,132 @@
+"""Statements about balls hold for certain, or are not made; Taylor models contain, and leave what
+theory gives."""
+
+from __future__ import annotations
+
+import casadi as ca
+import flint
+import numpy as np
+import pytest
+from flint import arb
+from known_models import model_at
+from proof_cases import family
+from random_points import rates_function
+
+import hfa_model
+from hfa_model import VARIANTS
+from hfa_proof.arithmetic.ball_function import BallFunction
+from hfa_proof.arithmetic.balls import (
+    TaylorModel,
+    is_positive_definite,
+    matrix,
+    pivots,
+)
+
+
+@pytest.mark.parametrize(("off", "second"), [(1.0, 1.5), (2.0, 0.0), (3.0, -2.5)])
+def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
+    found = pivots(matrix([[2.0, off], [off, 2.0]]))
+    assert (found is None) == (second == 0.0)
+    assert is_positive_definite(matrix([[2.0, off], [off, 2.0]])) == (second > 0.0)
+    assert found is None or [float(each) for each in found] == [2.0, second]
+
+
+@pytest.mark.parametrize("dynamics", VARIANTS)
+def test_the_rest_along_a_box_is_of_third_order(dynamics: str) -> None:
+    function = BallFunction(rates_function(VARIANTS[dynamics]))
+    point = model_at(12.0, dynamics).point
+    parameters = hfa_model.parameters_of(family(dynamics).model)
+    direction = np.random.default_rng(3).uniform(-1.0, 1.0, 7) * [5.0, 0.1, 0.0, 0.1, 0.1, 0.1, 0.1]
+    fixed = [[TaylorModel(arb(value)) for value in values] for values in (point.inputs, parameters)]
+    rests = []
+    for size in (0.2, 0.1):
+        steps = (size * direction).tolist()
+        along = [TaylorModel(arb(a), arb(b)) for a, b in zip(point.states, steps, strict=True)]
+        rests.append(max(float(model.parts[3].rad()) for model in function(along, *fixed)[0]))
+    assert 6.0 < rests[0] / rests[1] < 12.0
+
+
+def escaped(dynamics: str, points: int, seed: int) -> int:
+    """Random places of a random line through the trim whose rates, at 200 bits, are not in the
+    Taylor models on it."""
+    random = np.random.default_rng(seed)
+    function = BallFunction(rates_function(VARIANTS[dynamics]))
+    point = model_at(12.0, dynamics).point
+    parameters = hfa_model.parameters_of(family(dynamics).model)
+    x = [arb(value) for value in point.states]
+    direction = random.uniform(-0.1, 0.1, len(point.states)).tolist()
+    along = [TaylorModel(a, arb(b)) for a, b in zip(x, direction, strict=True)]
+    fixed = [[arb(value) for value in values] for values in (point.inputs, parameters)]
+    models = function(along, *([TaylorModel(value) for value in values] for values in fixed))[0]
+    missed = 0
+    with flint.ctx.workprec(200):
+        for s in map(arb, random.uniform(-1.0, 1.0, points).tolist()):
+            values = function([a + b * s for a, b in zip(x, direction, strict=True)], *fixed)[0]
+            for model, value in zip(models, values, strict=True):
+                c0, c1, c2, rest = model.parts
+                missed += not (c0 + c1 * s + c2 * s**2 + rest).contains(value)
+    return missed
+
+
+@pytest.mark.parametrize("dynamics", VARIANTS)
+def test_taylor_models_contain_random_points(
+    dynamics: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert escaped(dynamics, 50, seed=0) == 0
+    whole = TaylorModel.__mul__
+
+    def without_rest(self: TaylorModel, other: TaylorModel) -> TaylorModel:
+        c0, c1, c2, rest, *errors = whole(self, other).parts
+        return TaylorModel(c0, c1, c2, 0 * rest, *errors)
+
+    monkeypatch.setattr(TaylorModel, "__mul__", without_rest)
+    assert escaped(dynamics, 50, seed=0) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dynamics", VARIANTS)
+def test_taylor_models_contain_a_hundred_thousand_random_points(dynamics: str) -> None:
+    for seed in range(10):
+        assert escaped(dynamics, 5_000, seed) == 0
+
+
+def test_errors_of_parameters_are_carried_to_first_order() -> None:
+    """(1 + 0.1 s + 0.2 t_1 - 0.1 t_2)² / x at random places; products of errors alone are left to
+    the rest."""
+    x = ca.SX.sym("x")
+    y = ca.SX.sym("y")
+    function = BallFunction(ca.Function("f", [x, y], [x**2 / y]))
+    zero = arb(0)
+    top = TaylorModel(arb(1), arb(0.1), zero, zero, arb(0.2), arb(-0.1))
+    below = TaylorModel(arb(3), arb(-0.2), zero, zero, zero, arb(0.3))
+    found = function([top], [below])[0][0]
+    c0, c1, c2, rest, *z = found.parts
+    for s, *t in np.random.default_rng(5).uniform(-1.0, 1.0, (50, 3)).tolist():
+        exact = arb(1 + 0.1 * s + 0.2 * t[0] - 0.1 * t[1]) ** 2 / arb(3 - 0.2 * s + 0.3 * t[1])
+        near = (
+            c0
+            + c1 * s
+            + c2 * arb(s) ** 2
+            + sum((a * b for a, b in zip(z, t, strict=True)), zero)
+            + rest
+        )
+        assert near.contains(exact.mid())
+    np.testing.assert_allclose(
+        [float(each.mid()) for each in z], [0.4 / 3, -0.2 / 3 - 0.1 / 3], rtol=1e-12
+    )
+
+
+def test_a_number_over_a_taylor_model_and_a_taylor_model_over_a_number() -> None:
+    """2 / (3 + s / 5) and its inverse, at random s."""
+    model = TaylorModel(arb(3), arb(0.2))
+    for found, exact in (
+        (2 / model, lambda s: 2 / (3 + s / 5)),
+        (model / 2, lambda s: (3 + s / 5) / 2),
+    ):
+        c0, c1, c2, rest = found.parts
+        for s in np.random.default_rng(6).uniform(-1.0, 1.0, 20).tolist():
+            assert (
+                abs(float((c0 + c1 * s + c2 * arb(s) ** 2).mid()) - exact(s))
+                <= float(rest.rad()) + 1e-12
+            )
+        assert float(rest.rad()) < 1e-3

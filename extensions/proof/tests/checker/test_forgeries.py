@@ -1,0 +1,249 @@
+"""Forged certificates with right digests: none that claims what is false is accepted.
+
+A forgery is a false statement, false by construction, with a witness that an attacker may try: the
+one of the true statement, damaged, exaggerated, or made by the prover for another one.
+"""
+
+from __future__ import annotations
+
+import copy
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from forged_certificates import (
+    CLAIM,
+    CONTROLLER,
+    FLIGHT,
+    Change,
+    Content,
+    array,
+    forged,
+    forgeries,
+    not_symmetric,
+    put,
+    runs_of,
+    several,
+)
+from proof_cases import (
+    PROOFS,
+    certificate,
+    content,
+    exact_loop,
+    family,
+    forge,
+    game_at,
+    model_of,
+    two_trims,
+)
+
+from controller import Game
+from hfa_proof.checker.reading import Malformed, Rejected
+from hfa_proof.search.loops import loop_of_gains
+from hfa_support import BadInputError
+from verification import Family, check_certificate, prove_schedule, prove_solution
+
+
+def assert_refused(made: Content, kind: str, path: Path) -> None:
+    with pytest.raises((Rejected, BadInputError, Malformed)):
+        check_certificate(forge(path, made), model=model_of(kind))
+
+
+def test_some_forgeries_of_every_kind_are_refused(tmp_path: Path) -> None:
+    everything = forgeries()
+    assert len(everything) > 2000
+    rng = np.random.default_rng(7)
+    for kind in PROOFS:
+        of_kind = [forgery for forgery in everything if forgery[0] == kind]
+        for number in rng.permutation(len(of_kind))[:3]:
+            assert_refused(forged(*of_kind[number]), kind, tmp_path / "forged.json")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", PROOFS)
+def test_no_forgery_is_accepted(kind: str, tmp_path: Path) -> None:
+    for forgery in forgeries():
+        if forgery[0] == kind:
+            assert_refused(forged(*forgery), kind, tmp_path / "forged.json")
+
+
+# Forgeries that an earlier checker accepted.
+
+
+@cache
+def of_the_other_trim(kind: str) -> Content:
+    """A certificate of the model with two trims, about the unstable one."""
+    other = two_trims(start=-1.0)
+    if kind == "one of two":
+        game = Game(A=[[2 * np.sqrt(2.0)]], B=[[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=20.0)
+        return content(prove_solution(game, Family(other), 1.0))
+    loop = loop_of_gains(other, [1.0, 2.0], np.array([[[9.0]], [[9.0]]]))
+    return content(prove_schedule(Family(other), loop, 1.0, 1.5, moving=True))
+
+
+def _witness_of_the_other_trim(kind: str) -> Change:
+    return lambda made: made.update(witness=of_the_other_trim(kind)["witness"])
+
+
+def _bounds_of_the_other_trim(made: Content) -> None:
+    """delta_min of the other trim, with its evidence, beside the solution of this one."""
+    other = of_the_other_trim("one of two")
+    made["statement"]["delta_min"] = other["statement"]["delta_min"]
+    for name in ("value", "refused", "frequencies"):
+        made["witness"].pop(name, None)
+        if name in other["witness"]:
+            made["witness"][name] = other["witness"][name]
+
+
+def _of_another_angle(made: Content) -> None:
+    """Boxes that are proved of the exact gains, of a loop whose gains are none."""
+    own = content(prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125))
+    made["witness"]["loop"] = own["witness"]["loop"]
+
+
+KNOWN: dict[str, tuple[str, Change]] = {
+    "states of the aircraft that decay by themselves": (
+        "rate",
+        several(
+            put(array(np.zeros_like), *CONTROLLER, "D"),
+            put((-100.0 * np.eye(6)).tolist(), *CONTROLLER, "M"),
+            put(50.0, *CLAIM, "decay_rate"),
+        ),
+    ),
+    "a rate without bound": ("rate", put(1e9, *CLAIM, "scheduled_rate")),
+    "gains of the wrong sign": ("gtm", put(array(lambda D: -100.0 * D), *CONTROLLER, "D")),
+    "a good gain refuted": ("rate", put(runs_of(1, 1), *CLAIM, "loop")),
+    "actuators that do nothing": (
+        "actuators",
+        several(
+            put([1e-6, 1e6], *CLAIM, "uncertain_actuators", "bandwidth"),
+            put(np.zeros((11, 5)).tolist(), *CLAIM, "uncertain_actuators", "G"),
+        ),
+    ),
+    "P that is not symmetric": ("plant", several(not_symmetric)),
+    "boxes of another trim": ("two trims", _witness_of_the_other_trim("two trims")),
+    "a game of another trim": ("one of two", _witness_of_the_other_trim("one of two")),
+    "delta_min of another trim": ("one of two", _bounds_of_the_other_trim),
+    "speed beyond its limits": ("rate", put([70.0, 80.0], *FLIGHT, "limits", "speed")),
+    "Q with a negative eigenvalue": (
+        "plant",
+        put([[1e12, 0.0], [0.0, -0.2]], *CLAIM, "weights", "Q"),
+    ),
+    "boxes of other gains": (
+        "rate",
+        several(put(array(np.zeros_like), *CONTROLLER, "D"), _of_another_angle),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_a_known_forgery_is_refused(name: str, tmp_path: Path) -> None:
+    kind, change = KNOWN[name]
+    made = copy.deepcopy(certificate(kind))
+    change(made)
+    assert_refused(made, kind, tmp_path / "forged.json")
+
+
+def test_the_other_trim_has_a_certificate_of_its_own(tmp_path: Path) -> None:
+    """It is refused as evidence about the first trim and not for itself; both are named."""
+    for kind in ("two trims", "one of two"):
+        path = forge(tmp_path / "other.json", of_the_other_trim(kind))
+        verified = check_certificate(path, model=model_of(kind))
+        flight = getattr(verified.statement, "flight", getattr(verified.statement, "plant", None))
+        assert flight.trims[0].unknowns["x"] == pytest.approx(-np.sqrt(2.0))
+
+
+# One thing that is wrong, and the message that names it.
+
+LOOP = ("witness", "loop", 0)
+NAMED: dict[str, tuple[str, Change, str]] = {
+    "a negative multiplier": (
+        "actuators",
+        put(lambda X: [-X[0], *X[1:]], *LOOP, "pieces", 0, "X"),
+        "a Lyapunov function or a multiplier is not positive",
+    ),
+    "a Lyapunov function that is not positive": (
+        "actuators",
+        put(array(np.negative), *LOOP, "pieces", 0, "H"),
+        "a Lyapunov function or a multiplier is not positive",
+    ),
+    "a piece left out": (
+        "actuators",
+        put([2.0, 10.0], *LOOP, "pieces", 0, "bandwidth"),
+        "the pieces do not cover 1.8 to 10: nothing is proved at 1.8 to 2",
+    ),
+    "H not symmetric": (
+        "rate",
+        put(lambda H: [[H[0][0], 2 * H[0][1] + 1.0, *H[0][2:]], *H[1:]], *LOOP, "H"),
+        "H: not symmetric",
+    ),
+    "P of the motion not symmetric": (
+        "rate",
+        put(lambda P: P + 1.0, "witness", "motion", "P", 0, 0, 1),
+        "P: not symmetric",
+    ),
+    "P of the motion not positive": (
+        "rate",
+        put(array(np.negative), "witness", "motion", "P"),
+        "the Lyapunov function of the motion is not positive",
+    ),
+    "a rate of the statement": (
+        "rate",
+        put(lambda rate: 2.0 * rate, *CLAIM, "scheduled_rate"),
+        "not positive definite",
+    ),
+    "a trim moved": (
+        "rate",
+        put(
+            lambda numbers: [numbers[0], numbers[1] + 1e-3, *numbers[2:]], *LOOP, "trim", "throttle"
+        ),
+        "a root of the equations is not proved to exist",
+    ),
+    "a box across a breakpoint": (
+        "rate",
+        put([14.0, 14.02], *CONTROLLER, "breakpoints"),
+        "the box crosses a breakpoint",
+    ),
+    "an unknown entry": ("models", put(1, *CLAIM, "wing_color"), "unknown entry"),
+    "a missing entry": ("models", put(None, *CLAIM, "errors"), "missing entry"),
+    "an error of nothing": (
+        "rate",
+        put({"wing_color": 1.0}, *FLIGHT, "spread"),
+        "unknown entry",
+    ),
+    "no limit of the throttle": ("rate", put(None, *FLIGHT, "limits", "throttle"), "missing entry"),
+    "pitch imposed": ("rate", put(0.3, *FLIGHT, "imposed", "pitch"), "unknown entry"),
+    "no number": ("models", put([None], *FLIGHT, "imposed", "gamma"), "is not what a certificate"),
+    "not finite": ("plant", put(float("nan"), *CLAIM, "plant", "A", 0, 0), "is not what a"),
+    "rows of other lengths": ("plant", put([[1.0], [1.0, 2.0]], *CLAIM, "plant", "A"), "A"),
+    "text for a number": ("rate", put("0.3", *CLAIM, "decay_rate"), "decay_rate"),
+    "true for a number": ("rate", put(True, *CLAIM, "decay_rate"), "decay_rate"),
+    "runs with a gap": (
+        "rate",
+        put([[14.0, 14.05, 0, 0], [14.06, 14.125, 0, 0]], *CLAIM, "loop"),
+        "loop",
+    ),
+    "a radius of zero": (
+        "rate",
+        put(lambda numbers: [0.0, *numbers[1:]], *LOOP, "trim", "throttle"),
+        "trim",
+    ),
+    "another kind": ("plant", put("schedule", "kind"), "flight"),
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_what_is_wrong_is_named(name: str, tmp_path: Path) -> None:
+    kind, change, message = NAMED[name]
+    made = copy.deepcopy(certificate(kind))
+    change(made)
+    with pytest.raises((Rejected, BadInputError), match=message):
+        check_certificate(forge(tmp_path / "forged.json", made), model=model_of(kind))
+
+
+def test_a_game_of_another_angle_is_refused(tmp_path: Path) -> None:
+    """The right solution at 14.6 deg, of a statement about 14.5 deg."""
+    made = copy.deepcopy(certificate("solution"))
+    made["witness"] = content(prove_solution(game_at(14.6), family(), 14.6))["witness"]
+    assert_refused(made, "solution", tmp_path / "forged.json")

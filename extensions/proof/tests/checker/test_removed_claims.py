@@ -1,0 +1,199 @@
+"""Certificates from which something is taken away: what is still accepted is still true.
+
+Every list is emptied, shortened or has an entry twice, every interval made a point, every entry
+left out, every pair exchanged: of true certificates and of false ones. What is accepted is judged
+in doubles by `certificate_truth`, another way than the checker's.
+"""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from certificate_truth import what_is_false
+from forged_certificates import (
+    CLAIM,
+    CONTROLLER,
+    Change,
+    Content,
+    array,
+    false_statements,
+    put,
+    removals,
+    several,
+    wrong_critics_without_a_claim,
+)
+from proof_cases import PROOFS, certificate, forge, model_of
+
+from hfa_proof.checker.reading import Malformed, Rejected
+from hfa_proof.search.report import checked_report
+from hfa_support import BadInputError
+from hfa_support.reporting.report import Report
+from verification import check_certificate
+
+SMALL_GAMES = ("one of two", "scalar", "plant")
+LARGE_GAMES = [pytest.param(kind, marks=pytest.mark.slow) for kind in ("solution", "critic")]
+#: Removals from false statements, of each kind.
+COMBINED = 150
+
+
+def checked(made: Content, kind: str, folder: Path) -> Report | None:
+    """What is reported of a certificate; None where it is refused."""
+    try:
+        verified = check_certificate(forge(folder / "forged.json", made), model=model_of(kind))
+    except (Rejected, BadInputError, Malformed):
+        return None
+    return checked_report(verified)
+
+
+def changed(kind: str, *changes: Change) -> Content | None:
+    """The certificate with these changes one after the other; None where one finds nothing."""
+    made = copy.deepcopy(certificate(kind))
+    try:
+        for change in changes:
+            change(made)
+    except (LookupError, TypeError, ValueError):
+        return None
+    return made
+
+
+def assert_true_or_refused(kind: str, names: list[tuple[str, ...]], folder: Path) -> int:
+    """How many of the changed certificates are accepted; every claim of those is true.
+
+    names: of removals, each alone or after a false statement
+    """
+    every_removal = removals(certificate(kind))
+    statements = false_statements(kind)
+    accepted = 0
+    for each in names:
+        made = changed(kind, *[statements.get(name) or every_removal[name] for name in each])
+        if made is None:
+            continue
+        claims = copy.deepcopy(made["statement"])
+        if checked(made, kind, folder) is not None:
+            assert what_is_false(claims, kind) == [], each
+            accepted += 1
+    return accepted
+
+
+def combined(kind: str, count: int, seed: int = 0) -> list[tuple[str, ...]]:
+    """Some false statements, from each of which something is removed."""
+    random = np.random.default_rng(seed)
+    statements = sorted(false_statements(kind))
+    every_removal = sorted(removals(certificate(kind)))
+    return [(random.choice(statements), random.choice(every_removal)) for _ in range(count)]
+
+
+def test_some_removals_of_every_kind_leave_nothing_false(tmp_path: Path) -> None:
+    random = np.random.default_rng(3)
+    for kind in PROOFS:
+        names = sorted(removals(certificate(kind)))
+        some = [(str(name),) for name in random.choice(names, 4)]
+        assert_true_or_refused(kind, some, tmp_path)
+        assert assert_true_or_refused(kind, combined(kind, 3, seed=1), tmp_path) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", PROOFS)
+def test_what_is_accepted_without_something_is_true(kind: str, tmp_path: Path) -> None:
+    names = [(name,) for name in removals(certificate(kind))]
+    accepted = assert_true_or_refused(kind, names, tmp_path)
+    assert accepted < len(names) / 2
+    false_ones = combined(kind, COMBINED)
+    assert assert_true_or_refused(kind, false_ones, tmp_path) < COMBINED / 10
+
+
+def test_there_are_thousands_of_them() -> None:
+    counts = [len(removals(certificate(kind))) for kind in PROOFS]
+    assert min(counts) > 150
+    assert sum(counts) + COMBINED * len(PROOFS) > 8000
+
+
+@pytest.mark.parametrize("kind", [*SMALL_GAMES, *LARGE_GAMES])
+def test_a_wrong_critic_of_which_nothing_is_claimed_is_not_proved(
+    kind: str, tmp_path: Path
+) -> None:
+    for name, change in wrong_critics_without_a_claim(kind).items():
+        made = changed(kind, change)
+        assert made is not None
+        report = checked(made, kind, tmp_path)
+        if "no distance" in name:
+            assert report is None, name
+        elif report is not None:
+            assert what_is_false(made["statement"], kind) == [], name
+            assert report.data["proved"] is (made["statement"]["loop"][1] == 0), name
+            assert report.title.startswith("Verified, proved") is report.data["proved"], name
+
+
+def test_the_gain_of_a_refuted_critic_is_in_the_first_line(tmp_path: Path) -> None:
+    made = changed(
+        "plant",
+        put(array(lambda K: -5.0 * K), *CLAIM, "critic", "K"),
+        put([5.9, 6.1], *CLAIM, "distances", "K"),
+        put([0, 2], *CLAIM, "loop"),
+        put([], "witness", "loop"),
+    )
+    assert made is not None
+    report = checked(made, "plant", tmp_path)
+    assert report is not None
+    assert report.title.startswith("Verified, but whether the critic's gain stabilizes is open")
+    assert report.data["proved"] is False
+
+
+@pytest.mark.parametrize("value", [1.8, 5.0, 10.0, 1e-9])
+@pytest.mark.parametrize("delay", [0.02, 1e9])
+@pytest.mark.parametrize("share", [-1.0, 0.0, 1.0])
+def test_no_piece_proves_no_bandwidth(
+    value: float, delay: float, share: float, tmp_path: Path
+) -> None:
+    actuators = (*CLAIM, "uncertain_actuators")
+    without_pieces = [
+        put([], "witness", "loop", i, "pieces")
+        for i in range(len(certificate("actuators")["witness"]["loop"]))
+    ]
+    made = changed(
+        "actuators",
+        put([value, value], *actuators, "bandwidth"),
+        put(delay, *actuators, "delay"),
+        put(array(lambda K: share * K), *CONTROLLER, "D"),
+        several(*without_pieces),
+    )
+    assert made is not None
+    assert checked(made, "actuators", tmp_path) is None
+
+
+def test_a_decay_rate_of_loops_of_which_nothing_is_proved_is_refused(tmp_path: Path) -> None:
+    opened = put(lambda runs: [[runs[0][0], runs[-1][1], 0, 6]], *CLAIM, "loop")
+    made = changed("rate", opened, put(1e6, *CLAIM, "decay_rate"))
+    assert made is not None
+    assert checked(made, "rate", tmp_path) is None
+    made = changed(
+        "rate", opened, put(0.0, *CLAIM, "decay_rate"), put(None, *CLAIM, "scheduled_rate")
+    )
+    assert made is not None
+    made["witness"].pop("motion")
+    report = checked(made, "rate", tmp_path)
+    assert report is not None
+    assert report.data["proved"] is False
+    assert "decay rate" not in report.text()
+
+
+@pytest.mark.parametrize("at", [1.0625, 1.25, 1.5])
+def test_a_second_branch_is_refused_without_its_boxes(at: float, tmp_path: Path) -> None:
+    """x = -sqrt(1 + p), where the loop of this certificate is not stable."""
+    second = {"breakpoint": at, "unknowns": {"x": -float(np.sqrt(1.0 + at))}}
+    made = changed("two trims", put(lambda trims: [*trims, second], *CLAIM, "flight", "trims"))
+    assert made is not None
+    assert checked(made, "two trims", tmp_path) is None
+
+
+def test_models_of_a_second_stated_trim_are_refused(tmp_path: Path) -> None:
+    def beside(trims: list[Content]) -> list[Content]:
+        unknowns = {name: value + 0.01 for name, value in trims[0]["unknowns"].items()}
+        return [*trims, {"breakpoint": trims[0]["breakpoint"] + 0.03, "unknowns": unknowns}]
+
+    made = changed("models", put(beside, *CLAIM, "flight", "trims"))
+    assert made is not None
+    assert checked(made, "models", tmp_path) is None

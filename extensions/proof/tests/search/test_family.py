@@ -1,0 +1,133 @@
+"""Trims and linear models on boxes of scheduling values, and which trims a statement may be
+about."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from known_models import model_at
+from proof_cases import family
+
+import hfa_model
+from hfa_model import default_parameters
+from hfa_proof.arithmetic.ball_function import Undecided
+from hfa_proof.arithmetic.balls import exact
+from hfa_proof.checker.trims import LinearModelBox, Rejected, linear_model_on
+from hfa_proof.checker.witness import TrimBox
+from hfa_proof.search.family import Box, TrimSearch, bisected
+from hfa_support import BadInputError, NoSolutionError
+from hfa_support.linear_table import LinearTable
+from trim import level_model, release
+from trim.hfa.level_flight import LEVEL_FLIGHT
+from verification import Family
+
+
+def linear_model(flights: Family, low: float, high: float) -> LinearModelBox:
+    return TrimSearch(flights, low, high).linear_model(Box(low, high))
+
+
+def numbers(values: Any, of: str = "mid") -> np.ndarray:
+    return np.array([[float(getattr(entry, of)()) for entry in row] for row in values.tolist()])
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+@pytest.mark.parametrize("low", [0.0, 9.5])
+def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) -> None:
+    linear = linear_model(family(dynamics), low, low + 0.5)
+    for s in (-1.0, -0.4, 0.0, 1.0):
+        model = model_at(low + 0.25 + 0.25 * s, dynamics)
+        for found, expected in ((linear.A, model.A), (linear.B, model.B)):
+            ball = found.parts[0] + found.off_center(exact(s), exact(s * s))
+            rounding = 1e-11 * (1.0 + np.abs(expected).max())
+            assert np.all(np.abs(numbers(ball) - expected) <= numbers(ball, "rad") + rounding)
+        for name, (c0, c1, c2) in linear.trim.polynomials.items():
+            expected = getattr(model.point.inputs, name)
+            assert float(c0 + c1 * exact(s) + c2 * exact(s * s)) == pytest.approx(
+                expected, rel=1e-4
+            )
+
+
+@pytest.mark.parametrize("name", ["panel_mass", "hinge_damping"])
+def test_what_the_error_of_a_parameter_does_lies_in_its_enclosure(name: str) -> None:
+    values = default_parameters().values
+    ends = []
+    width = 1e-4 * getattr(values, name)
+    linear = linear_model(replace(family(), spread={name: width}), 12.0, 12.03125)
+    for sign in (-1.0, 1.0):
+        moved = values._replace(**{name: getattr(values, name) + sign * width})
+        ends.append(level_model(hfa_model.aircraft(parameters=moved), math.radians(12.015625)))
+    for part in ("A", "B"):
+        expected = (getattr(ends[1], part) - getattr(ends[0], part)) / 2.0
+        found = getattr(linear, part)
+        rest = numbers(found.parts[3], "abs_upper")
+        assert np.all(np.abs(numbers(found.parts[4]) - expected) <= rest + 1e-15)
+        assert rest.max() <= 0.5 * np.abs(expected).max() or not expected.any()
+
+
+def test_the_remainder_shrinks_with_the_third_power() -> None:
+    rests = []
+    for width in (0.2, 0.1, 0.05):
+        A = linear_model(family(), 5.0 - width / 2, 5.0 + width / 2).A
+        rests.append(float(abs(A.parts[3][3, 1]).upper()))
+    orders = np.log2(np.array(rests[:-1]) / rests[1:])
+    assert np.all((orders > 2.8) & (orders < 3.6))
+
+
+def test_where_there_is_no_enclosure_no_trim_or_none_within_limits_is_said() -> None:
+    """Beyond 40 deg elevator_center reaches 30 deg: a box that ends just before the last trim
+    cannot rule it out."""
+    search = TrimSearch(family(), 0.0, 50.0)
+    with pytest.raises((Undecided, Rejected)):
+        search.linear_model(Box(0.0, 20.0))
+    with pytest.raises(NoSolutionError, match="no trim"):
+        search.linear_model(Box(49.9, 50.1))
+    last = 40.0
+    without = 60.0
+    while without - last > 1e-9:
+        middle = (last + without) / 2
+        try:
+            model_at(middle)
+            last = middle
+        except NoSolutionError:
+            without = middle
+    search.linear_model(Box(last - 0.2, last - 0.1))
+    with pytest.raises(Rejected, match="elevator_center may lie beyond its limits"):
+        search.linear_model(Box(last - 0.1, last))
+
+
+def test_doubles_alone_give_a_sharper_model() -> None:
+    search = TrimSearch(family(), 15.0, 15.0)
+    point = search.point_trim(15.0)
+    models = []
+    for decimals, radii in ((False, point.radii), (True, point.wide_radii)):
+        box = TrimBox(15.0, 15.0, point.center, radii)
+        models.append(linear_model_on(search.flight, box, decimals=decimals).A.range())
+    for sharp, wide in zip(models[0].entries(), models[1].entries(), strict=True):
+        assert wide.contains(sharp.mid())
+        assert float(sharp.rad()) < 1e-40
+    assert 1e-16 < float(models[1][3, 1].rad()) < 1e-11
+
+
+def test_trims_that_a_statement_is_not_about_are_refused() -> None:
+    flights = family()
+    flights.check(0.0, 20.0)
+    assert len(flights.condition(10.0).free) == 4
+    table = LinearTable([0.0, np.radians(20.0)], [68.0, 60.0])
+    with pytest.raises(
+        BadInputError, match="speed changes with the dihedral in this condition; --hold it"
+    ):
+        replace(flights, flights=release(LEVEL_FLIGHT, hold={"speed": table})).check(0.0, 20.0)
+    for free in ("alpha", "dihedral"):
+        with pytest.raises(BadInputError, match="a proof takes trims at a given dihedral"):
+            replace(flights, flights=release(LEVEL_FLIGHT, free=(free,))).check(0.0, 20.0)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 20.0), (14.1, 14.3), (-3.7, 2.9)])
+def test_the_halves_of_a_box_cover_it(low: float, high: float) -> None:
+    (left, _), (right, _) = bisected([Box(low, high)], lambda _: None, 0.6 * (high - low))
+    assert (left.low, right.high) == (low, high)
+    assert left.high == right.low == pytest.approx((low + high) / 2)

@@ -1,0 +1,91 @@
+"""Eigenvalues counted on both sides of the axis, proved, or left open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flint import arb, arb_mat
+
+from hfa_proof.arithmetic.balls import TaylorModel, lowest_sign, matrix
+from hfa_proof.search.lines import bounds_of_modes, find_line
+
+
+def unstable_modes(A: arb_mat) -> int | None:
+    proof = find_line(TaylorModel(A))
+    return None if proof is None else proof[0]
+
+
+def widened(A: np.ndarray, radii: np.ndarray) -> arb_mat:
+    return arb_mat(
+        [[arb(a, r) for a, r in zip(*rows, strict=True)] for rows in zip(A, radii, strict=True)]
+    )
+
+
+@pytest.mark.parametrize(("real_part", "count"), [(-1e-9, 1), (1e-9, 3), (-1.0, 1), (1.0, 3)])
+def test_eigenvalues_close_to_the_axis_are_counted(real_part: float, count: int) -> None:
+    """Six modes, the slowest a pair with this real part, in coordinates that mix them."""
+    blocks = np.diag([-3.0, -10.0, 2.0, -0.5, real_part, real_part])
+    blocks[4, 5], blocks[5, 4] = 1.0, -1.0
+    mixing = np.random.default_rng(1).standard_normal((6, 6))
+    assert unstable_modes(matrix(mixing @ blocks @ np.linalg.inv(mixing))) == count
+
+
+@pytest.mark.parametrize(
+    "A",
+    [
+        [[-1.0, 0.0, 1.0], [0.0, -2.0, 0.0], [0.0, 0.0, 0.0]],
+        [[-1.0, 0.0, 1.0], [0.0, -2.0, 0.0], [0.0, 0.0, -0.0]],
+        [[0.0, 1.0], [-1.0, 0.0]],
+        [[-1.0, 5.0], [0.0, 0.0]],
+    ],
+)
+def test_an_eigenvalue_on_the_axis_is_left_open(A: list[list[float]]) -> None:
+    assert unstable_modes(matrix(A)) is None
+
+
+def test_a_ball_that_holds_both_and_dependent_eigenvectors_are_left_open() -> None:
+    A = np.diag([-1.0, -1e-9])
+    assert unstable_modes(matrix(A)) == 0
+    assert unstable_modes(widened(A, np.full((2, 2), 2e-9))) is None
+    assert unstable_modes(matrix(np.array([[-1.0, 1.0], [0.0, -1.0]]))) in (0, None)
+
+
+def test_additions_that_do_less_than_their_entries_could_are_counted() -> None:
+    """|E| <= N with a spectral radius of |Re λ|⁻¹ N below 1, though |Re λ|⁻¹ does not prove it."""
+    A = np.diag([-1.0, -1.5])
+    N = np.array([[0.0, 2.0], [0.3, 0.0]])
+    assert unstable_modes(widened(A, N)) == 0
+    worst = (A + N) / -np.diag(A)[:, None]
+    assert np.linalg.eigvalsh(worst + worst.T)[-1] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("A", "bounds"),
+    [
+        ([[0.0, 1.0], [0.0, 0.0]], (0, 2)),
+        ([[-1.0, 0.0, 1.0], [0.0, 2.0, 0.0], [0.0, 0.0, 0.0]], (1, 2)),
+        ([[-1.0, 1.0], [0.0, -1.0]], (0, 0)),
+    ],
+)
+def test_modes_on_the_axis_are_bounded_from_both_sides(
+    A: list[list[float]], bounds: tuple[int, int]
+) -> None:
+    """A double integrator has two modes on the axis, and dependent eigenvectors."""
+    found, lines = bounds_of_modes(TaylorModel(matrix(A)))
+    assert found == bounds
+    assert len(lines) == 2 - (bounds[0] == bounds[1])
+
+
+@pytest.mark.parametrize(
+    ("Q", "sign"),
+    [
+        (np.eye(3), 1),
+        (np.diag([1e12, -0.2]), -1),
+        (np.diag([1.0, 0.0]), 0),
+        (np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), 0),
+        (np.array([[1.0, 1.0], [1.0, np.nextafter(1.0, 0.0)]]), -1),
+        (np.array([[0.0, 1.0], [1.0, 0.0]]), -1),
+    ],
+)
+def test_the_sign_of_the_lowest_eigenvalue_is_decided_exactly(Q: np.ndarray, sign: int) -> None:
+    assert lowest_sign(Q) == sign

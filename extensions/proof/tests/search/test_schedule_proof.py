@@ -1,0 +1,236 @@
+"""Whole intervals of dihedral, an instability between two angles of a table, and how fast the
+dihedral may move."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flint import ctx
+from known_models import model_at
+from proof_cases import (
+    ORIGIN,
+    between,
+    exact_loop,
+    family,
+    loop_in_doubles,
+    proved,
+    unstable_between,
+)
+
+import hfa_model
+from controller.game.gain_schedule import GainSchedule
+from hfa_model import default_parameters
+from hfa_proof.arithmetic import PRECISION
+from hfa_proof.checker.statement import Run
+from hfa_proof.search import certificate
+from hfa_proof.search.certificate import CertificateFile, Proof
+from hfa_proof.search.loops import Loop
+from hfa_support import BadInputError
+from verification import check_certificate, prove_models, prove_schedule
+
+
+def counts(runs: tuple[Run, ...]) -> list[tuple[int, int]]:
+    return [(run.least, run.most) for run in runs]
+
+
+def loop_at(loop: Loop, angle: float, dynamics: str = "published") -> np.ndarray:
+    model = model_at(angle, dynamics)
+    return loop_in_doubles(loop, model.A, model.B, angle).base
+
+
+def assert_agrees_with_doubles(proof: Proof, loop: Loop, dynamics: str) -> None:
+    """On a grid the proved rate and entries hold."""
+    for box in proof.data["boxes"]:
+        low, high = box["dihedral_deg"]
+        for angle in (low, (low + high) / 2, high):
+            values = np.linalg.eigvals(loop_at(loop, angle, dynamics))
+            assert values.real.max() < -proof.data["decay_rate"]
+            for name in ("A", "B"):
+                ends = np.array(box[name])
+                value = getattr(model_at(angle, dynamics), name)
+                rounding = 1e-11 * (1.0 + np.abs(value).max())
+                assert np.all(ends[..., 0] - rounding <= value)
+                assert np.all(value <= ends[..., 1] + rounding)
+
+
+@pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
+def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
+    """The loop, the modes of A, and a rate, twice which the same Lyapunov function does not
+    prove."""
+    loop = exact_loop(14.0, 14.5, dynamics=dynamics)
+    proof = prove_schedule(family(dynamics), loop, 14.0, 14.5, moving=True)
+    assert proof.proved
+    assert counts(proof.statement.loop) == [(0, 0)]
+    assert counts(proof.statement.modes) == [(2, 2)]
+    assert proof.data["decay_rate"] > 0.29
+    assert_agrees_with_doubles(proof, loop, dynamics)
+    rate = proof.data["dihedral_rate_deg_s"]
+    lyapunov = proof.witness["motion"]
+    fastest = []
+    assert rate > 60.0
+    width = lyapunov["breakpoints"][1] - lyapunov["breakpoints"][0]
+    slope = (lyapunov["P"][1] - lyapunov["P"][0]) / np.radians(width)
+    for angle in (14.0, 14.0375, 14.0875, 14.125):
+        P = between(lyapunov["breakpoints"], lyapunov["P"], angle)
+        A = loop_at(loop, angle, dynamics)
+        for sign in (-1.0, 1.0):
+            growth = A.T @ P + P @ A + sign * np.radians(rate) * slope
+            assert np.linalg.eigvalsh(growth)[-1] < 0.0
+            fastest.append(np.linalg.eigvalsh(growth + sign * np.radians(rate) * slope)[-1])
+    assert max(fastest) > 0.0
+
+
+def test_a_rate_that_the_search_is_wrong_about_is_not_proved(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Half as fast again as the same function allows; the loop is proved."""
+    monkeypatch.setattr("hfa_proof.search.schedule_proof._SHARES", (1.5,))
+    proof = prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125, moving=True)
+    assert (proof.proved, proof.data["dihedral_rate_deg_s"]) == (False, 0.0)
+    assert "open: a moving dihedral from 14 to 14.125 deg" in proof.report().text()
+    assert counts(proof.statement.loop) == [(0, 0)]
+
+
+@pytest.mark.parametrize(
+    ("end", "unstable"), [(15.03, 1), pytest.param(15.06, 0, marks=pytest.mark.slow)]
+)
+def test_an_instability_between_two_angles_is_found_and_refuted(
+    end: float, unstable: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if end < 15.06:  # boxes twice as wide take less time
+        monkeypatch.setattr("hfa_proof.search.schedule_proof.NARROWEST", 2.0**-9)
+    loop = unstable_between(15.0, 15.06)
+    proof = prove_schedule(family(), loop, 15.0, end, moving=True)
+    runs = proof.statement.loop
+    refuted = [run for run in runs if run.least > 0]
+    assert not proof.proved
+    assert "motion" not in proof.witness
+    assert any(run.low <= 15.03 <= run.high for run in refuted)
+    for run in refuted:
+        values = np.linalg.eigvals(loop_at(loop, (run.low + run.high) / 2))
+        assert run.least == run.most == int(np.sum(values.real > 0.0))
+    # At its own angles the table is stable, and there the interval is proved to be.
+    assert (runs[0].low, runs[0].most) == (15.0, 0)
+    assert (runs[-1].high, runs[-1].most) == (end, unstable)
+    # What is open are the angles where a mode crosses the axis, and they are narrow.
+    still_open = [run for run in runs if run.least < run.most]
+    assert 0.0 < sum(run.high - run.low for run in still_open) < 0.03
+    assert proof.data["decay_rate"] > 0.0
+    data = proof.report().data
+    text = proof.report().text()
+    found = (data["proved"], len(data["refuted"]), len(data["loop"]["open"]))
+    assert found == (False, len(refuted), len(still_open))
+    assert text.startswith("Refuted: every dihedral from 15 to")
+    assert text.count("\nopen: the loop from") == len(still_open)
+
+
+def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
+    """A of `published` gains a third unstable mode at 16.688 deg."""
+    proof = proved("crossing")
+    assert counts(proof.statement.modes) == [(2, 2), (2, 3), (3, 3)]
+    crossing = proof.statement.modes[1]
+    for end, count in ((crossing.low, 2), (crossing.high, 3)):
+        assert int(np.sum(np.linalg.eigvals(model_at(end).A).real > 0.0)) == count
+    assert proof.proved
+
+
+def test_how_many_modes_may_be_unstable_within_the_errors_is_said() -> None:
+    """At 11.5 deg `published` has none or two unstable modes, which depends on the parameters; four
+    are far left."""
+    wide = replace(family(), spread=default_parameters().standard_errors)
+    rows = prove_schedule(wide, exact_loop(11.5, 11.53125), 11.5, 11.53125).data["modes"]
+    assert rows["open"] == [{"from_deg": 11.5, "to_deg": 11.53125, "at_least": 0, "at_most": 2}]
+
+
+def test_an_interrupted_proof_is_continued_to_the_same_bits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After the loop of a part, and after the modes of A of a part."""
+    monkeypatch.setattr(certificate, "_PAUSE", -1.0)
+    monkeypatch.setattr(certificate, "_RARELY", 0.0)
+    path = tmp_path / "certificate.json"
+    whole = tmp_path / "whole.json"
+    loop = exact_loop(13.75, 14.0, 14.25)
+    prove_schedule(family(), loop, 13.75, 14.25, moving=True, file=CertificateFile(whole, ORIGIN))
+    again = CertificateFile(path, ORIGIN, resume=True)
+
+    for share in (0.2, 0.6):
+
+        def interrupted(done: float, total: float, what: str = "", share: float = share) -> None:
+            if done > share * total:
+                raise KeyboardInterrupt
+
+        file = CertificateFile(path, ORIGIN)
+        with pytest.raises(KeyboardInterrupt):
+            prove_schedule(family(), loop, 13.75, 14.25, file=file, progress=interrupted)
+        half = json.loads(path.read_text())["witness"]
+        assert (len(half["loop"]), len(half["modes"]) > 0) == (1 + (share > 0.5), share > 0.5)
+        assert prove_schedule(family(), loop, 13.75, 14.25, moving=True, file=again).proved
+        assert ctx.prec == PRECISION  # the checker's is another
+        assert path.read_bytes() == whole.read_bytes()
+    forged = json.loads(path.read_text())
+    forged["witness"]["loop"][0]["rate"] = 0.5
+    path.write_text(json.dumps(forged))
+    with pytest.raises(BadInputError, match="edited"):
+        prove_schedule(family(), loop, 13.75, 14.25, file=again)
+
+
+def test_what_cannot_be_proved_of_is_refused() -> None:
+    """Gains beyond all numbers; intervals without angles, which no box would refute; angles beyond
+    the table."""
+    huge = np.full((2, 5, 6), 1e308)
+    table = GainSchedule(np.radians([14.0, 15.0]), huge, hfa_model.aircraft())
+    with pytest.raises(BadInputError, match="too large to compute with"):
+        prove_schedule(family(), table, 14.5, 14.6)
+    for low, high in ((15.0, 14.0), (14.5, 14.5), (14.0, float("nan"))):
+        said = f"goes from {low:g} to {high:g}; give the lower end first"
+        with pytest.raises(BadInputError, match=said):
+            prove_schedule(family(), exact_loop(14.0, 15.0), low, high)
+        with pytest.raises(BadInputError, match="the interval goes from"):
+            prove_models(family(), low, high, 1e-3)
+    loop = exact_loop(13.0, 14.0, 15.0)
+    assert loop.segments(13.5, 15.0) == [(13.5, 14.0), (14.0, 15.0)]
+    with pytest.raises(BadInputError, match=r"the table covers 13 to 15, not 13 to 15.5"):
+        loop.segments(13.0, 15.5)
+
+
+@pytest.mark.parametrize(
+    ("angles", "shape"),
+    [
+        ([], (0, 5, 6)),
+        ([15.0, 15.0], (2, 5, 6)),
+        ([16.0, 15.0], (2, 5, 6)),
+        ([15.0, 16.0], (2, 6, 5)),
+    ],
+)
+def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, ...]) -> None:
+    with pytest.raises(BadInputError):
+        GainSchedule(np.radians(angles), np.zeros(shape), hfa_model.aircraft())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("errors", [0.0, 1.0])
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_the_whole_range_is_proved(dynamics: str, errors: float, tmp_path: Path) -> None:
+    """Of the identified aircraft with a rate, and of all within one standard error of every
+    parameter."""
+    angles = np.linspace(0.0, 20.0, 11).tolist()
+    flights = family(dynamics)
+    if errors:
+        flights = replace(flights, spread=default_parameters().standard_errors)
+    loop = exact_loop(*angles, dynamics=dynamics)
+    path = tmp_path / "certificate.json"
+    proof = prove_schedule(flights, loop, 0.0, 20.0, moving=not errors)
+    assert proof.proved
+    assert proof.data["decay_rate"] > 0.29
+    if not errors:
+        exactly = [least for least, most in counts(proof.statement.modes) if least == most]
+        assert exactly == [0, 2, 3]
+        assert proof.data["dihedral_rate_deg_s"] > 60.0
+        assert_agrees_with_doubles(proof, loop, dynamics)
+    proof.write(path, ORIGIN)
+    assert counts(check_certificate(path).statement.loop) == [(0, 0)]

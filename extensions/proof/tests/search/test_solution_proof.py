@@ -1,0 +1,173 @@
+"""The exact game, proved: against sixty digits, at both sides of delta_min, and against spoiled
+critics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from flint import arb
+from known_models import game_at
+from proof_cases import ORIGIN, content, family, forge, proved, scalar_game
+from reference_riccati import reference_solution
+
+from controller import Game, basis
+from controller.critic.critic import from_gain, from_parts
+from controller.riccati.smallest_delta import DeltaMin
+from hfa_networks.files.network import from_network
+from hfa_proof.arithmetic.balls import TaylorModel, matrix, norm
+from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.riccati import solution_on
+from hfa_proof.search.report import checked_report
+from hfa_proof.search.solution_proof import ExactGame, prove_delta_min
+from hfa_support import BadInputError, NoSolutionError
+from verification import check_certificate, minimum_delta, prove_critic, prove_solution, solve_game
+
+ONE = np.eye(1)
+
+
+@pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
+def test_the_solution_of_the_paper_s_game_is_proved(dynamics: str) -> None:
+    proof = prove_solution(game_at(15.0, dynamics), family(dynamics), 15.0)
+    assert proof.proved
+    assert ("A - S P is Hurwitz", "proved") in proof.report().parts[0].rows
+    assert proof.data["relative_radius"] < 1e-12
+    assert proof.data["unstable_modes"] == 2
+    above = proof.data["delta_min_above"]
+    most = proof.data["delta_min_at_most"]
+    assert most - above <= 1e-6 * most
+    found = minimum_delta(game_at(15.0, dynamics))
+    assert above < found.value * (1 + 1e-6)
+    assert most > found.refused * (1 - 1e-6)
+
+
+def test_the_enclosure_holds_the_sixty_digits() -> None:
+    game = game_at(15.0)
+    P = ExactGame.of(game).solution()[1].P.range()
+    away = norm((P - matrix(reference_solution(game).P)).entries()) / norm(P.entries())
+    assert away < 1e-15  # the reference is rounded to doubles
+    assert max(float(entry.rad()) for entry in P.entries()) < 1e-25
+
+
+def test_a_root_that_does_not_stabilize_is_told() -> None:
+    """p = 1 ± sqrt(2) solve p² - 2 p - 1 = 0 for a = 1: only the larger one stabilizes and is
+    positive."""
+    exact = ExactGame.of(Game(A=ONE, B=ONE, E=ONE, Q=ONE, R=ONE, delta=np.inf))
+    box, right = exact.solution()
+    assert right.P.range()[0, 0].contains(1 + matrix(2 * ONE)[0, 0].sqrt())
+    other = replace(box, P=TaylorModel(matrix([[1.0 - np.sqrt(2.0)]])), reach=arb(1e-10))
+    for lowest in (-1, 1):
+        with pytest.raises(Rejected, match="not positive definite"):
+            solution_on(exact.weights, *exact.doubles, other, lowest)
+
+
+@pytest.mark.parametrize("found", [4e-7, 4e-4])
+def test_delta_min_of_a_scalar_game_is_bracketed(found: float) -> None:
+    """p² s + 2 p - 1 = 0, s = 1 - 1/δ², has real roots as long as 1 + s >= 0: delta_min =
+    1/sqrt(2)."""
+    exact = 1.0 / np.sqrt(2.0)
+    nearly = DeltaMin(exact * (1 + 3 * found), exact * (1 - found))
+    bracket = prove_delta_min(ExactGame.of(scalar_game(2.0)), nearly)
+    assert bracket is not None
+    assert bracket.refused < exact <= bracket.value
+    assert bracket.value - bracket.refused <= 1e-6 * bracket.value
+
+
+@pytest.mark.parametrize("share", [1e-5, 1e-3, 0.1])
+def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
+    game = ExactGame.of(game_at(15.0))
+    smallest = minimum_delta(game_at(15.0)).value
+    above, below = (game.with_delta(smallest * (1 + sign * share)) for sign in (1, -1))
+    assert (above.has_value(), below.has_value()) == (True, False)
+    assert (above.why_no_value() is None, below.why_no_value() is None) == (True, False)
+
+
+@pytest.mark.parametrize(
+    "A", [[[0.0, 1.0], [0.0, 0.0]], [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]]
+)
+def test_a_plant_with_integrators_is_proved(A: list[list[float]], tmp_path: Path) -> None:
+    """A double integrator and a cart: eigenvalues of A on the axis are not counted, but bounded."""
+    B = np.zeros((len(A), 1))
+    B[-1] = 1.0
+    game = Game(A=A, B=B, E=B, Q=np.eye(len(A)), R=[[1.0]], delta=5.0)
+    proof = prove_solution(game)
+    assert proof.proved
+    assert proof.data["unstable_modes"] is None
+    assert proof.data["unstable_modes_between"] == [0, 2]
+    proof.write(tmp_path / "integrators.json", ORIGIN)
+    verified = checked_report(check_certificate(tmp_path / "integrators.json"))
+    assert verified.data["proved"]
+    assert "A has 0 to 2 unstable modes" in verified.text()
+
+
+def test_a_q_that_is_not_quite_semidefinite_is_refused() -> None:
+    game = Game(A=-np.eye(2), B=np.eye(2), E=np.eye(2), Q=np.eye(2), R=np.eye(2), delta=5.0)
+    slightly = replace(game, Q=np.array([[1.0, 1.0], [1.0, np.nextafter(1.0, 0.0)]]))
+    with pytest.raises(NoSolutionError, match="Q has a negative eigenvalue in exact arithmetic"):
+        prove_solution(slightly)
+
+
+def test_the_search_says_what_it_does() -> None:
+    said = set()
+    prove_solution(game_at(15.0), progress=lambda done, total, what="": said.add(what))
+    assert "enclosing the solution" in said
+    assert "bounding delta_min from above" in said
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-3])
+def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
+    game = game_at(15.0)
+    functions = basis("quadratic", 6)
+    exact = solve_game(game)
+    right = {"W": functions.weights(exact.P), "P": exact.P, "K": exact.K}
+    critic = from_parts(game, {name: array * (1 + size) for name, array in right.items()})
+    proof = prove_critic(game, critic, family(), 15.0)
+    assert set(proof.data["distances"]) == {"W", "P", "K"}
+    for found in proof.data["distances"].values():
+        assert found["at_least"] <= found["at_most"]
+        np.testing.assert_allclose([*found.values()], size, rtol=1e-2 if size < 1e-11 else 1e-5)
+    assert proof.data["closed_loop_hurwitz"]
+
+
+def test_what_has_no_value_or_does_not_fit_is_refused() -> None:
+    with pytest.raises(NoSolutionError, match="delta_min"):
+        prove_solution(game_at(15.0).with_delta(50.0))
+    square = ca.Function("square", [x := ca.SX.sym("x", 6)], [x.T @ x])
+    with pytest.raises(BadInputError, match="a network has no proof here"):
+        prove_critic(game_at(15.0), from_network(game_at(15.0), square))
+
+
+def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_path: Path) -> None:
+    own = content(proved("scalar"))
+    assert "frequencies" in own["witness"]
+    data = checked_report(check_certificate(forge(tmp_path / "scalar.json", own))).data
+    assert data["delta_min_above"] < np.sqrt(0.5) <= data["delta_min_at_most"]
+    own["statement"]["delta_min"] = [0.5, data["delta_min_above"]]
+    with pytest.raises(Rejected):
+        check_certificate(forge(tmp_path / "scalar.json", own))
+
+
+def test_a_gain_that_does_not_stabilize_is_certified_so_and_one_on_the_axis_is_not(
+    tmp_path: Path,
+) -> None:
+    proof = prove_critic(game_at(15.0), from_gain(game_at(15.0), np.zeros((5, 6))))
+    assert proof.data["closed_loop_hurwitz"] is False
+    assert (
+        proof.data["distances"]["K"]["at_least"] <= 1.0 <= proof.data["distances"]["K"]["at_most"]
+    )
+    proof.write(tmp_path / "critic.json", ORIGIN)
+    checked = checked_report(check_certificate(tmp_path / "critic.json"))
+    assert (checked.data["closed_loop_hurwitz"], checked.data["proved"]) == (False, False)
+    assert checked.title.startswith("Verified, refuted, the critic's gain does not stabilize")
+    assert proof.report().title.startswith("Refuted: the gain of it does not stabilize")
+    game = Game(A=ONE, B=ONE, E=ONE, Q=ONE, R=ONE, delta=np.inf)
+    proof = prove_critic(game, from_gain(game, ONE))
+    assert proof.data["closed_loop_hurwitz"] is None
+    proof.write(tmp_path / "critic.json", ORIGIN)
+    checked = checked_report(check_certificate(tmp_path / "critic.json"))
+    assert (checked.data["closed_loop_hurwitz"], checked.data["proved"]) == (None, False)
+    assert checked.title.startswith("Verified, but whether the critic's gain stabilizes is open")
+    assert "open: whether A - B K with this gain is Hurwitz" in checked.text()

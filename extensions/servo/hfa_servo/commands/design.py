@@ -1,0 +1,134 @@
+"""The command `hfa design`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa.options.argument_types import input_file, output_file, positive
+from hfa.options.command import command
+from hfa.options.games import design_option
+from hfa.options.ranges import Range, array_of, scheduled_range, value_range
+from hfa.options.request import option
+from hfa.options.trims import (
+    AircraftOptions,
+    OutputOptions,
+    UnitsOption,
+    called_at,
+    refuse_si,
+    scheduled,
+)
+from hfa.output import ProgressLine, print_report
+from hfa_servo.design import load_design
+from hfa_servo.scheduled_controller import SUFFIXES, load_controller, save_controller
+from hfa_support.errors import BadInputError
+
+#: A second or two each.
+_MOST_POINTS = 1000
+_RANGE = "0:20:1"
+#: rad/s: of the actuators behind which margins are computed.
+_BANDWIDTHS = (2.0, 10.0)
+
+
+def _bandwidths(text: str) -> tuple[float, ...]:
+    return tuple(positive(part) for part in text.split(":"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
+    """A controller over the scheduling variable, or the file of one."""
+
+    file: Path | None = option(
+        "a design (.toml), or a controller to print (.npz)",
+        "FILE",
+        input_file(".npz", ".toml"),
+        names="file",
+        count="?",
+    )
+    design: Any = design_option()
+    at: Range | None = scheduled(
+        scheduled_range,
+        "RANGE",
+        lambda model: f"default {_RANGE}" if model.schedule == "dihedral" else "",
+    )
+    bandwidth: tuple[float, ...] | None = option(
+        "of the actuators behind which margins are computed, rad/s; default 2:10",
+        "A[:B...]",
+        _bandwidths,
+    )
+    output: Path | None = option(
+        f"write the controller ({', '.join(SUFFIXES)})",
+        "FILE",
+        output_file(*SUFFIXES),
+        names="-o --output",
+    )
+
+    def breakpoints(self, design: Any) -> np.ndarray:
+        """The values of the scheduling variable at which there are controllers, (N,)."""
+        by = self.model.schedule
+        values = self.at
+        if values is None and design.shaping is not None:
+            values = tuple(design.shaping.breakpoints)
+        if values is None and by == "dihedral":
+            values = value_range(self.model, by, _RANGE)
+        if values is None:
+            raise BadInputError(
+                f"give the values of {by or 'the scheduling variable'} by --at RANGE"
+            )
+        return array_of(f"--{called_at(self.model)}", values, _MOST_POINTS)
+
+
+@command(DesignRequest)
+def design(request: DesignRequest) -> int:
+    """The controller of a design at every dihedral angle, certified, as one file; or the table of a
+    file made before.
+
+    With --aircraft it is scheduled over the model's own scheduling variable. Margins are those of
+    each loop opened alone, at every input and sensor, behind actuators of orders 1 and 2 and the
+    bandwidths of --bandwidth. Exit 1 when one of the loops is unstable."""
+    from hfa_servo.controllers import design_controller
+    from hfa_servo.servo_loop import check_margins
+
+    refuse_si(request, "a controller is in ft, slug, lbf")
+    if (request.file is None) == (request.design is None):
+        raise BadInputError(
+            "name one of --design NAME and a file: of a design (.toml) or of a controller (.npz)"
+        )
+    model = request.model
+    design = request.design
+    stored = request.file
+    if stored is not None and stored.suffix == ".toml":
+        design = load_design(str(stored), model)
+    if design is None:
+        assert stored is not None
+        request.refuse(("at", "output"), "belongs to --design; leave it out with a file")
+        controller = load_controller(stored, model)
+    else:
+        controller = design_controller(
+            model, design, request.breakpoints(design), progress=ProgressLine("design")
+        )
+        origin = {**controller.about, "provenance": request.provenance.to_dict()}
+        controller = replace(controller, about=origin)
+    knots = controller.breakpoints
+    in_degrees = model.schedule_unit == "deg"
+    between = (knots[1:] + knots[:-1]) / 2.0
+    if in_degrees:
+        knots = np.degrees(knots).round(10)
+        between = np.arange(np.ceil(knots[0]), np.floor(knots[-1]) + 1.0)
+    places = np.unique([*knots, *between])
+    bandwidths = request.bandwidth or _BANDWIDTHS
+    if request.bandwidth is None and design is not None and not design.actuators:
+        bandwidths = ()
+    seen = np.radians(places) if in_degrees else places
+    margins = check_margins(model, controller, seen, bandwidths, progress=ProgressLine("margins"))
+    report = controller.report()
+    report = replace(report, parts=(*report.parts, margins.report())).with_data(
+        margins=margins.to_dict()
+    )
+    if request.output is not None:
+        save_controller(request.output, controller)
+    print_report(report, request)
+    return 0 if margins.ok else 1

@@ -1,0 +1,290 @@
+"""From a design to its controller: the exact gain or the central controller at every angle,
+certified."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.riccati.gare import solve_game
+from controller.riccati.smallest_delta import minimum_delta
+from hfa_aircraft.model import Model
+from hfa_servo.design import Actuator, Design, Following, Shaping
+from hfa_servo.design_model import DesignModel, design_model, selection
+from hfa_servo.generalized_plant import GeneralizedPlant, solve_plant
+from hfa_servo.loop_shaping import (
+    following_model,
+    output_weights,
+    robust_check,
+    robust_controller,
+)
+from hfa_servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController, identity
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.jsonable import finite_or_none
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.checks import Check
+from trim.linear.linear_model import LinearModel, level_model
+
+
+@dataclass(frozen=True, eq=False)
+class LinearController:
+    """x' = A x + B [y; w] + W (u_applied - u),  u = C x + D [y; w] at one scheduling value.
+
+    limit: the smallest delta of the game or, of a shaped loop, the smallest gamma
+    checks: what certifies it
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    W: np.ndarray
+    limit: float = math.nan
+    checks: tuple[Check, ...] = ()
+
+
+class Feedback(NamedTuple):
+    """x' = A x + B y + W (u_applied - u),  u = C x + D y of the sensors y of a design model.
+
+    limit, checks: as of `LinearController`
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    W: np.ndarray
+    limit: float
+    checks: tuple[Check, ...]
+
+
+def design_controller(
+    model: Model,
+    design: Design,
+    breakpoints: np.ndarray,
+    *,
+    progress: Progress | None = None,
+) -> ScheduledController:
+    """The controllers of a design at `breakpoints` (N,), increasing values of the scheduling
+    variable, in one table. They measure the sensors of the design; without any the states.
+
+    BadInputError for a model that is not scheduled over one of its linear states. NoSolutionError
+    names the breakpoint at which there is no trim or no certified controller.
+    """
+    by = model.schedule
+    if by not in model.linear:
+        choices = f"one of {', '.join(model.linear)}"
+        raise BadInputError(
+            f"a controller is scheduled over a linear state; declare in {model.name}"
+            f" schedule=NAME, {choices}"
+        )
+    design = design.of(model)
+    controllers: list[LinearController] = []
+    linear_models: list[LinearModel] = []
+    for value in told(breakpoints.tolist(), progress):
+        try:
+            linear_models.append(level_model(model, value))
+            controllers.append(controller_at(model, linear_models[-1], design))
+        except NoSolutionError as error:
+            where = f"{by} {model.describe(by, value)}"
+            raise NoSolutionError(f"design {design.name} at {where}: {error}") from error
+    _warn_of_kinks(linear_models)
+    trimmed_at = [linear.point.values[by] for linear in linear_models]
+    limit = "gamma_min" if design.shaping else "delta_min"
+    rows = [
+        {by: value, limit: made.limit, "checks": [check.to_dict() for check in made.checks]}
+        for value, made in zip(trimmed_at, controllers, strict=True)
+    ]
+    stacks = {part: np.array([getattr(made, part) for made in controllers]) for part in "ABCDW"}
+    states, commands, command_filter = _names(design)
+    return ScheduledController(
+        name=design.name,
+        feedback="output" if design.sensors else "state",
+        breakpoints=np.array(trimmed_at),
+        **stacks,
+        states=states,
+        measurements=_measurements(design),
+        commands=commands,
+        inputs=design.inputs,
+        trim_states=np.array([linear.point.states for linear in linear_models]),
+        trim_inputs=np.array([linear.point.inputs for linear in linear_models]),
+        dynamics=model.name,
+        parameters=identity(model),
+        command_filter=command_filter,
+        about={"delta": finite_or_none(design.delta), "angles": rows},
+        model=model,
+    )
+
+
+def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
+    """UserWarning where entries of A and B are means of two slopes: the first, and how many are."""
+    kinked = [linear for linear in linear_models if linear.kinks]
+    if kinked:
+        first = kinked[0]
+        model = first.point.model
+        where = model.describe(model.schedule, first.point.values[model.schedule])
+        count = f"{len(kinked)} of {len(linear_models)} places"
+        warnings.warn(f"{first.kinks[0]} ({count}, the first at {where})", stacklevel=3)
+
+
+def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearController:
+    """The controller of one linear model; NoSolutionError when it is not certified.
+
+    The gain u = -K z, or the central controller of the game from the sensors; the integrals, which
+    either sees, are states of the controller behind its own: e' = y - r.
+    """
+    built = design_model(model, linear, design)
+    design = built.design
+    if design.shaping is not None:
+        return _shaped(model, built, design.shaping)
+    if design.sensors:
+        feedback = _output_feedback(built)
+        sensors = built.sensors
+    else:
+        feedback = _state_feedback(built)
+        sensors = design.states
+    measured = _measurements(design)
+    integrals = design.integral_states
+    of_measured = selection(sensors, measured)
+    of_integrals = selection(sensors, integrals)
+    integrated = selection(design.integrals, measured)
+    k = len(feedback.A)
+    q = len(integrals)
+    m = len(built.inputs)
+    return LinearController(
+        A=np.block([[feedback.A, feedback.B @ of_integrals], [np.zeros((q, k + q))]]),
+        B=np.block([[feedback.B @ of_measured, np.zeros((k, q))], [integrated, -np.eye(q)]]),
+        C=np.hstack([feedback.C, feedback.D @ of_integrals]),
+        D=np.hstack([feedback.D @ of_measured, np.zeros((m, q))]),
+        W=np.vstack([feedback.W, np.zeros((q, m))]),
+        limit=feedback.limit,
+        checks=feedback.checks,
+    )
+
+
+def _state_feedback(built: DesignModel) -> Feedback:
+    """The exact gain of the game, from all states."""
+    game = built.game()
+    exact = solve_game(game)
+    n = len(built.A)
+    m = len(built.inputs)
+    return Feedback(
+        A=np.zeros((0, 0)),
+        B=np.zeros((0, n)),
+        C=np.zeros((m, 0)),
+        D=-exact.K,
+        W=np.zeros((0, m)),
+        limit=minimum_delta(game).value,
+        checks=exact.certificate.checks,
+    )
+
+
+def _output_feedback(built: DesignModel) -> Feedback:
+    """The central controller of the game, from the sensors."""
+    plant = GeneralizedPlant.measured(built.game(), built.C, built.V, built.D)
+    central: Any = solve_plant(plant, built.design.delta)
+    return Feedback(
+        A=central.Ak,
+        B=central.Bk,
+        C=central.Ck,
+        D=central.Dk,
+        W=built.B - central.Bk @ built.D,
+        limit=plant.minimum_delta().value,
+        checks=central.checks,
+    )
+
+
+def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearController:
+    """x = [x_m; the weights' own; x̂]: u = u_m - W1 F x̂, x̂ observes the shaped plant from y_s =
+    W2 (y - y_m).
+
+    x_m, u_m, y_m: of the model that the commands go through. The observer receives the inputs that
+    are applied.
+    """
+    design = built.design
+    z = np.zeros
+    answer, A_m, B_m = _followed_model(model, built, shaping.following)
+    gains = np.array([shaping.inputs[name] for name in design.inputs])
+    eta = built.model.point.values[model.schedule]
+    weights = output_weights(shaping.outputs_at(eta))
+    n, m = built.B.shape
+    k, p = weights.B.shape
+    size, commands = B_m.shape
+    h = n + k
+    A_s = np.block([[built.A, z((n, k))], [weights.B @ built.C, weights.A]])
+    B_s = np.vstack([built.B * gains, z((k, m))])
+    C_s = np.hstack([weights.D @ built.C, weights.C])
+    robust = robust_controller(A_s, B_s, C_s, shaping.factor)
+    sensed = np.hstack([answer.C, z((p, m))])
+    observed = robust.H @ weights.D
+    observer = A_s - B_s @ robust.F - robust.H @ C_s
+    return LinearController(
+        A=np.block(
+            [
+                [A_m, z((size, k + h))],
+                [-weights.B @ sensed, weights.A, z((k, h))],
+                [-observed @ sensed, robust.H @ weights.C, observer],
+            ]
+        ),
+        B=np.block(
+            [[z((size, p)), B_m], [weights.B, z((k, commands))], [observed, z((h, commands))]]
+        ),
+        C=np.hstack([np.eye(m, size, k=size - m), z((m, k)), -gains[:, None] * robust.F]),
+        D=z((m, p + commands)),
+        W=np.vstack([z((size + k, m)), built.B, z((k, m))]),
+        limit=robust.gamma_min,
+        checks=(robust_check(A_s, B_s, C_s, robust),),
+    )
+
+
+def _followed_model(
+    model: Model, built: DesignModel, following: Following
+) -> tuple[DesignModel, np.ndarray, np.ndarray]:
+    """The design model behind the actuators of `following`, and A and B of how it answers
+    commands."""
+    design = built.design
+    slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))
+    answer = design_model(model, built.model, replace(design, actuators=slow))
+    rows = [answer.sensors.index(name) for name in following.outputs]
+    A_m, B_m = following_model(
+        answer.A,
+        answer.B,
+        answer.C[rows],
+        following,
+        paid=np.array([following.states.get(name, 0.0) for name in answer.states]),
+        rates=np.array([following.rates[name] for name in design.inputs]),
+    )
+    return answer, A_m, B_m
+
+
+def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
+    """States, commands and command filter of the controller."""
+    if design.shaping is None:
+        commands = tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals)
+        if not design.sensors:
+            return design.integral_states, commands, ()
+        estimates = tuple(f"{name}_estimate" for name in design.states)
+        return estimates + design.integral_states, commands, ()
+    following = design.shaping.following
+    weights = output_weights(design.shaping.outputs).states
+    model = (
+        *(f"model_{name}" for name in design.model.linear),
+        *(f"model_{name}_position" for name in design.inputs),
+        *(f"{name}_command" for name in design.inputs),
+    )
+    estimates = tuple(f"{name}_estimate" for name in (*design.plant_states, *weights))
+    commands = tuple(f"{name}{signal}" for signal in COMMAND_SIGNALS for name in following.outputs)
+    return (*model, *weights, *estimates), commands, tuple(following.filter)
+
+
+def _measurements(design: Design) -> tuple[str, ...]:
+    """What must be measured: the sensors, or all states, the integrated outputs in place of their
+    integrals."""
+    names = design.sensors or design.plant_states
+    plain = [name for name in names if not name.endswith("_integral")]
+    return tuple(dict.fromkeys([*plain, *design.integrals]))

@@ -1,0 +1,399 @@
+"""The choices of a design: which inputs act through which actuators, which outputs are integrated,
+at what weight; and the files that hold them, those of the package and the user's own, for any
+`Model`.
+
+Names of states and signals say their unit.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.signals import COMMAND_FILTER
+from hfa_support.errors import (
+    BadInputError,
+    refuse_unknown,
+    refuse_unless_positive,
+    said_of,
+    shortened,
+)
+from hfa_support.schema import NUMBER, POSITIVE, Number, checked, read_named
+
+#: Designs that come with the package: name -> file.
+NAMED = {"paper": "paper.toml", "servo": "servo.toml"}
+#: Where the disturbance of the game enters, beside the disturbances of the model.
+DISTURBANCES = ("states", "commands")
+#: How names end -> what the unit of the rest is multiplied with.
+_ENDS = {
+    "_command_end": "",
+    "_rate": "/s",
+    "_command": "",
+    "_estimate": "",
+    "_integral": " s",
+    "_position": "",
+}
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """order 1: a' = -ω a + ω λ u.  order 2: a'' = -ω² a - 2 ζ ω a' + ω² λ u.
+
+    bandwidth ω: rad/s. damping ζ: 1, of order 2. effectiveness λ: 1, the share of the command that
+    arrives. BadInputError when the order is another or a number is not positive."""
+
+    order: int = 1
+    bandwidth: float = 2.0
+    damping: float = 0.7
+    effectiveness: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check that it is an actuator."""
+        if self.order not in (1, 2):
+            raise BadInputError(f"the order of an actuator is {self.order}; it must be 1 or 2")
+        for name in ("bandwidth", "damping", "effectiveness"):
+            refuse_unless_positive(f"the {name} of an actuator", getattr(self, name))
+
+
+class OutputWeight(NamedTuple):
+    """gain (1 + corner/s) / (1 + lag s).
+
+    gain: 1/unit of the output
+    corner: rad/s
+    lag: s
+    """
+
+    gain: float
+    corner: float = 0.0
+    lag: float = 0.0
+
+
+class Following(NamedTuple):
+    """How commands are to be followed: weights of squares in the cost.
+
+    outputs: commanded output -> weight of its error
+    rates: input -> weight of its rate
+    states: state -> weight
+    filter: bandwidth (rad/s) and damping of the command filter
+    bandwidth: of the actuators, of order 1, rad/s
+    """
+
+    outputs: Mapping[str, float]
+    rates: Mapping[str, float]
+    states: Mapping[str, float] = MappingProxyType({})
+    filter: Sequence[float] = COMMAND_FILTER
+    bandwidth: float = 2.0
+
+
+class Shaping(NamedTuple):
+    """A loop shaping.
+
+    inputs: input -> gain
+    outputs: measured output -> weight
+    breakpoints: values of the scheduling variable, increasing, angles in rad, between which the
+        controller is interpolated
+    following: how commands are followed
+    factor: γ / γ_min
+    schedule: output -> factor on its gain at each breakpoint
+    """
+
+    inputs: Mapping[str, float]
+    outputs: Mapping[str, OutputWeight]
+    breakpoints: tuple[float, ...]
+    following: Following
+    factor: float = 1.1
+    schedule: Mapping[str, Sequence[float]] = MappingProxyType({})
+
+    def outputs_at(self, scheduling_value: float) -> dict[str, OutputWeight]:
+        """The weights with their gains at a value of the scheduling variable."""
+        factors = {
+            name: float(np.interp(scheduling_value, self.breakpoints, row))
+            for name, row in self.schedule.items()
+        }
+        return {
+            name: weight._replace(gain=weight.gain * factors.get(name, 1.0))
+            for name, weight in self.outputs.items()
+        }
+
+
+@dataclass(frozen=True)
+class Design:
+    """The design model is the linear model with `inputs` alone, their actuators, and e' = y for
+    `integrals`.
+
+    name: of a shipped design or its file
+    inputs: all of the model unless given
+    actuators: input -> actuator; an input without one acts at once
+    integrals: outputs
+    disturbances: where they enter -> intensity, which scales the squared columns of E; "states":
+        the rates of the linear states (the paper's), "commands": the inputs, or a disturbance of
+        the model
+    state_weights, input_weights: diagonal of Q and R by name, in the names of `states` and
+        `inputs`; a state without a weight has 0
+    delta: of the game, inf for an LQR
+    sensors: state or output -> intensity of its noise
+    shaping: of a controller by loop shaping, which has no game
+    variants: name of a model's equations -> what the design is for them
+    model: whose names these are
+
+    BadInputError when a name is unknown or given twice.
+    """
+
+    name: str
+    inputs: tuple[str, ...] = ()
+    actuators: Mapping[str, Actuator] = field(default_factory=dict)
+    integrals: tuple[str, ...] = ()
+    disturbances: Mapping[str, float] = field(default_factory=lambda: {"states": 1.0})
+    state_weights: Mapping[str, float] = field(default_factory=dict)
+    input_weights: Mapping[str, float] = field(default_factory=dict)
+    delta: float = math.inf
+    sensors: Mapping[str, float] = field(default_factory=dict)
+    shaping: Shaping | None = None
+    variants: Mapping[str, Design] = field(default_factory=dict)
+    model: Model = field(kw_only=True, compare=False)
+
+    def of(self, model: Model) -> Design:
+        """This design for a model: what its file has for equations of that name, in that model's
+        names."""
+        return replace(self.variants.get(model.name, self), model=model)
+
+    def __post_init__(self) -> None:
+        """Check the declaration before anything is built."""
+        object.__setattr__(self, "inputs", tuple(self.inputs or self.model.inputs))
+        where = f"design {self.name}:"
+        measurable = (*self.plant_states, *self.integral_states, *self.model.measurable)
+        disturbances = (*DISTURBANCES, *self.model.disturbances)
+        _refuse_names(f"{where} unknown input", self.inputs, [*self.model.inputs])
+        _refuse_names(f"{where} unknown integrated output", self.integrals, self.model.measurable)
+        _refuse_names(f"{where} unknown actuator", [*self.actuators], self.inputs)
+        _refuse_names(f"{where} unknown weight of a state", [*self.state_weights], self.states)
+        _refuse_names(f"{where} unknown weight of an input", [*self.input_weights], self.inputs)
+        _refuse_names(f"{where} unknown sensor", [*self.sensors], measurable)
+        _refuse_names(f"{where} unknown disturbance", [*self.disturbances], disturbances)
+        for name, value in self.sensors.items():
+            refuse_unless_positive(f"{where} the noise of sensor {name}", value)
+        for name, value in self.disturbances.items():
+            refuse_unless_positive(f"{where} the intensity of disturbance {name}", value)
+        self._require_for_every_input(where, "weight", self.input_weights)
+        if self.shaping is not None:
+            self._check_shaping(where, self.shaping)
+
+    def _check_shaping(self, where: str, shaping: Shaping) -> None:
+        """BadInputError when a loop shaping names what the model or the design does not have, lacks
+        an actuator or a rate weight of an input, or has tables that do not fit its breakpoints.
+
+        where: how a message begins: "design NAME:"
+        """
+        following = shaping.following
+        measured = [*shaping.outputs]
+        _refuse_names(f"{where} unknown rate of an input", [*following.rates], self.inputs)
+        _refuse_names(f"{where} unknown weight of a state", [*following.states], self.model.linear)
+        _refuse_names(f"{where} unknown scheduled output", [*shaping.schedule], measured)
+        unmeasured = f"{where} unknown followed output, which must be measured"
+        _refuse_names(unmeasured, [*following.outputs], measured)
+        self._require_for_every_input(where, "actuator", self.actuators)
+        rate_weight = "weight in shaping.following.rates"
+        self._require_for_every_input(where, rate_weight, following.rates)
+        variable = self.model.schedule
+        for name, factors in shaping.schedule.items():
+            if len(factors) != len(shaping.breakpoints):
+                raise BadInputError(
+                    f"{where} shaping.schedule.{name} needs one factor for each {variable}"
+                )
+        increasing = bool(shaping.breakpoints) and np.all(np.diff(shaping.breakpoints) > 0.0)
+        if len(following.filter) != 2 or not increasing:
+            raise BadInputError(
+                f"{where} shaping.following.filter is a bandwidth and a damping,"
+                f" and the {variable}s increase"
+            )
+
+    def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
+        """BadInputError for an input that a table lacks."""
+        for name in self.inputs:
+            if name not in table:
+                raise BadInputError(f"{where} input {name} has no {what}; every input needs one")
+
+    @property
+    def plant_states(self) -> tuple[str, ...]:
+        """Those of the linear model, then actuator positions, actuator rates."""
+        moving = [name for name in self.inputs if name in self.actuators]
+        second = [name for name in moving if self.actuators[name].order == 2]
+        return (
+            *self.model.linear,
+            *(f"{name}_position" for name in moving),
+            *(f"{name}_rate" for name in second),
+        )
+
+    @property
+    def integral_states(self) -> tuple[str, ...]:
+        """Integrals of outputs."""
+        return tuple(f"{name}_integral" for name in self.integrals)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Those of the plant, integrals."""
+        return (*self.plant_states, *self.integral_states)
+
+
+def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) -> None:
+    """BadInputError for a name that is not among the choices, or given twice. unknown: "design
+    NAME: unknown sensor", say."""
+    for name in names:
+        refuse_unknown(unknown, name, choices)
+        if names.count(name) > 1:
+            what = unknown.replace(" unknown ", " ")
+            raise BadInputError(f"{what} {name} is named twice; name it once")
+
+
+def signal_unit(model: Model, name: str) -> str:
+    """ft/s of speed_estimate, ft/s^2 s of the integral of an acceleration; "" of a name that says
+    none."""
+    rest = re.sub(r"_lag_\d+$", "", name).removeprefix("model_")
+    if (known := model.part(rest)[0]) in model.signals:
+        return model.unit(known)
+    for end, times in _ENDS.items():
+        if rest.endswith(end):
+            unit = signal_unit(model, rest.removesuffix(end))
+            return re.sub(r"^(.*/.*)/s$", r"(\1)/s", f"{unit}{times}") if unit else ""
+    return ""
+
+
+_WEIGHTS = {str: Number(0.0, 1e100)}
+_POSITIVE = {str: POSITIVE}
+_FILE = {
+    "description": str,
+    "source": str,
+    "inputs": [str],
+    "integrals": [str],
+    "disturbance": None,
+    "delta": Number(0.0, above=True, infinite=True),
+    "actuators": {str: {each.name: NUMBER for each in fields(Actuator)}},
+    "weights": {"states": _WEIGHTS, "inputs": _WEIGHTS},
+    "sensors": _WEIGHTS,
+    "shaping": {
+        "factor": Number(1.0, above=True),
+        "schedule": {str: [POSITIVE]},
+        "inputs*": _POSITIVE,
+        "outputs*": {str: {"gain*": POSITIVE, "corner": Number(0.0), "lag": Number(0.0)}},
+        "following*": {
+            "outputs*": _POSITIVE,
+            "states": _WEIGHTS,
+            "rates*": _POSITIVE,
+            "filter": [POSITIVE],
+            "bandwidth": POSITIVE,
+        },
+    },
+}
+
+
+def load_design(name: str, model: Model) -> Design:
+    """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its
+    file, for a model.
+
+    inputs, integrals: lists of names
+    disturbance: where it enters, "states", "commands" or one of the model's, or the table
+        [disturbance] of several with their intensities
+    delta: a number, inf for none
+    [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness
+    [weights.states], [weights.inputs]: name = weight
+    [sensors]: output or state = its intensity
+    or [shaping]: factor, dihedrals (deg; speeds where the model is scheduled over speed)
+    [shaping.inputs], [shaping.outputs.NAME]: gain; gain, corner, lag
+    [shaping.schedule]: output = factors
+    [shaping.following]: filter, bandwidth, and by name outputs, states, rates
+    [newton.TABLE]: entries that replace those above for these equations
+
+    BadInputError names the file, the entry and the fault.
+    """
+    if model.native is not None:
+        raise BadInputError(
+            f"{name}: a design is in the units of the aircraft's declaration; leave --units si out"
+        )
+    return design_of(name, read_named("design", name, NAMED, "hfa_servo", {...: None}), model)
+
+
+def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
+    """The design of the entries of a file; BadInputError as `load_design`."""
+    breakpoints = f"{model.schedule}s"
+    form: dict[str, Any] = {**_FILE}
+    form["shaping"] = {**_FILE["shaping"], f"{breakpoints}*": [NUMBER]}  # type: ignore[dict-item]
+    variants = {key: data[key] for key in model.variants if key in data}
+    entries = {key: value for key, value in data.items() if key not in variants}
+    entries = checked(name, entries, form)
+    entering = entries.get("disturbance", "states")
+    if not isinstance(entering, dict):
+        entering = {checked(name, entering, str, "disturbance"): 1.0}
+    weights = entries.get("weights", {})
+    input_weights = weights.get("inputs", {})
+    sensors = entries.get("sensors", {})
+    shaping = _shaping_of(name, entries, breakpoints, model)
+    if shaping is not None:
+        input_weights = shaping.inputs
+        sensors = dict.fromkeys(shaping.outputs, 1.0)
+    changed = {}
+    for key, changes in variants.items():
+        merged = _merged(entries, checked(name, changes, {...: None}, key))
+        changed[key] = design_of(name, merged, model)
+    return Design(
+        name=name,
+        inputs=tuple(entries.get("inputs", ())),
+        integrals=tuple(entries.get("integrals", ())),
+        disturbances=checked(name, entering, _WEIGHTS, "disturbance"),
+        delta=entries.get("delta", math.inf),
+        actuators=_actuators_of(name, entries),
+        state_weights=weights.get("states", {}),
+        input_weights=input_weights,
+        sensors=sensors,
+        shaping=shaping,
+        variants=changed,
+        model=model,
+    )
+
+
+def _shaping_of(
+    name: str, entries: Mapping[str, Any], breakpoints: str, model: Model
+) -> Shaping | None:
+    """What [shaping] has, None without it. breakpoints: their key."""
+    if "shaping" not in entries:
+        return None
+    for game_entry in ("integrals", "disturbance", "delta", "weights", "sensors"):
+        if game_entry in entries:
+            raise BadInputError(
+                f"{name}: {game_entry} belongs to a game, [shaping] has none; leave one of them out"
+            )
+    table = dict(entries["shaping"])
+    values = [float(value) for value in table.pop(breakpoints)]
+    if model.schedule_unit == "deg":
+        values = [math.radians(value) for value in values]
+    table["breakpoints"] = tuple(values)
+    table["outputs"] = {key: OutputWeight(**weight) for key, weight in table["outputs"].items()}
+    table["following"] = Following(**table["following"])
+    return Shaping(**table)
+
+
+def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
+    """What [actuators.INPUT] has."""
+    actuators = {}
+    for key, numbers in entries.get("actuators", {}).items():
+        if numbers.get("order") in (1, 2):
+            numbers = numbers | {"order": int(numbers["order"])}
+        with said_of(f"{name}: actuators.{shortened(key)}"):
+            actuators[key] = Actuator(**numbers)
+    return actuators
+
+
+def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries of `whole` with those of `changes` in their place; tables are merged entry by
+    entry."""
+    merged = {**whole, **changes}
+    for key, change in changes.items():
+        if isinstance(whole.get(key), dict):
+            merged[key] = _merged(whole[key], change)
+    return merged

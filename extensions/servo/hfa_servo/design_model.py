@@ -1,0 +1,244 @@
+"""The design model: a linear model with actuators and integrals in one set of matrices, names
+kept."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controller.game.names import PlantNames
+from controller.game.zero_sum import Game
+from hfa_aircraft.model import Model
+from hfa_servo.design import Design, signal_unit
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.fields import Shown
+from trim.linear.linear_model import LinearModel, linearize
+from trim.point.operating_point import OperatingPoint
+
+#: Rows whose smallest singular value is below this, in units in which rows and columns have size 1,
+#: are dependent.
+RANK = 1e-10
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignModel(Shown):
+    """z' = A z + B u + E w,  y = C z + D u + noise,  of `design` about the operating point of
+    `model`.
+
+    design: what is designed
+    model: the linear model of the aircraft
+    A: (n, n)
+    B: (n, m)
+    E: (n, k), the columns of each disturbance times the root of its intensity
+    C: (p, n), of the sensors
+    D: (p, m), of the sensors
+
+    z are the states of the linear model, then actuator positions and rates, then integrals
+    (`states`). Units are those of the linear model; an integral has its output's times s.
+    """
+
+    design: Design
+    model: LinearModel
+    A: np.ndarray
+    B: np.ndarray
+    E: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of z, in order."""
+        return self.design.states
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the commands, in order."""
+        return self.design.inputs
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of y, in order."""
+        return tuple(self.design.sensors)
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Unit of each state, in order."""
+        return tuple(signal_unit(self.design.model, name) for name in self.states)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit of each input, in order."""
+        return self.design.model.units(self.inputs)
+
+    @property
+    def V(self) -> np.ndarray:
+        """Intensity of the noise of the sensors, (p, p)."""
+        return np.diag([float(value) for value in self.design.sensors.values()]).reshape(
+            2 * (len(self.sensors),)
+        )
+
+    def game(self) -> Game:
+        """J = ∫ z'Qz + u'Ru - δ² w'w with the weights of the design.
+
+        BadInputError when an integrated output cannot be brought to a value of choice and held
+        there, or the design has no game."""
+        if self.design.shaping is not None:
+            raise BadInputError(
+                f"design {self.design.name} is a loop shaping and has no game; make it with hfa"
+                " design"
+            )
+        self._check_integrals()
+        Q = np.diag([float(self.design.state_weights.get(name, 0.0)) for name in self.states])
+        R = np.diag([float(self.design.input_weights[name]) for name in self.inputs])
+        names = PlantNames(
+            self.states,
+            self.inputs,
+            self.state_units,
+            self.input_units,
+            f"design {self.design.name}",
+        )
+        return Game(A=self.A, B=self.B, E=self.E, Q=Q, R=R, delta=self.design.delta, names=names)
+
+    def _check_integrals(self) -> None:
+        """[A B; C D] of the integrated outputs has full row rank: without it the plant has a zero
+        at 0."""
+        names = self.design.integrals
+        plant = len(self.states) - len(names)
+        rows = np.hstack([self.A[:, :plant], self.B])
+        if not _full_rank(rows[:plant]):
+            return  # a mode of the plant itself at 0, which the solver names
+        for k, name in enumerate(names):
+            alone = _full_rank(rows[[*range(plant), plant + k]])
+            if not alone or not _full_rank(rows[: plant + k + 1]):
+                others = f" apart from {', '.join(names[:k])}" if alone else ""
+                why = f"no input moves it at rest{others} (a transmission zero at 0)"
+                raise BadInputError(f"integrated output {name}: {why}; leave it out of integrals")
+
+
+def design_model(model: Model, linear: LinearModel, design: Design) -> DesignModel:
+    """x' = A x + B a + E w,  actuators from commands to a,  e' and y = C x + D a + F w,  y also a
+    state of z.
+
+    linear: made of this model
+
+    BadInputError when an output is not one, or when a sensor sees a disturbance itself: its noise
+    must not depend on the disturbance.
+    """
+    design = design.of(model)
+    n = len(linear.states)
+    size = len(design.states)
+    watched = (*design.integrals, *design.sensors)
+    winds = tuple(name for name in design.disturbances if name in model.disturbances)
+    by_x, by_a, by_w, E_winds = watched_outputs(model, linear.point, watched, disturbances=winds)
+    A = np.zeros((size, size))
+    B = np.zeros((size, len(design.inputs)))
+    C = np.zeros((len(watched), size))
+    D = np.zeros((len(watched), len(design.inputs)))
+    A[:n, :n] = linear.A
+    C[:, :n] = by_x
+    for column, name in enumerate(design.inputs):
+        moved = linear.inputs.index(name)
+        if name in design.actuators:
+            position = design.states.index(f"{name}_position")
+            A[:n, position] = linear.B[:, moved]
+            C[:, position] = by_a[:, moved]
+            _add_actuator(A, B[:, column], design, name)
+        else:
+            B[:n, column] = linear.B[:, moved]
+            D[:, column] = by_a[:, moved]
+    E_of_winds = np.vstack([E_winds, np.zeros((size - n, len(winds)))])
+    k = len(design.integrals)
+    for row, name in enumerate(watched):
+        if row < k:
+            integral = size - k + row
+            A[integral] = C[row]
+            B[integral] = D[row]
+            E_of_winds[integral] = by_w[row]
+        elif name in design.states:
+            C[row, design.states.index(name)] = 1.0
+    _refuse_seen_disturbances(design, winds, D[k:], by_w[k:])
+    sources = {"states": np.eye(size, n), "commands": B}
+    for column, name in enumerate(winds):
+        sources[name] = E_of_winds[:, column : column + 1]
+    E = np.hstack(
+        [math.sqrt(intensity) * sources[name] for name, intensity in design.disturbances.items()]
+    )
+    return DesignModel(design, linear, A, B, E, C[k:], D[k:])
+
+
+def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> None:
+    """Write the rows of the actuator of an input into A, and into b, the column of its command."""
+    actuator = design.actuators[name]
+    position = design.states.index(f"{name}_position")
+    stiffness = actuator.bandwidth**actuator.order
+    last = position
+    if actuator.order == 2:
+        last = design.states.index(f"{name}_rate")
+        A[position, last] = 1.0
+        A[last, last] = -2 * actuator.damping * actuator.bandwidth
+    A[last, position] = -stiffness
+    b[last] = stiffness * actuator.effectiveness
+
+
+def _refuse_seen_disturbances(
+    design: Design, winds: tuple[str, ...], by_commands: np.ndarray, by_winds: np.ndarray
+) -> None:
+    """BadInputError when a sensor sees a disturbance itself.
+
+    by_commands: (p, m), of the sensors by the commands
+    by_winds: (p, len(winds)), of the sensors by the disturbances of the model
+    """
+    columns = {"commands": by_commands}
+    for column, name in enumerate(winds):
+        columns[name] = by_winds[:, column : column + 1]
+    for source in design.disturbances:
+        if source not in columns:
+            continue
+        for sensor, row in zip(design.sensors, columns[source], strict=True):
+            if np.any(row):
+                why = f"sensor {sensor} sees the {source} itself"
+                raise BadInputError(f"design {design.name}: {why}; measure a state instead")
+
+
+def watched_outputs(
+    model: Model, point: OperatingPoint, names: tuple[str, ...], **winds: Any
+) -> tuple[np.ndarray, ...]:
+    """C, D, F of the named outputs and parts of outputs (`Model.measurable`), rows of zeros for
+    other names, and E.
+
+    winds: of `linearize`
+    """
+    parts = [model.part(name) for name in names]
+    measurable = (model.part(name)[0] for name in names if name in model.measurable)
+    linear = linearize(model, point, outputs=tuple(dict.fromkeys(measurable)), **winds)
+    C = np.zeros((len(names), linear.C.shape[1]))
+    D = np.zeros((len(names), linear.D.shape[1]))
+    F = np.zeros((len(names), linear.F.shape[1]))
+    for row, (output, states) in enumerate(parts):
+        if output in linear.outputs:
+            source = linear.outputs.index(output)
+            C[row] = linear.C[source]
+            D[row] = linear.D[source]
+            F[row] = linear.F[source]
+            C[row, [state not in states for state in model.linear]] = 0.0
+    return C, D, F, linear.E
+
+
+def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+    """(rows, columns), 1 where both have one name, else 0."""
+    entries = [[float(row == column) for column in columns] for row in rows]
+    return np.array(entries).reshape(len(rows), len(columns))
+
+
+def _full_rank(rows: np.ndarray) -> bool:
+    """Whether the rows are independent by more than rounding, whatever the units of rows and
+    columns."""
+    scaled = rows.copy()
+    for axis in (1, 0, 1, 0, 1):
+        size = np.linalg.norm(scaled, axis=axis, keepdims=True)
+        scaled = scaled / np.where(size > 0.0, size, 1.0)
+    return bool(len(rows) <= rows.shape[1] and np.linalg.svd(scaled, compute_uv=False)[-1] > RANK)

@@ -1,0 +1,379 @@
+"""A controller scheduled on the measured scheduling variable of a model, the dihedral of the HFA:
+the value that a design makes, a file keeps, a flight flies.
+
+Files are .npz, which is read again, and .mat for other tools.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.game.array_file import read_arrays
+from controller.game.gain_schedule import GainSchedule, load_gain_schedule
+from hfa_aircraft.model import Model
+from hfa_servo.design import signal_unit
+from hfa_support.errors import BadInputError, said_of, shown
+from hfa_support.jsonable import jsonable
+from hfa_support.linear_table import LinearTable
+from hfa_support.provenance import parameter_hash
+from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.data_files import save_data
+from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, shown_value
+from hfa_support.schema import NUMBER, POSITIVE, checked
+
+#: What a controller may be told of a command r: its value, its rate, and the value that the filter
+#: goes to.
+COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")
+#: Values closer than this to the ends of the range, in units of the range and of its values, are
+#: inside.
+_AT_THE_END = 1e-9
+SCHEMA = "hfa.controller/1"
+DESIGN_SCHEMA = "hfa.controller-design/1"
+#: Formats that a controller is written in.
+SUFFIXES = (".npz", ".mat")
+_ARRAYS = ("breakpoints", "A", "B", "C", "D", "W", "trim_states", "trim_inputs", "command_filter")
+_NAMES = ("states", "measurements", "commands", "inputs")
+_TEXTS = ("name", "feedback", "dynamics", "parameters")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScheduledController(ByValue, Reported):
+    """x' = A(η) x + B(η) y + W(η) (u_applied - u),   u = C(η) x + D(η) y,   U_command = U0 + u,
+    x(0) = 0.
+
+    η is the measured scheduling variable of `model`; every matrix is linear in it between
+    `breakpoints` and constant beyond the ends. y = [measured; commanded], as deviations from the
+    trim X0, U0 in which the flight begins. u_applied: u after the limits, u itself without any.
+
+    name: of its design
+    feedback: "state" or "output"
+    breakpoints: (N,), values of η, radians for angles, increasing
+    A: (N, n, n)
+    B: (N, n, p)
+    C: (N, m, n)
+    D: (N, m, p)
+    W: (N, n, m)
+    states: names of x, (n,)
+    measurements: states, outputs or parts of them and, as INPUT_position and INPUT_rate, those of
+        the actuators
+    commands: OUTPUT_command r, OUTPUT_command_rate r', OUTPUT_command_end, the value that the
+        command filter is on its way to; the controller itself integrates measured minus commanded
+    inputs: names of u, (m,); the others stay at U0
+    trim_states, trim_inputs: (N, all of the model's), trims at the breakpoints
+    dynamics, parameters: the model's name and the `parameter_hash` of its values
+    command_filter: bandwidth (rad/s) and damping of the filter that the controller knows, or ()
+    about: the table of its design, provenance
+    model: whose names these are
+
+    BadInputError when a shape, an order or a name is wrong.
+    """
+
+    name: str
+    feedback: str
+    breakpoints: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    W: np.ndarray
+    states: tuple[str, ...]
+    measurements: tuple[str, ...]
+    commands: tuple[str, ...]
+    inputs: tuple[str, ...]
+    trim_states: np.ndarray
+    trim_inputs: np.ndarray
+    dynamics: str
+    parameters: str
+    command_filter: tuple[float, ...] = ()
+    about: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    model: Model = field(kw_only=True, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check once what every flight relies on."""
+        where = f"controller {self.name}:"
+        self._check_names(where)
+        self._check_arrays(where)
+        if not self.name.isprintable():
+            raise BadInputError(
+                f"the name of a controller is {shown(self.name)}; give letters on one line"
+            )
+        for name in self.states:
+            if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
+                raise BadInputError(
+                    f"{where} a state is called {shown(name)}; give letters, digits and _ as in C"
+                )
+        if len({name.upper() for name in self.states}) < len(self.states):
+            raise BadInputError(f"{where} two states have one name; give each its own")
+
+    def _check_names(self, where: str) -> None:
+        """BadInputError for a measurement, a command or an input that the model does not have."""
+        model = self.model
+        moved = {f"{name}_{what}" for name in model.inputs for what in ("position", "rate")}
+        followed = {f"{name}{end}" for name in model.measurable for end in COMMAND_SIGNALS}
+        choices = {
+            "measurement": (self.measurements, {*model.measurable} | moved),
+            "command": (self.commands, followed),
+            "input": (self.inputs, {*model.inputs}),
+        }
+        for what, (names, known) in choices.items():
+            for name in names:
+                if name not in known:
+                    raise BadInputError(f"{where} unknown {what} {shown(name)}")
+
+    def _check_arrays(self, where: str) -> None:
+        """BadInputError for a wrong shape or order, or a number that is not finite."""
+        count = len(self.breakpoints)
+        n = len(self.states)
+        m = len(self.inputs)
+        p = len(self.measurements) + len(self.commands)
+        shapes = {
+            "breakpoints": (count,),
+            "A": (count, n, n),
+            "B": (count, n, p),
+            "C": (count, m, n),
+            "D": (count, m, p),
+            "W": (count, n, m),
+            "trim_states": (count, len(self.model.states)),
+            "trim_inputs": (count, len(self.model.inputs)),
+        }
+        for name, shape in shapes.items():
+            values = getattr(self, name)
+            if np.shape(values) != shape:
+                raise BadInputError(f"{where} {name} is {np.shape(values)}; it must be {shape}")
+            if not np.all(np.isfinite(values)):
+                raise BadInputError(f"{where} {name} has a number that is not finite")
+        positive = all(0.0 < number < np.inf for number in self.command_filter)
+        if len(self.command_filter) not in (0, 2) or not positive:
+            raise BadInputError(
+                f"{where} command_filter must be a bandwidth and a damping, both positive, or empty"
+            )
+        if count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
+            raise BadInputError(
+                f"{where} {self.model.schedule}s must increase, from at least one on"
+            )
+
+    def at(self, eta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A, B, C, D at η."""
+        A, B, C, D = (
+            LinearTable(self.breakpoints, stack).at(eta)
+            for stack in (self.A, self.B, self.C, self.D)
+        )
+        return A, B, C, D
+
+    def gain_schedule(self) -> GainSchedule | None:
+        """The gains of a controller that is u = -K(η) x of the states of the linear model, without
+        memory and commands; None of another."""
+        if self.states or self.commands or self.measurements != self.model.linear:
+            return None
+        gains = np.zeros((len(self.breakpoints), len(self.model.inputs), len(self.model.linear)))
+        rows = [list(self.model.inputs).index(name) for name in self.inputs]
+        gains[:, rows] = -self.D
+        return GainSchedule(self.breakpoints, gains, self.model)
+
+    def refuse_other(self, model: Model, lowest: float, highest: float) -> None:
+        """BadInputError when it was made for another model, or lowest to highest leaves its
+        breakpoints."""
+        if model.name != self.dynamics:
+            choose = ""
+            if self.dynamics in model.variants:
+                choose = f", or choose --dynamics {self.dynamics}"
+            raise BadInputError(
+                f"controller {self.name} was designed for {self.called}, the aircraft has"
+                f" {model.title}; design it for them{choose}"
+            )
+        if identity(model) != self.parameters:
+            raise BadInputError(
+                f"controller {self.name} was designed for an aircraft with other parameters"
+                f" ({self.parameters}); design it for this one"
+            )
+        first = float(self.breakpoints[0])
+        last = float(self.breakpoints[-1])
+        if min(lowest - first, last - highest) < -_AT_THE_END * max(1.0, abs(first), abs(last)):
+            raise BadInputError(
+                f"controller {self.name} covers {model.schedule} {self._between(first, last)};"
+                f" {self._between(lowest, highest)} is asked for: design it for these values"
+            )
+
+    def _between(self, first: float, last: float) -> str:
+        """5 to 20 deg."""
+        schedule = self.model.schedule
+        lowest = shown_value(first, self.model.unit(schedule))
+        return f"{lowest} to {self.model.describe(schedule, last)}"
+
+    @property
+    def called(self) -> str:
+        """The model that it was made for."""
+        if self.dynamics in self.model.variants:
+            return f"{self.dynamics} dynamics"
+        return self.dynamics
+
+    def report(self) -> Report:
+        """The table of `about`: delta, delta_min or gamma_min of each angle, certificate."""
+        rows = self.about.get("angles", [])
+        limit = "delta_min" if any("delta_min" in row for row in rows) else "gamma_min"
+        by = self.model.schedule
+        cells = []
+        for row in rows:
+            value = shown_value(row[by], self.model.unit(by))
+            verdict = verdict_text(all(check["ok"] for check in row["checks"]))
+            cells.append((value, f"{row.get(limit, np.nan):.6g}", verdict))
+        table = Table((by, limit, "certificate"), cells)
+        title = (
+            f"Controller {self.name}: {self.feedback} feedback, {len(self.states)} states,"
+            f" {self._where()}, {self.called}"
+        )
+        return Report(title, (self._summary(limit), table), data=self._data())
+
+    def _where(self) -> str:
+        """At how many breakpoints, from where to where."""
+        first = float(self.breakpoints[0])
+        last = float(self.breakpoints[-1])
+        if len(self.breakpoints) == 1:
+            return f"at {self.model.describe(self.model.schedule, first)}"
+        kind = "angles" if self.model.schedule_unit == "deg" else "places"
+        return f"{len(self.breakpoints)} {kind} from {self._between(first, last)}"
+
+    def _summary(self, limit: str) -> str:
+        """Delta of a game, what is measured, moved and commanded."""
+        parts = []
+        if limit == "delta_min":
+            delta = self.about.get("delta")
+            parts.append(f"delta {'inf' if delta is None else format(delta, 'g')}")
+        parts.append(f"measured: {', '.join(self.measurements)}")
+        parts.append(f"moved: {', '.join(self.inputs)}")
+        if self.commands:
+            parts.append(f"told: {', '.join(self.commands)}")
+        if self.command_filter:
+            bandwidth, damping = self.command_filter
+            parts.append(f"of a command filter of {bandwidth:g} rad/s, damping {damping:g}")
+        return "; ".join(parts)
+
+    def _data(self) -> dict[str, Any]:
+        """What JSON has: the file but for name and trims, and the units of its signals."""
+        data: dict[str, Any] = jsonable(_stored(self))
+        for key in ("name", "trim_states", "trim_inputs"):
+            del data[key]
+        signals = (*self.measurements, *self.commands)
+        for kind, names in {"signal": signals, "state": self.states, "input": self.inputs}.items():
+            data[f"{kind}_units"] = [signal_unit(self.model, name) for name in names]
+        return data | {
+            "schema": DESIGN_SCHEMA,
+            "design": self.name,
+            "schedule": self.model.schedule,
+            "delta": self.about.get("delta"),
+            "angles": list(self.about.get("angles", [])),
+        }
+
+
+def identity(model: Model) -> str:
+    """The hash of a model's parameters."""
+    return parameter_hash(model.layout.record("p", model.p.tolist()))
+
+
+def _key(model: Model) -> str:
+    """What files and data call the values of the scheduling variable."""
+    return "dihedrals" if model.schedule == "dihedral" else "places"
+
+
+def _stored(controller: ScheduledController) -> dict[str, Any]:
+    """The arrays, names and texts of a controller by the keys that files and data have."""
+    content: dict[str, Any] = {key: getattr(controller, key) for key in _TEXTS}
+    content |= {key: list(getattr(controller, key)) for key in _NAMES}
+    for key in _ARRAYS:
+        stored_key = _key(controller.model) if key == "breakpoints" else key
+        content[stored_key] = np.array(getattr(controller, key), dtype=float)
+    return content
+
+
+def save_controller(path: str | Path, controller: ScheduledController) -> None:
+    """Write .npz, stacks (N, rows, columns) as in Python, or .mat, stacks (rows, columns, N); whole
+    or not at all.
+
+    Names are arrays of text (.mat: cells); `about` is JSON text. BadInputError for another suffix
+    or folder."""
+    target = Path(path)
+    if target.suffix.lower() not in SUFFIXES:
+        raise BadInputError(
+            f"{path}: a controller is written as {' or '.join(SUFFIXES)}; choose one of them"
+        )
+    about = json.dumps(jsonable(controller.about))
+    save_data(target, {"schema": SCHEMA, "about": about, **_stored(controller)}, Table((), ()))
+
+
+def load_controller(path: str | Path, model: Model) -> ScheduledController:
+    """The controller in a .npz file of `save_controller`, in the names of a model. BadInputError
+    names the file and its fault."""
+    if model.native is not None:
+        raise BadInputError(
+            f"{path}: a controller is in the units of the aircraft's declaration; "
+            "leave --units si out"
+        )
+    if Path(path).suffix.lower() != ".npz":
+        raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")
+    content = read_arrays(path)
+    if not _is_controller(content):
+        raise BadInputError(
+            f"{path}: this is no controller file ({SCHEMA}); make one with hfa design -o"
+        )
+    try:
+        with said_of(path):
+            return _controller_of(content, model)
+    except BadInputError:
+        raise
+    except KeyError as error:
+        raise BadInputError(
+            f"{path}: {error.args[0]} is missing; make the file anew with hfa design -o"
+        ) from error
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        raise BadInputError(
+            f"{path}: its content is damaged ({error}); make the file anew"
+        ) from error
+
+
+def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | GainSchedule:
+    """What a file has: a controller, or a schedule of gains; a controller that is u = -K(η) x of
+    the states of the linear model is a schedule too. BadInputError as of `load_controller` and
+    `load_gain_schedule`."""
+    if path.suffix.lower() == ".npz" and _is_controller(read_arrays(path)):
+        controller = load_controller(path, model)
+        return controller.gain_schedule() or controller
+    return load_gain_schedule(path, model)
+
+
+def _is_controller(content: Mapping[str, Any]) -> bool:
+    """Whether arrays that were read are those of `save_controller`."""
+    return str(content.get("schema", "")) == SCHEMA
+
+
+def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledController:
+    """The controller of the arrays of a file."""
+    texts: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
+    if texts["dynamics"] not in (model.name, *model.variants):
+        raise BadInputError(
+            f"the controller was made for {texts['dynamics']}, not for {model.title}"
+        )
+    names: dict[str, Any] = {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
+    arrays: dict[str, Any] = {}
+    for key in _ARRAYS:
+        stored_key = _key(model) if key == "breakpoints" else key
+        arrays[key] = np.asarray(content[stored_key], dtype=float)
+    arrays["command_filter"] = tuple(arrays["command_filter"].ravel().tolist())
+    about = json.loads(str(content["about"]))
+    about = {key: value for key, value in about.items() if value is not None}
+    row = {
+        f"{model.schedule}*": NUMBER,
+        "delta_min": NUMBER,
+        "gamma_min": NUMBER,
+        "checks*": [{"ok*": None, ...: None}],
+    }
+    about = checked("its content", about, {"delta": POSITIVE, "angles": [row], ...: None})
+    return ScheduledController(**texts, **names, **arrays, about=about, model=model)

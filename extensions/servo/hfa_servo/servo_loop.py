@@ -1,0 +1,282 @@
+"""A controller on a plant with actuators of choice: the closed loop, its poles, and its margins,
+one loop at a time."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.riccati.balancing import spectrum
+from controller.riccati.frequency_response import frequency_grid
+from controller.riccati.margins import (
+    LoopMargin,
+    margin_of,
+    shifted_sensitivity,
+    single_margin,
+    stable_poles,
+)
+from hfa_aircraft.model import Model
+from hfa_servo.design import Actuator, Design
+from hfa_servo.design_model import DesignModel, design_model
+from hfa_servo.scheduled_controller import ScheduledController
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.checks import Check, Checked, below, checks_block
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, shown_value
+from trim.linear.linear_model import LinearModel, level_model
+
+#: Of the actuators behind which margins are computed.
+ORDERS = (1, 2)
+#: Frequencies of the grid in a decade, enough to follow the loops of all inputs.
+PER_DECADE = 200
+#: rad/s; slower modes do not extend the grid.
+SLOWEST = 1e-3
+TOGETHER = "all inputs"
+
+
+@dataclass(frozen=True, eq=False)
+class ServoLoop:
+    """x' = A x + B u, y = C x of the plant with x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y; the
+    commands are at rest."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    Ak: np.ndarray
+    Bk: np.ndarray
+    Ck: np.ndarray
+    Dk: np.ndarray
+
+    @property
+    def closed(self) -> np.ndarray:
+        """The matrix of [x; x_c] with the loop closed; NoSolutionError where its numbers
+        overflow."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            by_plant = np.vstack([self.A + self.B @ self.Dk @ self.C, self.Bk @ self.C])
+            matrix = np.hstack([by_plant, np.vstack([self.B @ self.Ck, self.Ak])])
+        if not np.isfinite(matrix).all():
+            raise NoSolutionError("the closed loop overflows; check the actuators and the weights")
+        return matrix
+
+    @property
+    def abscissa(self) -> float:
+        """Largest real part of a pole of the closed loop, 1/s."""
+        return spectrum(self.closed).abscissa
+
+
+def servo_plant(
+    model: Model,
+    linear: LinearModel,
+    controller: ScheduledController,
+    actuators: Mapping[str, Actuator],
+) -> DesignModel:
+    """The linear model with these actuators, its sensors the measurements of the controller."""
+    loop = Design(
+        "loop",
+        controller.inputs,
+        actuators,
+        sensors=dict.fromkeys(controller.measurements, 1.0),
+        input_weights=dict.fromkeys(controller.inputs, 1.0),
+        model=controller.model,
+    )
+    return design_model(model, linear, loop)
+
+
+def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop:
+    """The controller where the plant is. Where inputs move a measured output at once, that path is
+    closed."""
+    Ak, Bk, Ck, Dk = controller.at(plant.model.point.values[controller.model.schedule])
+    measured = len(controller.measurements)
+    Bk = Bk[:, :measured]
+    Dk = Dk[:, :measured]
+    if np.any(plant.D):  # u = Ck x_c + Dk (C x + D u)
+        closing = np.linalg.inv(np.eye(len(Dk)) - Dk @ plant.D)
+        Ck = closing @ Ck
+        Dk = closing @ Dk
+        Ak = Ak + Bk @ plant.D @ Ck
+        Bk = Bk @ (np.eye(measured) + plant.D @ Dk)
+    return ServoLoop(plant.A, plant.B, plant.C, Ak, Bk, Ck, Dk)
+
+
+def servo_margins(
+    loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, ...]
+) -> dict[str, LoopMargin]:
+    """Of every input and every sensor while all other loops stay closed, and of all inputs: the
+    same factor, phase or delay in each. NoSolutionError when the loop is unstable."""
+    closed = loop.closed
+    own_modes = [np.linalg.eigvals(loop.A), np.linalg.eigvals(loop.Ak)]
+    poles = np.concatenate([stable_poles(closed), *own_modes])
+    grid = frequency_grid(poles[np.abs(poles) > SLOWEST], PER_DECADE)
+    nk = len(loop.Ak)
+    commands_of = np.hstack([loop.Dk @ loop.C, loop.Ck])
+    by_commands = np.vstack([loop.B, np.zeros((nk, loop.B.shape[1]))])
+    outputs_of = np.hstack([loop.C, np.zeros((len(loop.C), nk))])
+    by_outputs = np.vstack([loop.B @ loop.Dk, loop.Bk])
+    at_inputs = shifted_sensitivity(closed, by_commands, commands_of)
+    at_sensors = shifted_sensitivity(closed, by_outputs, outputs_of)
+    margins = {}
+    for index, name in enumerate(inputs):
+        margins[name] = single_margin(at_inputs, index, grid)
+    for index, name in enumerate(sensors):
+        margins[name] = single_margin(at_sensors, index, grid)
+    margins[TOGETHER] = margin_of(lambda omega: np.linalg.eigvals(at_inputs(omega)), grid)
+    return margins
+
+
+class LoopRow(NamedTuple):
+    """The loop at one scheduling value, behind the actuator of each input.
+
+    scheduled_at: the value
+    abscissa: 1/s
+    loops: name of the loop -> its margins, none where unstable
+    """
+
+    scheduled_at: float
+    actuators: tuple[Actuator, ...]
+    abscissa: float
+    loops: dict[str, LoopMargin]
+
+    @property
+    def text(self) -> str:
+        """The actuators, for a person."""
+        kinds = [f"order {acting.order}, {acting.bandwidth:g} rad/s" for acting in self.actuators]
+        return " and ".join(dict.fromkeys(kinds)) or "none"
+
+
+class _Cell(NamedTuple):
+    """A margin, and where it is."""
+
+    margin: LoopMargin
+    where: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MarginTable(Checked, Reported):
+    """The margins of a controller at many scheduling values, behind many actuators."""
+
+    controller: ScheduledController
+    rows: tuple[LoopRow, ...]
+
+    @property
+    def single(self) -> tuple[LoopMargin, ...]:
+        """Of every loop that is opened alone, in every row."""
+        return tuple(
+            margin for row in self.rows for name, margin in row.loops.items() if name != TOGETHER
+        )
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every loop is stable."""
+        worst = max(self.rows, key=lambda row: row.abscissa)
+        unstable = sum(row.abscissa >= 0.0 for row in self.rows)
+        reason = (
+            f"unstable in {unstable} of {len(self.rows)} loops, worst at {self._where(worst)},"
+            f" {worst.text}"
+        )
+        return (below("largest_abscissa", worst.abscissa, 0.0, reason),)
+
+    def _where(self, row: LoopRow) -> str:
+        """5 deg."""
+        model = self.controller.model
+        return model.describe(model.schedule, row.scheduled_at)
+
+    def report(self) -> Report:
+        """The verdict, and the smallest margins of each loop and of each scheduling value."""
+        model = self.controller.model
+        by_loop: dict[tuple[str, ...], list[_Cell]] = {}
+        by_value: dict[tuple[str, ...], list[_Cell]] = {}
+        for row in self.rows:
+            value = shown_value(row.scheduled_at, model.unit(model.schedule))
+            for name, margin in row.loops.items():
+                by_loop.setdefault((row.text, name), []).append(_Cell(margin, self._where(row)))
+                if name != TOGETHER:
+                    cell = _Cell(margin, f"{name}, {row.text}")
+                    by_value.setdefault((value,), []).append(cell)
+        tables = []
+        if by_loop:
+            tables.append(_smallest_table(("actuators", "loop"), by_loop))
+        if by_value:
+            tables.append(_smallest_table((model.schedule,), by_value))
+        stable = sum(row.abscissa < 0.0 for row in self.rows)
+        verdict = f"{'PASS' if self.ok else 'FAIL'}, {stable} of {len(self.rows)} loops stable"
+        title = f"Margins of controller {self.controller.name}, {self.controller.called}: {verdict}"
+        return Report(title, (*tables, checks_block(self.checks)), data=self.to_dict())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON: angles in rad, delays in s."""
+        by = self.controller.model.schedule
+        rows = []
+        for row in self.rows:
+            loops = [
+                {
+                    "loop": name,
+                    "gain": margin.gain,
+                    "phase": margin.phase,
+                    "crossover": margin.crossover,
+                    "delay": margin.delay,
+                }
+                for name, margin in row.loops.items()
+            ]
+            actuators = [dict(vars(acting)) for acting in row.actuators]
+            rows.append(
+                {
+                    by: row.scheduled_at,
+                    "abscissa": row.abscissa,
+                    "actuators": actuators,
+                    "loops": loops,
+                }
+            )
+        return {"ok": self.ok, "rows": rows, "checks": [check.to_dict() for check in self.checks]}
+
+
+def _smallest_table(
+    names: tuple[str, ...], cells_by_name: Mapping[tuple[str, ...], list[_Cell]]
+) -> Table:
+    """A row each: the smallest gain, phase and delay margin, and where gain and phase are."""
+    rows = []
+    for words, cells in cells_by_name.items():
+        gain = min(cells, key=lambda cell: cell.margin.gain)
+        phase = min(cells, key=lambda cell: cell.margin.phase)
+        delay = min(cell.margin.delay for cell in cells)
+        row = [*words, f"{gain.margin.gain:.1f}", gain.where]
+        row += [f"{phase.margin.phase:.0f}", f"{phase.margin.crossover:.3g}", phase.where]
+        rows.append((*row, f"{1e3 * delay:.0f}"))
+    return Table((*names, "gain dB", "at", "phase deg", "rad/s", "at", "delay ms"), rows)
+
+
+def check_margins(
+    model: Model,
+    controller: ScheduledController,
+    scheduling_values: np.ndarray,
+    bandwidths: Sequence[float],
+    *,
+    progress: Progress | None = None,
+) -> MarginTable:
+    """Margins about the trims at `scheduling_values` (N,), behind actuators of both orders and
+    these bandwidths (rad/s), alike in all inputs; without any where `bandwidths` is empty.
+
+    BadInputError when the controller is for another model or for other scheduling values.
+    """
+    lowest = float(scheduling_values.min())
+    controller.refuse_other(model, lowest, float(scheduling_values.max()))
+    inputs = controller.inputs
+    measured = controller.measurements
+    rates_measured = {f"{name}_rate" for name in inputs} & {*measured}
+    orders = ORDERS[1:] if rates_measured else ORDERS
+    banks: list[dict[str, Actuator]] = [
+        dict.fromkeys(inputs, Actuator(order, bandwidth))
+        for order, bandwidth in itertools.product(orders, bandwidths)
+    ]
+    rows = []
+    for value in told(scheduling_values.tolist(), progress):
+        linear = level_model(model, value)
+        for actuators in banks or [{}]:
+            loop = servo_loop(servo_plant(model, linear, controller, actuators), controller)
+            margins = servo_margins(loop, inputs, measured) if loop.abscissa < 0.0 else {}
+            rows.append(LoopRow(value, tuple(actuators.values()), loop.abscissa, margins))
+    return MarginTable(controller, tuple(rows))

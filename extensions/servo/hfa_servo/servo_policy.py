@@ -1,0 +1,178 @@
+"""A scheduled controller in flight: its matrices at the measured scheduling variable, its
+measurements, commands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.flight_history import Flight
+from hfa_flight.policies import Measurements, Policy
+from hfa_flight.signals import CommandSteps
+from hfa_servo.measured_outputs import MeasuredOutputs
+from hfa_servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController
+from hfa_servo.tracked import tracked
+from hfa_support.errors import refuse_unknown
+from hfa_support.linear_table import LinearTable
+from trim.point.operating_point import OperatingPoint
+
+_MATRICES = ("A", "B", "C", "D", "W")
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ServoPolicy(Policy):
+    """x' = A(η) x + B(η) y + W(η) (u_applied - u),  u = C(η) x + D(η) y,  η the measured scheduling
+    state, x the memory.
+
+    controller: whose matrices these are
+    commands: what its outputs are to follow: `CommandSteps`, or another value with its names, at,
+        rate and end
+    outputs: what it measures: `MeasuredOutputs`, or another value with its at
+    regulated: the commanded outputs
+    scheduled_at: η of the trim in which the flight begins
+    """
+
+    controller: ScheduledController
+    commands: Any
+    outputs: Any
+    regulated: MeasuredOutputs
+    scheduled_at: float
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """u of the controller's inputs; 0, the trim, of the others."""
+        _, _, C, D, _ = self._matrices(measurements)
+        u = ca.mtimes(C, memory) + ca.mtimes(D, self._inputs(t, measurements))
+        return ca.mtimes(ca.DM(self._chosen), u)
+
+    def memory_rate(
+        self,
+        t: ca.SX,
+        measurements: Measurements,
+        memory: ca.SX,
+        held: ca.SX,
+        applied: ca.SX,
+    ) -> ca.SX:
+        """The rate of the states x of the controller."""
+        A, B, _, _, W = self._matrices(measurements)
+        rate = ca.mtimes(A, memory) + ca.mtimes(B, self._inputs(t, measurements))
+        if not self.controller.W.any():
+            return rate
+        missed = applied - self.control(t, measurements, memory, held)
+        return rate + ca.mtimes(W, ca.mtimes(ca.DM(self._chosen.T), missed))
+
+    def tracking_errors(self, flight: Flight) -> dict[str, dict[str, Any]]:
+        """Of the commanded outputs."""
+        if not isinstance(self.commands, CommandSteps):
+            return {}
+        return {
+            output.name: {
+                "rms_error": output.rms,
+                "largest_error": output.largest,
+                "unit": output.unit,
+            }
+            for output in tracked(flight, self.regulated, self.commands)
+        }
+
+    def _inputs(self, t: ca.SX, measurements: Measurements) -> ca.SX:
+        """[measured; commands]; an output without a command is commanded to stay at its trim."""
+        values = dict(
+            zip(
+                COMMAND_SIGNALS,
+                (self.commands.at(t), self.commands.rate(t), self.commands.end(t)),
+                strict=True,
+            )
+        )
+        rows = [self.outputs.at(measurements)]
+        for name in self.controller.commands:
+            suffix = next(end for end in reversed(COMMAND_SIGNALS) if name.endswith(end))
+            output = name.removesuffix(suffix)
+            if output in self.commands.names:
+                rows.append(values[suffix][self.commands.names.index(output)])
+            else:
+                rows.append(ca.SX(0))
+        return ca.vertcat(*rows)
+
+    def _matrices(self, measurements: Measurements) -> tuple[ca.SX, ...]:
+        """A, B, C, D, W at the measured η."""
+        model = self.regulated.model
+        deviation = measurements.states[model.linear.index(model.schedule)]
+        return self._table.at(self.scheduled_at + deviation)
+
+    @property
+    def _chosen(self) -> np.ndarray:
+        """(m, l): the controller's inputs among all."""
+        inputs = self.regulated.model.inputs
+        return np.array(
+            [[float(name == moved) for moved in self.controller.inputs] for name in inputs]
+        )
+
+    @cached_property
+    def _table(self) -> MatrixTables:
+        stacks = [getattr(self.controller, name) for name in _MATRICES]
+        return MatrixTables(self.controller.breakpoints, stacks)
+
+
+class MatrixTables:
+    """Matrices (N, rows, columns) each, linear between breakpoints: one CasADi function, which is
+    called and not written out."""
+
+    def __init__(self, breakpoints: np.ndarray, stacks: Sequence[np.ndarray]) -> None:
+        self._shapes = [stack.shape[1:] for stack in stacks]
+        flat = np.hstack([stack.transpose(0, 2, 1).reshape(len(stack), -1) for stack in stacks])
+        eta = ca.SX.sym("eta")
+        values = ca.densify(LinearTable(breakpoints, flat).expression(eta))
+        self._function = ca.Function("table", [eta], [values], {"never_inline": True})
+
+    def at(self, eta: ca.SX) -> tuple[ca.SX, ...]:
+        """Each matrix at a value of the scheduling variable."""
+        ends = np.cumsum([0, *(rows * columns for rows, columns in self._shapes)]).tolist()
+        parts = ca.vertsplit(self._function(eta), ends)
+        return tuple(
+            ca.reshape(part, *shape) for part, shape in zip(parts, self._shapes, strict=True)
+        )
+
+
+def servo_policy(
+    controller: ScheduledController, commands: CommandSteps, model: Model, point: OperatingPoint
+) -> ServoPolicy:
+    """The controller about a trim of the model that it was made for, following commands.
+
+    Its `fastest` is that of the controller alone: an estimator's mode, which the loop hardly moves;
+    a gain without memory has none. BadInputError when it was made for another model or other
+    values of the scheduling variable, or is not told of a commanded output.
+    """
+    followed = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
+    for name in commands.names:
+        refuse_unknown(f"controller {controller.name} follows no command of", name, followed)
+    start = point.values[model.schedule]
+    commanded = commands.values[:, np.array(commands.names) == model.schedule]
+    reached = np.append(start + commanded, start)
+    if len(controller.breakpoints) == 1:  # not scheduled: flown as it is everywhere
+        reached = controller.breakpoints
+    controller.refuse_other(model, float(reached.min()), float(reached.max()))
+    identity = {
+        "controller": {name: getattr(controller, name) for name in ("breakpoints", *_MATRICES)},
+        "commands": {
+            "names": list(commands.names),
+            "times": commands.times,
+            "values": commands.values,
+            "filter": [commands.bandwidth, commands.damping],
+        },
+    }
+    return ServoPolicy(
+        controller.name,
+        start=np.zeros(len(controller.states)),
+        identity=identity,
+        fastest=float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)),
+        controller=controller,
+        commands=commands,
+        outputs=MeasuredOutputs(model, point, controller.measurements),
+        regulated=MeasuredOutputs(model, point, commands.names),
+        scheduled_at=start,
+    )

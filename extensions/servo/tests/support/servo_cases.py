@@ -1,0 +1,25 @@
+"""Designs for the tests of servos."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from hfa_servo.design import Design
+from studies.servo import simvfa
+from studies.servo.simvfa import simvfa_design
+
+#: Files of SimVFA's designs.
+SIMVFA = {
+    name: str(Path(simvfa.__file__).parent / "designs" / f"{name}.toml")
+    for name in ("simvfa-1", "simvfa-2")
+}
+A_Z = "vertical_acceleration_short_period"
+
+
+def measured_servo(**changed: object) -> Design:
+    """The settings of `simvfa-1` from the three measurements of its servo."""
+    settings: dict[str, object] = {
+        "sensors": {"pitch_rate": 1e-4, "dihedral_integral": 1e-4, f"{A_Z}_integral": 1e-2}
+    }
+    return replace(simvfa_design("simvfa-1"), **(settings | changed))  # type: ignore[arg-type]

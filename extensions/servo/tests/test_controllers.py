@@ -1,0 +1,304 @@
+"""Controllers of a design: the poles of the exact solution; their table, their files, the loop that
+they close."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from controllers import small_controller
+from known_models import model_at
+from scipy.io import loadmat
+from servo_cases import A_Z, measured_servo, simvfa_design
+
+import hfa_model
+from controller import ScheduledController, design_model, load_controller, save_controller
+from hfa_aircraft.model import Model
+from hfa_model import default_parameters
+from hfa_servo.controllers import LinearController, controller_at, design_controller
+from hfa_servo.design import Design
+from hfa_servo.generalized_plant import closed_plant
+from hfa_servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
+from hfa_support import BadInputError, NoSolutionError
+from hfa_support.reporting.text import Table
+from verification import GeneralizedPlant, solve_game, solve_plant
+
+ANGLES = np.radians([9.0, 11.0])
+
+
+def whole(aircraft: Model, design: Design) -> tuple[np.ndarray, LinearController]:
+    """The closed loop of the design's own plant and its controller at 11 deg, commands at rest."""
+    model = model_at(11.0)
+    found = controller_at(aircraft, model, design)
+    told: list[tuple[int, int]] = []
+    table = design_controller(aircraft, design, ANGLES, progress=lambda *at: told.append(at))
+    assert told == [(1, 2), (2, 2)]
+    plant = servo_plant(aircraft, model, table, design.actuators)
+    measured = len(table.measurements)
+    B = found.B[:, :measured]
+    D = found.D[:, :measured]
+    for part in "ABCDW":
+        np.testing.assert_array_equal(getattr(table, part)[1], getattr(found, part))
+    return np.block(
+        [[plant.A + plant.B @ D @ plant.C, plant.B @ found.C], [B @ plant.C, found.A]]
+    ), found
+
+
+def same_poles(loop: np.ndarray, poles: np.ndarray) -> None:
+    order = lambda values: np.sort_complex(np.round(values, 7))  # noqa: E731
+    np.testing.assert_allclose(order(np.linalg.eigvals(loop)), order(poles), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["simvfa-1", "simvfa-2"])
+def test_state_feedback_has_the_poles_of_the_exact_gain(
+    published_aircraft: Model, name: str
+) -> None:
+    design = simvfa_design(name)
+    game = design_model(published_aircraft, model_at(11.0), design).game()
+    loop, _ = whole(published_aircraft, design)
+    same_poles(loop, np.linalg.eigvals(game.A - game.B @ solve_game(game).K))
+
+
+@pytest.mark.parametrize("delta", [pytest.param(np.inf, marks=pytest.mark.slow), 200.0])
+def test_output_feedback_has_the_poles_of_the_central_controller(
+    published_aircraft: Model, delta: float
+) -> None:
+    design = measured_servo(delta=delta)
+    built = design_model(published_aircraft, model_at(11.0), design)
+    plant = GeneralizedPlant.measured(built.game(), built.C, built.V)
+    exact: Any = solve_plant(plant, delta)
+    loop, found = whole(published_aircraft, design)
+    poles = np.linalg.eigvals(closed_plant(plant, (exact.Ak, exact.Bk, exact.Ck, exact.Dk))[0])
+    same_poles(loop, poles)
+    assert found.limit < delta
+
+
+def test_names_tell_what_is_measured_and_commanded(published_aircraft: Model) -> None:
+    output = design_controller(published_aircraft, measured_servo(), ANGLES[:1])
+    assert (output.feedback, output.measurements) == ("output", ("pitch_rate", "dihedral", A_Z))
+    assert output.commands == ("dihedral_command", f"{A_Z}_command")
+    assert output.states[-2:] == ("dihedral_integral", f"{A_Z}_integral")
+    assert [row["dihedral"] for row in output.about["angles"]] == pytest.approx(ANGLES[:1])
+    state = design_controller(published_aircraft, simvfa_design("simvfa-2"), ANGLES[:1])
+    assert (state.feedback, state.command_filter, output.command_filter) == ("state", (), ())
+    assert {"speed", "aileron_outer_position", "elevator_center_rate", A_Z} <= set(
+        state.measurements
+    )
+    assert state.commands == ("dihedral_command", f"{A_Z}_command")
+
+
+def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Model) -> None:
+    with pytest.raises(
+        NoSolutionError, match="design simvfa-1 at dihedral 9 deg: the control Riccati equation"
+    ):
+        design_controller(published_aircraft, measured_servo(delta=50.0), ANGLES)
+    with pytest.raises(
+        NoSolutionError, match="at dihedral 9 deg: the sensors do not see the mode with eigenvalue"
+    ):
+        design_controller(published_aircraft, measured_servo(sensors={"pitch_rate": 1.0}), ANGLES)
+
+
+def test_matrices_are_linear_between_the_angles_and_constant_beyond(
+    published_aircraft: Model,
+) -> None:
+    controller = small_controller(published_aircraft)
+    cases = (
+        (5.0, (1, 0, 0)),
+        (7.5, (0.5, 0.5, 0)),
+        (18.0, (0, 0.2, 0.8)),
+        (-30.0, (1, 0, 0)),
+        (60.0, (0, 0, 1)),
+    )
+    for degrees, shares in cases:
+        for number, matrix in enumerate(controller.at(math.radians(degrees))):
+            np.testing.assert_allclose(
+                matrix, np.dot(shares, np.arange(3.0)) + 10.0 * number, rtol=1e-12
+            )
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"A": np.zeros((3, 2, 2))}, r"A is \(3, 2, 2\); it must be \(3, 1, 1\)"),
+        ({"D": np.full((3, 1, 4), math.nan)}, "D has a number that is not finite"),
+        ({"breakpoints": np.array([0.2, 0.1, 0.3])}, "dihedrals must increase"),
+        ({"measurements": ("pitch_rate", "lift")}, "unknown measurement 'lift'"),
+        (
+            {"states": ("A = 1000",)},
+            "a state is called 'A = 1000'; give letters, digits and _ as in C",
+        ),
+        ({"commands": ("dihedral_command", "dihedral_wish")}, "unknown command 'dihedral_wish'"),
+        ({"command_filter": (0.5,)}, "command_filter must be a bandwidth and a damping"),
+    ],
+)
+def test_what_no_flight_could_rely_on_is_refused(
+    published_aircraft: Model, changed: dict[str, object], message: str
+) -> None:
+    with pytest.raises(BadInputError, match=f"controller small: {message}"):
+        small_controller(published_aircraft, **changed)
+
+
+def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Model) -> None:
+    controller = small_controller(published_aircraft)
+    controller.refuse_other(published_aircraft, math.radians(5.0), math.radians(20.0))
+    with pytest.raises(
+        BadInputError, match="covers dihedral 5 to 20 deg; 4 to 11 deg is asked for"
+    ):
+        controller.refuse_other(published_aircraft, math.radians(4.0), math.radians(11.0))
+    with pytest.raises(
+        BadInputError, match="designed for published dynamics, the aircraft has newton"
+    ):
+        controller.refuse_other(hfa_model.aircraft("newton"), 0.1, 0.2)
+    heavier = default_parameters().values._replace(panel_mass=11.0)
+    with pytest.raises(BadInputError, match="an aircraft with other parameters"):
+        controller.refuse_other(hfa_model.aircraft(parameters=heavier), 0.1, 0.2)
+
+
+def test_a_file_gives_the_controller_back(published_aircraft: Model, tmp_path: Path) -> None:
+    saved = small_controller(published_aircraft)
+    save_controller(tmp_path / "small.npz", saved)
+    found = load_controller(tmp_path / "small.npz", hfa_model.aircraft())
+    assert found == saved
+    assert found.about == saved.about
+    assert found != small_controller(published_aircraft, name="other")
+
+
+def test_matlab_gets_stacks_with_the_angle_last(published_aircraft: Model, tmp_path: Path) -> None:
+    controller = small_controller(published_aircraft)
+    save_controller(tmp_path / "small.mat", controller)
+    found = loadmat(tmp_path / "small.mat")
+    assert found["B"].shape == (1, 4, 3)
+    np.testing.assert_array_equal(np.moveaxis(found["B"], -1, 0), controller.B)
+    assert [name.item() for name in found["measurements"].ravel()] == ["pitch_rate", "dihedral"]
+
+
+def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: Path) -> None:
+    def refused(name: str, message: str, **changed: object) -> None:
+        with np.load(tmp_path / "good.npz") as good:
+            content = {
+                key: value for key, value in ({**good} | changed).items() if value is not None
+            }
+        np.savez(tmp_path / name, **content)
+        with pytest.raises(BadInputError, match=f"{name}: {message}"):
+            load_controller(tmp_path / name, hfa_model.aircraft())
+
+    save_controller(tmp_path / "good.npz", small_controller(published_aircraft))
+    refused("plant.npz", "this is no controller file", schema="hfa.plant/1")
+    refused("short.npz", "W is missing", W=None)
+    refused("shape.npz", r"controller small: A is \(1, 1, 1\)", A=np.zeros((1, 1, 1)))
+    refused("text.npz", "its content is damaged", A=np.array(["x"]))
+    refused("about.npz", "its content is damaged", about="{")
+    refused("about.npz", "its content is damaged", about="5")
+    refused(
+        "about.npz",
+        r"its content: angles\[0\].checks is missing",
+        about='{"angles": [{"dihedral": 0.1}]}',
+    )
+    for name in ("good.json", "good.mat"):
+        with pytest.raises(BadInputError, match=f"{name}: a controller is read from a .npz file"):
+            load_controller(tmp_path / name, hfa_model.aircraft())
+    with pytest.raises(BadInputError, match=r"a controller is written as \.npz or \.mat"):
+        save_controller(tmp_path / "good.json", small_controller(published_aircraft))
+
+
+@pytest.mark.parametrize("limit", ["delta_min", "gamma_min"])
+def test_its_table_has_the_limit_and_the_certificate_of_each_angle(
+    published_aircraft: Model, limit: str
+) -> None:
+    rows = [
+        {"dihedral": math.radians(degrees), limit: 7.25, "checks": [{"ok": True}, {"ok": ok}]}
+        for degrees, ok in ((5.0, True), (10.0, False), (20.0, True))
+    ]
+    report = small_controller(published_aircraft, about={"delta": 200.0, "angles": rows}).report()
+    table = report.parts[1]
+    assert isinstance(table, Table)
+    assert [tuple(map(str, each)) for each in table.rows][1] == ("10", "7.25", "FAIL")
+    assert (report.data["delta"], report.data["angles"]) == (200.0, rows)
+
+
+def test_a_loop_whose_numbers_overflow_is_none() -> None:
+    """As with an actuator 1e308 times as effective as it should be."""
+    one = np.ones((1, 1))
+    loop = ServoLoop(-one, 1e308 * one, one, -one, one, -4.0 * one, -10.0 * one)
+    with pytest.raises(NoSolutionError, match="the closed loop overflows"):
+        _ = loop.abscissa
+
+
+def test_a_path_from_inputs_to_a_sensor_at_once_is_closed_as_the_equations_say(
+    published_aircraft: Model,
+) -> None:
+    """u = Ck x_c + Dk (C x + D u), solved for u at a state, gives the rates of the loop."""
+    rng = np.random.default_rng(0)
+    shapes = {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4), "W": (3, 2)}
+    table = small_controller(
+        published_aircraft,
+        inputs=("aileron_outer", "elevator_center"),
+        measurements=("load_factor", "dihedral"),
+        states=("dihedral_integral", "one", "two"),
+        **{
+            name: np.tile(0.05 * rng.standard_normal(shape), (3, 1, 1))
+            for name, shape in shapes.items()
+        },
+    )
+    plant = servo_plant(published_aircraft, model_at(11.0), table, {})
+    A, B, C, D = (getattr(table, name)[0] for name in "ABCD")
+    x = rng.standard_normal(len(plant.A))
+    own = rng.standard_normal(3)
+    u = np.linalg.solve(np.eye(2) - D[:, :2] @ plant.D, C @ own + D[:, :2] @ plant.C @ x)
+    rates = [plant.A @ x + plant.B @ u, A @ own + B[:, :2] @ (plant.C @ x + plant.D @ u)]
+    np.testing.assert_allclose(
+        servo_loop(plant, table).closed @ np.r_[x, own], np.concatenate(rates), rtol=1e-10
+    )
+
+
+def gentle(aircraft: Model, gain: float) -> ScheduledController:
+    """aileron_outer = gain pitch_rate at 5 deg, its state decays by itself."""
+    table = small_controller(aircraft)
+    first = {
+        name: getattr(table, name)[:1] for name in ("breakpoints", "trim_states", "trim_inputs")
+    }
+    zero = {name: 0.0 * getattr(table, name)[:1] for name in "BCW"}
+    return replace(
+        table, A=-np.ones((1, 1, 1)), D=np.array([[[gain, 0.0, 0.0, 0.0]]]), **first, **zero
+    )
+
+
+def test_a_controller_that_does_little_passes_with_the_abscissa_of_the_aircraft(
+    published_aircraft: Model,
+) -> None:
+    found = check_margins(
+        published_aircraft, gentle(published_aircraft, 1e-4), np.radians([5.0]), (0.5, 2.0)
+    )
+    assert (found.ok, len(found.rows)) == (True, 4)
+    open_loop = np.linalg.eigvals(model_at(5.0).A).real.max()
+    assert found.checks[0].value == pytest.approx(open_loop, rel=0.05)
+    assert "PASS, 4 of 4 loops stable" in repr(found)
+
+
+def test_a_planted_unstable_controller_is_found_with_its_actuator(
+    published_aircraft: Model,
+) -> None:
+    table = gentle(published_aircraft, 0.3)
+    found = check_margins(published_aircraft, table, np.radians([5.0]), (0.05, 2.0))
+    unstable = [row for row in found.rows if row.abscissa >= 0.0]
+    assert not found.ok
+    assert 0 < len(unstable) < len(found.rows)
+    worst = max(unstable, key=lambda row: row.abscissa)
+    (actuator,) = worst.actuators
+    plant = servo_plant(published_aircraft, model_at(5.0), table, {"aileron_outer": actuator})
+    assert servo_loop(plant, table).abscissa == pytest.approx(worst.abscissa)
+    where = f"worst at 5 deg, order {actuator.order}, {actuator.bandwidth:g} rad/s"
+    assert f"unstable in {len(unstable)} of 4 loops, {where}" in repr(found)
+    assert found.to_dict()["checks"][0]["ok"] is False
+    assert not worst.loops
+
+
+def test_the_controller_of_another_aircraft_is_refused(published_aircraft: Model) -> None:
+    with pytest.raises(BadInputError, match="was designed for published dynamics"):
+        check_margins(
+            hfa_model.aircraft("newton"), gentle(published_aircraft, 0.0), np.radians([5.0]), (2.0,)
+        )

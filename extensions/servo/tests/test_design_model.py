@@ -1,0 +1,316 @@
+"""Designs in files and their models: the peer's gains from its settings, matrices by differences,
+faults named."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli import refusal
+from known_models import model_at, released_simulation
+from random_points import rising
+from servo_cases import SIMVFA, simvfa_design
+
+import hfa_model
+from controller import Game, design_model, load_design, published_game
+from hfa_aircraft.model import Model
+from hfa_model import LINEAR_STATES
+from hfa_model.outputs import moment_of, outputs_of
+from hfa_servo.design import NAMED, Actuator, Design, signal_unit
+from hfa_servo.design_model import DesignModel
+from hfa_servo.servo_policy import MeasuredOutputs
+from hfa_support import BadInputError
+from trim import find_operating_point, level_flight, linearize
+from verification import solve_game
+
+DESIGNS = Path(__file__).parents[3] / "controller" / "servo"
+
+
+def test_every_design_of_the_package_has_a_name_and_a_source() -> None:
+    assert {path.name for path in DESIGNS.glob("*.toml")} == set(NAMED.values())
+    assert all("source = " in path.read_text(encoding="utf-8") for path in DESIGNS.glob("*.toml"))
+
+
+def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    more = "[sensors]\npitch_rate = 1e-4\n[disturbance]\nupdraft = 2.0\ncommands = 3.0\n"
+    own.write_text(Path(SIMVFA["simvfa-2"]).read_text(encoding="utf-8") + more, encoding="utf-8")
+    design = load_design(str(own), hfa_model.aircraft())
+    assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
+    assert design.actuators == dict.fromkeys(design.inputs, Actuator(2, 2.0, 0.7, 1.0))
+    assert simvfa_design("simvfa-1").disturbances == {"states": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("inputs = 'throttle'", "inputs is 'throttle'; give a list"),
+        ("weight = 3", "unknown entry weight; did you mean weights?"),
+        (
+            "[weights.inputs]\nthrottle = -1",
+            "weights.inputs.throttle is -1; give a finite number from 0 on",
+        ),
+        (
+            "[actuators]\nthrottle = 3",
+            "actuators.throttle is 3; make it the table [actuators.throttle]",
+        ),
+        (
+            "[actuators.throttle]\neffectiveness = 0.0",
+            "actuators.throttle: the effectiveness of an actuator is 0.0",
+        ),
+        ("[actuators.throttle]\norder = 3", "actuators.throttle: the order of an actuator is 3"),
+        ("[disturbance]\nupdraft = 'x'", "disturbance.updraft is 'x'; give a finite number"),
+        ("delta = -1", "delta is -1; give a number above 0"),
+        ("delta = [", "is not a TOML file"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(text, encoding="utf-8")
+    assert message in refusal(lambda name: load_design(name, hfa_model.aircraft()), path)
+
+
+def test_a_name_that_is_neither_is_said() -> None:
+    with pytest.raises(
+        BadInputError,
+        match="no design of that name and no readable file; the names are paper, servo",
+    ):
+        load_design("nobody", hfa_model.aircraft())
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("speed_estimate", "ft/s"),
+        ("throttle_rate", "1/s"),
+        ("aileron_outer_position_estimate", "rad"),
+        ("vertical_acceleration_short_period_command_end_lag_12", "ft/s^2"),
+        ("vertical_acceleration_short_period_integral_estimate", "ft/s^2 s"),
+        ("vertical_acceleration_short_period_command_rate", "(ft/s^2)/s"),
+        ("x1_integral", ""),
+    ],
+)
+def test_a_name_says_its_unit(name: str, unit: str) -> None:
+    assert signal_unit(hfa_model.aircraft(), name) == unit
+
+
+#: Weights that no actuator or integral needs.
+BARE: dict = {"integrals": (), "state_weights": {}}
+PEER = json.loads((Path(__file__).parent / "peer_gains.json").read_text(encoding="utf-8"))["gains"]
+
+
+def design_at(aircraft: Model, design: Design, degrees: float) -> DesignModel:
+    return design_model(aircraft, model_at(degrees, hfa_model.variant_of(aircraft).name), design)
+
+
+@pytest.mark.parametrize("name", PEER)
+@pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
+def test_the_peer_s_settings_give_the_peer_s_gains(
+    published_aircraft: Model, name: str, degrees: str
+) -> None:
+    theirs = np.array(PEER[name][degrees])
+    ours = solve_game(design_at(published_aircraft, simvfa_design(name), float(degrees)).game()).K
+    assert np.linalg.norm(ours - theirs) <= 2e-5 * np.linalg.norm(theirs)
+
+
+@pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
+def test_in_the_peer_s_air_its_own_parameters_give_every_digit_of_its_gains(degrees: str) -> None:
+    """Six digits are stored; 1e-5 of the air, the altitude of the standard atmosphere, moves the
+    last two of them."""
+    own, in_its_air = released_simulation()
+    for altitude, digits in ((in_its_air, True), (40_000.0, False)):
+        point = find_operating_point(
+            own, level_flight(math.radians(float(degrees)), altitude=altitude)
+        )
+        model = linearize(own, point)
+        for name, tables in PEER.items():
+            theirs = np.array(tables[degrees])
+            half_units = 0.5 * 10.0 ** (np.floor(np.log10(np.abs(theirs))) - 5.0)
+            ours = solve_game(design_model(own, model, simvfa_design(name)).game()).K
+            assert (np.abs(ours - theirs) <= half_units).all() == digits
+
+
+def test_the_paper_s_design_is_the_paper_s_game(published_aircraft: Model, game: Game) -> None:
+    built = design_at(published_aircraft, load_design("paper", hfa_model.aircraft()), 15.0).game()
+    for name in ("A", "B", "E", "Q", "R"):
+        np.testing.assert_array_equal(getattr(built, name), getattr(game, name))
+    assert built.delta == game.delta
+    assert published_game(game.A, game.B).delta == 200.0
+
+
+def test_the_loop_of_a_servo_brings_the_integrated_outputs_to_zero(
+    published_aircraft: Model,
+) -> None:
+    """A constant disturbance of the input is rejected: the integrals' inputs vanish at rest."""
+    built = design_at(published_aircraft, simvfa_design("simvfa-2"), 11.0)
+    K = solve_game(built.game()).K
+    closed = built.A - built.B @ K
+    assert np.linalg.eigvals(closed).real.max() < 0.0
+    rest = -np.linalg.solve(closed, built.B @ np.array([0.01, -0.02]))
+    integrals = [index for index, name in enumerate(built.states) if name.endswith("_integral")]
+    assert np.abs(built.A[integrals] @ rest).max() < 1e-12
+
+
+def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
+    """Rates of the six states and of the integrals in an updraft, from the nonlinear equations, per
+    ft/s."""
+    point = built.model.point
+    h = 1e-4
+    winds = (rising(side * h) for side in (1.0, -1.0))
+    up, down = (
+        moment_of(
+            point.states,
+            point.inputs,
+            hfa_model.parameters_of(aircraft),
+            hfa_model.variant_of(aircraft),
+            each,
+        )
+        for each in winds
+    )
+    plain = [built.design.model.part(name)[0] for name in built.design.integrals]
+    rates = [
+        (getattr(up.rates, name) - getattr(down.rates, name)) / (2 * h) for name in LINEAR_STATES
+    ]
+    seen = [{**moment.x._asdict(), **outputs_of(moment)} for moment in (up, down)]
+    outputs = [(seen[0][name], seen[1][name]) for name in plain]
+    return np.array(
+        [float(each) for each in (*rates, 0.0, 0.0, *((a - b) / (2 * h) for a, b in outputs))]
+    )
+
+
+@pytest.mark.parametrize("dynamics", ["published", "newton"])
+def test_the_integral_of_a_short_period_output_feels_the_air(dynamics: str) -> None:
+    """As in flight: e' = ... + F w. Left out, as it once was, the differences show it."""
+    aircraft = hfa_model.aircraft(dynamics)
+    built = design_at(
+        aircraft, replace(simvfa_design("simvfa-1"), disturbances={"updraft": 1.0}), 11.0
+    )
+    found = _gust_by_differences(aircraft, built)
+    np.testing.assert_allclose(built.E[:, 0], found, rtol=1e-6, atol=1e-9)
+    flown = MeasuredOutputs(aircraft, built.model.point, built.design.integrals).F
+    np.testing.assert_allclose(built.E[-2:, 0], flown.sum(axis=1), rtol=1e-12)
+    without = np.append(built.E[:-1, 0], 0.0)
+    assert not np.allclose(without, found, rtol=1e-6, atol=1e-9)
+
+
+def test_sensors_are_states_or_outputs_in_the_order_of_their_names(
+    published_aircraft: Model,
+) -> None:
+    names = (
+        "dihedral_integral",
+        "load_factor",
+        "pitch_rate",
+        "aileron_outer_position",
+        "alpha_air_outer",
+    )
+    design = replace(
+        simvfa_design("simvfa-1"), sensors={name: 0.1 * (k + 1) for k, name in enumerate(names)}
+    )
+    built = design_at(published_aircraft, design, 11.0)
+    assert built.sensors == names
+    np.testing.assert_allclose(built.V, np.diag([0.1, 0.2, 0.3, 0.4, 0.5]))
+    for row in (0, 2, 3):
+        np.testing.assert_array_equal(
+            built.C[row], [float(name == names[row]) for name in built.states]
+        )
+    found = linearize(published_aircraft, built.model.point, outputs=("load_factor",))
+    columns = [built.model.inputs.index(name) for name in built.inputs]
+    through_actuators = np.hstack([found.C[0], found.D[0, columns]])
+    np.testing.assert_allclose(built.C[1, :8], through_actuators, rtol=1e-12)
+    np.testing.assert_array_equal(built.D, np.zeros((5, 2)))
+    direct = design_at(
+        published_aircraft,
+        replace(design, actuators={}, sensors={"load_factor": 1.0}, **BARE),
+        11.0,
+    )
+    np.testing.assert_allclose(direct.D, found.D[:, columns], rtol=1e-12)
+    np.testing.assert_allclose(direct.C[:, :6], found.C, rtol=1e-12)
+
+
+def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Model) -> None:
+    design = replace(simvfa_design("simvfa-1"), disturbances={"commands": 4.0, "states": 1e-6})
+    built = design_at(published_aircraft, design, 11.0)
+    np.testing.assert_array_equal(built.E[:, :2], 2.0 * built.B)
+    np.testing.assert_array_equal(built.game().E, built.E)
+    at_once = replace(design, actuators={}, sensors={"load_factor": 1.0}, **BARE)
+    with pytest.raises(BadInputError, match="sensor load_factor sees the commands itself"):
+        design_at(published_aircraft, at_once, 11.0)
+
+
+def test_an_output_and_its_short_period_part_may_both_be_named(
+    published_aircraft: Model,
+) -> None:
+    name = "vertical_acceleration"
+    design = replace(simvfa_design("simvfa-1"), sensors={name: 1.0, f"{name}_short_period": 1.0})
+    built = design_at(published_aircraft, design, 11.0)
+    assert built.C[0, 0] != 0.0 == built.C[1, 0]
+    assert built.C[0, 1] == built.C[1, 1]
+
+
+def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Model) -> None:
+    one = replace(
+        simvfa_design("simvfa-1"),
+        actuators={},
+        inputs=("elevator_center",),
+        input_weights={"elevator_center": 1.0},
+        **BARE,
+    )
+    with pytest.raises(BadInputError, match="gamma: no input moves it at rest apart from dihedral"):
+        design_at(published_aircraft, replace(one, integrals=("dihedral", "gamma")), 11.0).game()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_an_actuator_follows_its_command(published_aircraft: Model, order: int) -> None:
+    weak = Actuator(order=order, bandwidth=0.5, damping=0.9, effectiveness=0.2)
+    design = Design(
+        "own",
+        ("throttle",),
+        {"throttle": weak},
+        input_weights={"throttle": 1.0},
+        model=hfa_model.aircraft(),
+    )
+    assert design.disturbances == {"states": 1.0}
+    built = design_at(published_aircraft, design, 5.0)
+    rows = slice(6, None)
+    rest = -np.linalg.solve(built.A[rows, rows], built.B[rows])
+    assert rest[0, 0] == pytest.approx(0.2)
+    poles = np.linalg.eigvals(built.A[rows, rows])
+    assert np.abs(poles) == pytest.approx(np.full(order, 0.5))
+    assert built.A[0, 6] == pytest.approx(built.model.B[0, 0])
+
+
+def own(**changes: Any) -> Design:
+    return replace(simvfa_design("simvfa-1"), **changes)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: own(inputs=("flaps",)), "design simvfa-1: unknown input 'flaps'"),
+        (
+            lambda: own(integrals=("dihedral", "dihedral")),
+            "integrated output dihedral is named twice",
+        ),
+        (lambda: own(input_weights={}), "input aileron_outer has no weight"),
+        (
+            lambda: own(disturbances={"wind": 1.0}),
+            "unknown disturbance 'wind'; choose from states, commands, updraft",
+        ),
+        (
+            lambda: own(disturbances={"updraft": 0.0}),
+            "the intensity of disturbance updraft is 0.0; it must be",
+        ),
+        (lambda: Actuator(order=3), "the order of an actuator is 3; it must be"),
+        (lambda: Actuator(damping=math.nan), "the damping of an actuator is nan; it must be"),
+    ],
+)
+def test_what_cannot_be_designed_is_refused(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(BadInputError, match=re.escape(message)):
+        make()

@@ -1,0 +1,571 @@
+"""Generalized plants and games from measurements: against slycot, closed forms, 60 digits, LQG;
+refusals named."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+from cli import hfa
+from known_models import model_at
+from reference_riccati import reference_solution, relative_error
+from servo_cases import simvfa_design
+
+from controller import Game, design_model
+from controller.riccati.frequency_response import peak_gain
+from controller.riccati.smallest_delta import DeltaMin
+from hfa_aircraft.model import Model
+from hfa_servo import generalized_plant
+from hfa_servo.generalized_plant import central_controller, closed_plant, stored_plant
+from hfa_servo.plant_report import plant_report
+from hfa_support import BadInputError, NoSolutionError
+from verification import GeneralizedPlant, minimum_delta, solve_game, solve_plant
+
+DOUBLE = {"A": [[0.0, 1.0], [0.0, 0.0]], "B1": [[0.0, 0.0], [1.0, 0.0]], "B2": [[0.0], [1.0]]}
+DOUBLE |= {
+    "C1": [[1.0, 0.0], [0.0, 0.0]],
+    "D12": [[0.0], [1.0]],
+    "C2": [[1.0, 0.0]],
+    "D21": [[0.0, 0.1]],
+}
+
+
+@cache
+def random_plant(seed: int, feedthrough: float = 1.0) -> GeneralizedPlant:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 9))
+    m = int(rng.integers(1, 4))
+    p = int(rng.integers(1, 4))
+    r = m + int(rng.integers(0, 4))
+    k = p + int(rng.integers(0, 4))
+    sizes = {
+        "A": (n, n),
+        "B1": (n, k),
+        "B2": (n, m),
+        "C1": (r, n),
+        "D12": (r, m),
+        "C2": (p, n),
+        "D21": (p, k),
+    }
+    matrices = {name: rng.standard_normal(shape) for name, shape in sizes.items()}
+    through = {
+        "D11": feedthrough * rng.standard_normal((r, k)),
+        "D22": feedthrough * rng.standard_normal((p, m)),
+    }
+    return GeneralizedPlant(**matrices, **through)
+
+
+@cache
+def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
+    return random_plant(seed, feedthrough).minimum_delta()
+
+
+def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:
+    """The smallest gain that SLICOT's SB10AD states, and that of the loop which it returns."""
+    slycot = pytest.importorskip("slycot")
+    B = np.hstack([plant.B1, plant.B2])
+    C = np.vstack([plant.C1, plant.C2])
+    D = np.block([[plant.D11, plant.D12], [plant.D21, plant.D22]])
+    sizes = len(plant.A), B.shape[1], len(C), plant.B2.shape[1], len(plant.C2)
+    try:
+        found = slycot.sb10ad(*sizes, 1e4, plant.A, B, C, D, gtol=1e-10)
+    except slycot.exceptions.SlycotArithmeticError:  # "a stabilizing controller cannot be found"
+        return math.inf, math.inf
+    return float(found[0]), norm(*found[5:9])
+
+
+def norm(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
+    """The gain by SLICOT's AB13DD, which shares nothing with ours."""
+    slycot = pytest.importorskip("slycot")
+    E = np.eye(len(A))
+    return float(
+        slycot.ab13dd("C", "I", "N", "D", len(A), B.shape[1], len(C), A, E, B, C, D, tol=1e-10)[0]
+    )
+
+
+def gain_of(plant: GeneralizedPlant, found: Any) -> float:
+    loop = closed_plant(plant, (found.Ak, found.Bk, found.Ck, found.Dk))
+    assert np.linalg.eigvals(loop[0]).real.max() < 0.0
+    return norm(*loop)
+
+
+@pytest.mark.parametrize(
+    "seed", [3, 8, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (22, *range(100, 130)))]
+)
+def test_the_smallest_gain_is_that_of_slycot_and_the_loop_keeps_it(seed: int) -> None:
+    """Of 30 plants slycot stops too high at some and states a gain that its loop has not at others:
+    none goes below."""
+    plant = random_plant(seed, seed % 3)
+    smallest, (stated, reached) = smallest_of(seed, seed % 3), of_slycot(plant)
+    if smallest.value == 0.0:
+        assert stated < 1e-6
+        return
+    assert smallest.refused < smallest.value
+    assert reached >= smallest.refused * (1.0 - 1e-6)
+    ours = gain_of(plant, solve_plant(plant, 1.001 * smallest.value))
+    assert ours < 1.001 * smallest.value
+    if abs(stated - smallest.value) > 1e-6 * smallest.value:
+        assert seed not in (3, 8, 22)
+        assert reached > smallest.value or reached > stated * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("seed", [3, pytest.param(8, marks=pytest.mark.slow)])
+def test_X_and_Y_solve_the_general_equations_and_to_sixty_digits(seed: int) -> None:
+    """With R = [D11 D12]'[D11 D12] - blkdiag(δ² I, 0), as the book has them (Theorem 17.1), and as
+    games."""
+    plant = random_plant(seed)
+    delta = 1.2 * smallest_of(seed).value
+    found: Any = solve_plant(plant, delta)
+    transposed = plant.transposed()
+    for each, X in ((plant, found.X), (transposed, found.Y)):
+        B = np.hstack([each.B1, each.B2])
+        D = np.hstack([each.D11, each.D12])
+        k = each.B1.shape[1]
+        m = each.B2.shape[1]
+        R = D.T @ D - np.diag(np.repeat([delta**2, 0.0], [k, m]))
+        crossed = X @ B + each.C1.T @ D
+        terms = (
+            each.A.T @ X + X @ each.A,
+            each.C1.T @ each.C1,
+            -crossed @ np.linalg.solve(R, crossed.T),
+        )
+        assert np.abs(sum(terms)).max() <= 1e-10 * max(np.abs(term).max() for term in terms)
+        reference = reference_solution(each.sides[0].game(delta))
+        assert reference.exists
+        assert relative_error(X, reference.P) < 1e-10
+
+
+def test_state_feedback_is_the_game_where_nothing_crosses(game: Game) -> None:
+    n, m = game.B.shape
+    root = np.sqrt(np.diag(game.Q))
+    C1 = np.vstack([np.diag(root), np.zeros((m, n))])
+    D12 = np.vstack([np.zeros((n, m)), np.sqrt(game.R)])
+    plant = GeneralizedPlant(game.A, game.E, game.B, C1, D12)
+    assert plant.minimum_delta().value == pytest.approx(minimum_delta(game).value, rel=3e-6)
+    found = solve_plant(plant, game.delta)
+    exact = solve_game(game)
+    assert relative_error(found.K, exact.K) < 1e-10
+    assert relative_error(found.disturbance_gain, exact.disturbance_gain) < 1e-10
+
+
+@pytest.mark.parametrize("seed", [pytest.param(3, marks=pytest.mark.slow), 5])
+def test_state_feedback_is_the_limit_of_measuring_every_state_ever_better(seed: int) -> None:
+    """With cross terms and D11, whose whole size bounds delta: the gain does not see w."""
+    plant = random_plant(seed, 0.3)
+    state = replace(plant, C2=None, D21=None, D22=None)
+    smallest, (n, k) = state.minimum_delta(), plant.B1.shape
+    assert smallest.value >= np.linalg.norm(plant.D11, 2)
+    r = len(plant.C1)
+    D21 = np.hstack([np.zeros((n, k)), 1e-4 * np.eye(n)])
+    noisy = GeneralizedPlant(
+        plant.A, np.hstack([plant.B1, np.zeros((n, n))]), plant.B2, plant.C1, plant.D12, np.eye(n), D21,
+        np.hstack([plant.D11, np.zeros((r, n))]),
+    )  # fmt: skip
+    assert smallest.value == pytest.approx(noisy.minimum_delta().value, rel=1e-4)
+    found: Any = solve_plant(state, 1.01 * smallest.value)
+    loop = control.ss(
+        plant.A - plant.B2 @ found.K, plant.B1, plant.C1 - plant.D12 @ found.K, plant.D11
+    )
+    assert control.linfnorm(loop)[0] < 1.01 * smallest.value
+    assert loop.poles().real.max() < 0.0
+
+
+def test_what_u_adds_to_y_at_once_changes_nothing() -> None:
+    plant = random_plant(8)
+    smallest = smallest_of(8).value
+    without = replace(plant, D22=np.zeros_like(plant.D22))
+    assert without.minimum_delta().value == pytest.approx(smallest, rel=2e-6)
+    loops = []
+    for each in (plant, without):
+        found: Any = solve_plant(each, 2.0 * smallest)
+        loops.append(closed_plant(each, (found.Ak, found.Bk, found.Ck, found.Dk)))
+    for one, other in zip(*loops, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
+
+
+@pytest.mark.parametrize(
+    "part", ["Ak", *(pytest.param(x, marks=pytest.mark.slow) for x in ("Bk", "Ck", "Dk"))]
+)
+def test_a_planted_error_in_the_controller_is_seen(
+    monkeypatch: pytest.MonkeyPatch, part: str
+) -> None:
+    def wrong(*arguments):
+        parts = dict(zip(("Ak", "Bk", "Ck", "Dk"), central_controller(*arguments), strict=True))
+        return tuple((1.01 if name == part else 1.0) * value for name, value in parts.items())
+
+    plant = random_plant(8)
+    delta = 1.001 * smallest_of(8).value
+    monkeypatch.setattr(generalized_plant, "central_controller", wrong)
+    with pytest.raises(NoSolutionError, match="the controller is not certified: "):
+        solve_plant(plant, delta)
+
+
+def test_a_gain_that_is_too_large_is_seen() -> None:
+    """A resonance far narrower than any grid: its peak is 1/(2 zeta), at 1 rad/s."""
+    A = np.array([[0.0, 1.0], [-1.0, -2e-7]])
+    B = np.array([[0.0], [1.0]])
+    C = np.array([[1.0, 0.0]])
+    peak = 1.0 / 2e-7
+    for D, inside, outside in ((np.zeros((1, 1)), 1.001, 0.999), (np.array([[1e6]]), 1.05, 1.01)):
+        assert peak_gain(A, B, C, D, inside * peak) < inside * peak
+        assert peak_gain(A, B, C, D, outside * peak) > outside * peak
+
+
+def transfer(numerators: list, denominators: list) -> Any:
+    return control.tf2ss(control.tf(numerators, denominators))
+
+
+def with_noise(system: Any, size: float) -> GeneralizedPlant:
+    """The system with one y and one u, and noise on y."""
+    A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
+    k = B.shape[1] - 1
+    B = np.insert(B, k, 0.0, axis=1)
+    D = np.insert(D, k, 0.0, axis=1)
+    D[-1, k] = size
+    return GeneralizedPlant.from_control(control.ss(A, B, C, D), 1, 1)
+
+
+def python_control_367() -> Any:
+    """A mass, spring and damper, as its user gave it to hinfsyn: y has no direct part of w."""
+    damped = [1.0, 12.0, 20.0]
+    return transfer(
+        [[[-1.0], [-1.0]], [[0.0], [1.0]], [[-1.0], [-1.0]]],
+        [[[1.0, 1.0], damped], [[1.0], [1.0]], [[1.0, 1.0], damped]],
+    )
+
+
+def octave_13() -> Any:
+    """A mass moved by force, the four blocks each its own plant: unstable modes that u moves and y
+    does not see."""
+    one = control.ss(DOUBLE["A"], DOUBLE["B2"], [[1.0, 0.0]], 0.0)
+    A = np.kron(np.eye(4), one.A)
+    B = np.zeros((8, 2))
+    C = np.zeros((3, 8))
+    B[[1, 5], 0], B[[3, 7], 1] = 1.0, 1.0
+    C[0, [0, 2]], C[2, [4, 6]] = 1.0, 1.0
+    return control.ss(A, B, C, [[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+
+
+def octave_14(weighted: bool = True) -> Any:
+    """The mass once, the weight 10 (s + 1) / (s + 100) on u: y has no direct part of w."""
+    plain = control.ss(
+        DOUBLE["A"],
+        [[0.0, 0.0], [1.0, 1.0]],
+        [[1.0, 0.0], [0.0, 0.0], [1.0, 0.0]],
+        [[0, 0], [0, 1], [0, 0]],
+    )
+    weight = control.tf2ss(control.tf([10.0, 10.0], [1.0, 100.0]))
+    one = control.ss([], [], [], [[1.0]])
+    return control.append(one, weight, one) * plain if weighted else plain
+
+
+def test_the_plants_of_public_issues_are_refused_by_name() -> None:
+    for system in (python_control_367(), octave_13(), octave_14()):
+        with pytest.raises(
+            BadInputError,
+            match="D21 has only zeros in row 1: every y needs noise of its own from w",
+        ):
+            GeneralizedPlant.from_control(system, 1, 1)
+    no_cost = control.ss(
+        DOUBLE["A"], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0], [1.0, 0.0]], np.zeros((2, 2))
+    )
+    with pytest.raises(
+        BadInputError, match="D12 has only zeros in column 1: every u needs a cost of its own in z"
+    ):
+        GeneralizedPlant.from_control(no_cost, 1, 1)
+    with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 0,"):
+        with_noise(octave_13(), 0.1).minimum_delta()
+
+
+@pytest.mark.parametrize("size", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("system", [python_control_367, octave_14, lambda: octave_14(False)])
+def test_the_plants_of_public_issues_with_noise_agree_with_slycot(system: Any, size: float) -> None:
+    plant = with_noise(system(), size)
+    smallest = plant.minimum_delta().value
+    assert of_slycot(plant)[0] == pytest.approx(smallest, rel=1e-6)
+    assert gain_of(plant, solve_plant(plant, 1.001 * smallest)) < 1.001 * smallest
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+@pytest.mark.parametrize(
+    ("plant", "error", "effort", "noise"),
+    [
+        (
+            ([1.0, 1.0], [1.0, 0.5, 4.0]),
+            ([2.0, -2.2, 1.0], [3.0, 0.2, 0.01]),
+            1.0,
+            None,
+        ),  # python-control's example
+        pytest.param(
+            ([-1.0, 1.0], [1.0, 2.0, 1.0]),
+            ([0.5, 0.2], [1.0, 2e-4]),
+            0.1,
+            None,
+            marks=pytest.mark.slow,
+        ),
+        (([1.0], [1.0, -1.0]), ([0.5, 1.0], [1.0, 1e-3]), 0.1, None),
+        (
+            ([1.0], [1.0, 3.02, 1.06, 3.0]),
+            ([0.5, 0.3], [1.0, 3e-3]),
+            0.1,
+            ([1.0, 10.0], [0.01, 100.0]),
+        ),
+    ],
+)
+def test_mixed_sensitivity_agrees_with_slycot(
+    plant: Any, error: Any, effort: float, noise: Any
+) -> None:
+    """Weights of S, K S and T: D11 is not 0, D21 is square, and without an unstable pole Y is
+    exactly 0."""
+    G, W1, W2 = (control.ss(control.tf(*each)) for each in (plant, error, ([effort], [1.0])))
+    W3 = control.ss(control.tf(*noise)) if noise else None
+    augmented = GeneralizedPlant.from_control(control.augw(G, W1, W2, W3), 1, 1)
+    smallest = augmented.minimum_delta().value
+    assert of_slycot(augmented)[0] == pytest.approx(smallest, rel=1e-6)
+    assert gain_of(augmented, solve_plant(augmented, 1.001 * smallest)) < 1.001 * smallest
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"C1": [[0.0, 0.0], [0.0, 0.0]]},
+            r"z does not show the mode with eigenvalue .*a zero from u to z on the imag",
+        ),
+        (
+            {"B1": [[0.0, 0.0], [0.0, 0.0]]},
+            r"the disturbance does not reach the mode with eigenvalue",
+        ),
+        ({"B2": [[0.0], [0.0]]}, r"no input reaches the mode with eigenvalue"),
+        ({"C2": [[0.0, 0.0]]}, r"the sensors do not see the mode with eigenvalue"),
+        ({"C2": [[0.0, 1.0]]}, r"the sensors do not see the mode with eigenvalue"),
+        ({"A": [[0.0, 1.0], [-1.0, 0.0]], "C1": [[0.0, 0.0], [0.0, 0.0]]}, r"eigenvalue 0 ± 1i"),
+    ],
+)
+def test_modes_that_rule_out_every_delta_are_named(changes: dict[str, Any], words: str) -> None:
+    plant = GeneralizedPlant(**DOUBLE | changes)
+    for solve in (GeneralizedPlant.minimum_delta, lambda each: solve_plant(each, 1e3)):
+        with pytest.raises(NoSolutionError, match=words):
+            solve(plant)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"B2": [[1.0]]}, r"B2 has shape \(1, 1\); with the other matrices it must be \(2, 1\)"),
+        ({"D12": [[0.0, 1.0]]}, "D12 has shape"),
+        ({"D12": [[0.0, 0.0], [1.0, 2.0]], "B2": np.eye(2)}, "D12 has rank 1 and 2 columns"),
+        ({"C2": np.eye(2), "D21": [[0.0, 1.0], [0.0, 1.0]]}, "D21 has rank 1 and 2 rows"),
+        ({"D21": None}, "there is no D21"),
+        ({"B1": None}, "there is no B1"),
+        ({"A": 5.0}, "A has 0 dimension"),
+        ({"C2": None}, "no C2"),
+        ({"A": [[0.0, math.nan], [0.0, 0.0]]}, r"A\[0\]\[1\] is nan"),
+    ],
+)
+def test_plants_that_are_none_are_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(BadInputError, match=words):
+        GeneralizedPlant(**DOUBLE | changes)
+
+
+def test_the_command_solves_a_file_and_says_what_to_change(tmp_path: Any) -> None:
+    path = tmp_path / "plant.json"
+    path.write_text(json.dumps(DOUBLE), "utf-8")
+    data = json.loads(hfa("solve", "--model", str(path), "--json").out)
+    smallest = GeneralizedPlant(**DOUBLE).minimum_delta().value
+    assert (data["feedback"], data["delta_min"], data["certificate"]["ok"]) == (
+        "output",
+        smallest,
+        True,
+    )
+    assert data["delta"] == pytest.approx(1.01 * smallest)
+    assert [np.shape(data[name]) for name in ("Ak", "Bk", "Ck", "Dk")] == [
+        (2, 2),
+        (2, 1),
+        (1, 2),
+        (1, 1),
+    ]
+    np.savez(
+        tmp_path / "state.npz",
+        **{name: DOUBLE[name] for name in ("A", "B1", "B2", "C1", "D12")},
+        delta=3.0,
+    )
+    state = hfa("solve", "--model", str(tmp_path / "state.npz"))
+    assert "State feedback u = -K x" in state.out
+    assert "delta 3," in state.out
+    assert stored_plant(tmp_path / "state.npz")[1] == 3.0
+    for words, said, code in (
+        (("--delta", "1"), "delta = 1 is below delta_min = 1.286", 1),
+        (("--Q", "1,1"), "--Q is in C1 and D12 of a generalized plant", 2),
+        (("--design", "paper"), "--design belongs to the aircraft", 2),
+    ):
+        refused = hfa("solve", "--model", str(path), *words)
+        assert refused.code == code
+        assert said in refused.err
+        assert refused.err.count("\n") == 1
+
+
+MEASURED = ("pitch_rate", "dihedral_integral", "vertical_acceleration_short_period_integral")
+NOISE = np.diag([1e-4, 1e-4, 1e-2])
+ONE = np.eye(1)
+
+
+@pytest.fixture(
+    scope="module", params=["simvfa-1", pytest.param("simvfa-2", marks=pytest.mark.slow)]
+)
+def servo(
+    request: pytest.FixtureRequest, published_aircraft: Model
+) -> tuple[Game, np.ndarray, GeneralizedPlant]:
+    """The peer's servo at 11 deg from its three measurements, with a disturbance in every aircraft
+    state."""
+    built = design_model(published_aircraft, model_at(11.0), simvfa_design(request.param))
+    C = np.array([[float(state == name) for state in built.states] for name in MEASURED])
+    game = built.game().with_delta(200.0)
+    return game, C, GeneralizedPlant.measured(game, C, NOISE)
+
+
+def scalar() -> GeneralizedPlant:
+    return GeneralizedPlant.measured(
+        Game(0.5 * ONE, 2 * ONE, 0.7 * ONE, 3 * ONE, 0.4 * ONE, 1.0), ONE, 0.25 * ONE
+    )
+
+
+def larger_root(a: float, s: float, q: float) -> float:
+    """Of 2 a p + q - s p² = 0."""
+    return (a + math.sqrt(a * a + s * q)) / s
+
+
+def by_hand(delta: float) -> tuple[float, float]:
+    """X and Y of `scalar`."""
+    return larger_root(0.5, 4 / 0.4 - 0.49 / delta**2, 3.0), larger_root(
+        0.5, 1 / 0.25 - 3.0 / delta**2, 0.49
+    )
+
+
+def test_a_scalar_plant_by_hand() -> None:
+    X, Y = by_hand(3.0)
+    found: Any = solve_plant(scalar(), 3.0)
+    gain = Y / 0.25 / (1 - X * Y / 9)
+    Ak = 0.5 + 0.49 / 9 * X - 2 * 2 / 0.4 * X - gain
+    parts = [found.X[0, 0], found.Y[0, 0], found.coupling, found.Bk[0, 0], found.Ak[0, 0]]
+    assert parts == pytest.approx([X, Y, X * Y / 9, gain, Ak], rel=1e-12)
+
+
+@pytest.mark.parametrize("size", [pytest.param(1e-14, marks=pytest.mark.slow), 1e14])
+def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
+    """The unit of z scales delta with it; the search starts above a gain that is attained."""
+    plant = random_plant(8)
+    expected = smallest_of(8).value
+    scaled = replace(plant, C1=size * plant.C1, D11=size * plant.D11, D12=size * plant.D12)
+    assert scaled.minimum_delta().value == pytest.approx(size * expected, rel=2e-6)
+    assert all(check.ok for check in solve_plant(scaled, 2.0 * size * expected).checks)
+
+
+def test_the_smallest_delta_of_a_scalar_plant_and_its_report() -> None:
+    smallest, refused, condition = scalar().minimum_delta()
+    assert refused < smallest <= refused * (1 + 1e-6)
+    assert condition == "coupling condition"
+    below, above = (
+        delta**2 - math.prod(by_hand(delta))
+        for delta in (smallest * (1 - 2e-6), smallest * (1 + 2e-6))
+    )
+    assert below < 0 < above
+    with pytest.raises(NoSolutionError, match="the coupling condition fails: rho"):
+        solve_plant(scalar(), smallest * 0.999)
+    report = plant_report(scalar(), 3.0, "one state")
+    assert report.title.endswith(
+        f"delta 3, smallest possible {smallest:.7g}, where the coupling condition ends it"
+    )
+    assert report.data["delta_margin"] == pytest.approx(3.0 / smallest)
+    with pytest.raises(
+        NoSolutionError, match=r"the coupling condition fails: rho.* is below delta_min = "
+    ):
+        plant_report(scalar(), 0.99 * smallest, "one state")
+    free = GeneralizedPlant.measured(
+        Game(-0.5 * ONE, 2 * ONE, ONE, 0 * ONE, ONE, 9.0), ONE, 0.25 * ONE
+    )
+    data = plant_report(free, 9.0, "one state").data
+    assert (data["delta_min"], data["delta_margin"], data["coupling"]) == (0.0, None, 0.0)
+
+
+def test_both_equations_to_sixty_digits(servo: tuple[Game, np.ndarray, GeneralizedPlant]) -> None:
+    game, C, plant = servo
+    found: Any = solve_plant(plant, 200.0)
+    root = np.diag(np.sqrt(np.diag(game.Q)))
+    dual = Game(A=game.A.T, B=C.T, E=root, Q=game.S_disturbance, R=NOISE, delta=200.0)
+    for ours, reference in (
+        (found.X, reference_solution(game)),
+        (found.Y, reference_solution(dual)),
+    ):
+        # The sign of Y is lost in the rows of actuators and integrals, which no disturbance
+        # reaches: they are 0.
+        assert relative_error(ours, reference.P) < 1e-10
+    assert all(check.ok for check in found.checks)
+
+
+def test_without_disturbance_it_is_lqg(servo: tuple[Game, np.ndarray, GeneralizedPlant]) -> None:
+    game, C, plant = servo
+    found: Any = solve_plant(plant, math.inf)
+    K = control.lqr(game.A, game.B, game.Q, game.R)[0]
+    L = control.lqe(game.A, np.eye(len(game.A)), C, game.S_disturbance, NOISE)[0]
+    for ours, theirs in ((-found.Ck, K), (found.Bk, L), (found.Ak, game.A - game.B @ K - L @ C)):
+        assert relative_error(ours, theirs) < 1e-9
+    assert found.coupling == 0.0
+
+
+def test_with_every_state_measured_well_it_is_the_state_feedback_game(game: Game) -> None:
+    """As the noise falls the filter's share of the coupling falls, and the smallest delta becomes
+    that of the game."""
+    n = len(game.A)
+    smallest = minimum_delta(game).value
+    plants = [
+        GeneralizedPlant.measured(game, np.eye(n), noise * np.eye(n)) for noise in (1e-6, 1e-10)
+    ]
+    excess = [plant.minimum_delta().value / smallest - 1 for plant in plants]
+    assert excess[0] > excess[1] > -2e-6
+    assert excess[1] < 1e-3
+    found: Any = solve_plant(plants[1], game.delta)
+    assert relative_error(found.X, solve_game(game).P) < 1e-12
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_units_of_the_states_over_16_decades_change_nothing(seed: int) -> None:
+    """z = u y: delta_min, the coupling, the response; X and Y in the new units."""
+    rng = np.random.default_rng(seed)
+    A, B, E, C = (rng.standard_normal(shape) for shape in ((3, 3), (3, 1), (3, 2), (2, 3)))
+    game = Game(A=A, B=B, E=E, Q=np.eye(3), R=ONE, delta=1.0)
+    u = 10.0 ** (8 * np.array([1.0, -1.0, 0.0]))
+    scaled = Game(
+        A=A * u / u[:, None], B=B / u[:, None], E=E / u[:, None], Q=np.diag(u * u), R=ONE, delta=1.0
+    )
+    one, other = (
+        GeneralizedPlant.measured(each, c, np.eye(2)) for each, c in ((game, C), (scaled, C * u))
+    )
+    smallest = one.minimum_delta()
+    found = other.minimum_delta()
+    assert found.refused < found.value <= found.refused * (1 + 2e-6)
+    assert found.value == pytest.approx(smallest.value, rel=2e-6)
+    assert found.condition == smallest.condition
+    first: Any = solve_plant(one, 1.01 * smallest.value)
+    second: Any = solve_plant(other, 1.01 * smallest.value)
+    assert second.coupling == pytest.approx(first.coupling, rel=1e-8)
+    np.testing.assert_allclose(
+        second.X / np.outer(u, u), first.X, atol=1e-8 * np.abs(first.X).max()
+    )
+    np.testing.assert_allclose(
+        second.Y * np.outer(u, u), first.Y, atol=1e-8 * np.abs(first.Y).max()
+    )
+    np.testing.assert_allclose(
+        second.Ck / u, first.Ck, rtol=1e-6, atol=1e-8 * np.abs(first.Ck).max()
+    )
+
+
+def test_noise_without_a_size_is_refused() -> None:
+    with pytest.raises(BadInputError, match="V is not positive definite"):
+        GeneralizedPlant.measured(Game(ONE, ONE, ONE, ONE, ONE, 1.0), ONE, 0 * ONE)

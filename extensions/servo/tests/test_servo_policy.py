@@ -1,0 +1,206 @@
+"""A scheduled controller in flight: measurements, commands, and that it is the designed loop; the
+closed form of step commands is the filter's differential equation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from controllers import integrating_controller, small_controller
+from known_models import model_at
+from scipy.integrate import solve_ivp
+
+from controller import (
+    ActuatorBank,
+    CommandSteps,
+    Scenario,
+    ScheduledController,
+    Waveform,
+    flight_envelope,
+    fly,
+)
+from hfa_aircraft.model import Model
+from hfa_flight.closed_loop import LinearPlant
+from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_flight.policies import Measurements
+from hfa_flight.signals import CommandedStates, Harmonic
+from hfa_model import INPUTS, LINEAR_STATES, STATES, Input
+from hfa_servo.measured_outputs import MeasuredOutputs
+from hfa_servo.servo_policy import servo_policy
+from hfa_support import BadInputError
+from trim import OperatingPoint, linearize
+
+Z = "vertical_acceleration_short_period"
+FREE = ActuatorBank(
+    Input(*[0.5] * 5), Input(*[-np.inf] * 5), Input(*[np.inf] * 5), Input(*[np.inf] * 5)
+)
+
+
+@pytest.fixture(scope="module")
+def point() -> OperatingPoint:
+    return model_at(10.0).point
+
+
+def commands(*values: float) -> CommandSteps:
+    return CommandSteps(
+        ("dihedral",), 1.0 + 10.0 * np.arange(len(values)), np.array(values)[:, None]
+    )
+
+
+def flown(
+    aircraft: Model, point: OperatingPoint, controller: ScheduledController, **changes: object
+) -> NonlinearFlight:
+    follow = commands(0.01)
+    law = servo_policy(controller, follow, aircraft, point)
+    given = {
+        "duration": 12.0,
+        "step": 0.01,
+        "reference": CommandedStates(follow, LINEAR_STATES),
+        "actuators": FREE,
+    } | changes
+    return fly(aircraft, point, law, Scenario(**given), flight_envelope(aircraft, point))  # type: ignore[arg-type]
+
+
+def test_outputs_are_those_of_the_linear_model(
+    published_aircraft: Model, point: OperatingPoint
+) -> None:
+    names = (Z, "pitch_rate", "aileron_outer_position", "elevator_center_rate", "load_factor")
+    outputs = MeasuredOutputs(published_aircraft, point, names)
+    model = linearize(published_aircraft, point, outputs=("vertical_acceleration", "load_factor"))
+    rng = np.random.default_rng(2)
+    x = rng.normal(size=6)
+    a = rng.normal(size=5)
+    v = rng.normal(size=5)
+    y = np.array(ca.DM(outputs.at(Measurements(ca.SX(x), ca.SX(x), ca.SX(a), ca.SX(v))))).ravel()
+    alpha = LINEAR_STATES.index("alpha")
+    short = model.C[0, alpha] * x[alpha] + model.D[0] @ a
+    expected = [
+        short,
+        x[LINEAR_STATES.index("pitch_rate")],
+        a[2],
+        v[3],
+        model.C[1] @ x + model.D[1] @ a,
+    ]
+    np.testing.assert_allclose(y, expected, rtol=1e-12)
+    with pytest.raises(BadInputError, match="positions of its actuators"):
+        outputs.at(Measurements(ca.SX(x), ca.SX(x), ca.SX(0, 1), ca.SX(0, 1)))
+
+
+def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
+    published_aircraft: Model, point: OperatingPoint
+) -> None:
+    names = (Z, "load_factor", "pitch_rate", "aileron_outer_position")
+    outputs = MeasuredOutputs(published_aircraft, point, names)
+    still = ca.SX(6, 1)
+    rest = ca.SX(5, 1)
+    F = linearize(published_aircraft, point, outputs=("vertical_acceleration", "load_factor")).F[
+        :, 0
+    ]
+    for updraft, expected in ((ca.SX(3.0), 3.0 * F), (ca.SX(0, 1), 0.0 * F)):
+        y = np.array(ca.DM(outputs.at(Measurements(still, still, rest, rest, updraft)))).ravel()
+        np.testing.assert_allclose(y, [*expected, 0.0, 0.0], rtol=1e-10, atol=1e-12)
+    alpha = linearize(published_aircraft, point, outputs=("vertical_acceleration",)).C[
+        0, LINEAR_STATES.index("alpha")
+    ]
+    assert F[0] == pytest.approx(
+        alpha / point.states.speed, rel=0.05
+    )  # an updraft w is an alpha of w / V
+
+
+def test_the_flight_on_the_linear_model_is_the_loop_written_out(
+    published_aircraft: Model, point: OperatingPoint
+) -> None:
+    """The prediction of `fly` against the same loop in NumPy, with matrices looked up by the
+    controller."""
+    controller = integrating_controller(published_aircraft)
+    result = flown(published_aircraft, point, controller)
+    assert result.predicted is not None
+    model = LinearPlant.at(published_aircraft, point)
+    follow = commands(0.01)
+    eta = STATES.index("dihedral")
+    q = STATES.index("pitch_rate")
+    column = INPUTS.index("aileron_outer")
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        x = y[:7]
+        a = y[7:12]
+        e = y[12:]
+        r = float(follow.sampled(np.array([t]))[0, 0])
+        A, B, C, D = controller.at(point.states.dihedral + x[eta])
+        told = np.array([x[q], x[eta], r, 0.0])
+        u = np.zeros(5)
+        u[column] = (C @ e + D @ told)[0]
+        return np.concatenate([model.A @ x + model.B @ a, 2.0 * (u - a), A @ e + B @ told])
+
+    path = solve_ivp(rate, (0.0, 12.0), np.zeros(13), rtol=1e-9, atol=1e-12, max_step=0.5)
+    np.testing.assert_allclose(result.predicted.states[-1], path.y[:7, -1], rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(result.predicted.memory[-1], path.y[12:, -1], rtol=1e-5, atol=1e-9)
+    own_modes = servo_policy(
+        small_controller(published_aircraft), follow, published_aircraft, point
+    ).fastest
+    assert own_modes == pytest.approx(2.0)
+
+
+def test_the_anti_windup_input_is_what_was_not_applied(
+    published_aircraft: Model, point: OperatingPoint
+) -> None:
+    """With W = w the integral gets w (u_applied - u): nothing while no limit acts, and less of it
+    where one does."""
+    lowest = np.array(point.inputs) - 1e-4
+    highest = np.array(point.inputs) + 1e-4
+    narrow = replace(FREE, lowest=Input(*lowest), highest=Input(*highest))
+    controller = integrating_controller(published_aircraft, W=-2000.0 * np.ones((3, 1, 1)))
+    plain = integrating_controller(published_aircraft)
+    wound, without = (
+        flown(published_aircraft, point, each).flight.memory for each in (controller, plain)
+    )
+    np.testing.assert_allclose(wound, without, atol=1e-12)
+    saturated = flown(published_aircraft, point, plain, actuators=narrow).flight
+    relieved = flown(published_aircraft, point, controller, actuators=narrow).flight
+    assert np.abs(saturated.inputs).max() == pytest.approx(1e-4, rel=1e-6)
+    assert np.abs(relieved.memory).max() < 0.5 * np.abs(saturated.memory).max()
+
+
+TIMES = np.array([1.0, 4.0, 9.0])
+VALUES = np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 3.0]])
+
+
+def test_a_signal_is_the_same_at_one_time_at_many_and_as_an_expression() -> None:
+    rng = np.random.default_rng(2)
+    constant, slope, sine, cosine = rng.normal(size=(4, 3))
+    signal = Waveform(constant, slope, (Harmonic(1.3, sine, cosine), Harmonic(0.2, cosine, -sine)))
+    times = np.array([0.0, 0.7, 5.0])
+    t = ca.SX.sym("t")
+    one = signal.sampled(times)
+    compiled = ca.Function("s", [t], [signal.at(t)])
+    for row, time in zip(one, times.tolist(), strict=True):
+        first = sine * np.sin(1.3 * time) + cosine * np.cos(1.3 * time)
+        second = cosine * np.sin(0.2 * time) - sine * np.cos(0.2 * time)
+        np.testing.assert_allclose(row, constant + slope * time + first + second, rtol=1e-12)
+        np.testing.assert_allclose(signal.at(time), row, rtol=1e-12)
+        np.testing.assert_allclose(np.array(compiled(time)).ravel(), row, rtol=1e-12)
+
+
+def steps(damping: float = 2.0) -> CommandSteps:
+    return CommandSteps(
+        ("dihedral", "vertical_acceleration_short_period"), TIMES, VALUES, 0.5, damping
+    )
+
+
+@pytest.mark.parametrize("damping", [0.6, 1.0, 1.5, 2.0])
+def test_the_closed_form_solves_the_equation_of_the_filter(damping: float) -> None:
+    commands = steps(damping)
+    w = 0.5
+    y = np.zeros(4)
+    for begin, end, goal in zip([0.0, *TIMES], [*TIMES, 20.0], [np.zeros(2), *VALUES], strict=True):
+
+        def rate(t: float, y: np.ndarray, goal: np.ndarray = goal) -> np.ndarray:
+            return np.concatenate([y[2:], w**2 * (goal - y[:2]) - 2 * damping * w * y[2:]])
+
+        y = solve_ivp(rate, (begin, end), y, rtol=1e-10, atol=1e-12).y[:, -1]
+        np.testing.assert_allclose(commands.sampled(np.array([end]))[0], y[:2], atol=1e-8)
+        np.testing.assert_allclose(
+            np.array(ca.DM(commands.rate(ca.SX(end)))).ravel(), y[2:], atol=1e-8
+        )

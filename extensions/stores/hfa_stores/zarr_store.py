@@ -1,0 +1,411 @@
+"""Results of many rows in a Zarr store: xarray describes it, any process computes a chunk of it.
+
+A chunk is complete when every array has it and its checksum is written: Zarr writes a chunk whole
+or not at all. A run that is killed loses the chunks in work, no more. A CRC-32C in each chunk tells
+every reader when its bytes changed; the checksum is of the request, the array, the chunk's number
+and its numbers, so that --resume takes no chunk from elsewhere.
+
+A store may be from a stranger: before --resume opens it, its metadata are compared as JSON with
+those of a new store of the same request.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from hfa_stores.workers import open_workers
+from hfa_support.errors import BadInputError, on_one_line, shown
+from hfa_support.files import read_json, temporary_folder
+from hfa_support.progress import Progress
+from hfa_support.version import VERSION
+
+#: Attributes of a store that are not the job's.
+_OF_ONE_RUN = ("toolchain", "provenance")
+#: The array of checksums, a row a chunk and a column an array that is computed; its axes.
+_CHECKSUM = "checksum"
+_CHUNKS = "chunk"
+_CHECKED = "checked_array"
+_METADATA = "zarr.json"
+
+
+class RowJob(NamedTuple):
+    """N rows that any process can compute, any part of them without the others.
+
+    what: the kind of job in messages, as in "another sweep".
+    row: name of the axis of rows, the first axis of each array.
+    template: `xarray.Dataset` of the arrays (`array_of_rows`), and of the names and units on their
+        other axes. Its attributes say all that decides the results.
+    function: of a module, so that workers can import it: (*arguments) -> arrays by name; the store
+        takes those of the template.
+    arguments: (start, stop) -> arguments of the function for rows start .. stop - 1.
+    """
+
+    what: str
+    row: str
+    template: Any
+    function: Callable[..., Mapping[str, Any]]
+    arguments: Callable[[int, int], tuple[Any, ...]]
+
+    @property
+    def rows(self) -> int:
+        """N."""
+        return int(self.template.sizes[self.row])
+
+    @property
+    def chunk(self) -> int:
+        """Rows of a chunk; the last one may have fewer."""
+        return int(self.template.chunksizes[self.row][0])
+
+    @property
+    def arrays(self) -> list[str]:
+        """Names of the arrays that are computed."""
+        variables = self.template.variables.items()
+        return [str(name) for name, variable in variables if variable.dims[0] == self.row]
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+        return -(-self.rows // self.chunk)
+
+    @property
+    def identity(self) -> str:
+        """SHA-256 of all that decides the results."""
+        return hashlib.sha256(_deciding(self.template.attrs).encode()).hexdigest()
+
+    def rows_of(self, number: int) -> slice:
+        """The rows of a chunk."""
+        first = number * self.chunk
+        return slice(first, min(first + self.chunk, self.rows))
+
+
+def array_of_rows(
+    axes: tuple[str, ...],
+    shape: tuple[int, ...],
+    fill: Any,
+    chunk: int,
+    attributes: Mapping[str, Any],
+) -> Any:
+    """A lazy `xarray.Variable` for the template of a job.
+
+    axes, shape: of the array, that of the rows first.
+    fill: value and type of what is not computed yet.
+    chunk: rows of a chunk.
+    attributes: units and meaning.
+    """
+    _require_xarray()
+    import dask.array
+    import xarray
+
+    kind = np.asarray(fill).dtype
+    values = dask.array.full(shape, fill, dtype=kind, chunks=(chunk, *shape[1:]))
+    return xarray.Variable(axes, values, attributes, {"fill_value": fill})
+
+
+def fill_store(
+    job: RowJob,
+    path: Path,
+    *,
+    workers: int | str = 1,
+    resume: bool = False,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Any:
+    """Compute every row that the store at `path` does not hold yet; the store as `xarray.Dataset`.
+
+    workers: see `open_workers`; the results do not depend on it.
+    resume: continue an interrupted job and compute damaged chunks again; otherwise the store must
+        be new.
+    provenance: where a new store comes from, JSON data.
+    progress: called with (chunks done, chunks in all), first at the start.
+
+    BadInputError when the store exists, or is not one of this job and version.
+    """
+    store = path.resolve()
+    chunks = job.chunks
+    with open_workers(workers) as run:
+        if resume:
+            _refuse_another(store, job)
+            missing = _missing_chunks(store, job)
+        else:
+            _create(store, job, provenance)
+            missing = list(range(chunks))
+        done = chunks - len(missing)
+        if progress is not None and missing:
+            progress(done, chunks)  # the first chunk may take a while: code is compiled
+        # Processes of this machine write their chunks; from a cluster the rows come back.
+        target = None if isinstance(workers, str) else store
+        identity = job.identity
+        tasks = ((number, _task(job, Place(number, target, identity))) for number in missing)
+        for number, results in run(_compute_chunk, tasks):
+            if results is not None:
+                _write(Place(number, store, identity), job.rows_of(number), results)
+            done += 1
+            if progress is not None:
+                progress(done, chunks)
+    return open_store(path)
+
+
+def open_store(path: Path) -> Any:
+    """A store as `xarray.Dataset`, whose arrays are read when they are used."""
+    _require_xarray()
+    import xarray
+
+    return xarray.open_zarr(path, consolidated=False, chunks=None, zarr_format=3)
+
+
+class Place(NamedTuple):
+    """Where a chunk belongs.
+
+    number: of the chunk.
+    path: of the store; None where the rows are given back instead.
+    identity: of the job.
+    """
+
+    number: int
+    path: Path | None
+    identity: str
+
+
+def _task(job: RowJob, place: Place) -> tuple[Any, ...]:
+    """Arguments of `_compute_chunk`."""
+    rows = job.rows_of(place.number)
+    return place, rows, job.arrays, job.function, job.arguments(rows.start, rows.stop)
+
+
+def _compute_chunk(
+    place: Place,
+    rows: slice,
+    names: list[str],
+    function: Callable[..., Mapping[str, Any]],
+    arguments: tuple[Any, ...],
+) -> Mapping[str, Any] | None:
+    """Compute the rows of a chunk and write them to their place; without a path return them. What
+    a worker runs."""
+    computed = function(*arguments)
+    results = {name: computed[name] for name in names}
+    if place.path is None:
+        return results
+    _write(place, rows, results)
+    return None
+
+
+def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
+    """Write the rows of one chunk, then their checksums; other processes may write other chunks
+    meanwhile."""
+    group = _opened(place.path, "r+")
+    checksums = []
+    for name, values in results.items():
+        # A chunk of fill values is written too: without a file it would count as missing.
+        array = group[name].with_config({"write_empty_chunks": True})
+        written = np.ascontiguousarray(values, array.dtype)
+        array[rows] = written
+        checksums.append(_checksum(place, name, written))
+    group[_CHECKSUM][place.number] = np.array(checksums, dtype=np.uint64)
+
+
+def _opened(path: Path | None, mode: Literal["r", "r+"]) -> Any:
+    import zarr
+
+    return zarr.open_group(str(path), mode=mode, zarr_format=3)
+
+
+def _checksum(place: Place, name: str, values: np.ndarray) -> int:
+    """The first 8 bytes of a SHA-256: of the job, the array's name, the chunk's number and its
+    values, little-endian."""
+    subject = [place.identity, name, place.number, values.dtype.name, values.shape]
+    digest = hashlib.sha256(json.dumps(subject).encode())
+    digest.update(values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes())
+    return int.from_bytes(digest.digest()[:8], "little")
+
+
+def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
+    """A new store without results; BadInputError when something is there already.
+
+    It is made under a temporary name and renamed, so that it appears whole.
+    """
+    taken = BadInputError(f"{path} exists; continue it with --resume, or choose another name")
+    if path.exists():
+        raise taken
+    with temporary_folder(path.parent) as folder:
+        _write_template(folder / "store", job, provenance)
+        try:
+            (folder / "store").rename(path)
+        except OSError as error:
+            raise (taken if path.exists() else error) from None  # another run was faster
+
+
+def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
+    """The store of a job without results: metadata, names and units."""
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+
+    meaning = "first 8 bytes of a SHA-256 of the request, the array, the chunk's number and values"
+    checksums = array_of_rows(
+        (_CHUNKS, _CHECKED),
+        (job.chunks, len(job.arrays)),
+        np.uint64(0),
+        1,
+        {"long_name": meaning},
+    )
+    names = np.array(job.arrays, dtype=object)
+    template = job.template.assign({_CHECKSUM: checksums}).assign_coords({_CHECKED: names})
+    template = template.assign_attrs(toolchain=VERSION)
+    if provenance is not None:
+        template = template.assign_attrs(provenance=dict(provenance))
+    codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
+    encoding = {name: variable.encoding | codecs for name, variable in template.variables.items()}
+    template.to_zarr(path, encoding=encoding, compute=False, consolidated=False, zarr_format=3)
+
+
+def _refuse_another(path: Path, job: RowJob) -> None:
+    """BadInputError unless the store at `path` is of this job and of this version.
+
+    Its metadata are read as JSON; nothing is opened before they are those of a new store.
+    """
+    _require_xarray()
+    with temporary_folder() as folder:
+        _write_template(folder / "store", job, None)
+        expected = _metadata(folder / "store")
+        labels = _labels(folder / "store", job.row)
+    try:
+        attributes = read_json(path / _METADATA)["attributes"]
+        if attributes["schema"] != expected["."]["attributes"]["schema"]:
+            raise ValueError("another schema")
+        begun = str(attributes["toolchain"])
+        same_job = _deciding(attributes) == _deciding(expected["."]["attributes"])
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise BadInputError(
+            f"{path} is not a {job.what} store of this version, or damaged; start anew, without "
+            "--resume, under another name"
+        ) from error
+    if not same_job:
+        raise BadInputError(
+            f"{path} belongs to another {job.what}; give the same options, or another name"
+        )
+    if begun != VERSION:
+        raise BadInputError(
+            f"{path} was begun by version {on_one_line(begun)} and this is {VERSION}: finish it "
+            "there, or start anew"
+        )
+    other = _first_difference(path, expected)
+    if other:
+        raise BadInputError(
+            f"{path} is damaged or was made elsewhere: {other} is not as this {job.what} makes it; "
+            "start anew"
+        )
+    if not _same_labels(path, job.row, labels):
+        raise BadInputError(
+            f"{path} is damaged: its names or units are not those of this {job.what}; start anew"
+        )
+
+
+def _deciding(attributes: Mapping[str, Any]) -> str:
+    """The attributes that decide the results, as JSON: the order of the variables counts."""
+    compared = {
+        key: value for key, value in attributes.items() if key not in (*_OF_ONE_RUN, "coordinates")
+    }
+    return json.dumps(compared)
+
+
+def _metadata(store: Path) -> dict[str, Any]:
+    """Of each array and, as ".", of the group: the JSON that describes it, but for what is of one
+    run. OSError, BadInputError, LookupError or TypeError where it cannot be read."""
+    found = {}
+    for folder in [store, *(entry for entry in store.iterdir() if entry.name != _METADATA)]:
+        content = read_json(folder / _METADATA)
+        attributes = content["attributes"]
+        if folder == store:
+            kept = {key: attributes[key] for key in attributes if key not in _OF_ONE_RUN}
+            content = content | {"attributes": kept}
+        found[str(folder.relative_to(store))] = content
+    return found
+
+
+def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
+    """What of a store is not as expected: a file that describes it, a file that does not belong to
+    it, or a link, which may lead anywhere; "" where there is nothing."""
+    for folder in (path, *(path / name for name in expected if name != ".")):
+        allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}
+        for entry in sorted(folder.iterdir()) if folder.is_dir() else []:
+            if entry.name not in allowed or entry.is_symlink():
+                return shown(str(entry.relative_to(path)))
+    try:
+        stored = _metadata(path)
+    except (OSError, ValueError, LookupError, TypeError, BadInputError):
+        return "what describes an array"
+    for name, content in expected.items():
+        if stored.get(name) != content:
+            return str(Path(name) / _METADATA)
+    return ""
+
+
+def _labels(path: Path, row: str) -> dict[str, list[Any]]:
+    """The names and units in a store: each array whose first axis is not that of rows or chunks."""
+    stored = open_store(path)
+    return {
+        str(name): variable.values.tolist()
+        for name, variable in stored.variables.items()
+        if variable.dims[0] not in (row, _CHUNKS)
+    }
+
+
+def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> bool:
+    try:
+        return _labels(path, row) == expected
+    except (OSError, ValueError, RuntimeError, MemoryError):  # of a damaged chunk
+        return False
+
+
+def _missing_chunks(path: Path, job: RowJob) -> list[int]:
+    """Numbers of the chunks that some array does not have, or whose numbers are not those that were
+    written there for this job; a warning counts the latter."""
+    group = _opened(path, "r")
+    missing = []
+    damaged = 0
+    for number in range(job.chunks):
+        names = (*job.arrays, _CHECKSUM)
+        if not all(_is_written(path / name, group[name], number) for name in names):
+            missing.append(number)
+        elif not _is_intact(group, job, Place(number, path, job.identity)):
+            missing.append(number)
+            damaged += 1
+    if damaged:
+        warnings.warn(
+            f"{path}: {damaged} of {job.chunks} chunks were damaged and are computed again",
+            stacklevel=3,
+        )
+    return missing
+
+
+def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
+    """Whether every array's chunk has the checksum that was written with it."""
+    rows = job.rows_of(place.number)
+    try:
+        stored = group[_CHECKSUM][place.number].tolist()
+        found = [_checksum(place, name, group[name][rows]) for name in job.arrays]
+    except (OSError, ValueError, RuntimeError, MemoryError):  # bytes that are no chunk
+        return False
+    return found == stored
+
+
+def _is_written(folder: Path, array: Any, number: int) -> bool:
+    """Whether an array has a chunk, which spans its other axes."""
+    indices = (number, *(0 for _ in array.shape[1:]))
+    return (folder / array.metadata.encode_chunk_key(indices)).is_file()
+
+
+def _require_xarray() -> None:
+    try:
+        import dask.array  # noqa: F401
+        import xarray  # noqa: F401
+        import zarr  # noqa: F401
+    except ImportError as error:
+        raise BadInputError(
+            "a store needs xarray, Dask and Zarr; install them with `pip install .[distributed]`"
+        ) from error

@@ -1,0 +1,108 @@
+"""Processes and clusters that run tasks: every result, errors as they were raised, nobody left."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+
+import pytest
+
+from hfa_stores.workers import open_workers
+from hfa_support import BadInputError, NoSolutionError, workers as module
+
+
+def _square(value: int) -> int:
+    if value < 0:
+        raise NoSolutionError(f"no root of {value}")
+    return value * value
+
+
+def _die(value: int) -> int:
+    os._exit(1)
+
+
+def _gone() -> bool:
+    """Whether no child process is left, within five seconds."""
+    end = time.monotonic() + 5.0
+    while multiprocessing.active_children() and time.monotonic() < end:
+        time.sleep(0.02)
+    return not multiprocessing.active_children()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_every_task_has_its_result(count: int) -> None:
+    tasks = [(key, (key,)) for key in range(20)]
+    with open_workers(count) as run:
+        assert dict(run(_square, tasks)) == {key: key * key for key in range(20)}
+        assert dict(run(_square, [])) == {}
+    assert _gone()
+
+
+def test_an_error_of_a_task_is_raised_and_no_worker_is_left() -> None:
+    with open_workers(2) as run, pytest.raises(NoSolutionError, match="no root of -3"):
+        list(run(_square, ((key, (-key,)) for key in (0, 3))))
+    assert _gone()
+
+
+def test_a_job_that_is_left_leaves_no_worker() -> None:
+    tasks = ((key, (0.0 if key == 0 else 60.0,)) for key in range(9))
+    with open_workers(2) as run:
+        assert next(run(time.sleep, tasks)) == (0, None)
+    assert _gone()
+
+
+def test_a_worker_that_dies_ends_the_job_in_one_line() -> None:
+    with (
+        pytest.raises(NoSolutionError, match=r"a worker died; .*continue with --resume"),
+        open_workers(2) as run,
+    ):
+        list(run(_die, ((key, (key,)) for key in range(9))))
+    assert _gone()
+
+
+def test_where_no_more_files_may_be_open_no_worker_is_started() -> None:
+    resource = pytest.importorskip("resource")
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    next_descriptor = os.dup(0)
+    os.close(next_descriptor)
+    with open_workers(2) as run:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (next_descriptor + 1, limits[1]))
+        try:
+            with pytest.raises(BadInputError, match=r"\(Too many open files\); take fewer workers"):
+                list(run(_square, [(0, (0,))]))
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
+@pytest.mark.slow
+def test_a_task_that_kills_the_workers_of_a_cluster_is_one_line() -> None:
+    dask = pytest.importorskip("dask")
+    distributed = pytest.importorskip("distributed")
+    # The cluster gives up after one lost worker, not four.
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0"
+        ) as cluster,
+    ):
+        with open_workers(cluster.scheduler_address) as run:
+            results = dict(run(abs, [(key, (-key,)) for key in range(9)]))
+        assert results == {key: key for key in range(9)}
+        with (
+            pytest.raises(NoSolutionError, match="gave up a chunk"),
+            open_workers(cluster.scheduler_address) as run,
+        ):
+            list(run(_die, [(0, (0,))]))
+
+
+def test_what_cannot_work_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(BadInputError, match="at least 1"), open_workers(0):
+        pass
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(module, "_ANSWER", "0.1s")
+    with (
+        pytest.raises(BadInputError, match="no Dask scheduler answers"),
+        open_workers("tcp://127.0.0.1:9"),
+    ):
+        pass

@@ -1,0 +1,402 @@
+"""A job in a store: the same bits wherever it runs, nothing lost to a kill, no damaged number taken
+for right."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store, open_store
+from hfa_support import BadInputError, zarr_store
+
+ROWS = 10
+CHUNK = 3
+NAN = float("nan")
+
+
+def numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
+    """`empty` holds nothing but fill values; `pole` is nan+0j in the rows of chunk 1, as where
+    there is no trim."""
+    count = np.arange(start, stop, dtype=float)
+    pole = count * (1 + 2j)
+    pole[(count >= 3) & (count < 6)] = complex(NAN, 0.0)
+    return {
+        "square": np.outer(count**2, [1, 2]),
+        "empty": np.full(len(count), NAN),
+        "pole": pole,
+        "not in the store": np.zeros(len(count)),
+    }
+
+
+def slow_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
+    time.sleep(0.1)
+    return numbers(start, stop)
+
+
+def row_job(seed: int = 0, unit: str = "ft", function: Callable[..., Any] = numbers) -> RowJob:
+    import xarray
+
+    arrays = {
+        "square": array_of_rows(("row", "side"), (ROWS, 2), NAN, CHUNK, {"units": unit}),
+        "empty": array_of_rows(("row",), (ROWS,), NAN, CHUNK, {}),
+        "pole": array_of_rows(("row",), (ROWS,), complex(NAN, NAN), CHUNK, {}),
+    }
+    sides = {"side": np.array(["left", "right"], dtype=object)}
+    attributes = {"schema": "test/1", "plan": {"seed": seed}}
+    template = xarray.Dataset(arrays, sides, attributes)
+    return RowJob("test", "row", template, function, lambda start, stop: (start, stop))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file of a store, but for those that a kill left unfinished."""
+    files = [file for file in folder.rglob("*") if file.is_file() and file.suffix != ".partial"]
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("store") / "a.zarr"
+    fill_store(row_job(), path)
+    return path
+
+
+@pytest.fixture
+def path(made: Path, tmp_path: Path) -> Path:
+    """A finished store that a test may damage."""
+    return shutil.copytree(made, tmp_path / "a.zarr")
+
+
+def resumed(path: Path, **options: Any) -> list[tuple[float, float]]:
+    """(chunks done, chunks) as a run that continues the store tells them."""
+    told: list[tuple[float, float]] = []
+    fill_store(row_job(), path, resume=True, progress=lambda *now: told.append(now), **options)
+    return told
+
+
+def test_what_was_computed_is_read_with_names_and_units(made: Path) -> None:
+    dataset = open_store(made)
+    expected = numbers(0, ROWS)
+    for name in ("square", "empty", "pole"):
+        np.testing.assert_array_equal(dataset[name].values, expected[name])
+    assert dataset.pole.values[3:6].imag.tolist() == [0.0, 0.0, 0.0]
+    assert dataset.square.sel(side="right").values.tolist() == (2 * np.arange(10.0) ** 2).tolist()
+    assert dataset.square.attrs == {"units": "ft"}
+
+
+def test_two_processes_write_the_bytes_of_one_and_a_resume_changes_none(
+    made: Path, tmp_path: Path
+) -> None:
+    """A chunk without a trim, nan+0j, was read back as nan+nanj, and so reported as damaged."""
+    fill_store(row_job(), tmp_path / "two.zarr", workers=2)
+    assert resumed(tmp_path / "two.zarr") == []  # a warning would be an error
+    assert contents(tmp_path / "two.zarr") == contents(made)
+
+
+def test_a_dask_cluster_writes_the_bytes_of_one(made: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=4, processes=False, dashboard_address=":0"
+    ) as cluster:
+        fill_store(row_job(), tmp_path / "far.zarr", workers=cluster.scheduler_address)
+    assert contents(tmp_path / "far.zarr") == contents(made)
+
+
+class Stop(Exception):
+    pass
+
+
+def test_only_what_is_missing_is_computed(made: Path, tmp_path: Path) -> None:
+    def stop_after_two(done: float, _: float) -> None:
+        if done == 2:
+            raise Stop
+
+    with pytest.raises(Stop):
+        fill_store(row_job(), tmp_path / "a.zarr", progress=stop_after_two)
+    assert np.isnan(open_store(tmp_path / "a.zarr").square.values[6:]).all()
+    # The first is told before anything is computed.
+    assert resumed(tmp_path / "a.zarr") == [(2, 4), (3, 4), (4, 4)]
+    assert contents(tmp_path / "a.zarr") == contents(made)
+
+
+KILLED = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+import test_zarr_store as tests
+if __name__ == "__main__":
+    tests.fill_store(tests.row_job(function=tests.slow_numbers), Path("a.zarr"), workers=2)
+"""
+
+
+def test_a_kill_loses_the_chunks_in_work_and_no_more(made: Path, tmp_path: Path) -> None:
+    (tmp_path / "killed.py").write_text(KILLED)
+    words = [sys.executable, "killed.py", str(Path(__file__).parent)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen(words, cwd=tmp_path, env=environment)
+    path = tmp_path / "a.zarr"
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and not list(path.glob("pole/c/*")):
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    done, chunks = resumed(path)[0]
+    assert (0 < done < 4, chunks) == (True, 4)
+    assert contents(path) == contents(made)
+
+
+def _flip(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(bytes(content))
+
+
+@pytest.mark.parametrize("file", ["square/c/1/0", "empty/c/1", "pole/c/1"])
+@pytest.mark.parametrize(
+    ("damage", "noticed"),
+    [(_flip, True), (lambda file: file.write_bytes(b""), True), (Path.unlink, False)],
+    ids=["flip", "cut", "gone"],
+)
+def test_a_damaged_chunk_is_computed_again(
+    made: Path, path: Path, file: str, damage: Callable[[Path], None], noticed: bool
+) -> None:
+    """A chunk that is gone cannot be told from one that was not computed yet."""
+    damage(path / file)
+    if noticed:
+        with pytest.raises(ValueError, match=r"\w"):
+            open_store(path)[file.split("/")[0]].load()
+        with pytest.warns(UserWarning, match="1 of 4 chunks were damaged and are computed again"):
+            assert resumed(path) == [(3, 4), (4, 4)]
+    else:
+        assert resumed(path) == [(3, 4), (4, 4)]
+    assert contents(path) == contents(made)
+
+
+@pytest.mark.parametrize("file", ["square/zarr.json", "side/c/0", "zarr.json"])
+def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
+    content = (path / file).read_bytes()
+    if file == "side/c/0":
+        _flip(path / file)
+    else:
+        (path / file).write_bytes(content.replace(b'"ft"', b'"kt"').replace(b'"seed"', b'"sead"'))
+        assert (path / file).read_bytes() != content
+    with pytest.raises(BadInputError, match=r"damaged|belongs to another test"):
+        fill_store(row_job(), path, resume=True)
+
+
+def test_a_store_is_neither_overwritten_nor_continued_by_another_job(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(BadInputError, match="exists; continue it with --resume"):
+        fill_store(row_job(), path)
+    with pytest.raises(BadInputError, match="belongs to another test"):
+        fill_store(row_job(seed=1), path, resume=True)
+    (tmp_path / "empty.zarr").mkdir()
+    shutil.copytree(path, tmp_path / "old.zarr")
+    attributes = json.loads((path / "zarr.json").read_text())
+    attributes["attributes"]["schema"] = "test/0"
+    (tmp_path / "old.zarr" / "zarr.json").write_text(json.dumps(attributes))
+    for name in ("none.zarr", "empty.zarr", "old.zarr"):
+        with pytest.raises(BadInputError, match="not a test store of this version"):
+            fill_store(row_job(), tmp_path / name, resume=True)
+    monkeypatch.setattr(zarr_store, "VERSION", "0.0.9")
+    with pytest.raises(BadInputError, match=r"was begun by version \d.* and this is 0\.0\.9"):
+        fill_store(row_job(), path, resume=True)
+    assert open_store(path).square.shape == (ROWS, 2)  # any version reads it
+
+
+def test_a_store_appears_whole_and_takes_no_folder_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder such as .a.zarr.my-backup-202612 was taken for a leftover of a killed run and
+    removed."""
+    import xarray
+
+    (tmp_path / ".a.zarr.my-backup-202612").mkdir()
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(xarray.Dataset, "to_zarr", full)
+        with pytest.raises(OSError, match="No space left"):
+            fill_store(row_job(), tmp_path / "a.zarr")
+    assert [path.name for path in tmp_path.iterdir()] == [".a.zarr.my-backup-202612"]
+    fill_store(row_job(), tmp_path / "a.zarr")
+    assert {path.name for path in tmp_path.iterdir()} == {".a.zarr.my-backup-202612", "a.zarr"}
+
+
+# Stores from strangers.
+
+
+def change_metadata(path: Path, file: str, *changes: tuple[tuple[str | int, ...], Any]) -> None:
+    """Write other values at places of the JSON that describes a store or an array."""
+    content = json.loads((path / file).read_text())
+    for keys, value in changes:
+        holder = content
+        for key in keys[:-1]:
+            holder = holder[key]
+        holder[keys[-1]] = value
+    (path / file).write_text(json.dumps(content))
+
+
+OTHER_METADATA: dict[str, tuple[tuple[str | int, ...], Any]] = {
+    "byte order": (("codecs", 0, "configuration", "endian"), "big"),
+    "no checksum": (("codecs",), [{"name": "bytes", "configuration": {"endian": "little"}}]),
+    "a filter": (("codecs", 0), {"name": "numcodecs.pickle", "configuration": {}}),
+    "type": (("data_type",), "float32"),
+    "chunks": (("chunk_grid", "configuration", "chunk_shape"), [2, 2]),
+    "names of chunks": (("chunk_key_encoding",), {"name": "v2"}),
+    "fill value": (("fill_value",), 0.0),
+    "shape": (("shape",), [ROWS, 3]),
+    "axes": (("dimension_names",), ["row", "other"]),
+    "format": (("zarr_format",), 2),
+    "transformers": (("storage_transformers",), [{"name": "x"}]),
+    "no attributes": (("attributes",), None),
+}
+
+
+@pytest.mark.parametrize("what", OTHER_METADATA)
+def test_another_description_of_an_array_is_refused(path: Path, what: str) -> None:
+    """With "big" every number was read in the wrong byte order and none was missing."""
+    change_metadata(path, "square/zarr.json", OTHER_METADATA[what])
+    with pytest.raises(BadInputError, match="damaged or was made elsewhere"):
+        fill_store(row_job(), path, resume=True)
+
+
+def of_format_2(path: Path, job: RowJob) -> None:
+    """A store of Zarr's format 2 whose chunks are to be unpickled, with the job's attributes."""
+    path.mkdir()
+    (path / ".zgroup").write_text('{"zarr_format": 2}')
+    attributes = {**job.template.attrs, "toolchain": zarr_store.VERSION}
+    (path / ".zattrs").write_text(json.dumps(attributes))
+    (path / "square").mkdir()
+    description = {
+        "zarr_format": 2,
+        "shape": [ROWS, 2],
+        "chunks": [CHUNK, 2],
+        "dtype": "|O",
+        "fill_value": None,
+        "order": "C",
+        "compressor": None,
+        "filters": [{"id": "pickle", "protocol": 5}],
+    }
+    (path / "square" / ".zarray").write_text(json.dumps(description))
+    (path / "square" / "0.0").write_bytes(RUNS)
+
+
+class Runs:
+    """What makes a folder when it is unpickled."""
+
+    def __reduce__(self) -> tuple[Any, tuple[str]]:
+        return os.mkdir, ("code-was-run",)
+
+
+RUNS = pickle.dumps(Runs())
+
+
+def test_nothing_in_a_store_of_another_format_is_run(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    theirs = tmp_path / "theirs.zarr"
+    of_format_2(theirs, row_job())
+    with pytest.raises(BadInputError, match="is not a test store of this version"):
+        fill_store(row_job(), theirs, resume=True)
+    shutil.copy(path / "zarr.json", theirs)
+    with pytest.raises(BadInputError, match=r"\.zattrs' is not as this test makes it"):
+        fill_store(row_job(), theirs, resume=True)
+    shutil.copytree(theirs / "square", path / "more")
+    with pytest.raises(BadInputError, match="'more' is not as this test makes it"):
+        fill_store(row_job(), path, resume=True)
+    shutil.rmtree(path / "more")
+    shutil.copy(theirs / "square" / ".zarray", path / "square")
+    with pytest.raises(BadInputError, match=r"'square/\.zarray' is not as this test makes it"):
+        fill_store(row_job(), path, resume=True)
+    assert not (tmp_path / "code-was-run").exists()
+
+
+def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
+    (path / "square" / "c").rename(tmp_path / "elsewhere")
+    (path / "square" / "c").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(BadInputError, match="'square/c' is not as this test makes it"):
+        fill_store(row_job(), path, resume=True)
+
+
+@pytest.mark.parametrize("what", ["another job", "another chunk", "another array", "its checksum"])
+def test_a_chunk_that_is_of_something_else_is_computed_again(
+    made: Path, path: Path, tmp_path: Path, what: str
+) -> None:
+    """Whole chunks with a right CRC-32C."""
+    other = tmp_path / "other.zarr"
+    if what == "another job":
+        fill_store(row_job(seed=1, function=other_numbers), other)
+        for file in ("square/c/1/0", "empty/c/1", "pole/c/1", "checksum/c/1/0"):
+            shutil.copy(other / file, path / file)
+    elif what == "another chunk":
+        for file in ("square/c/{}/0", "empty/c/{}", "pole/c/{}", "checksum/c/{}/0"):
+            shutil.copy(path / file.format(0), path / file.format(1))
+    elif what == "another array":
+        shutil.copy(path / "square/c/0/0", path / "square/c/1/0")
+    else:
+        shutil.copy(path / "checksum/c/0/0", path / "checksum/c/1/0")
+    with pytest.warns(UserWarning, match="1 of 4 chunks were damaged"):
+        assert resumed(path) == [(3, 4), (4, 4)]
+    assert contents(path) == contents(made)
+
+
+def other_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
+    return {name: 2.0 * values for name, values in numbers(start, stop).items()}
+
+
+def refusal(path: Path) -> str:
+    """Why the store is not continued; nothing is left to compute in one that is."""
+    try:
+        assert resumed(path) == []
+    except BadInputError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize(
+    "count", [20, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
+)
+def test_random_changes_of_the_metadata_are_refused_in_one_line(
+    made: Path, path: Path, count: int
+) -> None:
+    """Bytes of any file that describes something: another byte, a part left out, JSON of another
+    kind."""
+    random = np.random.default_rng(8)
+    files = sorted(made.rglob("zarr.json"))
+    refused = 0
+    for _ in range(count):
+        file = files[int(random.integers(len(files)))]
+        own = file.read_bytes()
+        content = bytearray(own)
+        kind = int(random.integers(3))
+        at = int(random.integers(len(content)))
+        if kind == 0:
+            content[at] ^= 1 << int(random.integers(8))
+        elif kind == 1:
+            del content[at : at + int(random.integers(1, 40))]
+        else:
+            content = bytearray(random.choice([b"[]", b"null", b"{}", b"[" * 9000, b'"x"', b""]))
+        target = path / file.relative_to(made)
+        target.write_bytes(bytes(content))
+        reason = refusal(path)
+        assert "\n" not in reason
+        refused += bool(reason)
+        target.write_bytes(own)
+    assert refused > 0.8 * count
+    assert contents(path) == contents(made)
