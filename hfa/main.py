@@ -81,11 +81,15 @@ GROUPS = {
 }
 COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in commands.items()}
 
-#: Command -> its module in `hfa.commands`, imported when it runs; the others have one of their own
-#: name.
+#: Command -> its module, imported when it runs; the others have one of their own name in
+#: `hfa.commands`.
 MODULES = {
-    **dict.fromkeys(("solve", "learn"), "game"),
-    "fly": "flight",
+    **dict.fromkeys(("solve", "learn"), "hfa.commands.game"),
+    "report": "hfa_page.commands.report",
+    "fly": "hfa_flight.commands.fly",
+    "export": "hfa_flight.commands.export",
+    "design": "hfa_servo.commands.design",
+    "prove": "hfa_proof.commands.prove",
 }
 
 #: Former commands, for one version -> what took their place.
@@ -278,7 +282,7 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
 
 def command_named(name: str) -> Command:
     """The command; its module is imported now."""
-    module = importlib.import_module(f"hfa.commands.{MODULES.get(name, name)}")
+    module = importlib.import_module(MODULES.get(name, f"hfa.commands.{name}"))
     command: Command = getattr(module, name.replace("-", "_"))
     return command
 

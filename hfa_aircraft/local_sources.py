@@ -17,6 +17,7 @@ _OWN_PACKAGES = {
     "controller",
     "verification",
 }
+_EXTENSIONS = Path(__file__).resolve().parents[1] / "extensions"
 
 
 def hash_of_sources(file: Path, package: str = "") -> str:
@@ -50,7 +51,8 @@ def _local_sources(
         if name.split(".")[0] in _OWN_PACKAGES or not origin or not origin.endswith(".py"):
             continue
         path = Path(origin).resolve()
-        is_local = path.is_relative_to(folder) and "site-packages" not in path.parts
+        is_installed = "site-packages" in path.parts or path.is_relative_to(_EXTENSIONS)
+        is_local = path.is_relative_to(folder) and not is_installed
         if is_local and path not in sources:
             _local_sources(path, getattr(module, "__package__", "") or "", folder, sources)
     return sources

@@ -13,6 +13,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 from game_files import AT_15, HISTORY, LABELS, QUICK, small
 from known_models import game_at, model_at
+from project import ROOT
 from scipy.io import loadmat
 from servo_cases import SIMVFA, simvfa_design
 
@@ -148,7 +149,7 @@ def test_a_linear_model_keeps_its_names() -> None:
 # The game of a design.
 
 AT_11 = ("--dihedral", "11")
-PEER = Path(__file__).parents[1] / "controller" / "servo" / "peer_gains.json"
+PEER = ROOT / "extensions/servo/tests/peer_gains.json"
 
 
 @pytest.mark.parametrize(("name", "size"), [("simvfa-1", 10), ("simvfa-2", 12)])

@@ -11,7 +11,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from project import PACKAGES, ROOT
+from project import FOLDERS, ROOT
 
 #: Spelled in two halves, so that this file does not mention it.
 WORKPLACE = re.compile("/wo" + "rk/|/tmp/bri" + "ef")
@@ -34,7 +34,7 @@ def test_nothing_mentions_where_it_was_written() -> None:
 
 
 DATA = {
-    *(f"{package}/py.typed" for package in PACKAGES),
+    *(f"{package}/py.typed" for package in FOLDERS),
     *("hfa_model/parameters.toml", "hfa_model/printed_matrices.json"),
 }
 
@@ -47,10 +47,9 @@ def test_the_wheel_holds_every_module_all_data_and_nothing_else(tmp_path: Path) 
     sources.mkdir()
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / name, sources)
-    for package in PACKAGES:
-        shutil.copytree(
-            ROOT / package, sources / package, ignore=shutil.ignore_patterns("__pycache__")
-        )
+    for folder in FOLDERS.values():
+        copy = sources / folder.relative_to(ROOT)
+        shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("__pycache__"))
     for stray in ("trim_results", "controller_old"):
         (sources / stray).mkdir()
         (sources / stray / "__init__.py").touch()
@@ -58,7 +57,11 @@ def test_the_wheel_holds_every_module_all_data_and_nothing_else(tmp_path: Path) 
     subprocess.run([*command, "--wheel-dir", str(wheels), str(sources)], check=True, timeout=120)
     (wheel,) = wheels.glob("*.whl")
     names = set(zipfile.ZipFile(wheel).namelist())
-    files = (path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file())
-    ours = {str(path.relative_to(ROOT)) for path in files if path.suffix != ".pyc"}
+    ours = {
+        str(path.relative_to(folder.parent))
+        for folder in FOLDERS.values()
+        for path in folder.rglob("*")
+        if path.is_file() and path.suffix != ".pyc"
+    }
     assert ours >= DATA
     assert {name for name in names if ".dist-info/" not in name} == ours

@@ -10,14 +10,18 @@ from project import ROOT
 from hfa.main import COMMANDS
 
 PAGE = (ROOT / "docs" / "promises.md").read_text(encoding="utf-8")
-PROMISES = [line.strip("|").split(" | ") for line in PAGE.splitlines() if "`tests/" in line]
+PROMISES = [
+    line.strip("|").split(" | ")
+    for line in PAGE.splitlines()
+    if re.search(r"`(tests|extensions)/", line)
+]
 
 
 def missing(promise: list[str]) -> str:
     """What a row names that is not there, or ""."""
     if len(promise) != 4 or not all(cell.strip() for cell in promise):
         return "a promise has a tolerance, a test and a way to see it"
-    found = re.search(r"`(tests/\S+\.py)::(test_\w+)`( \(slow\))?", promise[2])
+    found = re.search(r"`((?:tests|extensions)/\S+\.py)::(test_\w+)`( \(slow\))?", promise[2])
     if found is None or not (ROOT / found[1]).exists():
         return f"no test in {promise[2]}"
     text = (ROOT / found[1]).read_text(encoding="utf-8")
@@ -40,7 +44,7 @@ def test_a_promise_is_held_by_a_test(promise: list[str]) -> None:
     "change",
     [
         (2, "`tests/nowhere.py::test_x`"),
-        (2, "`tests/conftest.py::test_x`"),
+        (2, "`tests/support/cli.py::test_x`"),
         (3, "`hfa nothing`"),
         (1, " "),
     ],

@@ -6,12 +6,17 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = tuple(
-    tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["mypy"]["packages"]
-)
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]
+#: Package -> its folder, of the core and of the extensions.
+FOLDERS = {
+    name: next(path for path in (ROOT / name, *ROOT.glob(f"extensions/*/{name}")) if path.is_dir())
+    for name in SETTINGS["mypy"]["packages"]
+}
+#: Those with a stub of public names.
+PACKAGES = tuple(name for name, folder in FOLDERS.items() if (folder / "__init__.pyi").exists())
 
 
 def project_sources() -> dict[str, str]:
     """Path relative to the root -> source, of every module in the packages."""
-    paths = (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py")))
+    paths = (path for folder in FOLDERS.values() for path in sorted(folder.rglob("*.py")))
     return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in paths}

@@ -6,11 +6,11 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from known_models import game_at, model_at
+from project import ROOT
 
 import hfa_model
 from controller import (
@@ -98,7 +98,7 @@ def test_a_fault_changes_the_actuators_that_it_names_from_its_time_on() -> None:
     np.testing.assert_allclose(flight.inputs[:, 2], failed, atol=1e-9)
 
 
-DOCUMENT = Path(__file__).parents[3] / "docs" / "nonlinear.md"
+DOCUMENT = ROOT / "docs" / "nonlinear.md"
 WEIGHTS = ("the paper's weights", "R x 100")
 
 

@@ -17,6 +17,11 @@ from hfa_flight.export import fmu
 from hfa_support.native.machine_code import c_compiler
 
 
+@pytest.fixture(autouse=True)
+def _in_a_folder(folder: Path) -> None:
+    """Each test runs in a new empty folder."""
+
+
 def constants(source: Path, name: str) -> np.ndarray:
     """The numbers of a table in a C file."""
     line = next(

@@ -23,6 +23,12 @@ from hfa_stores.zarr_store import open_store
 from studies.servo.simvfa import reference_servo
 from verification import solve_game
 
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(folder: Path) -> None:
+    """Each test runs in a new empty folder."""
+
+
 FLY = ("fly", "--dihedral", "15", "--law", "exact")
 
 

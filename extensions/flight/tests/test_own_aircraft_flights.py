@@ -10,16 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
+from project import ROOT
 
 from hfa_stores.zarr_store import open_store
 
 NAVION = "navion.py:NAVION"
 F16 = "f16.py:F16"
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 
 
 @pytest.fixture(autouse=True)
-def _there() -> None:
+def _there(folder: Path) -> None:
     for name in ("navion.py", "f16.py"):
         shutil.copy(EXAMPLES / name, ".")
 

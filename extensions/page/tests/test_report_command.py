@@ -17,6 +17,12 @@ from hfa_page.job_report import plotly_script
 from hfa_page.main_job import MOST_SWEPT
 from hfa_support.provenance import parameter_hash
 
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(folder: Path) -> None:
+    """Each test runs in a new empty folder."""
+
+
 CLAIMS = ROOT / "studies" / "section5" / "results" / "claims.json"
 MEGABYTE = 1_000_000
 

@@ -11,6 +11,11 @@ from cli import assert_refused, hfa
 from proof_cases import unstable_between
 
 
+@pytest.fixture(autouse=True)
+def _in_a_folder(folder: Path) -> None:
+    """Each test runs in a new empty folder."""
+
+
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("prove") / "certificate.json"

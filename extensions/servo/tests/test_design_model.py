@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from cli import refusal
 from known_models import model_at, released_simulation
+from project import ROOT
 from random_points import rising
 from servo_cases import SIMVFA, simvfa_design
 
@@ -30,7 +31,7 @@ from hfa_support import BadInputError
 from trim import find_operating_point, level_flight, linearize
 from verification import solve_game
 
-DESIGNS = Path(__file__).parents[3] / "controller" / "servo"
+DESIGNS = ROOT / "extensions/servo/hfa_servo"
 
 
 def test_every_design_of_the_package_has_a_name_and_a_source() -> None:

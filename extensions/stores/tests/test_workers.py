@@ -8,8 +8,9 @@ import time
 
 import pytest
 
+from hfa_stores import workers as module
 from hfa_stores.workers import open_workers
-from hfa_support import BadInputError, NoSolutionError, workers as module
+from hfa_support import BadInputError, NoSolutionError
 
 
 def _square(value: int) -> int:

@@ -27,6 +27,7 @@ from planted_critics import (
     value,
     weights_of,
 )
+from project import ROOT
 
 from controller import Game, basis
 from controller.critic.critic import Critic
@@ -253,7 +254,7 @@ def test_three_numbers_are_enough_to_tell_another_game_and_two_are_not() -> None
 # trained/: V, gradient and policy are 6-32-32-k; gamma_120, steps_of_0.1_s and at_8_deg are
 # 6-16-16-5 policies of other problems. All are tanh, float32, and take z / (7 ft/s, 0.1 rad, 0.1
 # rad/s).
-TRAINED = Path(__file__).parent / "trained"
+TRAINED = ROOT / "extensions/networks/tests/trained"
 BOX = np.array([7.0, *[0.1] * 5])
 DEGREES = np.array([1.0, *[np.pi / 180.0] * 5])
 ORDER = [0, 2, 1, 3, 5, 4]

@@ -13,6 +13,7 @@ import pytest
 from c_files import called, footprint, loaded, needs_gcc, ran, written
 from controllers import integrating_controller, small_controller
 from known_models import model_at
+from project import ROOT
 from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbols
 
 import hfa_model
@@ -42,7 +43,7 @@ from trim.point.condition import usual_condition
 
 pytestmark = needs_gcc
 HEADER, SOURCE, EXAMPLE = AIRCRAFT_FILES
-EXAMPLES = Path(__file__).parents[3] / "examples"
+EXAMPLES = ROOT / "examples"
 
 
 @pytest.fixture(scope="module")

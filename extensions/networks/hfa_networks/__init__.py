@@ -1,0 +1,1 @@
+"""Networks as critics: their files read, their errors searched and proved."""

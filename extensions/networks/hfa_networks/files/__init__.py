@@ -1,0 +1,1 @@
+"""The files of networks as policies and values of a critic."""

@@ -1,0 +1,1 @@
+"""Errors of networks over a box of states: searched, and bounded with proof."""

@@ -1,0 +1,1 @@
+"""Results of many rows: stores of Zarr, and the processes that fill them."""
