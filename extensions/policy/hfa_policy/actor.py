@@ -1,0 +1,147 @@
+"""The actor of a policy's file: what its network computes, and what the file says beside that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.network_file import network_in
+from controller.critic.tensors import tensors_in
+from hfa_policy.stable_baselines import LARGEST_FILE, Zip, is_stable_baselines, read_zip
+from hfa_support.errors import BadInputError, numbers_in, said_of, shown
+from hfa_support.files import regular_file
+
+SUFFIXES = (".zip", ".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".json", ".npz")
+
+
+@dataclass(frozen=True, eq=False)
+class Actor:
+    """o, normalized -> the numbers of the network.
+
+    function: (k,) -> (m,).
+    chain: its layers in words.
+    squash: whether tanh follows, mapped to the box; else the box clips.
+    clip_mean: largest size before that tanh.
+    stored: what the zip of Stable-Baselines3 says; None of another file.
+    """
+
+    function: ca.Function
+    chain: str
+    squash: bool = False
+    clip_mean: float = float("inf")
+    stored: Zip | None = None
+
+
+def read_actor(
+    entries: Mapping[str, Any], folder: Path, observations: int, actions: int
+) -> Actor:
+    """The actor that the table [policy] of a card names.
+
+    entries: file, and of what the file does not say activation, layout, squash and network.
+    folder: where a relative file is.
+    observations, actions: how many the card has.
+
+    BadInputError where the file cannot be read, or says otherwise than the card.
+    """
+    source = entries.get("file")
+    if source is None:
+        raise BadInputError("policy.file is missing; name the file of the policy")
+    if isinstance(source, ca.Function):
+        actor = Actor(source, "a CasADi function", bool(entries.get("squash", False)))
+        _refuse_sizes(actor.function, "the function", observations, actions)
+        return actor
+    path = folder / source
+    if path.suffix.lower() not in SUFFIXES:
+        raise BadInputError(f"policy.file {path}: give a file ({', '.join(SUFFIXES)})")
+    if path.suffix.lower() == ".zip" and is_stable_baselines(path):
+        actor = _of_zip(path, entries, observations)
+    else:
+        actor = _of_other_file(path, entries, observations)
+    _refuse_sizes(actor.function, path, observations, actions)
+    return actor
+
+
+def _of_zip(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
+    """The actor of a zip of Stable-Baselines3."""
+    stored = read_zip(path)
+    said = {
+        "activation": stored.activation,
+        "layout": list(stored.layout),
+        "squash": stored.squash,
+    }
+    for name, value in said.items():
+        if name in entries and entries[name] != value:
+            raise BadInputError(
+                f"policy.{name} is {shown(entries[name])} and {path} says {shown(value)}; leave "
+                "it out"
+            )
+    if stored.observations != observations:
+        raise BadInputError(
+            f"{path} takes {stored.observations} observations and the card has {observations}; "
+            "list those of its training, in their order"
+        )
+    network = network_in(path, observations, stored.activation, {"policy": stored.part})
+    return Actor(
+        function=network.functions["policy"],
+        chain=f"{stored.algorithm}, {network.chain}",
+        squash=stored.squash,
+        clip_mean=stored.clip_mean,
+        stored=stored,
+    )
+
+
+def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
+    """The actor of an ONNX graph, a state dict or a gain K."""
+    squash = bool(entries.get("squash", False))
+    gain = _gain(path)
+    if gain is not None:
+        o = ca.SX.sym("o", gain.shape[1])
+        function = ca.Function("gain", [o], [ca.densify(-ca.DM(gain) @ o)])
+        return Actor(function, f"a gain {gain.shape[0]} x {gain.shape[1]}", squash)
+    if path.suffix.lower() == ".onnx" and "activation" in entries:
+        raise BadInputError(f"policy.activation: {path} says it; leave it out")
+    parts = {"policy": str(entries.get("network", ""))}
+    network = network_in(path, observations, entries.get("activation"), parts)
+    if not network.functions:
+        raise BadInputError(f"{path} holds no policy of {observations} observations")
+    functions = list(network.functions.values())
+    return Actor(functions[0], network.chain, squash)
+
+
+def _gain(path: Path) -> np.ndarray | None:
+    """K of an .npz that has it, u = -K o; None of another file."""
+    if path.suffix.lower() != ".npz":
+        return None
+    with said_of(path):
+        try:
+            arrays = tensors_in(regular_file(path, LARGEST_FILE).read_bytes(), ".npz")
+        except OSError as error:
+            raise BadInputError(f"cannot be read ({error.strerror})") from error
+        except ValueError as error:
+            raise BadInputError(f"it is no .npz of numbers ({error})") from error
+        if "K" not in arrays:
+            return None
+        gain = numbers_in("K", arrays["K"])
+        if gain.ndim != 2 or not np.all(np.isfinite(gain)):
+            raise BadInputError(f"K has shape {gain.shape}; give actions x observations numbers")
+        return gain
+
+
+def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: int) -> None:
+    takes = function.numel_in(0)
+    gives = function.numel_out(0)
+    if takes != observations:
+        raise BadInputError(
+            f"{what} takes {takes} observations and the card has {observations}; list those of "
+            "its training, in their order"
+        )
+    if gives != actions:
+        raise BadInputError(
+            f"{what} gives {gives} actions and the card has {actions}; list those of its "
+            "training, in their order"
+        )

@@ -1,0 +1,220 @@
+"""A deployment on an aircraft, as CasADi functions of its state and input.
+
+All are functions of `trim` too, (X0; U0; p): one compiled function serves every trim.
+
+    observe(X, U, trim) -> o        formulas, about and scale; U is the input that acts just before
+    act(o) -> a                     normalizer, clip, network, clip or squash to the box
+    inputs(a, X, U, trim) -> U      maps of the actions; other inputs at the trim; within the limits
+    command(X, U, trim) -> U        the three, one behind the other
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import symbols_for
+from hfa_aircraft.layout import components
+from hfa_aircraft.model import Model
+from hfa_policy.deployment import Deployment
+from hfa_policy.formulas import Formula, read_formula
+from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from trim.limits import Limits
+from trim.point.operating_point import OperatingPoint
+
+#: Names of a map beside those of the aircraft.
+ACTION = "a"
+TRIM = "trim"
+
+
+@dataclass(frozen=True, eq=False)
+class Deployed:
+    """A deployment whose names are those of a model.
+
+    BadInputError names the entry of the card, and the names to choose from.
+    """
+
+    deployment: Deployment
+    model: Model
+
+    def __post_init__(self) -> None:
+        """Look up every name."""
+        with said_of(self.deployment.origin):
+            for formula in self.observed:
+                del formula
+            for name in self.deployment.action:
+                refuse_unknown("action names the unknown input", name, tuple(self.model.inputs))
+            for formula in self.maps:
+                del formula
+            self._refuse_cost()
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """What formulas may take: states, inputs and outputs."""
+        return (*self.model.states, *self.model.inputs, *self.model.outputs)
+
+    @cached_property
+    def observed(self) -> tuple[Formula, ...]:
+        """The formula of each observation, in order."""
+        formulas = []
+        for name, entry in self.deployment.observation.items():
+            with said_of(f"observation.{name}"):
+                formulas.append(read_formula(entry.get("formula", name), self.names))
+        return tuple(formulas)
+
+    @cached_property
+    def maps(self) -> tuple[Formula, ...]:
+        """The formula of each action's input, in order."""
+        formulas = []
+        for name, entry in self.deployment.action.items():
+            with said_of(f"action.{name}.map"):
+                text = entry.get("map", f"{TRIM} + {ACTION}")
+                formula = read_formula(text, (ACTION, TRIM, *self.names))
+                if ACTION not in formula.names:
+                    raise BadInputError(f"it does not take the action; write {ACTION} for it")
+                formulas.append(formula)
+        return tuple(formulas)
+
+    @property
+    def commanded(self) -> tuple[str, ...]:
+        """The inputs that the policy moves, in the order of its actions."""
+        return tuple(self.deployment.action)
+
+    def _refuse_cost(self) -> None:
+        cost = self.deployment.cost
+        if cost is None:
+            return
+        for name in cost["Q"]:
+            known = (*self.model.linear, *self.model.outputs)
+            refuse_unknown("cost.Q names the unknown state or output", name, known)
+        for name in cost["R"]:
+            refuse_unknown("cost.R names the input that no action moves,", name, self.commanded)
+        for name in self.commanded:
+            if name not in cost["R"]:
+                raise BadInputError(f"cost.R has no {name}; add it, every action costs something")
+
+    # Symbols.
+
+    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """X, U and trim."""
+        n, m = len(self.model.states), len(self.model.inputs)
+        count = n + m + len(self.model.parameters)
+        return ca.SX.sym("X", n), ca.SX.sym("U", m), ca.SX.sym("trim", count)
+
+    def trim_vector(self, point: OperatingPoint) -> np.ndarray:
+        """(X0; U0; p) of a trim."""
+        return np.concatenate([point.states, point.inputs, point.model.p])
+
+    def _values(self, X: ca.SX, U: ca.SX, trim: ca.SX) -> dict[str, ca.SX]:
+        """Name -> value at a state and an input, in still air."""
+        model = self.model
+        p = trim[len(model.states) + len(model.inputs) :]
+        vectors = [components(vector) for vector in (X, U, p)]
+        outputs = tuple(model.outputs)
+        _, y = model.layout.expressions(vectors, outputs)
+        columns = [*vectors[0], *vectors[1], *components(y)]
+        return dict(zip(self.names, columns, strict=True))
+
+    def _at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
+        """Name -> value at the trim."""
+        n, m = len(self.model.states), len(self.model.inputs)
+        return self._values(trim[:n], trim[n : n + m], trim)
+
+    # Functions.
+
+    @cached_property
+    def observe(self) -> ca.Function:
+        """(X, U, trim) -> o, (k,)."""
+        X, U, trim = self._symbols()
+        values = self._values(X, U, trim)
+        at_trim = self._at_trim(trim)
+        entries = []
+        cards = self.deployment.observation.values()
+        for formula, card in zip(self.observed, cards, strict=True):
+            about: Any = card.get("about", "trim")
+            if about == "trim":
+                about = formula.value(at_trim)
+            entries.append((formula.value(values) - about) / card.get("scale", 1.0))
+        return ca.Function("observe", [X, U, trim], [ca.densify(ca.vertcat(*entries))])
+
+    @cached_property
+    def stages(self) -> ca.Function:
+        """o -> (o normalized before its clip, a before its clip or squash, a)."""
+        deployment = self.deployment
+        actor = deployment.actor
+        low, high = deployment.box
+        o = symbols_for([actor.function], len(deployment.observation))
+        normal = o
+        seen = o
+        if deployment.normalizer is not None:
+            normal = deployment.normalizer.before_clip(o)
+            clip = deployment.normalizer.clip
+            seen = ca.fmin(ca.fmax(normal, -clip), clip)
+        raw = ca.vec(actor.function(seen))
+        if actor.squash:
+            mean = ca.fmin(ca.fmax(raw, -actor.clip_mean), actor.clip_mean)
+            squashed = ca.tanh(mean)
+            action = ca.DM(low) + 0.5 * (squashed + 1.0) * ca.DM(high - low)
+        else:
+            action = ca.fmin(ca.fmax(raw, ca.DM(low)), ca.DM(high))
+        return ca.Function("stages", [o], [ca.densify(part) for part in (normal, raw, action)])
+
+    @cached_property
+    def act(self) -> ca.Function:
+        """o -> a, (m,), in the units of the box."""
+        o = symbols_for([self.stages], len(self.deployment.observation))
+        return ca.Function("act", [o], [self.stages(o)[2]])
+
+    @cached_property
+    def unlimited_inputs(self) -> ca.Function:
+        """(a, X, U, trim) -> U, all inputs, before the limits of the aircraft."""
+        X, U, trim = self._symbols()
+        a = ca.SX.sym("a", len(self.commanded))
+        values = self._values(X, U, trim)
+        inputs = tuple(self.model.inputs)
+        n = len(self.model.states)
+        entries = [trim[n + index] for index in range(len(inputs))]
+        for number, (name, formula) in enumerate(zip(self.commanded, self.maps, strict=True)):
+            index = inputs.index(name)
+            own = {ACTION: a[number], TRIM: trim[n + index]}
+            entries[index] = formula.value({**values, **own})
+        return ca.Function("unlimited_inputs", [a, X, U, trim], [ca.densify(ca.vertcat(*entries))])
+
+    @cached_property
+    def inputs(self) -> ca.Function:
+        """(a, X, U, trim) -> U, all inputs, within the limits of the aircraft."""
+        X, U, trim = self._symbols()
+        a = ca.SX.sym("a", len(self.commanded))
+        limits = Limits.of(self.model, tuple(self.model.inputs))
+        unlimited = self.unlimited_inputs(a, X, U, trim)
+        # An input that no action moves stays at the trim, wherever that is.
+        low = np.where([name in self.commanded for name in limits.names], limits.lowest, -np.inf)
+        high = np.where([name in self.commanded for name in limits.names], limits.highest, np.inf)
+        within = ca.fmin(ca.fmax(unlimited, ca.DM(low)), ca.DM(high))
+        return ca.Function("inputs", [a, X, U, trim], [ca.densify(within)])
+
+    @cached_property
+    def command(self) -> ca.Function:
+        """(X, U, trim) -> U that the policy commands."""
+        n, m = len(self.model.states), len(self.model.inputs)
+        count = n + m + len(self.model.parameters)
+        kind = type(symbols_for([self.act], 1))
+        X, U, trim = kind.sym("X", n), kind.sym("U", m), kind.sym("trim", count)
+        a = self.act(self.observe(X, U, trim))
+        return ca.Function("command", [X, U, trim], [ca.densify(self.inputs(a, X, U, trim))])
+
+    @cached_property
+    def command_slopes(self) -> ca.Function:
+        """(X, U, trim) -> (U, dU/dX (m, n), dU/dU before (m, m))."""
+        n, m = len(self.model.states), len(self.model.inputs)
+        count = n + m + len(self.model.parameters)
+        kind = type(symbols_for([self.command], 1))
+        X, U, trim = kind.sym("X", n), kind.sym("U", m), kind.sym("trim", count)
+        commanded = self.command(X, U, trim)
+        slopes = [ca.jacobian(commanded, X), ca.jacobian(commanded, U)]
+        parts = [ca.densify(part) for part in (commanded, *slopes)]
+        return ca.Function("command_slopes", [X, U, trim], parts)

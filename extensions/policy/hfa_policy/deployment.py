@@ -1,0 +1,249 @@
+"""A deployment: the card that says what a policy observes, what its actions move, and when."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_policy.actor import Actor, read_actor
+from hfa_policy.normalizer import Normalizer, normalizer_of, read_normalizer
+from hfa_support.errors import BadInputError, said_of, shown
+from hfa_support.files import read_toml
+from hfa_support.reporting.fields import Shown
+from hfa_support.schema import NUMBER, POSITIVE, Number, checked
+
+if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
+    from hfa_policy.deployed import Deployed
+
+#: What `normalizer` says of a policy that has none although its training had a VecNormalize (of
+#: rewards alone).
+NONE = "none"
+_FROM_0 = Number(0.0)
+_OBSERVED: dict[Any, Any] = {"about": None, "scale": NUMBER, "formula": str}
+_ACTED: dict[Any, Any] = {"box": [NUMBER], "map": str}
+_POLICY: dict[Any, Any] = {
+    "file": None,
+    "normalizer": None,
+    "activation": str,
+    "layout": [POSITIVE],
+    "squash": None,
+    "network": str,
+}
+_CARD: dict[Any, Any] = {
+    "policy": _POLICY,
+    "observation*": {str: _OBSERVED},
+    "action*": {str: _ACTED},
+    "timing*": {"dt*": POSITIVE, "delay": _FROM_0},
+    "cost": {"Q*": {str: _FROM_0}, "R*": {str: POSITIVE}},
+}
+_NORMALIZER: dict[Any, Any] = {
+    "mean*": [NUMBER],
+    "variance*": [_FROM_0],
+    "epsilon": _FROM_0,
+    "clip": Number(0.0, above=True, infinite=True),
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Deployment(Shown):
+    """What a policy observes, what its actions move, and when.
+
+    policy: file, normalizer, and what the file does not say: activation, layout, squash, network.
+        Without a file it describes an environment in which a policy is still to be trained.
+    observation: name or formula -> about ("trim" or a number) and scale, in the order of the
+        network; (value - about) / scale.
+    action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
+    timing: dt, s, and delay, s, from a sample to the moment when its action moves the input.
+    cost: Q of states or outputs, R of inputs; None where it is not known.
+    folder: where relative files are.
+    origin: its file, for messages.
+
+    BadInputError names the entry and what to give; names are looked at by `on(model)`.
+
+    >>> import casadi as ca
+    >>> import hfa_policy.deployment as deployments
+    >>> o = ca.SX.sym("o", 2)
+    >>> card = deployments.Deployment(
+    ...     policy={"file": ca.Function("policy", [o], [-0.5 * o[1]])},
+    ...     observation={"alpha": {}, "pitch_rate": {}},
+    ...     action={"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}},
+    ...     timing={"dt": 0.02},
+    ... )
+    >>> card.dt, card.delay
+    (0.02, 0.0)
+    """
+
+    policy: Mapping[str, Any]
+    observation: Mapping[str, Any]
+    action: Mapping[str, Any]
+    timing: Mapping[str, Any]
+    cost: Mapping[str, Any] | None = None
+    folder: Path = field(default_factory=Path)
+    origin: str = "the deployment"
+
+    def __post_init__(self) -> None:
+        """Check every entry that can be checked without the aircraft."""
+        entries = {
+            name: _plain(getattr(self, name))
+            for name in ("policy", "observation", "action", "timing", "cost")
+        }
+        if entries["cost"] is None:
+            del entries["cost"]
+        card = checked(self.origin, entries, _CARD)
+        for name, value in card.items():
+            object.__setattr__(self, name, value)
+        with said_of(self.origin):
+            self._check_policy()
+            self._check_observation()
+            self._check_action()
+
+    @staticmethod
+    def load(path: str | Path) -> Deployment:
+        """The deployment of a TOML file; BadInputError names the file, the entry and what to
+        give."""
+        try:
+            entries = read_toml(path)
+        except OSError as error:
+            raise BadInputError(f"{path}: cannot be read ({error.strerror or error})") from error
+        tables = ("policy", "observation", "action", "timing", "cost")
+        for name in entries:
+            if name not in tables:
+                near = difflib.get_close_matches(name, tables, n=1)
+                advice = f"did you mean [{near[0]}]?" if near else f"it has {', '.join(tables)}"
+                raise BadInputError(f"{path}: unknown table [{name}]; {advice}")
+        for name in tables[:-1]:
+            if name not in entries:
+                raise BadInputError(f"{path}: the table [{name}] is missing; add it")
+        if "file" not in entries["policy"]:
+            raise BadInputError(f"{path}: policy.file is missing; name the file of the policy")
+        return Deployment(**entries, folder=Path(path).parent, origin=str(path))
+
+    def _check_policy(self) -> None:
+        squash = self.policy.get("squash")
+        if squash is not None and not isinstance(squash, bool):
+            raise BadInputError(f"policy.squash is {shown(squash)}; give true or false")
+        normalizer = self.policy.get("normalizer")
+        if isinstance(normalizer, dict):
+            checked("policy.normalizer", normalizer, _NORMALIZER)
+        elif normalizer is not None and not isinstance(normalizer, (str, Path)):
+            raise BadInputError(
+                "policy.normalizer is no file and no table of mean, variance, epsilon, clip"
+            )
+
+    def _check_observation(self) -> None:
+        if not self.observation:
+            raise BadInputError("observation names nothing; list what the network takes, in order")
+        for name, entry in self.observation.items():
+            about = entry.get("about", "trim")
+            if about != "trim" and NUMBER.of(about) is None:
+                raise BadInputError(
+                    f'observation.{name}.about is {shown(about)}; give "trim" or a number'
+                )
+            if entry.get("scale", 1.0) == 0.0:
+                raise BadInputError(f"observation.{name}.scale is 0; give what it is divided by")
+
+    def _check_action(self) -> None:
+        if not self.action:
+            raise BadInputError("action names nothing; list the inputs that the network moves")
+        for name, entry in self.action.items():
+            box = entry.get("box")
+            if box is not None and not (len(box) == 2 and box[0] < box[1]):
+                raise BadInputError(
+                    f"action.{name}.box is {shown(box)}; give [lowest, highest]"
+                )
+
+    @property
+    def dt(self) -> float:
+        """Seconds between two samples."""
+        return float(self.timing["dt"])
+
+    @property
+    def delay(self) -> float:
+        """Seconds from a sample to the moment when its action moves the input."""
+        return float(self.timing.get("delay", 0.0))
+
+    @cached_property
+    def actor(self) -> Actor:
+        """The network, read; BadInputError as of `read_actor`."""
+        with said_of(self.origin):
+            return read_actor(self.policy, self.folder, len(self.observation), len(self.action))
+
+    @cached_property
+    def normalizer(self) -> Normalizer | None:
+        """What stands before the network; None for nothing."""
+        stored = self.policy.get("normalizer")
+        if stored is None or stored == NONE:
+            return None
+        with said_of(self.origin):
+            if isinstance(stored, dict):
+                normalizer: Normalizer | None = normalizer_of(stored)
+            else:
+                normalizer = read_normalizer(self.folder / stored)
+            if normalizer is not None and normalizer.mean.size != len(self.observation):
+                raise BadInputError(
+                    f"{normalizer.origin} normalizes {normalizer.mean.size} observations and the "
+                    f"card has {len(self.observation)}; give the normalizer of this policy"
+                )
+        return normalizer
+
+    @cached_property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest action, (m,) each: those of the zip, else of the card; infinite where
+        neither says one.
+
+        BadInputError where both say one and differ, and where a squashed action has none.
+        """
+        low = np.full(len(self.action), -np.inf)
+        high = np.full(len(self.action), np.inf)
+        stored = self.actor.stored if "file" in self.policy else None
+        for index, (name, entry) in enumerate(self.action.items()):
+            if "box" in entry:
+                low[index], high[index] = entry["box"]
+            if stored is None:
+                continue
+            of_zip = np.array([stored.low[index], stored.high[index]])
+            if "box" in entry and not np.allclose(entry["box"], of_zip, rtol=1e-6, atol=1e-9):
+                raise BadInputError(
+                    f"{self.origin}: action.{name}.box is {shown(entry['box'])} and the zip says "
+                    f"{of_zip.tolist()}; leave it out"
+                )
+            low[index], high[index] = of_zip
+        squash = self.actor.squash if "file" in self.policy else False
+        if squash and not np.all(np.isfinite(low) & np.isfinite(high)):
+            raise BadInputError(
+                f"{self.origin}: a squashed action needs its box; give box = [lowest, highest]"
+            )
+        return low, high
+
+    def on(self, model: Model) -> Deployed:
+        """The deployment on an aircraft: its names looked up, its formulas compiled."""
+        from hfa_policy.deployed import Deployed
+
+        return Deployed(self, model)
+
+    def changed(self, **changes: Any) -> Deployment:
+        """The same with other tables; what was read of the policy's files is kept."""
+        made = replace(self, **changes)
+        if "policy" not in changes:
+            for name in ("actor", "normalizer"):
+                if name in self.__dict__:
+                    made.__dict__[name] = self.__dict__[name]
+        return made
+
+
+def _plain(value: Any) -> Any:
+    """Mappings as dictionaries and tuples as lists, so that Python's and TOML's look the same."""
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return value

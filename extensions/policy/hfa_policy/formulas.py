@@ -1,0 +1,129 @@
+"""Formulas of a card as CasADi expressions: numbers, names, + - * / ** and a few functions, and
+nothing else of Python."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from hfa_support.errors import BadInputError, refuse_unknown, shown
+
+_LONGEST = 500
+_FUNCTIONS: Mapping[str, tuple[int, Callable[..., Any]]] = {
+    "sin": (1, ca.sin),
+    "cos": (1, ca.cos),
+    "tan": (1, ca.tan),
+    "asin": (1, ca.asin),
+    "acos": (1, ca.acos),
+    "atan": (1, ca.atan),
+    "atan2": (2, ca.atan2),
+    "tanh": (1, ca.tanh),
+    "sqrt": (1, ca.sqrt),
+    "exp": (1, ca.exp),
+    "log": (1, ca.log),
+    "abs": (1, ca.fabs),
+    "min": (2, ca.fmin),
+    "max": (2, ca.fmax),
+}
+_OPERATORS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: lambda a, b: a + b,
+    ast.Sub: lambda a, b: a - b,
+    ast.Mult: lambda a, b: a * b,
+    ast.Div: lambda a, b: a / b,
+    ast.Pow: lambda a, b: a**b,
+}
+_CONSTANTS = {"pi": math.pi}
+_RULE = "a formula has numbers, names, + - * / ** and " + ", ".join(_FUNCTIONS)
+
+
+class Formula(NamedTuple):
+    """A formula that has been read; nothing of it was run.
+
+    text: as it was typed.
+    tree: of it, in which `read_formula` has found nothing but what it knows.
+    names: that it takes, in the order in which they appear.
+    """
+
+    text: str
+    tree: ast.expr
+    names: tuple[str, ...]
+
+    def value(self, values: Mapping[str, Any]) -> ca.SX:
+        """The expression at values by name."""
+        return ca.SX(_value(self.tree, values))
+
+
+def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
+    """The formula of a text. known: the names that it may take.
+
+    BadInputError for an unknown name, and for what is no formula.
+    """
+    if not isinstance(text, str) or len(text) > _LONGEST:
+        raise BadInputError(f"{shown(text)} is no formula of at most {_LONGEST} characters")
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise BadInputError(f"{shown(text)} is no formula; {_RULE}") from error
+    names: list[str] = []
+    _check(tree, text, (*known, *_CONSTANTS), names)
+    taken = [name for name in names if name not in _CONSTANTS]
+    return Formula(text, tree, tuple(dict.fromkeys(taken)))
+
+
+def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) -> None:
+    """BadInputError for the first node that a formula may not have; collects its names."""
+    if isinstance(node, ast.Name):
+        refuse_unknown(f"the formula {shown(text)} takes the unknown name", node.id, known)
+        names.append(node.id)
+        return
+    if isinstance(node, ast.Constant):
+        _check_number(node.value, text)
+        return
+    parts: list[ast.expr] = []
+    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+        parts = [node.left, node.right]
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
+        parts = [node.operand]
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+        refuse_unknown(f"the formula {shown(text)} calls", node.func.id, _FUNCTIONS)
+        count, _ = _FUNCTIONS[node.func.id]
+        if len(node.args) != count:
+            raise BadInputError(f"the formula {shown(text)}: {node.func.id} takes {count}")
+        parts = node.args
+    else:
+        raise BadInputError(f"the formula {shown(text)} is more than arithmetic; {_RULE}")
+    for part in parts:
+        _check(part, text, known, names)
+
+
+def _check_number(value: Any, text: str) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise BadInputError(f"the formula {shown(text)} has {shown(value)}; {_RULE}")
+    try:
+        is_number = math.isfinite(value)
+    except OverflowError:
+        is_number = False
+    if not is_number:
+        raise BadInputError(f"the formula {shown(text)} has a number that is not finite")
+
+
+def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    """The value of a checked tree."""
+    if isinstance(node, ast.Name):
+        return values[node.id] if node.id in values else ca.SX(_CONSTANTS[node.id])
+    if isinstance(node, ast.Constant):
+        return ca.SX(float(node.value))  # type: ignore[arg-type]  # checked to be a number
+    if isinstance(node, ast.BinOp):
+        sides = (_value(node.left, values), _value(node.right, values))
+        return _OPERATORS[type(node.op)](*sides)
+    if isinstance(node, ast.UnaryOp):
+        operand = _value(node.operand, values)
+        return -operand if isinstance(node.op, ast.USub) else operand
+    assert isinstance(node, ast.Call)
+    assert isinstance(node.func, ast.Name)
+    _, function = _FUNCTIONS[node.func.id]
+    return function(*(_value(argument, values) for argument in node.args))

@@ -1,0 +1,159 @@
+"""Pickles of Stable-Baselines3 and gymnasium, read without running anything: arrays become arrays,
+objects of these packages become bare attributes, every other class or function is refused."""
+
+from __future__ import annotations
+
+import io
+import math
+import pickle
+from collections import OrderedDict, deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, shortened
+
+#: Packages whose objects are kept as bare attributes; their code is never imported.
+_KEPT_PACKAGES = ("stable_baselines3", "sb3_contrib", "gymnasium", "gym", "torch")
+_NUMPY_CORES = ("numpy", "numpy.core.multiarray", "numpy._core.multiarray")
+_NUMERIC = ("numpy.core.numeric", "numpy._core.numeric")
+_KINDS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8")
+_MOST_NUMBERS = 2**22
+
+
+class Inert:
+    """An object of another package: its attributes, none of its code.
+
+    made_of: "module.Class", set by the class that `_inert` makes.
+    """
+
+    made_of = ""
+
+    def __new__(cls, *_: Any, **__: Any) -> Inert:
+        return super().__new__(cls)
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        pass
+
+    def __setstate__(self, state: Any) -> None:
+        """Keep the attributes of a pickled object."""
+        if isinstance(state, tuple) and len(state) == 2 and isinstance(state[1], dict):
+            state = {**(state[0] or {}), **state[1]}
+        if isinstance(state, dict):
+            self.__dict__.update(state)
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        """Entries of a container are not kept."""
+
+    def append(self, item: Any) -> None:
+        """Items of a container are not kept."""
+
+    def extend(self, items: Any) -> None:
+        """Items of a container are not kept."""
+
+
+def _inert(module: str, name: str) -> type[Inert]:
+    return type("Inert", (Inert,), {"made_of": f"{module}.{name}"})
+
+
+class _Kind:
+    """What numpy.dtype is in a pickle: a kind of number and its byte order."""
+
+    def __init__(self, kind: str, *_: Any) -> None:
+        if kind not in _KINDS:
+            raise BadInputError(f"it has an array of {shortened(repr(kind))}, which is no number")
+        self.kind = kind
+        self.order = "="
+
+    def __setstate__(self, state: Any) -> None:
+        """(version, byte order, ...)."""
+        if state[1] in ("<", ">"):
+            self.order = state[1]
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """As NumPy has it."""
+        return np.dtype(self.order + self.kind)
+
+
+class _Array:
+    """What numpy.ndarray is in a pickle until its state is known; afterwards `values`."""
+
+    values: np.ndarray
+
+    def __setstate__(self, state: Any) -> None:
+        """(version, shape, kind, whether in Fortran's order, bytes)."""
+        _, shape, kind, in_columns, content = state
+        self.values = _array_of(content, kind, shape, "F" if in_columns else "C")
+
+
+def _array_of(content: Any, kind: _Kind, shape: tuple[int, ...], order: str = "C") -> np.ndarray:
+    """The array of these bytes."""
+    if math.prod(shape) > _MOST_NUMBERS:
+        raise BadInputError(f"it has an array of {math.prod(shape)} numbers")
+    numbers = np.frombuffer(bytes(content), dtype=kind.dtype)
+    return numbers.reshape(shape, order="F" if order == "F" else "C")
+
+
+def _scalar(kind: _Kind, content: bytes) -> Any:
+    return np.frombuffer(content, dtype=kind.dtype)[0]
+
+
+_NUMPY_CALLS: Mapping[str, Callable[..., Any]] = {
+    "_reconstruct": lambda *_: _Array(),
+    "ndarray": _Array,
+    "dtype": _Kind,
+    "scalar": _scalar,
+}
+
+
+class _Restricted(pickle.Unpickler):
+    """Refuses, by its name and before it is made, what is not of `_KEPT_PACKAGES` or an array."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if module in _NUMPY_CORES and name in _NUMPY_CALLS:
+            return _NUMPY_CALLS[name]
+        if module in _NUMERIC and name == "_frombuffer":
+            return _array_of
+        if module == "collections" and name in ("OrderedDict", "deque"):
+            return {"OrderedDict": OrderedDict, "deque": deque}[name]
+        if module.split(".")[0] in _KEPT_PACKAGES or module.startswith("numpy.random."):
+            return _inert(module, name)
+        raise BadInputError(
+            f"it wants to call {shortened(f'{module}.{name}')}, which is not done; nothing of it "
+            "was run"
+        )
+
+    def persistent_load(self, pid: Any) -> Any:
+        raise BadInputError("it refers to data outside of it")
+
+
+def inert(content: bytes) -> Any:
+    """What a pickle holds: dictionaries, lists, numbers, arrays and `Inert` objects.
+
+    BadInputError where it would call anything else, or is damaged.
+    """
+    try:
+        return with_arrays(_Restricted(io.BytesIO(content)).load())
+    except BadInputError:
+        raise
+    except Exception as error:  # a damaged pickle makes the reader raise nearly anything
+        reason = shortened(str(error).partition("\n")[0])
+        raise BadInputError(f"it is no pickle, or damaged ({reason})") from error
+
+
+def with_arrays(value: Any, depth: int = 0) -> Any:
+    """The same with the arrays themselves where a pickle had them."""
+    if isinstance(value, _Array):
+        return getattr(value, "values", None)
+    if depth > 8:
+        return value
+    if isinstance(value, Inert):
+        for name, entry in list(value.__dict__.items()):
+            value.__dict__[name] = with_arrays(entry, depth + 1)
+    elif isinstance(value, dict):
+        return {name: with_arrays(entry, depth + 1) for name, entry in value.items()}
+    elif isinstance(value, (list, tuple)):
+        return type(value)(with_arrays(entry, depth + 1) for entry in value)
+    return value

@@ -1,0 +1,127 @@
+"""What stands between observation and network: the normalizer of Stable-Baselines3."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_policy.inert_pickle import Inert, inert
+from hfa_support.errors import BadInputError, is_finite, numbers_in, said_of, shown
+from hfa_support.files import regular_file
+
+LARGEST_FILE = 2**26
+#: Of VecNormalize, where a card gives mean and variance alone.
+EPSILON = 1e-8
+CLIP = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Normalizer:
+    """o -> clip((o - mean) / sqrt(variance + epsilon), -clip, clip).
+
+    mean: (k,).
+    variance: (k,), none below 0.
+    epsilon: added to the variance.
+    clip: largest absolute value.
+    count: observations that it has seen; nan where its file does not say.
+    last: (E, k), the last observations of its environments as they came; None where not known.
+    origin: where it is from, for messages.
+    """
+
+    mean: np.ndarray
+    variance: np.ndarray
+    epsilon: float = EPSILON
+    clip: float = CLIP
+    count: float = float("nan")
+    last: np.ndarray | None = None
+    origin: str = "mean and variance"
+
+    def __post_init__(self) -> None:
+        """BadInputError for numbers that normalize nothing."""
+        for name in ("mean", "variance"):
+            values = np.atleast_1d(numbers_in(f"{name} of the normalizer", getattr(self, name)))
+            if values.ndim != 1 or not np.all(np.isfinite(values)):
+                raise BadInputError(f"{name} of the normalizer must be a list of finite numbers")
+            object.__setattr__(self, name, values)
+        if self.mean.shape != self.variance.shape:
+            raise BadInputError(
+                f"the normalizer has {self.mean.size} means and {self.variance.size} variances"
+            )
+        if not is_finite(self.epsilon) or np.any(self.variance + self.epsilon <= 0.0):
+            raise BadInputError("a variance of the normalizer plus epsilon is not above 0")
+        if not self.clip > 0.0:
+            raise BadInputError(f"clip of the normalizer is {self.clip}; it must be above 0")
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """sqrt(variance + epsilon), (k,)."""
+        return np.asarray(np.sqrt(self.variance + self.epsilon))
+
+    def before_clip(self, observation: Any) -> Any:
+        """(o - mean) / deviation of an expression."""
+        return (observation - ca.DM(self.mean)) / ca.DM(self.deviation)
+
+    def normalized(self, observation: np.ndarray) -> np.ndarray:
+        """Of observations (..., k)."""
+        return np.asarray(
+            np.clip((observation - self.mean) / self.deviation, -self.clip, self.clip)
+        )
+
+
+def read_normalizer(path: str | Path) -> Normalizer | None:
+    """The normalizer of the file that `VecNormalize.save` writes, of which nothing is run; None
+    where that file says that observations are not normalized.
+
+    BadInputError names the file and its fault.
+    """
+    with said_of(path):
+        try:
+            content = regular_file(path, LARGEST_FILE).read_bytes()
+        except OSError as error:
+            raise BadInputError(f"cannot be read ({error.strerror})") from error
+        stored = inert(content)
+        statistics = getattr(stored, "obs_rms", None)
+        if not isinstance(stored, Inert) or "clip_obs" not in vars(stored):
+            raise BadInputError("it is no VecNormalize; give what VecNormalize.save has written")
+        if getattr(stored, "norm_obs", True) is False:
+            return None
+        if isinstance(statistics, dict):
+            raise BadInputError(
+                "it normalizes a dictionary of observations; give mean and variance in the card"
+            )
+        if statistics is None:
+            raise BadInputError("it has no obs_rms; give mean and variance in the card")
+        last = getattr(stored, "old_obs", None)
+        return Normalizer(
+            mean=statistics.mean,
+            variance=statistics.var,
+            epsilon=float(stored.epsilon),
+            clip=float(stored.clip_obs),
+            count=float(statistics.count),
+            last=_rows(last, np.size(statistics.mean)),
+            origin=Path(path).name,
+        )
+
+
+def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
+    """The normalizer of a table mean, variance, epsilon, clip of a card."""
+    for name in ("mean", "variance"):
+        if name not in entries:
+            raise BadInputError(f"policy.normalizer has no {name}; add the list, or name a file")
+    epsilon = entries.get("epsilon", EPSILON)
+    clip = entries.get("clip", CLIP)
+    if not is_finite(epsilon):
+        raise BadInputError(f"policy.normalizer.epsilon is {shown(epsilon)}; give a number")
+    return Normalizer(entries["mean"], entries["variance"], float(epsilon), float(clip))
+
+
+def _rows(values: Any, width: int) -> np.ndarray | None:
+    """Observations as (E, k) doubles; None where they are something else."""
+    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != width:
+        return None
+    return values.astype(float)

@@ -1,0 +1,215 @@
+"""The zip of a policy of Stable-Baselines3: PPO, A2C, SAC and TD3, with what it says of itself.
+
+Conventions, of Stable-Baselines3 2.x: squashing is a flag. PPO and A2C clip the mean to the Box;
+SAC, TD3 and PPO with `squash_output` take tanh and map [-1, 1] to the Box. The activation stands in
+`policy_kwargs`, else it is tanh for PPO and A2C, relu for SAC and TD3. With gSDE the mean of SAC is
+clipped to ±clip_mean (2) before its tanh.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.critic.tensors import checked_tensors, tensors_in
+from hfa_policy.inert_pickle import Inert, inert
+from hfa_support.errors import BadInputError, said_of, shortened
+from hfa_support.files import regular_file
+
+#: Bytes of a zip, and of what is unpacked of it.
+LARGEST_FILE = 2**26
+#: Class of torch -> name of the activation here.
+_ACTIVATIONS = {
+    "Tanh": "tanh",
+    "ReLU": "relu",
+    "LeakyReLU": "leaky_relu",
+    "ELU": "elu",
+    "SiLU": "silu",
+    "GELU": "gelu",
+    "Sigmoid": "sigmoid",
+    "Softplus": "softplus",
+    "SELU": "selu",
+}
+_CLIP_MEAN = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Zip:
+    """What a zip says of its policy.
+
+    algorithm: "PPO or A2C", "SAC" or "TD3".
+    part: names of its tensors that are the actor, as `network_in` takes them.
+    activation: between the layers.
+    layout: widths of the hidden layers.
+    squash: whether the output is tanh, mapped to the Box.
+    clip_mean: largest size of the output before tanh; inf without such a clip.
+    low, high: (m,), the Box of the actions.
+    observations: how many numbers it takes.
+    timesteps: that it has seen; environments: side by side.
+    last: (E, k), its last observations, normalized where a normalizer was; None where not stored.
+    last_original: (E, k), as they came; None where not stored.
+    """
+
+    algorithm: str
+    part: str
+    activation: str
+    layout: tuple[int, ...]
+    squash: bool
+    clip_mean: float
+    low: np.ndarray
+    high: np.ndarray
+    observations: int
+    timesteps: int
+    environments: int
+    last: np.ndarray | None
+    last_original: np.ndarray | None
+
+    @property
+    def on_policy(self) -> bool:
+        """Whether it is PPO or A2C."""
+        return self.algorithm == "PPO or A2C"
+
+
+def read_zip(path: str | Path) -> Zip:
+    """What the zip of a policy says of it; nothing of it is run.
+
+    BadInputError names the file and what it is instead.
+    """
+    with said_of(path):
+        try:
+            with zipfile.ZipFile(regular_file(path, LARGEST_FILE)) as archive:
+                data = json.loads(_member(archive, "data"))
+                tensors, _ = checked_tensors(tensors_in(_member(archive, "policy.pth"), ".pth"))
+        except OSError as error:
+            raise BadInputError(f"cannot be read ({error.strerror or error})") from error
+        except (zipfile.BadZipFile, ValueError, RecursionError) as error:
+            if isinstance(error, BadInputError):
+                raise
+            raise BadInputError(f"it is no zip of Stable-Baselines3 ({error})") from error
+        return _described(data, tensors)
+
+
+def _member(archive: zipfile.ZipFile, name: str) -> bytes:
+    """One file of the zip, of a bounded size."""
+    if name not in archive.namelist():
+        raise BadInputError(
+            f"it holds no {name}; give what model.save of Stable-Baselines3 has written"
+        )
+    size = archive.getinfo(name).file_size
+    if size > LARGEST_FILE:
+        raise BadInputError(f"its {name} unpacks to {size} bytes; at most {LARGEST_FILE} are read")
+    return archive.read(name)
+
+
+def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zip:
+    """What the data and the names of the tensors say."""
+    settings = _stored(data, "policy_kwargs") or {}
+    if not isinstance(settings, dict):
+        raise BadInputError("its policy_kwargs are no dictionary")
+    algorithm, part, usual = _algorithm(tensors)
+    action_space = _box(data, "action_space", "actions")
+    observation_space = _box(data, "observation_space", "observations")
+    uses_sde = bool(settings.get("use_sde", data.get("use_sde", False)))
+    squash = algorithm != "PPO or A2C" or bool(settings.get("squash_output", False))
+    clips_mean = algorithm == "SAC" and uses_sde
+    clip_mean = float(settings.get("clip_mean", _CLIP_MEAN)) if clips_mean else float("inf")
+    actor = [array for name, array in tensors.items() if _is_weight(name, part)]
+    return Zip(
+        algorithm=algorithm,
+        part=part,
+        activation=_activation(settings.get("activation_fn"), usual),
+        layout=tuple(len(array) for array in actor[:-1]),
+        squash=squash,
+        clip_mean=clip_mean if clip_mean > 0.0 else float("inf"),
+        low=action_space[0],
+        high=action_space[1],
+        observations=observation_space[0].size,
+        timesteps=int(data.get("num_timesteps") or 0),
+        environments=int(data.get("n_envs") or 1),
+        last=_observations(data, "_last_obs"),
+        last_original=_observations(data, "_last_original_obs"),
+    )
+
+
+def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
+    """The algorithm, its part of the tensors and its usual activation, by the names of tensors."""
+    names = " ".join(tensors)
+    if "features_extractor." in names:
+        raise BadInputError(
+            "it has a features extractor with weights of its own; export the policy to ONNX"
+        )
+    if "lstm" in names:
+        raise BadInputError("it is recurrent, which is not read; only feed-forward policies are")
+    if "action_net.weight" in tensors:
+        return "PPO or A2C", "policy_net+action_net", "tanh"
+    if "actor.latent_pi" in names or "actor.log_std" in names:
+        return "SAC", "latent_pi+mu", "relu"
+    if "actor.mu." in names:
+        return "TD3", "actor", "relu"
+    raise BadInputError(
+        "its tensors are of no actor of PPO, A2C, SAC or TD3; export the policy to ONNX"
+    )
+
+
+def _is_weight(name: str, part: str) -> bool:
+    in_part = any(f".{word}." in f".{name}." for word in part.split("+"))
+    return in_part and name.endswith("weight")
+
+
+def _stored(data: Mapping[str, Any], name: str) -> Any:
+    """An entry of the data, from its restricted pickle where it is one."""
+    entry = data.get(name)
+    if isinstance(entry, dict) and ":serialized:" in entry:
+        with said_of(name):
+            return inert(base64.b64decode(entry[":serialized:"]))
+    return entry
+
+
+def _activation(stored: Any, usual: str) -> str:
+    if stored is None:
+        return usual
+    made_of = getattr(stored, "made_of", str(stored))
+    name = made_of.rpartition(".")[2]
+    if name not in _ACTIVATIONS:
+        raise BadInputError(
+            f"its activation is {shortened(made_of)}; {', '.join(_ACTIVATIONS)} are read"
+        )
+    return _ACTIVATIONS[name]
+
+
+def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest value of a Box of one axis, (k,) each."""
+    space = _stored(data, name)
+    low = getattr(space, "low", None)
+    high = getattr(space, "high", None)
+    if not isinstance(space, Inert) or low is None or high is None:
+        kind = getattr(space, "made_of", type(space).__name__).rpartition(".")[2]
+        raise BadInputError(f"its {what} are a {shortened(kind)}; only a Box is read")
+    if low.ndim != 1:
+        raise BadInputError(f"its {what} have {low.ndim} axes; only a Box of one axis is read")
+    return low.astype(float), high.astype(float)
+
+
+def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
+    """Stored observations as (E, k) doubles; None where there are none."""
+    stored = _stored(data, name)
+    if not isinstance(stored, np.ndarray) or stored.ndim != 2:
+        return None
+    return stored.astype(float)
+
+
+def is_stable_baselines(path: Path) -> bool:
+    """Whether the file is a zip that `model.save` of Stable-Baselines3 has written."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+            return {"data", "policy.pth"} <= set(archive.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return False
