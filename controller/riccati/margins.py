@@ -203,7 +203,11 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     a frequency grid until the highest peak has been minimised.  Raises NoSolutionError when A - B K
     is not Hurwitz. Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020),
     78-95."""
-    M, grid = _of_game(game, K)
+    return disk_of(*_of_game(game, K))
+
+
+def disk_of(M: Response, grid: np.ndarray) -> DiskMargin:
+    """The margin of `disk_margin` of any loop. M: of all inputs. grid: has every resonance."""
     shifted = M(grid)
     bounds = scaled_norm(shifted, _osborne_scaling(shifted))
     minimised = np.zeros(len(grid), dtype=bool)

@@ -1,0 +1,89 @@
+"""What a policy costs at its point of rest against the optimum of the same Q and R."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.game.discrete_game import DiscreteGame
+from controller.game.zero_sum import Game
+from controller.riccati.cost import flight_cost
+from controller.riccati.discrete import sampled, solve_discrete
+from controller.riccati.gare import solve_game
+from hfa_policy.deployed import Deployed
+from hfa_policy.rest import Rest
+from hfa_policy.sampled_loop import Chain
+from hfa_support.errors import BadInputError, NoSolutionError
+
+#: An eigenvalue of the optimal cost below this part of the largest is of a state that costs nothing.
+_COSTS_NOTHING = 1e-12
+
+
+class CostLost(NamedTuple):
+    """Percent of the optimal cost, from deviations from the point of rest; inf without bound.
+
+    worst, mean: of u = -K x in continuous time, without delay.
+    sampled_worst, sampled_mean: of the sampled loop with its delay, against the sampled optimum
+        without; a step of dt costs dt (x'Qx + u'Ru) at its start.
+    """
+
+    worst: float
+    mean: float
+    sampled_worst: float
+    sampled_mean: float
+
+
+def cost_lost(deployed: Deployed, rest: Rest, chain: Chain) -> CostLost | str:
+    """The cost lost; in words why there is no optimum to compare with."""
+    game = lqr_at(deployed, rest)
+    try:
+        continuous = flight_cost(game, solve_game(game), rest.K)
+        optimum = solve_discrete(DiscreteGame(sampled(game, chain.dt))).P
+    except NoSolutionError as error:
+        return f"the cost has no optimum here: {error}"
+    step = sampled(game, chain.dt)
+    sampled_worst, sampled_mean = _sampled_lost(step, optimum, chain)
+    return CostLost(continuous.worst, continuous.mean, sampled_worst, sampled_mean)
+
+
+def lqr_at(deployed: Deployed, rest: Rest) -> Game:
+    """The LQR of the card's Q and R on the aircraft at the point of rest, its commanded inputs
+    alone."""
+    cost: Mapping[str, Any] | None = deployed.deployment.cost
+    assert cost is not None
+    linear = deployed.model.linear
+    outputs = tuple(name for name in cost["Q"] if name not in linear)
+    slopes = deployed.model.at(rest.states, rest.inputs, outputs)
+    if np.any(slopes.D):
+        wrong = [name for name, row in zip(outputs, slopes.D, strict=True) if row.any()]
+        raise BadInputError(
+            f"cost.Q.{wrong[0]} is of an output that depends on inputs; give Q of states"
+        )
+    rows = [list(deployed.model.states).index(name) for name in linear]
+    Q = np.diag([float(cost["Q"].get(name, 0.0)) for name in linear])
+    for name, row in zip(outputs, slopes.C[:, rows], strict=True):
+        Q += float(cost["Q"][name]) * np.outer(row, row)
+    R = np.diag([float(cost["R"][name]) for name in deployed.commanded])
+    return Game(rest.A, rest.B, np.eye(len(rest.A)), Q, R, math.inf)
+
+
+def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
+    """Worst and mean, percent; the memory of the delay is at rest at the start."""
+    from scipy.linalg import solve_discrete_lyapunov
+
+    if chain.radius >= 1.0:
+        return math.inf, math.inf
+    n = chain.states
+    weights = chain.C.T @ step.R @ chain.C
+    weights[:n, :n] += step.Q
+    X = solve_discrete_lyapunov(chain.closed.T, weights)[:n, :n]
+    values, vectors = np.linalg.eigh(optimum)
+    paid = values > _COSTS_NOTHING * max(float(values[-1]), 0.0)
+    if not paid.any():
+        return 0.0, 0.0
+    root = vectors[:, paid] / np.sqrt(values[paid])
+    lost = np.linalg.eigvalsh(root.T @ (X - optimum) @ root)
+    return 100.0 * max(float(lost[-1]), 0.0), 100.0 * max(float(lost.mean()), 0.0)

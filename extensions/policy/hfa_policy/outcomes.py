@@ -1,0 +1,275 @@
+"""What becomes of flights from a box of starts: returned, lost, or neither, which cycles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controller.flight.envelope import flight_envelope
+from controller.flight.flight_history import Flight
+from controller.flight.limit_cycle import LimitCycle, limit_cycle
+from hfa_aircraft.model import Model
+from hfa_policy.flights import WINDOW, SampledFlight, advanced, in_threads
+from hfa_policy.rest import Rest
+from hfa_support.native.bound import RowFunction
+from hfa_support.progress import Progress
+from trim.point.operating_point import OperatingPoint
+
+#: Seconds after which a flight that is neither back nor lost is looked at as it is.
+HORIZON = 60.0
+#: Half-widths of the ball of those that are back, in half-widths of the box of starts.
+BALL = 0.05
+#: Seconds during which the disturbance pushes, and how far it alone would take a state in that
+#: time, in half-widths of the box.
+PUSHED = 1.0
+PUSH = 0.5
+#: Seconds of the flight in which a limit cycle is measured.
+_CYCLE_SECONDS = 20.0
+_FLYING, _RETURNED, _LOST = range(3)
+
+
+def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
+    """Half-widths of the box of starts about a trim, (k,), of the linear states: the nominal size
+    of angles and angular rates, a tenth of that of a state that has its size in the trim (speed),
+    at most half of the way to a limit."""
+    widths = []
+    for name in model.linear:
+        signal = model.states[name]
+        value = float(getattr(point.states, name))
+        width = signal.nominal
+        if not signal.unit.startswith("rad") and abs(value) >= 0.5 * signal.nominal:
+            width = 0.1 * signal.nominal
+        room = min(value - signal.min, signal.max - value)
+        widths.append(min(width, 0.5 * max(room, 0.0)))
+    return np.array(widths)
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where flights begin and come back to.
+
+    point: the trim.
+    box: (k,), half-widths of the starts about it.
+    rest: the point of rest, None where there is none.
+    stable: whether the loop is stable there: then who is in the ball and comes nearer is back.
+    """
+
+    point: OperatingPoint
+    box: np.ndarray
+    rest: Rest | None
+    stable: bool
+
+
+class Outcome(NamedTuple):
+    """What became of the flights of one place.
+
+    starts: how many.
+    returned: within the ball about the point of rest, 1 s long.
+    lost: left the limits of the states that the model declares.
+    worst_start: linear state -> value at the start of the worst.
+    worst_ends: "lost", "cycles" or "returns".
+    slowest: s, of those that returned.
+    cycle: the oscillation of those that are neither; None where there is none.
+    """
+
+    starts: int
+    returned: int
+    lost: int
+    worst_start: dict[str, float]
+    worst_ends: str
+    slowest: float
+    cycle: LimitCycle | None
+
+
+def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
+    """Starts (count, n) and pushes (count, k) of a place, of whose numbers the seed decides."""
+    model = place.point.model
+    random = np.random.default_rng([seed, 1])
+    share = random.uniform(-1.0, 1.0, (count, len(model.linear)))
+    directions = random.uniform(-1.0, 1.0, share.shape)
+    rows = [list(model.states).index(name) for name in model.linear]
+    starts = np.tile(np.array(place.point.states, dtype=float), (count, 1))
+    starts[:, rows] += share * place.box
+    pushes = directions * place.box * PUSH / PUSHED if pushed else np.zeros_like(share)
+    return starts, pushes
+
+
+class FlownRows:
+    """Flights of several places, flown until each is back, lost, or the time is over."""
+
+    def __init__(
+        self, flight: SampledFlight, places: list[Place], rows: np.ndarray, owners: np.ndarray
+    ) -> None:
+        model = flight.deployed.model
+        self.flight = flight
+        self.rows = rows
+        self.first = rows.copy()
+        self.status = np.full(len(rows), _FLYING)
+        self.times = np.zeros(len(rows))
+        self.linear = [list(model.states).index(name) for name in model.linear]
+        self.owners = owners
+        envelopes = [flight_envelope(model, place.point) for place in places]
+        self.least = np.array([envelope.least for envelope in envelopes])[owners]
+        self.most = np.array([envelope.most for envelope in envelopes])[owners]
+        nowhere = np.full(len(model.linear), np.nan)
+        centres = [
+            nowhere if place.rest is None else place.rest.states[self.linear] for place in places
+        ]
+        self.centres = np.array(centres)[owners]
+        self.balls = np.array([BALL * place.box for place in places])[owners]
+        self.stable = np.array([place.stable for place in places])[owners]
+        self.nearest = np.full(len(rows), np.inf)
+
+    def fly(self, seconds: float, window: Any, progress: Progress | None = None) -> None:
+        """Fly all of them for so many seconds."""
+        count = len(self.rows)
+        windows = max(1, round(seconds / (self.flight.samples_in_window * self.flight.dt)))
+
+        def work(function: RowFunction, numbers: np.ndarray) -> None:
+            flying = numbers
+            for number in range(windows):
+                flying = flying[self.status[flying] == _FLYING]
+                if not flying.size:
+                    break
+                self._window(function, flying, number)
+                if progress is not None and numbers[0] == 0:
+                    progress(number + 1, windows)
+
+        in_threads(window, work, count)
+        if progress is not None:
+            progress(windows, windows)
+        left = self.status == _FLYING
+        back = left & (self.nearest <= 1.0)
+        self.status[back] = _RETURNED
+
+    def _window(self, function: RowFunction, flying: np.ndarray, number: int) -> None:
+        """One window of the flights that go on."""
+        X, _, low_X, high_X, low_U, high_U, _, push, _ = self.flight.slices
+        rows = self.rows[flying]
+        time = number * self.flight.samples_in_window * self.flight.dt
+        rows[:, low_X] = rows[:, X]
+        rows[:, high_X] = rows[:, X]
+        rows[:, low_U] = np.inf
+        rows[:, high_U] = -np.inf
+        if time >= PUSHED - 1e-9:
+            rows[:, push] = 0.0
+        rows = advanced(function, rows)
+        self.rows[flying] = rows
+        self.times[flying] = time + self.flight.samples_in_window * self.flight.dt
+        inside = (rows[:, low_X] >= self.least[flying]) & (rows[:, high_X] <= self.most[flying])
+        lost = ~(inside.all(axis=1) & np.isfinite(rows[:, X]).all(axis=1))
+        lowest = rows[:, low_X][:, self.linear]
+        highest = rows[:, high_X][:, self.linear]
+        centre = self.centres[flying]
+        farthest = np.maximum(highest - centre, centre - lowest) / self.balls[flying]
+        distance = np.nan_to_num(farthest.max(axis=1), nan=np.inf)
+        nearer = distance <= self.nearest[flying]
+        back = self.stable[flying] & (distance <= 1.0) & nearer & (self.nearest[flying] <= 1.0)
+        self.nearest[flying] = distance
+        self.status[flying[back]] = _RETURNED
+        self.status[flying[lost]] = _LOST
+
+    def swings(self) -> np.ndarray:
+        """(N, k), half of what each linear state moved by in the last window."""
+        _, _, low_X, high_X, *_ = self.flight.slices
+        return (self.rows[:, high_X] - self.rows[:, low_X])[:, self.linear] / 2.0
+
+    def outcome(self, owner: int, place: Place) -> Outcome:
+        """What became of the flights of one place."""
+        model = place.point.model
+        mine = np.flatnonzero(self.owners == owner)
+        status = self.status[mine]
+        lost = mine[status == _LOST]
+        neither = mine[status == _FLYING]
+        returned = mine[status == _RETURNED]
+        worst, ends = self._worst(lost, neither, returned)
+        X = self.flight.slices[0]
+        at_start = self.first[worst, X][self.linear]
+        cycle = None
+        if neither.size:
+            swings = self.swings()[neither] / place.box
+            swinging = neither[int(np.argmax(swings.max(axis=1)))]
+            cycle = self.cycle_of(swinging, place)
+        return Outcome(
+            starts=len(mine),
+            returned=len(returned),
+            lost=len(lost),
+            worst_start=dict(zip(model.linear, at_start.tolist(), strict=True)),
+            worst_ends=ends,
+            slowest=float(self.times[returned].max(initial=0.0)),
+            cycle=cycle,
+        )
+
+    def _worst(self, lost: Any, neither: Any, returned: Any) -> tuple[int, str]:
+        """The number of the worst flight: lost first, else that swings most, else the slowest."""
+        if lost.size:
+            return int(lost[np.argmin(self.times[lost])]), "lost"
+        if neither.size:
+            return int(neither[np.argmax(self.nearest[neither])]), "is not back"
+        return int(returned[np.argmax(self.times[returned])]), "returns"
+
+    def cycle_of(self, number: int, place: Place) -> LimitCycle | None:
+        """The oscillation in which a flight goes on, measured over `_CYCLE_SECONDS`."""
+        return measured_cycle(self.flight, self.rows[number], place)
+
+
+def measured_cycle(
+    flight: SampledFlight, row: np.ndarray, place: Place, seconds: float = _CYCLE_SECONDS
+) -> LimitCycle | None:
+    """The oscillation of the flight that goes on from a row, as `limit_cycle` finds it."""
+    model = place.point.model
+    X, memory, _, _, low_U, high_U, *_ = flight.slices
+    m = len(model.inputs)
+    steps = max(64, round(seconds / flight.dt))
+    path = flight.sample().mapaccum(steps)
+    row = row.copy()
+    states = np.array(path(row)).T
+    states = np.vstack([row, states])
+    if not np.isfinite(states[:, X]).all():
+        return None
+    inputs = states[:, memory][:, :m] - np.array(place.point.inputs)
+    deviations = states[:, X] - np.array(place.point.states)
+    times = flight.dt * np.arange(len(states))
+    del low_U, high_U
+    empty = np.zeros((len(times), 0))
+    trace = Flight(times, deviations, empty, inputs, empty, deviations, {})
+    return limit_cycle(model, trace, 0.0)
+
+
+def fly_places(
+    flight: SampledFlight,
+    places: list[Place],
+    samples: int,
+    *,
+    seed: int = 0,
+    pushed: bool = False,
+    seconds: float = HORIZON,
+    progress: Progress | None = None,
+) -> list[Outcome]:
+    """What becomes of `samples` seeded flights at each place, with or without disturbance."""
+    rows = []
+    for place in places:
+        starts, pushes = seeded_starts(place, samples, seed, pushed)
+        trim = flight.deployed.trim_vector(place.point)
+        rows.append(flight.rows(starts, np.tile(trim, (samples, 1)), pushes))
+    owners = np.repeat(np.arange(len(places)), samples)
+    flown = FlownRows(flight, places, np.vstack(rows), owners)
+    flown.fly(seconds, flight.window(len(owners), seconds), progress)
+    return [flown.outcome(owner, place) for owner, place in enumerate(places)]
+
+
+def flight_from(
+    flight: SampledFlight, point: OperatingPoint, start: np.ndarray, seconds: float
+) -> np.ndarray:
+    """The rows of one flight that begins at X (n,), (samples + 1, ...)."""
+    trim = flight.deployed.trim_vector(point)
+    pushes = np.zeros((1, len(point.model.linear)))
+    row = flight.rows(start[None], trim[None], pushes)[0]
+    path = flight.sample().mapaccum(max(1, round(seconds / flight.dt)))
+    with np.errstate(all="ignore"):
+        return np.vstack([row, np.array(path(row)).T])
+
+
+__all__ = ["BALL", "HORIZON", "WINDOW", "Outcome", "Place", "fly_places"]

@@ -1,0 +1,178 @@
+"""Where a policy holds an aircraft: X, U with f(X, U) = f(X0, U0) on the linear states and U =
+command(X, U)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_policy.deployed import Deployed
+from trim.limits import Limits
+from trim.point.operating_point import OperatingPoint
+
+_MOST_STEPS = 60
+_MOST_HALVES = 30
+#: Residual, in nominal rates, from which a point counts as at rest.
+_AT_REST = 1e-9
+#: How near to a clip a value lies at it, as a part of the width.
+_AT_CLIP = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A point of rest of the sampled loop.
+
+    states: X, (n,); the states that the linear model does not have are those of the trim.
+    inputs: U, (m,).
+    K: (m', k), -∂u/∂x of the commanded inputs by the linear states.
+    K_inputs: (m', m'), ∂u/∂u of the commanded inputs by those that act just before.
+    A: (k, k), B: (k, m'), of the aircraft there.
+    clips: what a clip holds there, in words; those of actions and inputs.
+    clipped_observations: which observations their clip holds.
+    """
+
+    states: np.ndarray
+    inputs: np.ndarray
+    K: np.ndarray
+    K_inputs: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    clips: tuple[str, ...] = ()
+    clipped_observations: tuple[str, ...] = ()
+
+
+class RestSearch:
+    """Newton's method on the linear states and the commanded inputs at one trim."""
+
+    def __init__(self, deployed: Deployed, point: OperatingPoint) -> None:
+        self.deployed = deployed
+        self.point = point
+        model = point.model
+        self.model = model
+        self.trim = deployed.trim_vector(point)
+        self.rows = [list(model.states).index(name) for name in model.linear]
+        self.columns = [list(model.inputs).index(name) for name in deployed.commanded]
+        self.base = np.concatenate([point.states, point.inputs])
+        self.moving = [*self.rows, *(len(model.states) + column for column in self.columns)]
+        rate_scales = [model.rate_scale(name) for name in model.linear]
+        input_scales = [model.inputs[name].nominal for name in deployed.commanded]
+        state_scales = [model.states[name].nominal for name in model.linear]
+        self.residual_scales = np.array([*rate_scales, *input_scales])
+        self.scales = np.array([*state_scales, *input_scales])
+        self.steady = model.at(point.states, point.inputs).f[self.rows]
+
+    def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Rest | None:
+        """The point of rest that Newton's method finds from X (n,) and U (m,); None where it finds
+        none."""
+        start = np.concatenate([states, inputs])
+        z = self.base.copy()
+        z[self.moving] = start[self.moving]
+        residual, jacobian = self._system(z)
+        size = self._size(residual)
+        for _ in range(_MOST_STEPS):
+            if size <= _AT_REST * 1e-3 or not np.isfinite(size):
+                break
+            scaled = jacobian * self.scales / self.residual_scales[:, None]
+            step = np.linalg.lstsq(scaled, -residual / self.residual_scales, rcond=1e-12)[0]
+            share = 1.0
+            for _ in range(_MOST_HALVES):
+                trial = z.copy()
+                trial[self.moving] += share * step * self.scales
+                following = self._system(trial)
+                if self._size(following[0]) < size:
+                    break
+                share /= 2.0
+            else:
+                break
+            z = trial
+            residual, jacobian = following
+            size = self._size(residual)
+        return self._rest(z) if size <= _AT_REST else None
+
+    def _size(self, residual: np.ndarray) -> float:
+        size = float(np.abs(residual / self.residual_scales).max())
+        return size if np.isfinite(size) else np.inf
+
+    def _parts(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        n = len(self.model.states)
+        return z[:n], z[n:]
+
+    def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Commanded inputs, their slopes by the linear states and by the inputs before."""
+        X, U = self._parts(z)
+        commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
+        u = np.array(commanded).ravel()[self.columns]
+        by_linear = np.array(by_states)[np.ix_(self.columns, self.rows)]
+        return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
+
+    def _system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual and Jacobian by the linear states and the commanded inputs; nan where the
+        equations are no numbers."""
+        X, U = self._parts(z)
+        count = len(self.moving)
+        try:
+            plant = self.model.at(X, U)
+        except FloatingPointError:
+            return np.full(count, np.nan), np.full((count, count), np.nan)
+        u, by_states, by_inputs = self._slopes(z)
+        residual = np.concatenate([plant.f[self.rows] - self.steady, U[self.columns] - u])
+        A = plant.A[np.ix_(self.rows, self.rows)]
+        B = plant.B[np.ix_(self.rows, self.columns)]
+        lower = np.hstack([-by_states, np.eye(len(self.columns)) - by_inputs])
+        return residual, np.vstack([np.hstack([A, B]), lower])
+
+    def _rest(self, z: np.ndarray) -> Rest:
+        X, U = self._parts(z)
+        plant = self.model.at(X, U)
+        _, by_states, by_inputs = self._slopes(z)
+        return Rest(
+            states=X,
+            inputs=U,
+            K=-by_states,
+            K_inputs=by_inputs,
+            A=plant.A[np.ix_(self.rows, self.rows)],
+            B=plant.B[np.ix_(self.rows, self.columns)],
+            clips=self._clips(X, U),
+            clipped_observations=self._clipped_observations(X, U),
+        )
+
+    def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
+        """What holds an action or an input at rest."""
+        deployed = self.deployed
+        observation = deployed.observe(X, U, self.trim)
+        _, raw, action = (np.array(part).ravel() for part in deployed.stages(observation))
+        low, high = deployed.deployment.box
+        words = []
+        if not deployed.deployment.actor.squash:
+            for name, value, lowest, highest in zip(
+                deployed.commanded, raw, low, high, strict=True
+            ):
+                if _reaches(value, lowest, highest):
+                    words.append(f"the action of {name} at the end of its box")
+        unlimited = np.array(deployed.unlimited_inputs(action, X, U, self.trim)).ravel()
+        limits = Limits.of(self.model, tuple(self.model.inputs))
+        for name, column in zip(deployed.commanded, self.columns, strict=True):
+            if _reaches(unlimited[column], limits.lowest[column], limits.highest[column]):
+                words.append(f"{name} at its limit")
+        return tuple(words)
+
+    def _clipped_observations(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
+        normalizer = self.deployed.deployment.normalizer
+        if normalizer is None:
+            return ()
+        observation = self.deployed.observe(X, U, self.trim)
+        normal = np.array(self.deployed.stages(observation)[0]).ravel()
+        names = self.deployed.deployment.observation
+        return tuple(
+            name
+            for name, value in zip(names, normal, strict=True)
+            if abs(value) >= normalizer.clip
+        )
+
+
+def _reaches(value: float, lowest: float, highest: float) -> bool:
+    """Whether a value lies at the end of an interval or beyond it."""
+    width = highest - lowest
+    slack = _AT_CLIP * width if np.isfinite(width) else 0.0
+    return bool(value <= lowest + slack or value >= highest - slack)
