@@ -18,7 +18,6 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import symbols_for
 from hfa_policy.deployed import Deployed
 from hfa_policy.held_step import held_step
 from hfa_support.native.bound import RowFunction
@@ -31,9 +30,6 @@ WINDOW = 1.0
 _MAKING = threading.Lock()
 #: A delay within this part of a sample of a whole number of them is that number.
 _WHOLE = 1e-9
-
-#: (deployed, X, U before, trim) -> U.
-Command = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +87,7 @@ class SampledFlight:
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         command = self.deployed.command if self.command is None else self.command
-        kind = type(symbols_for([command], 1))
         row = ca.MX.sym("row", sum(self.sizes))
-        del kind
         parts = ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
         X, memory, low_X, high_X, low_U, high_U, trim, push, extra = parts
         before = memory[-m:]

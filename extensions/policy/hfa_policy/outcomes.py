@@ -11,7 +11,7 @@ from controller.flight.envelope import flight_envelope
 from controller.flight.flight_history import Flight
 from controller.flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_aircraft.model import Model
-from hfa_policy.flights import WINDOW, SampledFlight, advanced, in_threads
+from hfa_policy.flights import SampledFlight, advanced, in_threads
 from hfa_policy.rest import Rest
 from hfa_support.native.bound import RowFunction
 from hfa_support.progress import Progress
@@ -28,6 +28,10 @@ PUSH = 0.5
 #: Seconds of the flight in which a limit cycle is measured.
 _CYCLE_SECONDS = 20.0
 _FLYING, _RETURNED, _LOST = range(3)
+#: A flight about an unstable point of rest is back only where it has not grown by this factor over
+#: its last `_GROWTH_WINDOWS` windows: it buzzes within the ball.
+_GROWN = 1.02
+_GROWTH_WINDOWS = 10
 
 
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
@@ -121,6 +125,7 @@ class FlownRows:
         self.balls = np.array([BALL * place.box for place in places])[owners]
         self.stable = np.array([place.stable for place in places])[owners]
         self.nearest = np.full(len(rows), np.inf)
+        self.earlier = np.full(len(rows), np.inf)
 
     def fly(self, seconds: float, window: Any, progress: Progress | None = None) -> None:
         """Fly all of them for so many seconds."""
@@ -133,6 +138,8 @@ class FlownRows:
                 flying = flying[self.status[flying] == _FLYING]
                 if not flying.size:
                     break
+                if number == windows - _GROWTH_WINDOWS:
+                    self.earlier[flying] = self.nearest[flying]
                 self._window(function, flying, number)
                 if progress is not None and numbers[0] == 0:
                     progress(number + 1, windows)
@@ -141,7 +148,8 @@ class FlownRows:
         if progress is not None:
             progress(windows, windows)
         left = self.status == _FLYING
-        back = left & (self.nearest <= 1.0)
+        grows = self.nearest > _GROWN * self.earlier
+        back = left & (self.nearest <= 1.0) & (self.stable | ~grows)
         self.status[back] = _RETURNED
 
     def _window(self, function: RowFunction, flying: np.ndarray, number: int) -> None:
@@ -220,7 +228,7 @@ def measured_cycle(
 ) -> LimitCycle | None:
     """The oscillation of the flight that goes on from a row, as `limit_cycle` finds it."""
     model = place.point.model
-    X, memory, _, _, low_U, high_U, *_ = flight.slices
+    X, memory, *_ = flight.slices
     m = len(model.inputs)
     steps = max(64, round(seconds / flight.dt))
     path = flight.sample().mapaccum(steps)
@@ -232,7 +240,6 @@ def measured_cycle(
     inputs = states[:, memory][:, :m] - np.array(place.point.inputs)
     deviations = states[:, X] - np.array(place.point.states)
     times = flight.dt * np.arange(len(states))
-    del low_U, high_U
     empty = np.zeros((len(times), 0))
     trace = Flight(times, deviations, empty, inputs, empty, deviations, {})
     return limit_cycle(model, trace, 0.0)
@@ -242,10 +249,8 @@ def fly_places(
     flight: SampledFlight,
     places: list[Place],
     samples: int,
-    *,
     seed: int = 0,
     pushed: bool = False,
-    seconds: float = HORIZON,
     progress: Progress | None = None,
 ) -> list[Outcome]:
     """What becomes of `samples` seeded flights at each place, with or without disturbance."""
@@ -256,20 +261,22 @@ def fly_places(
         rows.append(flight.rows(starts, np.tile(trim, (samples, 1)), pushes))
     owners = np.repeat(np.arange(len(places)), samples)
     flown = FlownRows(flight, places, np.vstack(rows), owners)
-    flown.fly(seconds, flight.window(len(owners), seconds), progress)
+    flown.fly(HORIZON, flight.window(len(owners), HORIZON), progress)
     return [flown.outcome(owner, place) for owner, place in enumerate(places)]
 
 
-def flight_from(
-    flight: SampledFlight, point: OperatingPoint, start: np.ndarray, seconds: float
-) -> np.ndarray:
-    """The rows of one flight that begins at X (n,), (samples + 1, ...)."""
-    trim = flight.deployed.trim_vector(point)
-    pushes = np.zeros((1, len(point.model.linear)))
-    row = flight.rows(start[None], trim[None], pushes)[0]
-    path = flight.sample().mapaccum(max(1, round(seconds / flight.dt)))
-    with np.errstate(all="ignore"):
-        return np.vstack([row, np.array(path(row)).T])
-
-
-__all__ = ["BALL", "HORIZON", "WINDOW", "Outcome", "Place", "fly_places"]
+def ends_from_trim(
+    flight: SampledFlight, points: list[OperatingPoint], window: Any, seconds: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where flights that begin in their trims are after so many seconds: X (N, n) and the inputs
+    that act, (N, m)."""
+    trims = np.array([flight.deployed.trim_vector(point) for point in points])
+    n = len(points[0].model.states)
+    m = len(points[0].model.inputs)
+    pushes = np.zeros((len(points), len(points[0].model.linear)))
+    rows = flight.rows(trims[:, :n], trims, pushes)
+    function = RowFunction(window)
+    for _ in range(max(1, round(seconds / (flight.samples_in_window * flight.dt)))):
+        rows = advanced(function, rows)
+    X, memory, *_ = flight.slices
+    return rows[:, X], rows[:, memory][:, :m]

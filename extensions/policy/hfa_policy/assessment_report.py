@@ -1,0 +1,268 @@
+"""What an assessment says: its first line, a table of the trims, findings, pictures, data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_policy.assessment import AssessedPoint, scheduled_value
+from hfa_policy.deployed import Deployed
+from hfa_policy.mistakes import Mistake
+from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.text import Table, short_number, shown_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SCHEMA = "hfa.assessment/1"
+#: What may be asked for, with its unit.
+NEEDS = {"delay": "s", "margin": "disk margin", "cost": "percent over the optimum"}
+#: A rest off trim by less than this part of the box of starts is at the trim.
+_AT_TRIM = 0.01
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Assessment(Reported):
+    """A policy assessed as it is deployed, at one or more trims.
+
+    deployed: the policy on its aircraft.
+    points: what it does at each trim.
+    mistakes: of its deployment, proved or likely.
+    """
+
+    deployed: Deployed
+    points: tuple[AssessedPoint, ...]
+    mistakes: tuple[Mistake, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds at every trim, and no mistake of its deployment is proved."""
+        wrong = any(mistake.proved for mistake in self.mistakes)
+        return all(point.holds for point in self.points) and not wrong
+
+    def unmet(self, needs: Mapping[str, float]) -> list[str]:
+        """What of the needs (delay s, margin, cost percent) is not met, a sentence each."""
+        sentences = []
+        for name, need in needs.items():
+            refuse_unknown("there is no need", name, NEEDS)
+            wrong = [point for point in self.points if not _meets(point, name, need)]
+            if wrong:
+                where = f"at {len(wrong)} of {len(self.points)} trims"
+                if len(self.points) == 1:
+                    where = "here"
+                sentences.append(f"{name} {need:g} ({NEEDS[name]}) is not met {where}")
+        if "cost" in needs and self.deployed.deployment.cost is None:
+            raise BadInputError("--need cost needs the [cost] that the policy was trained for")
+        return sentences
+
+    def first_line(self) -> str:
+        """For who reads one line."""
+        clauses = [self._holding(), self._losing(), self._resting(), self._flying()]
+        clauses.append(self._costing())
+        return "; ".join(filter(None, clauses))
+
+    def _holding(self) -> str:
+        holding = [point for point in self.points if point.holds]
+        rate = f"at {1.0 / self.deployed.deployment.dt:.4g} Hz"
+        if len(holding) == len(self.points):
+            return f"holds {self._where(holding)} {rate}"
+        if not holding:
+            return f"does not hold {self._where(list(self.points))} {rate}"
+        failing = [point for point in self.points if not point.holds]
+        return (
+            f"holds at {len(holding)} of {len(self.points)} trims {rate}, not "
+            f"{self._where(failing)}"
+        )
+
+    def _where(self, points: list[AssessedPoint]) -> str:
+        """At which trims: "from 38 to 60 m/s", "at 45 m/s"."""
+        values = [value for point in points for value in scheduled_value(point.point).values()]
+        if not values:
+            return "at the trim"
+        model = self.deployed.model
+        unit = shown_unit(model.schedule_unit)
+        if len(values) == 1:
+            return f"at {values[0]:.4g} {unit}"
+        between = [
+            value for point in self.points for value in scheduled_value(point.point).values()
+        ]
+        inside = [value for value in between if min(values) <= value <= max(values)]
+        if len(inside) == len(values):
+            return f"from {min(values):.4g} to {max(values):.4g} {unit}"
+        return f"at {', '.join(f'{value:.4g}' for value in values)} {unit}"
+
+    def _losing(self) -> str:
+        """The shortest delay that is lost, and where."""
+        holding = [point for point in self.points if point.holds and point.delays is not None]
+        limits = [point.delays.limit for point in holding if point.delays is not None]
+        lost = [limit for limit in limits if limit is not None]
+        if not holding:
+            return ""
+        if not lost:
+            searched = min(point.delays.searched for point in holding if point.delays is not None)
+            return f"not lost with delays up to {1e3 * searched:.4g} ms"
+        shortest = min(lost)
+        where = [
+            point
+            for point in holding
+            if point.delays is not None and point.delays.limit == shortest
+        ]
+        text = f"lost with {1e3 * shortest:.4g} ms of delay"
+        return text if len(where) == len(holding) else f"{text} {self._where(where)}"
+
+    def _resting(self) -> str:
+        """The state that rests farthest off trim, in half-widths of the box."""
+        farthest = None
+        for point in self.points:
+            if point.rest is None:
+                continue
+            shares = np.abs(point.rest_offset) / point.place.box
+            index = int(np.argmax(shares))
+            if farthest is None or shares[index] > farthest[0]:
+                name = point.point.model.linear[index]
+                farthest = (float(shares[index]), name, float(point.rest_offset[index]))
+        if farthest is None:
+            return "rests nowhere near the trim"
+        share, name, offset = farthest
+        if share < _AT_TRIM:
+            return "rests at the trim"
+        unit = self.deployed.model.unit(name)
+        size = f"{short_number(abs(offset), unit)} {shown_unit(unit)}"
+        many = "up to " if len(self.points) > 1 else ""
+        if name == "speed":
+            return f"rests {many}{size} {'fast' if offset > 0 else 'slow'}"
+        return f"rests {many}{size} {'above' if offset > 0 else 'below'} the trim in {name}"
+
+    def _flying(self) -> str:
+        """Which part of the starts does not come back."""
+        shares = [
+            1.0 - point.flights.returned / point.flights.starts
+            for point in self.points
+            if point.flights is not None
+        ]
+        if not shares:
+            return ""
+        if max(shares) == 0.0:
+            return "every start comes back"
+        low, high = (f"{100 * share:.3g}" for share in (min(shares), max(shares)))
+        part = f"{high} %" if low == high else f"{low} to {high} %"
+        return f"{part} of the starts do not come back"
+
+    def _costing(self) -> str:
+        worst = [point.cost.worst for point in self.points if point.cost is not None]
+        if not worst:
+            return ""
+        if not math.isfinite(max(worst)):
+            return "its cost has no bound"
+        if max(worst) >= 100.0:
+            return f"costs up to {1.0 + max(worst) / 100.0:.2g} x the optimum"
+        return f"costs up to {max(worst):.2g} % more than the optimum"
+
+    def report(self, needs: Mapping[str, float] | None = None) -> Report:
+        """The first line, the trims, the findings; the data are those of `to_dict`."""
+        model = self.deployed.model
+        deployment = self.deployed.deployment
+        lines = [f"{self.first_line()}", "", f"Assessment of {deployment.origin} on {model.title}"]
+        unmet = self.unmet(needs or {})
+        lines += [f"not met: {sentence}" for sentence in unmet]
+        for mistake in self.mistakes:
+            lines.append(f"{'mistake' if mistake.proved else 'perhaps'}: {mistake.text}")
+        parts: list[Any] = [deployment.actor.chain, self._table()]
+        parts += self._findings()
+        data = self.to_dict() | {"unmet": unmet}
+        return Report("\n".join(lines), tuple(parts), data=data, records=self._records())
+
+    def _findings(self) -> list[str]:
+        """Each finding once, with where it is said."""
+        where: dict[str, list[AssessedPoint]] = {}
+        for point in self.points:
+            for finding in point.findings:
+                where.setdefault(finding, []).append(point)
+        return [
+            f"{self._where(points)}: {finding}".removeprefix("at the trim: ")
+            for finding, points in where.items()
+        ]
+
+    def _table(self) -> Table:
+        model = self.deployed.model
+        scheduled = f"{model.schedule} {shown_unit(model.schedule_unit)}" if model.schedule else "trim"
+        header = (scheduled, "holds", "radius", "lost at ms", "disk margin")
+        header += ("cost lost %", "mean %", "sampled %", "returned", "lost", "disturbed")
+        return Table(header, [self._row(point) for point in self.points])
+
+    def _row(self, point: AssessedPoint) -> tuple[str, ...]:
+        value = next(iter(scheduled_value(point.point).values()), None)
+        limit = None if point.delays is None else point.delays.limit
+        cells = ["-" if value is None else f"{value:.4g}", "yes" if point.holds else "no"]
+        cells.append("-" if math.isnan(point.radius) else f"{point.radius:.5f}")
+        cells.append("-" if limit is None else f"{1e3 * limit:.4g}")
+        cells.append("-" if point.margins is None else f"{point.margins.disk.disk:.3f}")
+        cost = point.cost
+        for lost in ("worst", "mean", "sampled_worst"):
+            number = math.nan if cost is None else getattr(cost, lost)
+            cells.append(f"{number:.4g}" if math.isfinite(number) else "-")
+        for flown in (point.flights, point.disturbed):
+            cells.append("-" if flown is None else f"{flown.returned} of {flown.starts}")
+            if flown is point.flights:
+                cells.append("-" if flown is None else f"{flown.lost}")
+        return tuple(cells)
+
+    def _records(self) -> Table:
+        """A row a trim, with all digits."""
+        key = self.deployed.model.schedule_key if self.deployed.model.schedule else "trim"
+        header = (key, "holds", "spectral_radius", "delay_limit [s]", "disk_margin")
+        header += ("returned", "lost", "starts")
+        rows = []
+        for number, point in enumerate(self.points):
+            value = next(iter(scheduled_value(point.point).values()), float(number))
+            data = point.to_dict()
+            flown = point.flights
+            counts = (0, 0, 0) if flown is None else (flown.returned, flown.lost, flown.starts)
+            names = ("holds", "spectral_radius", "delay_limit", "disk_margin")
+            rows.append((value, *(data[name] for name in names), *counts))
+        return Table(header, rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The assessment as data."""
+        deployment = self.deployed.deployment
+        model = self.deployed.model
+        return {
+            "schema": SCHEMA,
+            "dynamics": model.name,
+            "card": deployment.origin,
+            "first_line": self.first_line(),
+            "holds": self.holds,
+            "dt": deployment.dt,
+            "delay": deployment.delay,
+            "network": deployment.actor.chain,
+            "commanded": list(self.deployed.commanded),
+            "states": list(model.linear),
+            "mistakes": [mistake._asdict() for mistake in self.mistakes],
+            "points": [point.to_dict() for point in self.points],
+        }
+
+    def figure(self) -> Figure:
+        """Radius over delay, and what becomes of the starts, over the trims."""
+        from hfa_policy.assessment_figure import assessment_figure
+
+        return assessment_figure(self)
+
+
+def _meets(point: AssessedPoint, name: str, need: float) -> bool:
+    """Whether a trim meets one need."""
+    if name == "delay":
+        if point.delays is None or not point.holds:
+            return False
+        if point.delays.limit is None:
+            return point.delays.searched >= need
+        return point.delays.limit > need * (1.0 + 1e-9)
+    if name == "margin":
+        return point.margins is not None and point.margins.disk.disk >= need
+    if point.cost is None:
+        return False
+    return max(point.cost.worst, point.cost.sampled_worst) <= need

@@ -1,0 +1,125 @@
+"""The command `hfa assess`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hfa.options.argument_types import input_file, number, quantity, whole
+from hfa.options.command import command
+from hfa.options.ranges import Range, array_of, scheduled_range
+from hfa.options.request import OfModel, option
+from hfa.options.trims import (
+    AircraftOptions,
+    OutputOptions,
+    TrimOptions,
+    picture_option,
+    scheduled,
+)
+from hfa.output import ProgressLine, show
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, refuse_unknown
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+
+_MOST_POINTS = 1000
+_MOST_SAMPLES = 100_000
+
+
+def _need(name: str, text: str) -> float:
+    """What is asked for by a name of `NEEDS`."""
+    from hfa_policy.assessment_report import NEEDS
+
+    refuse_unknown("is unknown:", name, NEEDS)
+    value = number(text)
+    if value < 0.0:
+        raise BadInputError(f"is {text}; give a number from 0 on")
+    return value
+
+
+def _half_width(model: Model, name: str, text: str) -> float:
+    """Half-width of the box of starts in a linear state."""
+    refuse_unknown("names the unknown state", name, model.linear)
+    width = quantity(model, name, text)
+    if width <= 0.0:
+        raise BadInputError(f"is {text}; give a number above 0")
+    return width
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
+    """A policy as it is deployed."""
+
+    card: Path = option(
+        "the deployment: what the policy observes, what its actions move, and when",
+        "CARD.toml",
+        input_file(".toml"),
+        names="card",
+    )
+    at: Range | None = scheduled(scheduled_range, "RANGE", "start:stop:step, a,b,c or one number")
+    samples: int = option(
+        "flights at each trim, with and without disturbance; default 300, 0 for none",
+        "N",
+        whole(0, _MOST_SAMPLES),
+        default=300,
+    )
+    seed: int = option(
+        "decides where the flights start; default 0", "N", whole(0), default=0, rare=True
+    )
+    box: Mapping[str, float] = option(
+        "half-width of the box of starts in a state; repeatable",
+        "NAME=VALUE",
+        OfModel(_half_width),
+        named=True,
+        rare=True,
+    )
+    need: Mapping[str, float] = option(
+        "exit 1 unless it stands this delay (s), has this disk margin, costs at most so many "
+        "percent more than the optimum; repeatable",
+        "delay|margin|cost=X",
+        _need,
+        named=True,
+    )
+    picture: Path | None = picture_option("radius over delay, and what becomes of the starts")
+
+    def points(self) -> list[OperatingPoint]:
+        """The trims to assess at."""
+        aircraft = self.flown_aircraft()
+        if self.at is None:
+            return [self.operating_point(aircraft)]
+        by = self.model.schedule
+        found: list[OperatingPoint] = []
+        for value in array_of("--at", self.at, _MOST_POINTS).tolist():
+            flown = aircraft
+            if by in aircraft.parameters:
+                flown = aircraft.with_parameters(**{by: value})
+            condition = self.common_condition().at(None if by in aircraft.parameters else value)
+            found.append(find_operating_point(flown, condition, self.start_point))
+        return found
+
+
+@command(AssessRequest)
+def assess(request: AssessRequest) -> int:
+    """Assess a policy as it is deployed: sampled, held, with its normalizer and its delay.
+
+    At each trim: where it rests; the exact sampled loop with 0, 1, 2 ... samples of delay; margins
+    at the plant's input; cost against the optimum of the card's Q and R; flights from a box of
+    starts, with and without disturbance. Exit 0: it holds at every trim and meets what --need asks;
+    1: it does not, or the files prove a mistake of the card."""
+    from hfa_policy.assessment import Assessor
+    from hfa_policy.assessment_report import Assessment
+    from hfa_policy.deployment import Deployment
+    from hfa_policy.mistakes import mistakes_of
+
+    deployment = Deployment.load(request.card)
+    deployed = deployment.on(request.flown_aircraft())
+    if deployment.actor and "cost" in request.need and deployment.cost is None:
+        raise BadInputError("--need cost: the card has no [cost]; add the Q and R")
+    points = request.points()
+    assessor = Assessor(deployed, tuple(points), request.samples, request.seed, request.box)
+    assessed = assessor.assessed(ProgressLine("fly"))
+    mistakes = mistakes_of(assessor, assessed)
+    result = Assessment(deployed, tuple(assessed), tuple(mistakes))
+    show(result.report(request.need), request, figure=result.figure, points=points)
+    return 0 if result.holds and not result.unmet(request.need) else 1
