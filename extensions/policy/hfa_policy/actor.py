@@ -37,9 +37,7 @@ class Actor:
     stored: Zip | None = None
 
 
-def read_actor(
-    entries: Mapping[str, Any], folder: Path, observations: int, actions: int
-) -> Actor:
+def read_actor(entries: Mapping[str, Any], folder: Path, observations: int, actions: int) -> Actor:
     """The actor that the table [policy] of a card names.
 
     entries: file, and of what the file does not say activation, layout, squash and network.

@@ -142,6 +142,8 @@ def outcome_data(outcome: Outcome) -> dict[str, Any]:
         "worst_start": outcome.worst_start,
         "worst_ends": outcome.worst_ends,
         "slowest_return": outcome.slowest,
+        "rest_elsewhere": outcome.elsewhere,
+        "elsewhere": outcome.elsewhere_at,
         "limit_cycle": None if cycle is None else cycle._asdict(),
     }
 
@@ -224,9 +226,7 @@ class Assessor:
         rows = zip(places, outcomes, disturbed, strict=True)
         return [self._point(place, flown, pushed) for place, flown, pushed in rows]
 
-    def _point(
-        self, place: Place, flown: Outcome | None, pushed: Outcome | None
-    ) -> AssessedPoint:
+    def _point(self, place: Place, flown: Outcome | None, pushed: Outcome | None) -> AssessedPoint:
         deployment = self.deployed.deployment
         rest = place.rest
         findings: list[str] = []
@@ -299,7 +299,7 @@ def rest_findings(rest: Rest) -> list[str]:
 
 def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None) -> list[str]:
     """What the flights add to the spectral radius."""
-    findings = []
+    findings: list[str] = []
     if flown is None or pushed is None:
         return findings
     if flown.cycle is not None:
@@ -311,6 +311,9 @@ def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None
             f"unstable at its point of rest (radius {radius:.4g}), yet {flown.returned} of "
             f"{flown.starts} flights stay near it: it buzzes there"
         )
+    if flown.elsewhere:
+        where = ", ".join(f"{name} {value:.4g}" for name, value in flown.elsewhere_at.items())
+        findings.append(f"{flown.elsewhere} of {flown.starts} flights rest elsewhere, at {where}")
     if radius < 1.0 and flown.returned < _MOST_OF_THEM * flown.starts:
         findings.append(
             f"stable at its point of rest, yet only {flown.returned} of {flown.starts} starts "

@@ -46,7 +46,9 @@ def assessment_figure(assessment: Assessment) -> Figure:
     right.bar(places, 100 * lost, bottom=100 * (1 - lost), color="C3", label="lost")
     right.set_xticks(places, labels, rotation=0 if len(labels) <= 8 else 90)
     model = assessment.deployed.model
-    right.set_xlabel(f"{model.schedule}, {shown_unit(model.schedule_unit)}" if model.schedule else "")
+    right.set_xlabel(
+        f"{model.schedule}, {shown_unit(model.schedule_unit)}" if model.schedule else ""
+    )
     right.set_ylabel("starts, %")
     right.legend(fontsize=8)
     return figure

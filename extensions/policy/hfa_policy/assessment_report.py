@@ -190,9 +190,13 @@ class Assessment(Reported):
 
     def _table(self) -> Table:
         model = self.deployed.model
-        scheduled = f"{model.schedule} {shown_unit(model.schedule_unit)}" if model.schedule else "trim"
-        header = (scheduled, "holds", "radius", "lost at ms", "disk margin")
-        header += ("cost lost %", "mean %", "sampled %", "returned", "lost", "disturbed")
+        scheduled = (
+            f"{model.schedule} {shown_unit(model.schedule_unit)}" if model.schedule else "trim"
+        )
+        header = (
+            *(scheduled, "holds", "radius", "lost at ms", "disk margin"),
+            *("cost lost %", "mean %", "sampled %", "returned", "lost", "disturbed"),
+        )
         return Table(header, [self._row(point) for point in self.points])
 
     def _row(self, point: AssessedPoint) -> tuple[str, ...]:
@@ -215,8 +219,10 @@ class Assessment(Reported):
     def _records(self) -> Table:
         """A row a trim, with all digits."""
         key = self.deployed.model.schedule_key if self.deployed.model.schedule else "trim"
-        header = (key, "holds", "spectral_radius", "delay_limit [s]", "disk_margin")
-        header += ("returned", "lost", "starts")
+        header = (
+            *(key, "holds", "spectral_radius", "delay_limit [s]", "disk_margin"),
+            *("returned", "lost", "starts"),
+        )
         rows = []
         for number, point in enumerate(self.points):
             value = next(iter(scheduled_value(point.point).values()), float(number))

@@ -18,7 +18,8 @@ from hfa_policy.rest import Rest
 from hfa_policy.sampled_loop import Chain
 from hfa_support.errors import BadInputError, NoSolutionError
 
-#: An eigenvalue of the optimal cost below this part of the largest is of a state that costs nothing.
+#: An eigenvalue of the optimal cost below this part of the largest is that of a state that costs
+#: nothing.
 _COSTS_NOTHING = 1e-12
 
 

@@ -155,9 +155,7 @@ class Deployment(Shown):
         for name, entry in self.action.items():
             box = entry.get("box")
             if box is not None and not (len(box) == 2 and box[0] < box[1]):
-                raise BadInputError(
-                    f"action.{name}.box is {shown(box)}; give [lowest, highest]"
-                )
+                raise BadInputError(f"action.{name}.box is {shown(box)}; give [lowest, highest]")
 
     @property
     def dt(self) -> float:

@@ -148,7 +148,9 @@ def _of_observations(
     if seen is None:
         return
     centre, spread, is_statistics = seen
-    absolute, deviations, scaled = [], [], []
+    absolute: list[str] = []
+    deviations: list[str] = []
+    scaled: list[tuple[str, str]] = []
     for index, (name, card) in enumerate(deployed.deployment.observation.items()):
         about = card.get("about", "trim")
         scale = float(card.get("scale", 1.0))

@@ -86,7 +86,7 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
             raise BadInputError(f"cannot be read ({error.strerror})") from error
         stored = inert(content)
         statistics = getattr(stored, "obs_rms", None)
-        if not isinstance(stored, Inert) or "clip_obs" not in vars(stored):
+        if not isinstance(stored, Inert) or not {"clip_obs", "epsilon"} <= vars(stored).keys():
             raise BadInputError("it is no VecNormalize; give what VecNormalize.save has written")
         if getattr(stored, "norm_obs", True) is False:
             return None
@@ -96,14 +96,14 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
             )
         if statistics is None:
             raise BadInputError("it has no obs_rms; give mean and variance in the card")
-        last = getattr(stored, "old_obs", None)
+        attributes = vars(stored)
         return Normalizer(
             mean=statistics.mean,
             variance=statistics.var,
-            epsilon=float(stored.epsilon),
-            clip=float(stored.clip_obs),
+            epsilon=float(attributes["epsilon"]),
+            clip=float(attributes["clip_obs"]),
             count=float(statistics.count),
-            last=_rows(last, np.size(statistics.mean)),
+            last=_rows(attributes.get("old_obs"), np.size(statistics.mean)),
             origin=Path(path).name,
         )
 

@@ -32,6 +32,8 @@ _FLYING, _RETURNED, _LOST = range(3)
 #: its last `_GROWTH_WINDOWS` windows: it buzzes within the ball.
 _GROWN = 1.02
 _GROWTH_WINDOWS = 10
+#: What has moved by less in the last window, in half-widths of the box, is at rest.
+_SETTLED = 1e-3
 
 
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
@@ -76,6 +78,8 @@ class Outcome(NamedTuple):
     worst_ends: "lost", "cycles" or "returns".
     slowest: s, of those that returned.
     cycle: the oscillation of those that are neither; None where there is none.
+    elsewhere: how many of those came to rest, but not at the point of rest.
+    elsewhere_at: linear state -> value where the first of them is at rest.
     """
 
     starts: int
@@ -85,6 +89,8 @@ class Outcome(NamedTuple):
     worst_ends: str
     slowest: float
     cycle: LimitCycle | None
+    elsewhere: int
+    elsewhere_at: dict[str, float]
 
 
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
@@ -196,10 +202,14 @@ class FlownRows:
         X = self.flight.slices[0]
         at_start = self.first[worst, X][self.linear]
         cycle = None
+        settled = neither
         if neither.size:
-            swings = self.swings()[neither] / place.box
-            swinging = neither[int(np.argmax(swings.max(axis=1)))]
-            cycle = self.cycle_of(swinging, place)
+            swings = (self.swings()[neither] / place.box).max(axis=1)
+            settled = neither[swings <= _SETTLED]
+            if settled.size < neither.size:
+                swinging = int(neither[int(np.argmax(swings))])
+                cycle = measured_cycle(self.flight, self.rows[swinging], place)
+        ends = self.rows[settled[:1]][:, X][:, self.linear].ravel().tolist()
         return Outcome(
             starts=len(mine),
             returned=len(returned),
@@ -208,6 +218,8 @@ class FlownRows:
             worst_ends=ends,
             slowest=float(self.times[returned].max(initial=0.0)),
             cycle=cycle,
+            elsewhere=len(settled),
+            elsewhere_at=dict(zip(model.linear, ends, strict=False)),
         )
 
     def _worst(self, lost: Any, neither: Any, returned: Any) -> tuple[int, str]:
@@ -217,10 +229,6 @@ class FlownRows:
         if neither.size:
             return int(neither[np.argmax(self.nearest[neither])]), "is not back"
         return int(returned[np.argmax(self.times[returned])]), "returns"
-
-    def cycle_of(self, number: int, place: Place) -> LimitCycle | None:
-        """The oscillation in which a flight goes on, measured over `_CYCLE_SECONDS`."""
-        return measured_cycle(self.flight, self.rows[number], place)
 
 
 def measured_cycle(

@@ -165,9 +165,7 @@ class RestSearch:
         normal = np.array(self.deployed.stages(observation)[0]).ravel()
         names = self.deployed.deployment.observation
         return tuple(
-            name
-            for name, value in zip(names, normal, strict=True)
-            if abs(value) >= normalizer.clip
+            name for name, value in zip(names, normal, strict=True) if abs(value) >= normalizer.clip
         )
 
 

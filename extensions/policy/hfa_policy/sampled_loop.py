@@ -160,8 +160,7 @@ def margins(chain: Chain) -> Margins:
     grid = _grid(chain)
     count = len(chain.C)
     loops = tuple(
-        _with_peak(margin_of(lambda w, i=i: M(w, i)[:, 0], grid), M, grid, i)
-        for i in range(count)
+        _with_peak(margin_of(lambda w, i=i: M(w, i)[:, 0], grid), M, grid, i) for i in range(count)
     )
     coarse = disk_of(M, grid)
     if count == 1:
