@@ -10,8 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controller.critic.network_file import network_in
-from controller.critic.tensors import tensors_in
+from hfa_networks.files.network_file import network_in
+from hfa_networks.files.tensors import tensors_in
 from hfa_policy.stable_baselines import LARGEST_FILE, Zip, is_stable_baselines, read_zip
 from hfa_support.errors import BadInputError, numbers_in, said_of, shown
 from hfa_support.files import regular_file

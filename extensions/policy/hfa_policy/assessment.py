@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from controller.flight.limit_cycle import LimitCycle
 from hfa_aircraft.model import Model
+from hfa_flight.limit_cycle import LimitCycle
 from hfa_policy.cost_lost import CostLost, cost_lost
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.flight.envelope import flight_envelope
-from controller.flight.flight_history import Flight
-from controller.flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_aircraft.model import Model
+from hfa_flight.envelope import flight_envelope
+from hfa_flight.flight_history import Flight
+from hfa_flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_policy.flights import SampledFlight, advanced, in_threads
 from hfa_policy.rest import Rest
 from hfa_support.native.bound import RowFunction

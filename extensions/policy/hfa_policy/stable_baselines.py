@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.critic.tensors import checked_tensors, tensors_in
+from hfa_networks.files.tensors import checked_tensors, tensors_in
 from hfa_policy.inert_pickle import Inert, inert
 from hfa_support.errors import BadInputError, said_of, shortened
 from hfa_support.files import regular_file
