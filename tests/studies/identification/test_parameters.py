@@ -18,7 +18,7 @@ from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel
 from hfa_model.variants import Published, Variant
 from studies.identification.parameters import ALTERNATIVES, IDENTIFIED, ROUGH, Fit, fit, identify
-from trim import regenerate
+from trim import compare, regenerate
 
 MOVED = tuple(name for name in LINEAR_STATES if name not in ("pitch", "dihedral"))
 ENTRIES = [("A", row, column) for row in MOVED for column in LINEAR_STATES] + [
@@ -235,3 +235,56 @@ def test_one_angle_determines_all_but_one_combination() -> None:
         row = computed[pitch]
         factor = computed[pitch] @ print_[pitch] / (computed[pitch] @ computed[pitch])
         assert np.abs(factor * row - print_[pitch]).max() < 1e-5 * np.abs(print_[pitch]).max()
+
+
+#: Panels of 300 lbf: Table 1 of Gibson et al. 2011 and the publicly released simulation (SimVFA).
+_MASS = 300 / 32.2
+RELEASED = {
+    "panel_span": 80.0,
+    "tail_area": 40.0,
+    "boom_length": 36.0,
+    "lift_slope": 2 * np.pi,
+    "aileron_lift": 2.0,
+    "aileron_moment": -0.25,
+    "zero_lift_moment": 0.025,
+    "zero_lift_drag": 0.007,
+    "induced_drag": 0.07,
+    "panel_mass": _MASS,
+    "inertia_roll": 30 * _MASS,
+    "inertia_pitch": 2 * _MASS,
+    "inertia_yaw": 18 * _MASS,
+    "hinge_stiffness": 4900.0,
+    "hinge_damping": 2e5 * 0.707,
+}
+#: Density of the released simulation at 40,000 ft, of that of `hfa_model.atmosphere`.
+THIN = 1 - 16.14e-6
+
+
+def test_the_released_constants_lie_within_two_standard_errors(parameter_set: ParameterSet) -> None:
+    for name, value in RELEASED.items():
+        distance = abs(getattr(parameter_set.values, name) - value)
+        assert distance <= 2.0 * parameter_set.standard_errors[name], name
+
+
+@pytest.mark.parametrize(("density", "half_units"), [(THIN, (0.0, 1.0)), (1.0, (100.0, 200.0))])
+def test_the_released_constants_in_their_thinner_air_print_the_paper(
+    parameters: Parameters, density: float, half_units: tuple[float, float]
+) -> None:
+    """Within one half unit of the last digit; in the standard atmosphere by no means."""
+    values = dict(RELEASED)
+    for name in (
+        "lift_slope",
+        "aileron_lift",
+        "aileron_moment",
+        "zero_lift_moment",
+        "zero_lift_drag",
+    ):
+        values[name] *= density
+    values["induced_drag"] /= density
+    aircraft = hfa_model.aircraft(parameters=parameters._replace(**values))
+    largest = max(
+        abs(entry.half_units)
+        for published in published_models()
+        for entry in compare(regenerate(aircraft, published), published)
+    )
+    assert half_units[0] < largest < half_units[1]
