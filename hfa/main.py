@@ -193,7 +193,13 @@ def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[
         _refuse_to_overwrite(request)
         if request.quiet:
             around.enter_context(contextlib.redirect_stderr(io.StringIO()))
-        return command.run(request)
+        try:
+            return command.run(request)
+        except SystemExit as error:
+            raise BadInputError(
+                f"the equations of {request.model.name} end the program (sys.exit); raise a "
+                "ValueError there"
+            ) from error
 
 
 def _refuse_small_address_space() -> None:

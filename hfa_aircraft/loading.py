@@ -12,6 +12,7 @@ from typing import Any
 from hfa_aircraft.local_sources import hash_of_sources
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, shown
+from hfa_support.files import LARGEST_TEXT, regular_file
 
 
 def load_model(text: str) -> Model:
@@ -47,6 +48,11 @@ def load_model(text: str) -> Model:
         raise BadInputError(
             f"{where}: SyntaxError in line {error.lineno}: {error.msg}; correct the file"
         ) from error
+    except SystemExit as error:
+        raise BadInputError(
+            f"{where}: ends the program (sys.exit) where it is loaded; put what it runs under "
+            'if __name__ == "__main__":'
+        ) from error
     except Exception as error:  # whatever the user's file raises
         raise BadInputError(
             f"{where}: {type(error).__name__}: {error}; correct the file"
@@ -59,7 +65,7 @@ def load_model(text: str) -> Model:
 
 def _executed(file: str) -> types.ModuleType:
     """The module of a file."""
-    content = Path(file).read_bytes()
+    content = regular_file(file, LARGEST_TEXT).read_bytes()
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
     module.__file__ = file  # with which it finds its tables
     sys.modules[module.__name__] = module  # where its dataclasses look for it

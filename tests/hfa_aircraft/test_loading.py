@@ -1,0 +1,78 @@
+"""Aircraft from files that end the program, or that are no regular files."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from cli import assert_refused, hfa
+
+from hfa_aircraft.loading import load_model
+from hfa_support import BadInputError
+
+AIRCRAFT = """
+import sys
+from hfa_aircraft.model import Model, Signal
+
+calls = []
+
+def equations(x, u, p, w):
+    calls.append(1)
+    {in_equations}
+    return {{"v": u.thrust - x.v}}, {{}}
+
+CAR = Model(
+    name="car",
+    states={{"v": Signal(nominal=1.0, start=1.0)}},
+    inputs={{"thrust": Signal(nominal=1.0)}},
+    equations=equations,
+    trim={{"v": 1.0}},
+)
+{at_the_end}
+"""
+
+
+def write_aircraft(path: Path, in_equations: str = "pass", at_the_end: str = "") -> None:
+    path.write_text(AIRCRAFT.format(in_equations=in_equations, at_the_end=at_the_end))
+
+
+@pytest.mark.parametrize("ending", ["sys.exit()", "sys.exit('done')", "raise SystemExit(0)"])
+@pytest.mark.parametrize("named", ["ends.py:CAR", "ends_here:CAR"])
+def test_a_file_that_ends_the_program_is_refused(
+    ending: str, named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was exit 0 without a word."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    write_aircraft(tmp_path / f"{named.split(':')[0].removesuffix('.py')}.py", at_the_end=ending)
+    result = hfa("trim", "--aircraft", named, "-o", "a.json")
+    assert_refused(result, 2, "ends the program (sys.exit)", "__main__")
+    assert not Path("a.json").exists()
+    with pytest.raises(BadInputError, match="ends the program"):
+        load_model(named)
+
+
+@pytest.mark.parametrize("calls", [0, 1, 2, 3])
+def test_equations_that_end_the_program_are_refused(
+    calls: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_aircraft(tmp_path / "late.py", in_equations=f"len(calls) > {calls} and sys.exit()")
+    result = hfa("trim", "--aircraft", "late.py:CAR")
+    if result.code != 0:  # it may be called less often
+        assert_refused(result, 2, "sys.exit")
+    else:
+        assert "trimmed" in result.out
+        assert calls > 1
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFO on this system")
+def test_a_fifo_is_no_aircraft(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was read for ever."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("pipe.py", "pipe.xml"):
+        os.mkfifo(name)
+    assert_refused(hfa("trim", "--aircraft", "pipe.py:CAR"), 2, "not a regular file")
+    assert_refused(hfa("trim", "--aircraft", "pipe.xml"), 2, "not a regular file")
+    assert_refused(hfa("trim", "--aircraft", "pipe:CAR"), 2, "pipe")
