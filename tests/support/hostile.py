@@ -1,7 +1,7 @@
 """Hostile inputs to `hfa` by every way in, and whether what comes of one is allowed.
 
 Input `number` of a way is always the same: a command line with words replaced, or a file that a
-command writes, with tokens, arrays or bytes of it replaced."""
+command reads, with tokens, arrays or bytes of it replaced; how is in `hostile_files`."""
 
 from __future__ import annotations
 
@@ -9,19 +9,17 @@ import contextlib
 import io
 import json
 import random
-import re
 import signal
 import tempfile
-import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from cli import Result, hfa, unchecked_hfa
 from game_files import small
+from hostile_files import NUMBERS, WORDS, hostile_claims, hostile_file, hostile_store
 
 import hfa_model
 from hfa.main import COMMANDS, command_named, filled
@@ -33,144 +31,17 @@ _LONGEST_LINE = 1200
 #: Command lines that take longer when they are asked for nothing special.
 _LONG = (("prove", "models"), ("prove", "schedule"))
 
-NUMBERS = (
-    *(
-        "0",
-        "-1",
-        "1",
-        "2",
-        "3.5",
-        "1e-320",
-        "1e308",
-        "-1e308",
-        "1e99",
-        "1e400",
-        "nan",
-        "inf",
-        "-inf",
-        "1e-9",
-        "90",
-    ),
-    *(
-        "9" * 5000,
-        "0x" + "f" * 5000,
-        "1_000",
-        "0.1.2",
-        "٣",
-        "1,2",
-        "--",
-        "",
-        "true",
-        "1e",
-        "1d3",
-        "-89.999",
-    ),
-)
-VALUES = (
-    *(
-        '""',
-        '"text"',
-        '"\\u0000"',
-        '"\\u001b[31m"',
-        '"\\ud800"',
-        "null",
-        "false",
-        "[]",
-        "{}",
-        "[[]]",
-        "[1]",
-        "[1,2]",
-    ),
-    *(
-        "[[1,2],[3]]",
-        "[[1,2],[3,4]]",
-        "[[[1]]]",
-        '["a","b"]',
-        "[null]",
-        "1979-05-27",
-        "'",
-        "[" * 3000,
-        "{",
-        "=",
-    ),
-    *(
-        '"' + "x" * 5000 + '"',
-        '"nan"',
-        '{"a": 1}',
-        "[nan]",
-        "[1e999]",
-        ",",
-        "\n",
-        '"speed"',
-        '"dihedral"',
-        "\x00",
-    ),
-)
-WORDS = (
-    *(
-        "--",
-        "-",
-        "=",
-        "--json",
-        "-o",
-        "\x1b[31m",
-        "\n",
-        "é",
-        "\ud800",
-        "%s",
-        "a=b",
-        "/dev/null",
-        "..",
-        "",
-    ),
-    "x" * 5000,
-)
-_TOKENS = re.compile(r'"[^"\n]*"|[-+.\w]+|\s+|.', re.DOTALL)
-#: What an array becomes.
-_FILLED = (np.nan, np.inf, 1j, 1e308, 1e-320, 0.0, True, "1.5", "\x1b[31m" * 300)
-_TYPES: tuple[Any, ...] = ("M8[D]", [("x", "f8")], ">f8", "f2", "S1")
-_ARRAYS: tuple[Callable[[np.ndarray], Any], ...] = (
-    *(partial(lambda value, a: np.full(a.shape, value), value) for value in _FILLED),
-    *(
-        lambda a: np.empty(0),
-        lambda a: np.empty((0, 3)),
-        lambda a: np.array("text"),
-        lambda a: np.array(["a", "b"]),
-    ),
-    *(
-        lambda a: np.ones((2, *a.shape)),
-        lambda a: np.ones((400, 400)),
-        lambda a: np.ones((1,) * 9),
-        lambda a: a.T,
-    ),
-    *(
-        lambda a: a.ravel(),
-        lambda a: a[None],
-        lambda a: a[:-1] if a.ndim else a,
-        lambda a: a[::-1] if a.ndim else a,
-    ),
-    *(partial(lambda kind, a: np.zeros(a.shape, dtype=kind), kind) for kind in _TYPES),
-)
-_NAMES = (
-    "A",
-    "B",
-    "E",
-    "Q",
-    "R",
-    "W",
-    "P",
-    "K",
-    "delta",
-    "time",
-    "basis",
-    "states",
-    "schema",
-    "x" * 300,
-    "\x1b[31m",
-)
-
 _AT = ("--dihedral", "15")
 _PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
+PRINTED = """time = "continuous"
+[plant]
+A = "0 1; 2 -1"
+B = "0; 1"
+Q = "1 0; 0 1"
+R = "1"
+[printed]
+K = "4.2361 2.2361"
+"""
 CONDITION = """description = "slow"
 free = ["speed"]
 [impose]
@@ -209,6 +80,9 @@ LINES = (
     "report --dihedral 5",
 )
 SUFFIXES = (".json", ".npz", ".mat")
+#: Of the sweep whose store is continued.
+STORED = ("--dihedral", "0:20:10", "--hold", "alpha=1:2:0.5")
+_NETWORK = ("verify", "--model", "plant.json", "--weights", "{}", "--network", "V=")
 #: Way in -> a command; "{}" in it is the file of that name, which becomes hostile.
 WAYS: dict[str, tuple[str, ...]] = {
     "command line": (),
@@ -226,96 +100,21 @@ WAYS: dict[str, tuple[str, ...]] = {
     "controller.npz": ("design", "{}"),
     "table.json": (*_PROVED, "--weights", "{}"),
     "table.npz": (*_PROVED, "--weights", "{}"),
-    **dict.fromkeys(("certificate.json", "game.json"), ("prove", "--check", "{}")),
+    **dict.fromkeys(
+        ("certificate.json", "game.json", "sealed certificate.json", "sealed game.json"),
+        ("prove", "--check", "{}"),
+    ),
+    "printed.toml": ("verify", "--printed", "{}"),
+    "network.onnx": _NETWORK,
+    "network.pt": (*_NETWORK, "--set", "activation=tanh"),
+    "network.safetensors": (*_NETWORK, "--set", "activation=tanh"),
+    "glider.xml": ("trim", "--aircraft", "{}", "--hold", "speed=120"),
+    "store.zarr": ("sweep", *STORED, "-o", "{}", "--resume"),
 }
 
 
 class Hanging(BaseException):
     """No command catches it."""
-
-
-def damaged(content: bytes, chance: random.Random) -> bytes:
-    """The content after one to four of: a bit flipped, a byte replaced, bytes removed or doubled,
-    the end cut."""
-    result = bytearray(content)
-    for _ in range(chance.randint(1, 4)):
-        if not result:
-            break
-        at = chance.randrange(len(result))
-        length = chance.randint(1, 32)
-        match chance.randrange(5):
-            case 0:
-                result[at] ^= 1 << chance.randrange(8)
-            case 1:
-                result[at] = chance.choice(b'\x00\x1b\xff"[]{}=,.:-+#9eE\n')
-            case 2:
-                del result[at : at + length]
-            case 3:
-                result[at:at] = result[at : at + length]
-            case _:
-                del result[at:]
-    return bytes(result)
-
-
-def _hostile_text(content: bytes, chance: random.Random) -> bytes:
-    tokens = _TOKENS.findall(content.decode("utf-8"))
-    for _ in range(chance.randint(1, 3)):
-        places = [number for number, token in enumerate(tokens) if not token.isspace()] or [0]
-        at = chance.choice(places)
-        other = chance.choice(places)
-        match chance.randrange(5):
-            case 0 | 1:
-                tokens[at] = chance.choice((*NUMBERS, *VALUES))
-            case 2:
-                tokens[at] = ""
-            case 3:
-                tokens[at] *= chance.choice((2, 3, 1000))
-            case _:
-                tokens[at], tokens[other] = tokens[other], tokens[at]
-    return "".join(tokens).encode("utf-8", "replace")
-
-
-def _hostile_arrays(arrays: Mapping[str, Any], chance: random.Random) -> dict[str, Any]:
-    result = {name: np.asarray(array) for name, array in arrays.items() if not name.startswith("_")}
-    for _ in range(chance.randint(1, 3)):
-        name = chance.choice(list(result) or ["A"])
-        array = result.get(name, np.zeros(1))
-        match chance.randrange(5):
-            case 0:
-                result.pop(name, None)
-            case 1:
-                result[chance.choice(_NAMES)] = result.pop(name, array)
-            case _:
-                result[name] = np.asarray(chance.choice(_ARRAYS)(array))
-    return result
-
-
-def _hostile_npz(content: bytes, chance: random.Random) -> bytes:
-    with np.load(io.BytesIO(content)) as loaded:
-        arrays = _hostile_arrays(dict(loaded), chance)
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for name, array in arrays.items():
-            member = io.BytesIO()
-            np.save(member, array, allow_pickle=True)
-            data = member.getvalue()
-            match chance.randrange(8):
-                case 6:
-                    data = damaged(data, chance)
-                case 7:
-                    data = re.sub(
-                        rb"'shape': \([^)]*\)",
-                        b"'shape': (%d, 1000000)" % 10 ** chance.randrange(19),
-                        data,
-                    )
-            archive.writestr(f"{name}.npy", data)
-    return stream.getvalue()
-
-
-def _hostile_file(name: str, content: bytes, chance: random.Random) -> bytes:
-    if name.endswith(".mat") or chance.random() < 0.3:
-        return damaged(content, chance)
-    return (_hostile_npz if name.endswith(".npz") else _hostile_text)(content, chance)
 
 
 def _hostile_words(chance: random.Random) -> list[str]:
@@ -344,8 +143,14 @@ def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
     if not WAYS[way]:
         return _hostile_words(chance), {}
     known = seeds()
-    beside = [name for name in known if name in ("plant.json", "B.csv")]
-    given = {name: known[name] for name in beside} | {way: _hostile_file(way, known[way], chance)}
+    given = {name: known[name] for name in ("plant.json", "B.csv")}
+    if way == "store.zarr":
+        store = {name: content for name, content in known.items() if name.startswith(way)}
+        given |= hostile_store(store, chance)
+    elif way.startswith("sealed "):
+        given[way] = hostile_claims(known[way], chance)
+    else:
+        given[way] = hostile_file(way, known[way], chance)
     return [way if word == "{}" else word for word in WAYS[way]], given
 
 
@@ -354,7 +159,9 @@ def seeds() -> Mapping[str, bytes]:
     """Files as the commands write them, name -> content."""
     from controllers import small_controller
     from known_models import exact_gain
+    from network_files import QUADRATIC, onnx_file, safetensors_file, torch_file
     from servo_cases import SIMVFA
+    from small_aircraft import glider
 
     from controller import save_controller
     from hfa_model import default_parameters, save_parameters
@@ -378,6 +185,15 @@ def seeds() -> Mapping[str, bytes]:
             (*_PROVED, "--weights", "table.json", "-o", "certificate.json"),
         ]
         commands.append(("prove", "solution", *_AT, "-o", "game.json"))
+        commands.append(("sweep", *STORED, "-o", "store.zarr"))
+        Path("printed.toml").write_text(PRINTED, encoding="utf-8")
+        quadratic = {"P": [[2.0, 0.5], [0.5, 3.0]], "ones": np.ones((2, 1))}
+        onnx_file("network.onnx", QUADRATIC, quadratic, states=2)
+        layers = {"0.weight": [[0.5, 0.2]] * 3, "0.bias": [0.0] * 3, "2.weight": [[1.0] * 3]}
+        tensors = {name: np.array(values) for name, values in layers.items()}
+        torch_file("network.pt", tensors)
+        safetensors_file("network.safetensors", tensors)
+        Path("glider.xml").write_text(glider(), encoding="utf-8")
         for suffix in SUFFIXES:
             commands.append(("solve", "--model", "plant.json", "-o", f"critic{suffix}"))
             commands.append(
@@ -386,7 +202,10 @@ def seeds() -> Mapping[str, bytes]:
         for words in commands:
             result = hfa(*words)
             assert result.code == 0, (words, result.err)
-        return {str(path): path.read_bytes() for path in sorted(Path().iterdir())}
+        files = [path for path in sorted(Path().rglob("*")) if path.is_file()]
+        contents = {path.as_posix(): path.read_bytes() for path in files}
+        sealed = {f"sealed {name}": contents[name] for name in ("certificate.json", "game.json")}
+        return contents | sealed
 
 
 def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
