@@ -351,11 +351,12 @@ def fly(
     flights: int,
     plant: NonlinearPlant | None = None,
 ) -> Flown:
-    """Fly a network from the box |z_i| <= b_i, if its linear loop is stable.
+    """Fly a network from the box |z_i| <= b_i, if it is of finite numbers and its linear loop is
+    stable.
 
     plant: of a critic in continuous time, on which it is flown too.
     """
-    if not axis.is_stable(critic.K):
+    if not critic.finite or not axis.is_stable(critic.K):
         return Flown()
     if critic.wide:
         flights = min(flights, _WIDE_FLIGHTS)
