@@ -118,7 +118,10 @@ def _run_python(block: Block, namespace: dict[str, Any], name: str) -> tuple[str
     try:
         with contextlib.redirect_stdout(out):
             # Blank lines before the code: a traceback then shows the document's own line numbers.
-            exec(compile("\n" * (block.line - 1) + block.text, name, "exec"), namespace)
+            exec(
+                compile("\n" * (block.line - 1) + block.text, name, "exec", dont_inherit=True),
+                namespace,
+            )
     except Exception as error:
         return out.getvalue(), f"the python block fails with {type(error).__name__}: {error}"
     return out.getvalue(), ""
