@@ -11,6 +11,14 @@ from controller.game.zero_sum import Game
 
 #: Of more frequencies than this, a singular value is computed at so many that seem nearest.
 FEW = 8
+#: The least singular value over all frequencies is found to this, relative,
+SHARP = 1e-6
+#: unless it is below this part of the norm, where its digits are rounding,
+ROUNDING = 1e-14
+#: in at most so many levels; three are usual.
+MOST_LEVELS = 20
+#: An eigenvalue with |Re λ| up to this part of the norm may lie on the axis.
+MAYBE_ON_AXIS = 1e-6
 
 
 class Spectrum(NamedTuple):
@@ -28,29 +36,56 @@ class Spectrum(NamedTuple):
         return float(self.eigenvalues.real.max())
 
     def axis_distance(self) -> float:
-        """min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M, over the imaginary parts ω of its
-        eigenvalues.
+        """min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M, to `SHARP` of it or to rounding.
 
         This is the distance of M, relative to its norm, from the nearest matrix with an eigenvalue
         on the imaginary axis. Unlike |Re λ| it does not mislead when an eigenvalue is badly
         conditioned: a double eigenvalue on the axis is computed with |Re λ| of about 1e-8 ‖M‖, but
-        its axis_distance is of the order of rounding, 1e-16. Source: Byers 1988."""
+        its axis_distance is of the order of rounding, 1e-16."""
         return self.nearest_to_axis()[0]
 
     def nearest_to_axis(self) -> tuple[float, float]:
-        """`axis_distance`, and the ω >= 0 where it is, rad/s."""
-        frequencies = np.unique(np.abs(self.eigenvalues.imag))
-        if len(frequencies) > FEW:  # to first order, of each eigenvalue: |Re λ| over its condition
-            values, vectors = np.linalg.eig(self.balanced)
-            conditions = np.linalg.norm(np.linalg.pinv(vectors), axis=1)
-            nearest = np.argsort(np.abs(values.real) / conditions)[: 2 * FEW]
-            frequencies = np.unique(np.abs(values.imag[nearest]))
+        """`axis_distance`, and the ω >= 0 where it is, rad/s.
+
+        Begun at the imaginary parts of the eigenvalues that seem nearest. σ_min passes a level
+        only where jω is an eigenvalue of [[M, -level I], [level I, -M']]; between two of these it
+        may be lower. Source: Byers, SIAM J. Scientific and Statistical Computing 9 (1988), 875-881;
+        Boyd and Balakrishnan, Systems and Control Letters 15 (1990), 1-7."""
+        n = len(self.balanced)
+        norm = float(np.linalg.norm(self.balanced, 2))
+        if norm == 0.0:
+            return 0.0, 0.0
+        distance, frequency = self._least_singular_value(self._likely_frequencies())
+        for _ in range(MOST_LEVELS):
+            if distance <= ROUNDING * norm:
+                break
+            level = (1.0 - SHARP) * distance * np.eye(n)
+            crossings = np.linalg.eigvals(hamiltonian(self.balanced, level, -level))
+            on_axis = np.abs(crossings.real) <= MAYBE_ON_AXIS * norm
+            shifts = np.unique(np.append(np.abs(crossings.imag[on_axis]), 0.0))
+            between = (shifts[1:] + shifts[:-1]) / 2.0
+            found = self._least_singular_value(np.append(shifts, between))
+            if not found[0] < (1.0 - SHARP) * distance:
+                break
+            distance, frequency = found
+        return distance / norm, frequency
+
+    def _likely_frequencies(self) -> np.ndarray:
+        """Imaginary parts of eigenvalues, rad/s: of all, or of those that are nearest to first
+        order, |Re λ| over their condition."""
+        if len(np.unique(np.abs(self.eigenvalues.imag))) <= FEW:
+            return np.unique(np.abs(self.eigenvalues.imag))
+        values, vectors = np.linalg.eig(self.balanced)
+        conditions = np.linalg.norm(np.linalg.pinv(vectors), axis=1)
+        nearest = np.argsort(np.abs(values.real) / conditions)[: 2 * FEW]
+        return np.unique(np.abs(values.imag[nearest]))
+
+    def _least_singular_value(self, frequencies: np.ndarray) -> tuple[float, float]:
+        """The least σ_min(M - jω I) over these frequencies, and the frequency."""
         shifted = self.balanced - 1j * frequencies[:, None, None] * np.eye(len(self.balanced))
         smallest = np.linalg.svd(shifted, compute_uv=False)[:, -1]
         index = int(np.argmin(smallest))
-        norm = float(np.linalg.norm(self.balanced, 2))
-        distance = float(smallest[index]) / norm if norm > 0.0 else 0.0
-        return distance, float(frequencies[index])
+        return float(smallest[index]), float(frequencies[index])
 
 
 def spectrum(matrix: np.ndarray) -> Spectrum:

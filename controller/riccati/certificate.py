@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import spectrum
+from controller.riccati.balancing import hamiltonian, spectrum
 from controller.riccati.derivations import (
     by_eigenvectors,
     by_iteration,
@@ -29,8 +29,6 @@ from hfa_support.reporting.checks import RELATIONS, Check, Checked, checked
 #: Four orders above rounding: closer to the axis, rounding hides whether the spectrum of the
 #: Hamiltonian splits.
 AXIS_DISTANCE = 1e-12
-#: At this distance it has an eigenvalue on the imaginary axis for all that can be said.
-ON_THE_AXIS = 1e-14
 RESIDUAL = 1e-10
 ASYMMETRY = 1e-12
 #: The smallest eigenvalue of P may be so far below 0, relative to the largest entry.
@@ -141,9 +139,23 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
 
 
 def carefully_certified(form: NormalForm) -> Certified:
-    """`certified_solution` by the Schur form and the sequence of LQR problems."""
-    form = form.turned()
-    checks = hamiltonian_checks(form)
+    """`certified_solution` by the Schur form and the sequence of LQR problems.
+
+    NoSolutionError with the reason in the last coordinates where all fail.
+    """
+    turned = form.turned()
+    try:
+        return _certified_in(turned)
+    except NoSolutionError:
+        levelled = form.levelled()
+        if levelled is turned:
+            raise
+        return _certified_in(levelled, form)
+
+
+def _certified_in(form: NormalForm, given: NormalForm | None = None) -> Certified:
+    """`carefully_certified` in these coordinates; given: see `hamiltonian_checks`."""
+    checks = hamiltonian_checks(form, given)
     refuse_failures(checks)
     X = by_schur(form)
     checks += solution_checks(form, X)
@@ -153,21 +165,57 @@ def carefully_certified(form: NormalForm) -> Certified:
     return Certified(X, form, Certificate(checks))
 
 
-def hamiltonian_checks(form: NormalForm) -> tuple[Check, ...]:
+def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tuple[Check, ...]:
     """H = [[A, -S], [-Q, -A']] must have n eigenvalues on each side of the imaginary axis, and none
-    near it."""
+    near it.
+
+    given: the form of which `form` is the levelled one. There the distance is also that which the
+        entries of the given one have, because levelling enlarges their rounding
+    """
     _refuse_overflow(form)
     of_hamiltonian = spectrum(form.hamiltonian)
     stable = int(np.sum(of_hamiltonian.eigenvalues.real < 0.0))
     distance, frequency = of_hamiltonian.nearest_to_axis()
+    if given is not None and distance > 0.0:
+        frequencies = np.unique(np.append(np.abs(of_hamiltonian.eigenvalues.imag), frequency))
+        distance = min(distance, distance_by_entries(given, form, frequencies))
     return _hamiltonian_checks(distance, frequency, stable, len(form.A))
+
+
+def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> float:
+    """The smallest relative change of the entries of A, B B', E E' and Q that could give the
+    Hamiltonian an eigenvalue jω, for the ω of least distance among these.
+
+    1 / ρ(|(H - jω I)⁻¹| |H|), the inverse computed in the levelled coordinates. A change of units
+    leaves it alone. Source: Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2."""
+    n = len(given.A)
+    into = np.linalg.solve(given.T.T, levelled.T.T).T  # from given to levelled
+    back = np.linalg.inv(into)
+    zero = np.zeros((n, n))
+    to_levelled = np.block([[into, zero], [zero, back.T]])
+    to_given = np.block([[back, zero], [zero, into.T]])
+    sizes = np.abs(given.B) @ np.abs(given.B.T) + np.abs(given.E) @ np.abs(given.E.T)
+    entries = np.abs(hamiltonian(np.abs(given.A), sizes, np.abs(given.Q)))
+    largest_growth = 0.0
+    for frequency in frequencies:
+        shifted = levelled.hamiltonian - 1j * frequency * np.eye(2 * n)
+        try:
+            inverse = np.linalg.inv(shifted)
+            growth = np.abs(to_given @ inverse @ to_levelled) @ entries
+            radius = float(np.abs(np.linalg.eigvals(growth)).max())
+        except np.linalg.LinAlgError:  # singular, or beyond the range of numbers
+            return 0.0
+        largest_growth = max(largest_growth, radius)
+    return 1.0 / largest_growth
 
 
 def _hamiltonian_checks(
     distance: float, frequency: float, stable: int, n: int
 ) -> tuple[Check, ...]:
-    where = "on" if distance <= ON_THE_AXIS else "within rounding of"
-    near = f"the Hamiltonian has an eigenvalue {where} the imaginary axis at {frequency:.4g} rad/s"
+    near = (
+        "the Hamiltonian has an eigenvalue within rounding of the imaginary axis at"
+        f" {frequency:.4g} rad/s"
+    )
     split = f"the Hamiltonian has {stable} stable eigenvalues instead of {n}"
     return (
         checked("hamiltonian_axis_distance", distance, ">=", AXIS_DISTANCE, near),

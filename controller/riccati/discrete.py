@@ -18,6 +18,7 @@ from controller.riccati.certificate import (
     Certificate,
     refuse_failures,
 )
+from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.derivations import largest
 from controller.riccati.discrete_derivations import (
     NoValueError,
@@ -29,7 +30,7 @@ from controller.riccati.discrete_derivations import (
     refined,
 )
 from controller.riccati.normal_form import RANK, NormalForm
-from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, bracketed, dependence
+from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, dependence
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least, at_most, below
@@ -259,20 +260,20 @@ def _smallest_delta(form: NormalForm, progress: Progress | None) -> DeltaMin:
     if most <= 0.0:
         return DeltaMin(0.0, 0.0)
 
-    def is_good(delta: float) -> bool | None:
+    def ask(delta: float) -> Answer:
         trial = form.with_delta(delta)
         with suppress(NoSolutionError, np.linalg.LinAlgError):
             if all(check.ok for check in _checks(trial, _first_derivation(trial))):
-                return True
+                return Answer(True)
         try:
             by_precise_doubling(trial)
-        except NoValueError:
-            return False
-        except (NoSolutionError, np.linalg.LinAlgError):
-            return None
-        return None
+        except NoValueError as error:
+            return Answer(False, str(error))
+        except (NoSolutionError, np.linalg.LinAlgError) as error:
+            return Answer(None, str(error))
+        return Answer(None, "a test of the solution fails by rounding")
 
-    value, refused = bracketed(is_good, 2.0 * math.sqrt(most), TOLERANCE, progress)
+    value, refused, _ = smallest_delta(ask, 2.0 * math.sqrt(most), TOLERANCE, progress)
     return DeltaMin(value, refused)
 
 

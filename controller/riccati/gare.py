@@ -19,6 +19,7 @@ from controller.riccati.certificate import (
     certified_solution,
     certified_stack,
 )
+from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import smallest_delta_of
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -136,8 +137,10 @@ def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
         return certified_solution(form)
     except NoSolutionError as failure:
         smallest = smallest_delta_of(form, progress)  # raises by itself when no delta would do
-        verdict = "no value of the game" if form.delta <= smallest.refused else "not certified"
-        raise NoSolutionError(f"{verdict}: {failure}; {smallest.advice(form.delta)}") from failure
+        verdict = f"not certified: {failure}"
+        if form.delta <= smallest.refused:
+            verdict = f"no value of the game: {existence(form).reason or failure}"
+        raise NoSolutionError(f"{verdict}; {smallest.advice(form.delta)}") from failure
 
 
 def solution_of(form: NormalForm, certified: Certified, names: PlantNames) -> Solution:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,9 @@ MODERATE = 1e-4
 RANK = 1e-13
 #: The smallest number with all its digits: what is below it counts as 0.
 FAINT = float(np.finfo(float).tiny)
+#: What rounding may change of a Hamiltonian on the way to its Schur form, relative: that of n up
+#: to some hundred states.
+BACKWARD = 32.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,6 +181,25 @@ class NormalForm:
             dearest *= float(D[-1])
         return self
 
+    def levelled(self) -> NormalForm:
+        """The same game, (n, n), in coordinates in which the P of its LQ problem is near I.
+
+        Fast states next to slow ones make a P from 1e-11 to 1, in whose coordinates rounding of
+        the fast states hides the slow ones. A direction of which P says nothing but rounding keeps
+        its unit. Itself where that P is not found."""
+        form = self.turned()
+        n = len(form.A)
+        basis = stable_basis(form.with_delta(np.inf).hamiltonian)
+        if basis is None or np.linalg.cond(basis[:n]) > 1.0 / RANK:
+            return form
+        X = np.linalg.solve(basis[:n].T, basis[n:].T)
+        sizes, W = np.linalg.eigh((X + X.T) / 2.0)
+        known = sizes > RANK * sizes[-1]
+        units = np.exp2(np.round(0.5 * np.log2(np.where(known, sizes, 1.0))))
+        form = form._turned_by(W, units)
+        balance = units_of(form.A, form.B @ form.B.T, form.Q)
+        return form._turned_by(np.eye(n), 1.0 / balance)
+
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> NormalForm:
         """The game in D W'y, with one rounding at the end.
 
@@ -225,9 +248,37 @@ def relative_residual(game: Game, P: np.ndarray) -> float:
     return float(relative_residuals(game.A, game.S_control, S_disturbance, game.Q, P))
 
 
+class StableSubspace(NamedTuple):
+    """The stable subspace of a Hamiltonian.
+
+    basis: (2n, n), orthonormal
+    error: by which angle, rad, rounding of the Hamiltonian may turn it, to first order
+    """
+
+    basis: np.ndarray
+    error: float
+
+
+def stable_subspace(matrix: np.ndarray) -> StableSubspace | None:
+    """That of a Hamiltonian, with its error; None where it has not half the dimension.
+
+    The error is |D| / sep for a change D of the Hamiltonian by `BACKWARD` of its size, and sep the
+    separation of the two halves of its Schur form. Source: Golub and Van Loan, Theorem 7.2.4."""
+    basis, separation = _ordered(matrix, job=b"V")
+    if basis is None:
+        return None
+    change = BACKWARD * float(np.linalg.norm(matrix))
+    return StableSubspace(basis, change / separation if separation > 0.0 else np.inf)
+
+
 def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
     """(2n, n), orthonormal, of the stable subspace of a Hamiltonian; None where it has not half
-    the dimension.
+    the dimension."""
+    return _ordered(matrix, job=b"N")[0]
+
+
+def _ordered(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
+    """The basis of the stable subspace, and the separation where it is asked for.
 
     Of LAPACK itself, because SciPy's ordered Schur form asks Python about each eigenvalue: a signal
     that comes there makes it print two lines of its own."""
@@ -236,10 +287,13 @@ def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
     half = len(matrix) // 2
     form, _, growth, _, basis, _, failed = dgees(lambda *_: 0, matrix)  # the order is not asked
     if failed:
-        return None
-    _, basis, growth, *_, failed = dtrsen(growth < 0.0, form, basis, job=b"N")
+        return None, 0.0
+    size = max(1, 2 * half * half)
+    _, basis, growth, _, _, _, separation, failed = dtrsen(
+        growth < 0.0, form, basis, job=job, lwork=size, liwork=size
+    )
     stable_first = np.array_equal(growth < 0.0, np.arange(2 * half) < half)
-    return basis[:, :half] if stable_first and not failed else None
+    return (basis[:, :half] if stable_first and not failed else None), float(separation)
 
 
 def stable_graph(matrix: np.ndarray) -> np.ndarray:

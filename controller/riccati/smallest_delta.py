@@ -4,35 +4,23 @@ at all."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.certificate import (
-    ON_THE_AXIS,
-    Certified,
-    certified_solution,
-    hamiltonian_checks,
-    solution_checks,
-)
-from controller.riccati.derivations import by_schur
+from controller.riccati.certificate import Certified, certified_solution
+from controller.riccati.delta_search import Answer, smallest_delta
+from controller.riccati.existence import existence
 from controller.riccati.frequency_response import square_root, swept_gain, system_gain
-from controller.riccati.normal_form import RANK, NormalForm, stable_basis
+from controller.riccati.normal_form import RANK, NormalForm
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
-#: An eigenvalue of X1'X2 up to this is rounding, a hundred times that of a well-conditioned Schur
-#: form,
-SIGNLESS = 1e-13
-#: and in proportion more where the condition of the Hamiltonian exceeds this.
-WELL_CONDITIONED = 1e4
 #: Of delta_min, relative.
 TOLERANCE = 1e-6
-#: Of the size of the disturbance: smaller gains may be rounding; a search ends below the other.
+#: Of the size of the disturbance: smaller gains may be rounding.
 FAINT = 1e-9
-LEAST = 1e-12
 #: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that
 #: fails.
 CLOSE = 0.01
@@ -42,46 +30,6 @@ BARELY = 1e-5
 #: A mode that rounding may have moved off the axis by this part of |A| is looked for on the axis
 #: too.
 _NEAR_AXIS = 1e-6
-
-
-def has_value(form: NormalForm) -> bool | None:
-    """Whether a game has a value; None where rounding hides it.
-
-    It has one where the Hamiltonian splits and X1'X2 >= 0 for the basis [X1; X2] of its stable
-    subspace. Where X1 is regular P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 = X1'P X1 has
-    its signs. As delta falls to its minimum P grows without bound while X1 and X2 stay within one:
-    an eigenvalue of X1'X2 passes through zero. That makes the minimum visible where P itself is
-    lost. Where P is singular an eigenvalue is zero at every delta; there the tests of P itself can
-    say yes, though not no. Source: Basar and Bernhard, H-infinity Optimal Control, Section 4.5
-    (conjugate points)."""
-    n = len(form.A)
-    distance, split = hamiltonian_checks(form)
-    if distance.value <= ON_THE_AXIS or not split.ok:
-        return False
-    basis = stable_basis(form.hamiltonian)
-    if basis is None or not distance.ok:
-        return None
-    signs = basis[:n].T @ basis[n:]
-    smallest = float(np.linalg.eigvalsh((signs + signs.T) / 2.0)[0])
-    condition = float(np.linalg.cond(form.hamiltonian))
-    signless = SIGNLESS * max(1.0, condition / WELL_CONDITIONED)
-    if abs(smallest) > signless:
-        return smallest > 0.0
-    if solution_that_holds(form) is not None:
-        return True
-    return None
-
-
-def solution_that_holds(form: NormalForm) -> np.ndarray | None:
-    """P of the first derivation, (n, n), where every test of P alone holds: for a search, without a
-    certificate."""
-    try:
-        X = by_schur(form)
-    except NoSolutionError:
-        return None
-    if all(check.ok for check in solution_checks(form, X)):
-        return form.value(X)
-    return None
 
 
 class DeltaMin(NamedTuple):
@@ -138,7 +86,7 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
 
 
 def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> DeltaMin:
-    """`minimum_delta` by bisection of log δ on `has_value`.
+    """`minimum_delta` by bisection of log δ on `existence`.
 
     The set of good δ is an interval (delta_min, inf]: a disturbance that pays more can do less. The
     search starts above the L2 gain of the LQR policy, which is never below delta_min because that
@@ -160,57 +108,11 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
         return DeltaMin(0.0, 0.0)
     begin = 2.0 * gain if math.isfinite(gain) else 1.0
 
-    def is_good(delta: float) -> bool | None:
-        return has_value(inside.with_delta(delta * size))
+    def ask(delta: float) -> Answer:
+        return existence(inside.with_delta(delta * size))
 
-    value, refused = bracketed(is_good, begin, TOLERANCE, progress)
+    value, refused, _ = smallest_delta(ask, begin, TOLERANCE, progress)
     return DeltaMin(value * size, refused * size)
-
-
-def bracketed(
-    good: Callable[[float], bool | None],
-    upper: float,
-    tolerance: float,
-    progress: Progress | None = None,
-) -> tuple[float, float]:
-    """The smallest good δ, and a δ just below it that is not, by bisection of log δ.
-
-    good: whether a δ is, None where rounding hides the answer
-    upper: a δ that should be good
-
-    The lower end is 0 or has False; both are 0 where all are good. NoSolutionError where none up to
-    1e12 times the first is good."""
-    report = progress or (lambda *_: None)
-    most = upper * 1e12
-    while not good(upper):
-        upper *= 4.0
-        if not upper < most:
-            raise NoSolutionError(
-                f"no delta up to {most:.4g} will do; check the scaling of A, B, Q and R"
-            )
-    least = upper * LEAST
-    lower = upper / 4.0
-    while good(lower):
-        upper = lower
-        lower = lower / 4.0
-        if upper < least:
-            return 0.0, 0.0
-    steps = math.ceil(math.log2(math.log(upper / lower) / math.log1p(tolerance)))
-    for step in range(steps):
-        report(step, steps)
-        middle = math.sqrt(lower * upper)
-        if good(middle):
-            upper = middle
-        else:
-            lower = middle
-    report(steps, steps)
-    share = tolerance
-    while good(lower) is not False:  # among rounding yes and no come in any order
-        if share > 1.0:
-            return upper, 0.0
-        lower = lower / (1.0 + share)
-        share = 2.0 * share
-    return upper, lower
 
 
 def _some_solution(form: NormalForm) -> Certified:

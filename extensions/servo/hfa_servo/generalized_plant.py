@@ -24,6 +24,8 @@ from controller.game.user_files import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game, check_definite, checked_matrix
 from controller.riccati.balancing import balanced_units, spectrum
 from controller.riccati.certificate import certified_solution
+from controller.riccati.delta_search import Answer, smallest_delta
+from controller.riccati.existence import Found, solution_that_holds, value_found
 from controller.riccati.frequency_response import (
     peak_gain,
     responses,
@@ -32,13 +34,7 @@ from controller.riccati.frequency_response import (
     without_feedthrough,
 )
 from controller.riccati.normal_form import RANK, NormalForm
-from controller.riccati.smallest_delta import (
-    DeltaMin,
-    bracketed,
-    has_value,
-    obstacle,
-    solution_that_holds,
-)
+from controller.riccati.smallest_delta import DeltaMin, obstacle
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -54,6 +50,8 @@ from hfa_support.reporting.fields import Shown
 DERIVATIONS_AGREE = 1e-8
 #: Of delta_min, relative.
 TOLERANCE = 2.5e-7
+#: A gain of D11 or a radius of XY nearer than this to what bounds it, relative, decides nothing.
+SHARP = 1e-9
 
 #: On the control side and on the filter side: a mode that is not stable and cannot be moved, a zero
 #: on the axis.
@@ -271,28 +269,21 @@ class GeneralizedPlant(Shown):
         Found by bisection of log δ. Raises NoSolutionError when no δ will do.
         """
         check_modes(self)
-        held, condition = _conditions(self, math.inf)
-        if held is False:
+        without = conditions(self, math.inf)
+        if not without.exists:
             raise NoSolutionError(
-                f"rounding hides the solution of the {condition} without disturbance: some costs"
-                " in D12 or noises in D21 are too small beside the rest; make them larger or"
+                f"rounding hides the solution of the {without.condition} without disturbance: some"
+                " costs in D12 or noises in D21 are too small beside the rest; make them larger or"
                 " check the scaling"
             )
-        last_failure = "none"
-
-        def is_good(delta: float) -> bool | None:
-            nonlocal last_failure
-            held, condition = _conditions(self, delta)
-            if not held:
-                last_failure = condition
-            return held
-
         begin = max(1.0, 2.0 * self.floor)
         gain = _gain_of_optimal_loop(self)
         if 0.0 < gain < math.inf:
             begin = 2.0 * gain
-        value, refused = bracketed(is_good, begin, TOLERANCE)
-        return DeltaMin(value, refused, last_failure)
+        value, refused, ending = smallest_delta(
+            lambda delta: conditions(self, delta), begin, TOLERANCE
+        )
+        return DeltaMin(value, refused, ending.condition or "none")
 
 
 def stored_plant(
@@ -609,25 +600,58 @@ def _response_difference(one: Controller, other: Controller) -> float:
     )
 
 
-def _conditions(plant: GeneralizedPlant, delta: float) -> tuple[bool | None, str]:
-    """Whether the conditions hold, None where rounding hides it, and the first that does not; no
-    certificates."""
-    if not delta > plant.floor * (1.0 + 1e-9):
-        return False, "feedthrough condition"
-    forms = [NormalForm.of(side.game(delta)) for side in plant.sides]
-    for which, form in zip(("control", "filter"), forms, strict=False):
-        held = has_value(form)
-        if held is None:
-            return None, f"{which} Riccati equation (rounding leaves it open)"
-        if not held:
-            return False, f"{which} Riccati equation"
-    if len(forms) == 1 or math.isinf(delta):
-        return True, ""
-    X = solution_that_holds(forms[0])
-    Y = solution_that_holds(forms[1])
+def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
+    """Whether the conditions for a controller hold, and the first that does not; no certificates.
+
+    Source: Zhou, Doyle and Glover, Theorem 17.1."""
+    if not delta > plant.floor * (1.0 + SHARP):
+        surely = delta < plant.floor * (1.0 - SHARP)
+        reason = f"D11 alone lets {plant.floor:.6g} past every controller"
+        return Answer(False if surely else None, reason, "feedthrough condition")
+    found = [value_found(NormalForm.of(side.game(delta))) for side in plant.sides]
+    for exists in (False, None):
+        for which, each in zip(("control", "filter"), found, strict=False):
+            if each.answer.exists is exists:
+                return each.answer._replace(condition=f"{which} Riccati equation")
+    if len(found) == 1 or math.isinf(delta):
+        return Answer(True)
+    return _coupling(found[0], found[1], delta)
+
+
+def _coupling(control: Found, filter_: Found, delta: float) -> Answer:
+    """Whether ρ(XY) < δ², given that X and Y exist.
+
+    With the bases [X1; X2] and [Y1; Y2] of the stable subspaces that is
+    [[X1'X2, X2'Y2/δ], [Y2'X2/δ, Y1'Y2]] > 0, whose signs are seen where X or Y is too large.
+    Where X or Y is singular it is never above 0, and ρ itself decides.
+    Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
+    H-infinity control, Linear Algebra and its Applications 425 (2007)."""
+    name = "coupling condition"
+    assert control.subspace is not None
+    assert filter_.subspace is not None
+    X1, X2 = np.split(control.subspace.basis, 2)
+    Y1, Y2 = np.split(filter_.subspace.basis, 2)
+    if not X2.any() or not Y2.any():
+        return Answer(True)
+    between = control.form.T @ filter_.form.T.T / delta
+    crossed = X2.T @ between @ Y2
+    signs = np.block([[X1.T @ X2, crossed], [crossed.T, Y1.T @ Y2]])
+    smallest = float(np.linalg.eigvalsh((signs + signs.T) / 2.0)[0])
+    turned = control.subspace.error + filter_.subspace.error
+    open_below = turned * (2.0 + float(np.linalg.norm(between, 2)))
+    if smallest > open_below:
+        return Answer(True)
+    if smallest < -open_below:
+        return Answer(False, "rho(XY) is not below delta^2", name)
+    X = solution_that_holds(control.form)
+    Y = solution_that_holds(filter_.form)
     if X is None or Y is None:
-        return None, "accuracy of a Riccati solution"
-    return (True, "") if _radius(X, Y) < delta**2 else (False, "coupling condition")
+        return Answer(None, "X or Y is too large for its digits", name)
+    share = _radius(X, Y) / delta**2
+    if abs(share - 1.0) <= SHARP:
+        return Answer(None, "rho(XY) is delta^2 but for rounding", name)
+    reason = f"rho(XY) = {share:.6g} delta^2"
+    return Answer(True) if share < 1.0 else Answer(False, reason, name)
 
 
 def _radius(X: np.ndarray, Y: np.ndarray) -> float:

@@ -11,6 +11,7 @@ import pytest
 from game_samples import failed_names, game_models, random_game
 
 from controller import Game
+from controller.riccati.existence import existence
 from controller.riccati.frequency_response import (
     SweptGain,
     closed_loop,
@@ -18,7 +19,6 @@ from controller.riccati.frequency_response import (
     swept_gain,
 )
 from controller.riccati.normal_form import NormalForm
-from controller.riccati.smallest_delta import has_value
 from verification import bounded_real_gain, minimum_delta, solve_game
 
 
@@ -105,7 +105,7 @@ def test_the_smallest_delta_is_a_bound_on_the_gain() -> None:
     tried = 0
     while tried < 6:
         game = random_game(rng, scaled=False)
-        if not has_value(NormalForm.of(game)):
+        if not existence(NormalForm.of(game)).exists:
             continue
         gain = bounded_real_gain(game, solve_game(game).K)
         assert minimum_delta(game).refused < gain < game.delta

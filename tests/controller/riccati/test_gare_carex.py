@@ -19,8 +19,8 @@ import scipy.linalg
 from reference_riccati import reference_solution
 
 from controller import Game
+from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
-from controller.riccati.smallest_delta import has_value
 from hfa_support import BadInputError, NoSolutionError
 from verification import minimum_delta, solve_game
 
@@ -116,7 +116,7 @@ def test_a_loop_within_rounding_of_the_axis_is_refused_with_that_reason() -> Non
     ):
         solve_game(game)
     assert (
-        has_value(NormalForm.of(game)) is None
+        existence(NormalForm.of(game)).exists is None
     )  # neither yes nor no: the search for delta_min must not lean on it
 
 

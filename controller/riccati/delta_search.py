@@ -1,0 +1,151 @@
+"""The smallest δ with a solution, from answers that may stay open.
+
+Rounding can hide whether there is a solution at a δ. An `Answer` is then open; it is "no" only
+where something shows that there is none. `smallest_delta` is the one search on such answers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+
+#: The search goes up to this times its first δ,
+MOST = 1e12
+#: and down to this part of it.
+LEAST = 1e-12
+#: Before a δ that is refused is stated these parts of it are asked: a solution there shows that the
+#: refusal was rounding.
+BELOW = (0.9, 0.5, 0.1, 0.01)
+
+
+class Answer(NamedTuple):
+    """Whether there is a solution at one δ.
+
+    exists: True and False where it is shown, None where rounding leaves it open
+    reason: what shows that there is none, or what leaves it open; "" where there is one
+    condition: of several conditions for a solution, the one that fails or is open
+    """
+
+    exists: bool | None
+    reason: str = ""
+    condition: str = ""
+
+
+class Bracket(NamedTuple):
+    """refused < inf{δ : there is a solution} <= value; both are 0 where all δ are good.
+
+    refused: the largest δ below `value` without a solution, 0 where none is shown to have none
+    ending: the answer just below `value`
+    """
+
+    value: float
+    refused: float
+    ending: Answer
+
+
+class _Answers:
+    """The answers of a search, each δ asked once."""
+
+    def __init__(self, ask: Callable[[float], Answer]) -> None:
+        self._ask = ask
+        self._known: dict[float, Answer] = {}
+
+    def at(self, delta: float) -> Answer:
+        """The answer at a δ."""
+        if delta not in self._known:
+            self._known[delta] = self._ask(delta)
+        return self._known[delta]
+
+    @property
+    def good(self) -> float:
+        """The smallest δ with a solution so far, inf where there is none."""
+        return min(self._deltas(True), default=math.inf)
+
+    @property
+    def refused(self) -> float:
+        """The largest δ shown to have no solution, below every one that has: a solution below a
+        refusal shows that this was rounding. 0 where there is none."""
+        return max((delta for delta in self._deltas(False) if delta < self.good), default=0.0)
+
+    @property
+    def next_to_good(self) -> float:
+        """The largest δ below `good` that was asked, 0 where there is none."""
+        return max((delta for delta in self._known if delta < self.good), default=0.0)
+
+    @property
+    def next_to_refused(self) -> float:
+        """The smallest δ above `refused` that was asked."""
+        return min(delta for delta in self._known if delta > self.refused)
+
+    def _deltas(self, exists: bool) -> list[float]:
+        return [delta for delta, answer in self._known.items() if answer.exists is exists]
+
+
+def smallest_delta(
+    ask: Callable[[float], Answer],
+    begin: float,
+    tolerance: float,
+    progress: Progress | None = None,
+) -> Bracket:
+    """The smallest δ with a solution, by bisection of log δ.
+
+    ask: the answer at a δ; the set of good δ is an interval (δ_min, inf]
+    begin: a δ that should be good
+    tolerance: of the bracket, relative, where no answer is open
+
+    NoSolutionError where no δ up to `MOST` times the first is good.
+    """
+    report = progress or (lambda *_: None)
+    answers = _Answers(ask)
+    _climb(answers, begin)
+    while True:
+        least = answers.good
+        _descend(answers, begin * LEAST)
+        if not answers.next_to_good:
+            return Bracket(0.0, 0.0, Answer(True))
+        steps = math.ceil(math.log2(math.log(4.0) / math.log1p(tolerance)))
+        _narrow(answers, lambda: (answers.next_to_good, answers.good), tolerance)
+        report(steps // 2, steps)
+        if answers.refused:
+            _narrow(answers, lambda: (answers.refused, answers.next_to_refused), tolerance)
+        value = answers.good
+        for part in BELOW:
+            answers.at(part * (answers.refused or answers.next_to_good))
+        report(steps, steps)
+        if answers.good == value:
+            return Bracket(value, answers.refused, answers.at(answers.next_to_good))
+        assert answers.good < least  # each turn of the loop has a smaller δ to begin with
+
+
+def _climb(answers: _Answers, begin: float) -> None:
+    """Ask until there is a solution."""
+    delta = begin
+    while not answers.at(delta).exists:
+        last = answers.at(delta)
+        delta *= 4.0
+        if delta > begin * MOST:
+            most = f"delta up to {delta / 4.0:.4g}"
+            if last.exists is None:
+                raise NoSolutionError(
+                    f"rounding leaves open whether any {most} will do: {last.reason}; check the"
+                    " scaling of A, B, Q and R"
+                )
+            raise NoSolutionError(f"no {most} will do: {last.reason}")
+
+
+def _descend(answers: _Answers, least: float) -> None:
+    """Ask below the solutions until there is none, through what is open."""
+    delta = answers.good / 4.0
+    while delta >= least and answers.at(delta).exists is not False:
+        delta /= 4.0
+
+
+def _narrow(answers: _Answers, ends: Callable[[], tuple[float, float]], tolerance: float) -> None:
+    """Bisect between two neighbours, which the answers move, until they are close."""
+    low, high = ends()
+    while low and high > low * (1.0 + tolerance):
+        answers.at(math.sqrt(low * high))
+        low, high = ends()

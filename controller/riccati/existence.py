@@ -1,0 +1,163 @@
+"""Whether a game has a value: shown, shown not to be, or left open by rounding."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.riccati.balancing import spectrum
+from controller.riccati.certificate import (
+    AXIS_DISTANCE,
+    hamiltonian_checks,
+    solution_checks,
+)
+from controller.riccati.delta_search import Answer
+from controller.riccati.derivations import by_schur
+from controller.riccati.normal_form import NormalForm, StableSubspace, stable_subspace
+from hfa_support.errors import NoSolutionError
+
+#: What rounding, and a change of the last bits of A, B, E and Q, make of one entry of a Hamiltonian
+#: or of a sum over its rows, relative, times the number of its rows.
+ROUNDING = 4.0 * float(np.finfo(float).eps)
+
+
+class Found(NamedTuple):
+    """What is known of the value of a game.
+
+    answer: whether there is one
+    form: the game in the coordinates in which that was decided
+    subspace: the stable one of its Hamiltonian there, None where it is not known
+    """
+
+    answer: Answer
+    form: NormalForm
+    subspace: StableSubspace | None
+
+
+def existence(form: NormalForm) -> Answer:
+    """Whether a game has a value.
+
+    Yes where the Hamiltonian splits and X1'X2 > 0 for the basis [X1; X2] of its stable subspace, or
+    every test of P holds. Where X1 is regular P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 =
+    X1'P X1 has its signs. As delta falls to its minimum P grows without bound while X1 and X2 stay
+    within one: an eigenvalue of X1'X2 passes through zero. That makes the minimum visible where P
+    itself is lost. Where P is singular an eigenvalue is zero at every delta; there the tests of P
+    itself can say yes, though not no.
+
+    No where an eigenvalue of X1'X2 is below 0 by more than rounding, or where the disturbance gains
+    more than delta at some frequency against every input. Source: Basar and Bernhard, H-infinity
+    Optimal Control, Section 4.5 (conjugate points)."""
+    return value_found(form).answer
+
+
+def value_found(form: NormalForm) -> Found:
+    """`existence`, in the first coordinates of three in which rounding leaves it not open."""
+    found = _found_in(form)
+    if found.answer.exists is None:
+        turned = form.turned()
+        if turned is not form:
+            found = _found_in(turned)
+    if found.answer.exists is None:
+        levelled = form.levelled()
+        if levelled is not form:
+            found = _found_in(levelled, form)
+    return found
+
+
+def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
+    """`value_found` in these coordinates alone; given: see `hamiltonian_checks`."""
+    n = len(form.A)
+    if not form.Q.any() and is_surely_stable(form.A):  # P = 0
+        return Found(Answer(True), form, StableSubspace(np.eye(2 * n, n), 0.0))
+    try:
+        distance, split = hamiltonian_checks(form, given)
+    except NoSolutionError as overflow:
+        return Found(Answer(None, str(overflow)), form, None)
+    subspace = stable_subspace(form.hamiltonian) if distance.ok and split.ok else None
+    if subspace is None:
+        gain, frequency = shown_gain(form)
+        if gain > form.delta:
+            reason = (
+                f"against every input the disturbance gains at least {gain:.6g},"
+                f" at {frequency:.4g} rad/s"
+            )
+            return Found(Answer(False, reason), form, None)
+        reason = split.reason if distance.ok else distance.reason
+        return Found(Answer(None, reason), form, None)
+    smallest = least_sign(subspace)
+    # Rounding turns [X1; X2] by up to the error, and X1'X2 by no more than twice that.
+    open_below = 2.0 * subspace.error
+    if smallest > open_below:
+        return Found(Answer(True), form, subspace)
+    if smallest < -open_below:
+        reason = "P is indefinite by more than rounding"
+        return Found(Answer(False, reason), form, subspace)
+    if solution_that_holds(form) is not None:
+        return Found(Answer(True), form, subspace)
+    reason = "rounding hides whether the stabilizing solution is positive semidefinite"
+    return Found(Answer(None, reason), form, subspace)
+
+
+def least_sign(subspace: StableSubspace) -> float:
+    """The smallest eigenvalue of X1'X2, symmetric."""
+    n = subspace.basis.shape[1]
+    signs = subspace.basis[:n].T @ subspace.basis[n:]
+    return float(np.linalg.eigvalsh((signs + signs.T) / 2.0)[0])
+
+
+def solution_that_holds(form: NormalForm) -> np.ndarray | None:
+    """P of the first derivation, (n, n), where every test of P alone holds: for a search, without a
+    certificate."""
+    try:
+        X = by_schur(form)
+    except NoSolutionError:
+        return None
+    if all(check.ok for check in solution_checks(form, X)):
+        return form.value(X)
+    return None
+
+
+def shown_gain(form: NormalForm) -> tuple[float, float]:
+    """A gain that the disturbance has at some frequency, rad/s, whatever the inputs do, less what
+    rounding may have added; 0 where none is shown.
+
+    The least of |Q^½ x|² + |u|² over all u, where x follows from u and w at the frequency ω, is
+    w*Φ w with  Φ = -[0 E'] (H - jω I)⁻¹ [E; 0],  H the Hamiltonian at δ = inf. No δ up to the root
+    of an eigenvalue of Φ has a value: at that root the Hamiltonian has the eigenvalue jω, and below
+    it some other on the axis. The frequencies are those of the eigenvalues at this δ, between them
+    and 0. The bound of the error covers a change of every entry of H and E by rounding: |rows| |H|
+    |columns| (Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2).
+    Source: Zhou, Doyle and Glover, Section 13.4."""
+    n, k = form.disturbance.shape
+    if not k or math.isinf(form.delta):
+        return 0.0, 0.0
+    without = form.with_delta(math.inf).hamiltonian
+    shifts = np.unique(np.abs(spectrum(form.hamiltonian).eigenvalues.imag))
+    shifts = np.unique(np.concatenate([[0.0], shifts]))
+    frequencies = np.concatenate([shifts, (shifts[1:] + shifts[:-1]) / 2.0])
+    size = float(np.abs(form.disturbance).max()) or 1.0
+    into = np.vstack([form.disturbance / size, np.zeros((n, k))])
+    out = np.vstack([np.zeros((n, k)), form.disturbance / size])
+    best = (0.0, 0.0)
+    for frequency in frequencies:
+        shifted = without - 1j * frequency * np.eye(2 * n)
+        try:
+            columns = np.linalg.solve(shifted, into)
+            rows = np.linalg.solve(shifted.T, out).T
+        except np.linalg.LinAlgError:
+            continue
+        gained = -out.T @ columns
+        sums = np.abs(shifted) @ np.abs(columns) + np.abs(into)
+        error = 2 * n * ROUNDING * np.linalg.norm(np.abs(rows) @ sums)
+        squared = float(np.linalg.eigvalsh((gained + gained.conj().T) / 2.0)[-1]) - float(error)
+        if squared > best[0] ** 2:
+            best = math.sqrt(squared), float(frequency)
+    return best[0] * size, best[1]
+
+
+def is_surely_stable(matrix: np.ndarray) -> bool:
+    """Whether every eigenvalue lies left of the imaginary axis by more than rounding."""
+    found = spectrum(matrix)
+    return found.abscissa < 0.0 and found.axis_distance() >= AXIS_DISTANCE

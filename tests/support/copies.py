@@ -1,0 +1,96 @@
+"""Copies of a problem that differ by what no verdict may depend on: the last bits of its numbers,
+the order of its states, their units (powers of two), an orthogonal change of them.
+
+Of any dataclass with the matrices of a game, a game in discrete time or a generalized plant, and of
+the matrices of a critic beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+KINDS = ("bits", "order", "units", "turn")
+#: Matrices with a row a state, and with a column a state, in the state y = T z: T M and M T⁻¹.
+OF_ROWS = {"A", "B", "E", "B1", "B2"}
+OF_COLUMNS = {"A", "C1", "C2", "K", "L"}
+#: Weights of states: T⁻ᵀ M T⁻¹; cross weights of states and inputs: T⁻ᵀ M.
+WEIGHTS = {"Q", "P"}
+CROSS_WEIGHTS = {"N"}
+#: Symmetric matrices stay so.
+SYMMETRIC = {"Q", "P", "R"}
+#: Units of states differ by up to this power of two.
+LARGEST_POWER = 12
+
+
+class Copy(NamedTuple):
+    """kind: of `KINDS`; problem, critic: changed by it."""
+
+    kind: str
+    problem: Any
+    critic: dict[str, np.ndarray]
+
+
+def copies(
+    problem: Any, seed: int, count: int, critic: Mapping[str, np.ndarray] | None = None
+) -> Iterator[Copy]:
+    """So many copies, of each kind in turn; critic: matrices P, K or L of the same states."""
+    rng = np.random.default_rng([seed, 44])
+    n = len(problem.step.A if hasattr(problem, "step") else problem.A)
+    for index in range(count):
+        kind = KINDS[index % len(KINDS)]
+        change = _change(kind, n, rng)
+        matrices = {
+            name: _changed(name, matrix, change, rng) for name, matrix in (critic or {}).items()
+        }
+        yield Copy(kind, _copy(problem, change, rng), matrices)
+
+
+class _Change(NamedTuple):
+    """y = T z; without T the last bits change."""
+
+    T: np.ndarray | None
+    inverse: np.ndarray | None
+
+
+def _change(kind: str, n: int, rng: np.random.Generator) -> _Change:
+    if kind == "bits":
+        return _Change(None, None)
+    if kind == "order":
+        T = np.eye(n)[rng.permutation(n)]
+        return _Change(T, T.T)
+    if kind == "units":
+        units = np.exp2(rng.integers(-LARGEST_POWER, LARGEST_POWER + 1, n).astype(float))
+        return _Change(np.diag(units), np.diag(1.0 / units))
+    T = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    return _Change(T, T.T)
+
+
+def _copy(problem: Any, change: _Change, rng: np.random.Generator) -> Any:
+    changes = {}
+    for field in fields(problem):
+        value = getattr(problem, field.name)
+        if isinstance(value, np.ndarray):
+            changes[field.name] = _changed(field.name, value, change, rng)
+        elif is_dataclass(value) and hasattr(value, "A"):
+            changes[field.name] = _copy(value, change, rng)
+    return replace(problem, **changes)
+
+
+def _changed(
+    name: str, matrix: np.ndarray, change: _Change, rng: np.random.Generator
+) -> np.ndarray:
+    if change.T is None or change.inverse is None:
+        factors = 1.0 + rng.integers(-2, 3, matrix.shape) * np.finfo(float).eps
+        matrix = matrix * factors
+    if change.T is not None and name in OF_ROWS:
+        matrix = change.T @ matrix
+    if change.inverse is not None and name in OF_COLUMNS | WEIGHTS:
+        matrix = matrix @ change.inverse
+    if change.inverse is not None and name in WEIGHTS | CROSS_WEIGHTS:
+        matrix = change.inverse.T @ matrix
+    if name in SYMMETRIC:
+        matrix = np.triu(matrix) + np.triu(matrix, 1).T
+    return matrix
