@@ -179,7 +179,19 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
     rates, outputs = _called(layout, arguments)
     f = [_scalar(layout, "rate", name, rates[name]) for name in layout.names[0]]
     seen = {name: _scalar(layout, "output", name, outputs[name]) for name in layout.names[4]}
+    _refuse_other_symbols(layout, ca.vertcat(*f, *seen.values()), ca.vertcat(*symbols))
     return symbols, ca.densify(ca.SX(ca.vertcat(*f))), seen
+
+
+def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> None:
+    """BadInputError where an expression holds a symbol of the user's own, which has no value."""
+    own = {symbol.element_hash() for symbol in ca.symvar(ca.SX(symbols))}
+    for symbol in ca.symvar(ca.SX(expressions)):
+        if symbol.element_hash() not in own:
+            raise BadInputError(
+                f"{layout.name}: the equations use the symbol {shown(symbol.name())}, which has no "
+                "value; write a number, or a name of x, u, p or w"
+            )
 
 
 def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:

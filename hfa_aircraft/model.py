@@ -406,7 +406,9 @@ class Model:
         records = map(self.layout.record, VECTORS, (*numbers, still_air))
         try:
             return self.layout.equations(*records)
-        except RuntimeError:  # some functions of CasADi (pw_lin) take symbols only
+        except (RuntimeError, ArithmeticError):
+            # Some functions of CasADi (pw_lin) take symbols only, and Python's numbers raise where
+            # those of CasADi are inf or nan.
             f, y = self.functions()(*numbers)[:2]
             rates = dict(zip(self.states, ca.vertsplit(f), strict=True))
             return rates, dict(zip(self.outputs, components(y), strict=True))

@@ -53,6 +53,7 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
     """Laid out here where it is made of points: to have it laid out, matplotlib draws all of it,
     and then once more."""
+    _take_literally(figure)
     engine = figure.get_layout_engine()
     if kind == "png" and figure.axes and engine is not None:
         figure.dpi = _DPI
@@ -60,6 +61,24 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
         figure.set_layout_engine(None)
     figure.savefig(stream, format=kind, dpi=_DPI, metadata=metadata)
     figure.set_layout_engine(engine)
+
+
+def _take_literally(figure: Figure) -> None:
+    """Show every text as it is written: matplotlib takes what stands between two dollar signs, as
+    in the name of a state, for a formula. The powers of ten that it writes at a logarithmic axis
+    are formulas."""
+    from matplotlib.text import Text
+    from matplotlib.ticker import LogFormatter
+
+    powers = set()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            labels = axis.get_ticklabels(which="both")  # makes those that there are not yet
+            if isinstance(axis.get_major_formatter(), LogFormatter):
+                powers.update(labels)
+    for text in figure.findobj(Text):
+        if text not in powers:
+            text.set_parse_math(False)
 
 
 def _caption(figure: Figure, text: str) -> None:

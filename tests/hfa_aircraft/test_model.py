@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import pytest
@@ -10,6 +10,7 @@ import pytest
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_support import BadInputError
+from trim import find_operating_point
 
 
 def cart(**declared: Any) -> Model:
@@ -70,3 +71,60 @@ def test_rates_and_outputs_are_single_numbers(
 
 def test_a_model_is_short_at_the_prompt() -> None:
     assert repr(cart()) == "<Model cart: 2 states, 1 inputs, 1 outputs>"
+
+
+class Car(NamedTuple):
+    """A declaration's own class of states, with a property."""
+
+    place: Any
+    pace: Any
+
+    @property
+    def energy(self) -> Any:
+        return self.pace * self.pace / 2.0
+
+
+def test_states_are_of_the_class_in_which_they_were_declared() -> None:
+    """With its properties, in the equations and in what is found."""
+    model = cart(
+        states=Car(Signal("m"), Signal("m/s", start=2.0)),
+        equations=lambda x, u, p, w: (
+            {"place": x.pace - 2.0, "pace": u.force - x.energy},
+            {"position": x.energy},
+        ),
+        trim={"place": 0.0, "pace": 2.0},
+    )
+    point = find_operating_point(model)
+    assert type(point.states) is Car
+    assert point.states.energy == 2.0
+    assert point.inputs.force == pytest.approx(2.0)
+    assert model.outputs_at(point.states, point.inputs)["position"] == 2.0
+
+
+@pytest.mark.parametrize("where", ["a rate", "an output", "a rate of MX"])
+def test_a_symbol_of_one_s_own_in_the_equations_is_named(where: str) -> None:
+    """It was a RuntimeError of CasADi from the first function that was made."""
+    stray = ca.SX.sym("stray")
+    rate = stray if where == "a rate" else 0.0
+    output = stray if where == "an output" else 0.0
+    if where == "a rate of MX":
+        rate = ca.Function("f", [stray], [stray**2])(stray)
+    with pytest.raises(BadInputError, match="the equations use the symbol 'stray', which has no"):
+        find_operating_point(
+            cart(
+                equations=lambda x, u, p, w: (
+                    {"x": x.v, "v": u.force + rate},
+                    {"position": x.x + output},
+                )
+            )
+        )
+
+
+def test_numbers_that_python_cannot_divide_are_those_of_the_compiled_equations() -> None:
+    """1 / 0 is inf, as in the functions that CasADi makes of them."""
+    model = cart(
+        equations=lambda x, u, p, w: ({"x": x.v, "v": u.force / x.x}, {"position": x.v / x.x})
+    )
+    assert model.outputs_at([0.0, 1.0], [1.0])["position"] == float("inf")
+    assert model.rates_at([0.0, 1.0], [-1.0])["v"] == -float("inf")
+    assert model.outputs_at([2.0, 1.0], [1.0])["position"] == 0.5

@@ -25,7 +25,7 @@ from controller import (
 from hfa_flight import monte_carlo_store
 from hfa_flight.monte_carlo import fly_member, fly_members, member_row
 from hfa_flight.monte_carlo_report import member_report
-from hfa_flight.monte_carlo_store import chunk_of, run_monte_carlo, stream_members
+from hfa_flight.monte_carlo_store import MEMBER_STEPS, chunk_of, run_monte_carlo, stream_members
 from hfa_flight.scenario import with_errors
 from hfa_flight.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
@@ -248,7 +248,7 @@ def test_chunks_workers_and_their_order_do_not_matter(
     plan: MonteCarlo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
 ) -> None:
     six = replace(plan, members=6)
-    steps = plan.scenario.ticks * plan.scenario.steps_per_tick
+    steps = MEMBER_STEPS + plan.scenario.ticks * plan.scenario.steps_per_tick
     monkeypatch.setattr(monte_carlo_store, "CHUNK_STEPS", 4 * steps)
     assert chunk_of(six) == 4
     whole = fly_members(plan, 0, 6)
@@ -279,3 +279,10 @@ def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(
         found.data["exceeded"]["elevator_outer"],
     ) == (2, 0, 2)
     assert "exceeded control limits: " in found.text()
+
+
+def test_a_member_costs_more_than_its_steps(plan: MonteCarlo) -> None:
+    """10,000 flights of 0.02 s were one chunk: 0 % for 22 s, then 100 %."""
+    short = replace(plan.scenario, duration=0.02)
+    many = replace(plan, scenario=short, members=10_000)
+    assert 8 <= many.members / chunk_of(many) <= 100

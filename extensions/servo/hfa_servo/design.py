@@ -390,10 +390,10 @@ def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
 
 
 def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """The entries of `whole` with those of `changes` in their place; tables are merged entry by
-    entry."""
+    """The entries of `whole` with those of `changes` in their place; two tables are merged entry
+    by entry."""
     merged = {**whole, **changes}
     for key, change in changes.items():
-        if isinstance(whole.get(key), dict):
+        if isinstance(whole.get(key), dict) and isinstance(change, dict):
             merged[key] = _merged(whole[key], change)
     return merged

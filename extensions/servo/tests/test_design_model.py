@@ -24,7 +24,7 @@ from controller import Game, design_model, load_design, published_game
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES
 from hfa_model.outputs import moment_of, outputs_of
-from hfa_servo.design import NAMED, Actuator, Design, signal_unit
+from hfa_servo.design import NAMED, Actuator, Design, design_of, signal_unit
 from hfa_servo.design_model import DesignModel
 from hfa_servo.servo_policy import MeasuredOutputs
 from hfa_support import BadInputError
@@ -315,3 +315,13 @@ def own(**changes: Any) -> Design:
 def test_what_cannot_be_designed_is_refused(make: Callable[[], object], message: str) -> None:
     with pytest.raises(BadInputError, match=re.escape(message)):
         make()
+
+
+@pytest.mark.parametrize("entry", ["weights", "actuators", "sensors"])
+@pytest.mark.parametrize("value", [3, "text", [1.0]])
+def test_a_value_in_place_of_a_table_of_a_variant_is_named(entry: str, value: object) -> None:
+    """`[newton] weights = 3` was a TypeError."""
+    table = {"states": {"alpha": 1.0}} if entry == "weights" else {}
+    data = {"inputs": ["throttle"], entry: table, "newton": {entry: value}}
+    with pytest.raises(BadInputError, match=entry):
+        design_of("mine.toml", data, hfa_model.aircraft())

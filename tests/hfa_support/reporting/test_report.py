@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy.io import loadmat
 
 from hfa_support import Check, Report
 from hfa_support.reporting.checks import at_least, at_most, below
+from hfa_support.reporting.data_files import save_data
 from hfa_support.reporting.figure import new_figure, save
 from hfa_support.reporting.report import Picture
 from hfa_support.reporting.text import Cell, RowsMade, Table
@@ -160,3 +162,33 @@ def test_the_origin_is_in_the_file_and_the_file_is_made_again(suffix: str, tmp_p
         save(figure, path, "hfa 0, parameters c1fb")
     assert paths[0].read_bytes() == paths[1].read_bytes()
     assert b"hfa 0, parameters c1fb" in paths[0].read_bytes()
+
+
+@pytest.mark.parametrize("name", ["$\\frac{$", "x$^$", "$x$", "$", "$$"])
+def test_a_name_with_dollar_signs_is_no_formula(name: str, tmp_path: Path) -> None:
+    """Titles, legends and labels at the axes; powers of ten stay formulas."""
+
+    figure: Figure = new_figure(4.0, 3.0)
+    axes = figure.subplots()
+    axes.semilogy([0.0, 1.0], [1e-9, 1e9], label=name)
+    axes.set_xticks([0.0, 1.0], [name, name])
+    axes.set_title(name)
+    axes.legend()
+    for suffix in ("png", "svg", "pdf"):
+        save(figure, tmp_path / f"picture.{suffix}")
+    powers = axes.get_yticklabels()
+    assert any("10^" in label.get_text() and label.get_parse_math() for label in powers)
+    assert [label.get_parse_math() for label in axes.get_xticklabels()] == [False, False]
+
+
+def test_stacks_of_matrices_have_their_number_last_in_mat_files(tmp_path: Path) -> None:
+    """(N, rows, columns) is (rows, columns, N) in MATLAB, whether of an array or of lists."""
+    stack = np.arange(24.0).reshape(4, 2, 3)
+    data = {"array": stack, "lists": stack.tolist(), "inner": {"deep": stack}, "flat": stack[0]}
+    save_data(tmp_path / "stack.mat", data, Table((), []))
+    read = loadmat(tmp_path / "stack.mat", simplify_cells=True)
+    for values in (read["array"], read["lists"], read["inner"]["deep"]):
+        assert values.shape == (2, 3, 4)
+        for number in range(4):
+            np.testing.assert_array_equal(values[:, :, number], stack[number])
+    np.testing.assert_array_equal(read["flat"], stack[0])

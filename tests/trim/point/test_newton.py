@@ -104,3 +104,21 @@ def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
     assert system.equations.idle == ("lamp",)
     _, u, _ = system.points(system.start[None], system.constants())
     assert u[0].tolist() == [0.0, 3.0]
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
+def test_c_code_flags_a_singular_jacobian_and_the_point_is_solved_nevertheless() -> None:
+    """At x = -y both rows of J are parallel; there the step of least norm is taken, not by C."""
+    system = TrimSystem(*circle(1.0), compile_code=True)
+    assert system.machine is not None
+    starts = np.array([[0.1, 3.0], [1.0, -1.0], [2.0, 0.5]])
+    constants = np.repeat(system.constants(), len(starts), axis=0)
+    _, settled, singular = system.machine.newton(starts, constants)
+    assert (settled.tolist(), singular.tolist()) == ([True, False, True], [False, True, False])
+    in_c, all_settled = newton(system, starts, constants)
+    slow, slow_settled = newton(TrimSystem(*circle(1.0)), starts, constants)
+    assert all_settled.tolist() == slow_settled.tolist()
+    np.testing.assert_allclose(in_c[all_settled], slow[all_settled], rtol=1e-12)
+    jammed = np.repeat(starts[1:2], 2, axis=0)
+    _, settled_there, singular_there = system.machine.newton(jammed, constants[:2])
+    assert (settled_there.any(), singular_there.all()) == (False, True)
