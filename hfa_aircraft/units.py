@@ -10,8 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
 from hfa_support.units import si_factor, si_unit
@@ -45,29 +43,6 @@ def in_si(model: Model) -> Model:
         native=model,
         made_by=in_si,
     )
-
-
-def native_of(model: Model) -> Model:
-    """The model in the units of its declaration: itself unless `in_si` made it."""
-    return model if model.native is None else model.native
-
-
-def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarray:
-    """Values of signals of a model in the units of its declaration, which its own formulas take."""
-    native = native_of(model)
-    if native is model:
-        return np.asarray(values, dtype=float)
-    return np.asarray(values, dtype=float) / [si_factor(native.unit(name)) for name in names]
-
-
-def in_units_of(model: Model, value: Any, unit: str) -> Any:
-    """A value of an English unit in the units of the model: in SI if `in_si` made the model."""
-    return value if model.native is None else value * si_factor(unit)
-
-
-def unit_of(model: Model, unit: str) -> str:
-    """The unit in which `in_units_of` gives values of an English unit."""
-    return unit if model.native is None else si_unit(unit)
 
 
 def _signal_in_si(signal: Signal) -> Signal:

@@ -8,12 +8,12 @@ from .declaration import (
     parameters_of as parameters_of,
     variant_of as variant_of,
 )
+from .parameter_files import save_parameters as save_parameters
+from .parameter_samples import sample_parameters as sample_parameters
 from .parameters import (
     Parameters as Parameters,
     default_parameters as default_parameters,
     load_parameters as load_parameters,
-    sample_parameters as sample_parameters,
-    save_parameters as save_parameters,
 )
 from .printed_matrices import published_models as published_models
 from .unsteady import UNSTEADY as UNSTEADY

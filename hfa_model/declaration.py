@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.native_units import native_of, native_values
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.units import native_of, native_values
 from hfa_model.aerodynamics import Loads, aircraft_loads
 from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named

@@ -1,10 +1,8 @@
-"""Parameters of the aircraft: a frozen record, each value with its unit, source and uncertainty;
-samples of it."""
+"""Parameters of the aircraft: a frozen record, each value with its unit, source and uncertainty."""
 
 from __future__ import annotations
 
 import copy
-import json
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -13,10 +11,9 @@ from typing import Any, Generic, NamedTuple
 import numpy as np
 
 from hfa_model.vectors import T
-from hfa_support.errors import BadInputError, refuse_unless_whole
-from hfa_support.files import write_text
+from hfa_support.errors import BadInputError
 from hfa_support.provenance import Change
-from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table
 from hfa_support.schema import NUMBER, POSITIVE, read_named
@@ -229,70 +226,6 @@ def _is_covariance(matrix: np.ndarray, size: int) -> bool:
     return bool(
         np.isfinite(correlations).all() and np.linalg.eigvalsh(correlations).min() >= -_ROUNDING
     )
-
-
-def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
-    """Write a parameters file, whole or not at all; `load_parameters` reads it back bit for bit.
-
-    parameters: the set
-    path: of the file
-    header: comment at its top
-    """
-    lines = [f"# {line}" for line in header.splitlines()]
-    errors = parameters.standard_errors
-    for name, spec in FIELDS._asdict().items():
-        lines += [
-            "",
-            f"[{name}]",
-            f"value = {getattr(parameters.values, name)!r}",
-            f'unit = "{spec.unit}"',
-        ]
-        lines += [f'source = "{parameters.sources[name]}"']
-        if name in errors:
-            lines += [f"standard_error = {errors[name]:.3g}"]
-        if name in parameters.notes:
-            lines += [f"note = {json.dumps(parameters.notes[name])}"]  # JSON's strings are TOML's
-    if parameters.covariance.size:
-        names = ", ".join(f'"{name}"' for name in parameters.identified)
-        rows = ",\n".join(f"  {row}" for row in parameters.covariance.tolist())
-        lines += ["", "[covariance]", f"names = [{names}]", f"rows = [\n{rows},\n]"]
-    write_text(path, "\n".join(lines) + "\n")
-
-
-def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
-    """p_i exp(z_i), z ~ N(0, C_ij / (p_i p_j)): random samples of the identified parameters, which
-    vary together; the other parameters stay as they are.
-
-    parameters: p and its covariance C
-    count: how many samples
-    seed: the same seed gives the same samples
-
-    The print determines products and quotients of the parameters far better than the parameters;
-    their logarithms are sums, which a Gaussian keeps. Drawn as p + N(0, C) the spread of an entry
-    of A comes out up to 4.8 times too large.
-
-    BadInputError when there is no covariance, an identified parameter is zero, or count or seed is
-    out of range.
-    """
-    if not parameters.covariance.size:
-        raise BadInputError(
-            "samples need parameters with their covariance, such as the parameters.toml of"
-            " `python -m studies.identification`"
-        )
-    refuse_unless_whole("count", count, 1)
-    refuse_unless_whole("seed", seed, 0)
-    columns = [Parameters._fields.index(name) for name in parameters.identified]
-    table = np.tile(np.array(parameters.values, dtype=float), (count, 1))
-    center = table[0, columns]
-    if not center.all():
-        name = parameters.identified[int(np.argmin(np.abs(center)))]
-        raise BadInputError(f"{name} is zero and identified; its logarithm cannot be sampled")
-    variances, axes = np.linalg.eigh(parameters.covariance / np.outer(center, center))
-    # The symmetric root, which does not depend on the signs and the order of the axes.
-    root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T
-    deviations = np.random.default_rng(seed).standard_normal((count, len(columns))) @ root
-    table[:, columns] *= np.exp(deviations)
-    return tuple(Parameters(*row) for row in table.tolist())
 
 
 def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from hfa_model.vectors import INPUTS, LINEAR_STATES
-from hfa_support.reporting.fields import ByValue, Shown
+from hfa_support.reporting.by_value import ByValue
+from hfa_support.reporting.fields import Shown
 
 
 @dataclass(frozen=True, eq=False, repr=False)

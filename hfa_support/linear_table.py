@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.by_value import ByValue
 
 
 @dataclass(frozen=True, eq=False)

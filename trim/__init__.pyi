@@ -1,6 +1,7 @@
 """Operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
 
-from .hfa.hfa_report import trim_figure as trim_figure, trim_report as trim_report
+from .hfa.front_view import trim_figure as trim_figure
+from .hfa.hfa_report import trim_report as trim_report
 from .hfa.level_flight import level_flight as level_flight, load_condition as load_condition
 from .hfa.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
 from .linear.along import models_along as models_along

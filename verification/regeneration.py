@@ -10,8 +10,8 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_model.printed_matrices import PublishedModel, published_models
+from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, verdict_text
-from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.text import Table, eigenvalue_text

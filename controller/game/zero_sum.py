@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.game.names import UNNAMED, PlantNames
 from hfa_support.errors import BadInputError, numbers_in, shown
-from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import matrix_table, numbered
 

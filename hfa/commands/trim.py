@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hfa_model
 from hfa.options.command import command
 from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
 from hfa.output import failure_as_data, show
-from trim.hfa.hfa_report import trim_figure, trim_report
+from trim.hfa.hfa_report import trim_report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,5 +34,11 @@ def trim(request: TrimRequest) -> int:
     with failure_as_data(request, condition, aircraft):
         point = request.operating_point(aircraft)
     report = trim_report(aircraft, condition, point)
-    show(report, request, figure=lambda: trim_figure(aircraft, point))
+
+    def figure() -> Figure:
+        from trim.hfa.front_view import trim_figure
+
+        return trim_figure(aircraft, point)
+
+    show(report, request, figure=figure)
     return 0

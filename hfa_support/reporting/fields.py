@@ -1,5 +1,4 @@
-"""Dataclasses of arrays: compared as values; shown at the prompt with their fields, small matrices
-entry by entry."""
+"""Dataclasses of arrays shown at the prompt with their fields, small matrices entry by entry."""
 
 from __future__ import annotations
 
@@ -18,23 +17,6 @@ from hfa_support.reporting.text import matrix_table, numbered
 _MOST = 12
 #: Characters of a field that are shown.
 _LONGEST = 110
-
-
-class ByValue:
-    """A dataclass (`eq=False`) that equals another when every field does, arrays entry by entry and
-    nan like nan.
-
-    The comparison that `dataclass` writes asks an array for its truth and raises.
-    """
-
-    def __eq__(self, other: object) -> bool:
-        if type(other) is not type(self):
-            return NotImplemented
-        return all(
-            _same(getattr(self, field.name), getattr(other, field.name))
-            for field in fields(self)  # type: ignore[arg-type]
-            if field.compare
-        )
 
 
 class Shown(Reported):
@@ -85,11 +67,3 @@ def _said(value: Any) -> str:
     if "array(" in text or " object at 0x" in text:
         text = type(value).__name__
     return shortened(" ".join(text.split()) or "-", _LONGEST)
-
-
-def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return np.array_equal(
-            one, other, equal_nan=one.dtype.kind in "fc" and other.dtype.kind in "fc"
-        )
-    return bool(one == other)

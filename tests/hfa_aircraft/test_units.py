@@ -11,8 +11,9 @@ import pytest
 import hfa_model
 from controller import Game, flight_envelope, published_game
 from hfa_aircraft.model import Model
+from hfa_aircraft.native_units import native_of
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.units import in_si, native_of
+from hfa_aircraft.units import in_si
 from hfa_support import BadInputError
 from hfa_support.units import si_factor
 from trim import TrimCondition, find_operating_point, linearize, trim_report

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import hfa_model
 from trim.point.condition import TrimCondition, usual_condition
-from trim.point.condition_file import read_condition
 
 #: Shipped condition -> its file in this folder.
 CONDITIONS = {
@@ -42,4 +41,6 @@ def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondit
 
     usual: what the file changes.
     """
+    from trim.point.condition_file import read_condition
+
     return read_condition(name, usual, CONDITIONS)

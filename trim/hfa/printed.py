@@ -14,7 +14,7 @@ import numpy as np
 import hfa_model
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
-from hfa_aircraft.units import native_values
+from hfa_aircraft.native_units import native_values
 from hfa_model.declaration import Equations
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.printed_matrices import PublishedModel, published_models
@@ -22,7 +22,7 @@ from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction, cached_per_thread
-from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import TONES, Cell, Table, four_decimals, matrix_table
 from hfa_support.units import si_factor

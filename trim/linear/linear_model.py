@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown
-from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots, Vector
 from hfa_support.reporting.text import Table, degrees, matrix_table

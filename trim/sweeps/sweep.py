@@ -12,7 +12,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
-from hfa_support.reporting.fields import ByValue
+from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Stack

@@ -15,11 +15,11 @@ import numpy as np
 
 import hfa_model
 from hfa_aircraft.model import Model
-from hfa_aircraft.units import in_units_of, unit_of
+from hfa_aircraft.native_units import in_units_of, unit_of
 from hfa_page.main_job import Angle
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Picture
-from trim.hfa.hfa_report import panels_from_the_front, scale_text, trim_figure
+from trim.hfa.front_view import panels_from_the_front, scale_text, trim_figure
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep
 

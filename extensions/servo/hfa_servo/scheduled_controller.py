@@ -23,9 +23,9 @@ from hfa_support.errors import BadInputError, said_of, shown
 from hfa_support.jsonable import jsonable
 from hfa_support.linear_table import LinearTable
 from hfa_support.provenance import parameter_hash
+from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.data_files import save_data
-from hfa_support.reporting.fields import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, shown_value
 from hfa_support.schema import NUMBER, POSITIVE, checked

@@ -30,7 +30,8 @@ from trim import (
     trim_figure,
     trim_report,
 )
-from trim.hfa.hfa_report import panels_from_the_front, performance
+from trim.hfa.front_view import panels_from_the_front
+from trim.hfa.hfa_report import performance
 from trim.point.margins import all_margins
 
 BASE = level_flight(float(np.radians(10.0)))
