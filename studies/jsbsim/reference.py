@@ -1,20 +1,18 @@
 """JSBSim itself as the reference, in a process of its own: it can end Python.
 
-`python -m studies.jsbsim.reference` reads {"aircraft": NAME, "points": [{...}]} as JSON and writes
-a list with what JSBSim finds at each point, line by line, so that what was found is kept if it
-ends. The package jsbsim is needed.
+`python -m studies.jsbsim.reference` reads [{"aircraft": NAME, "point": {...}}, ...] as JSON and
+writes what JSBSim finds at each, line by line, so that what was found is kept if it ends. The package jsbsim is needed.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -97,24 +95,35 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
     points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, of `Model`
         names, or {"trim": {"kcas", "altitude"}}.
     """
+    items = [{"aircraft": name, "point": point} for point in points]
+    answers = answered(items, seconds)
+    return [None if answer is None or "error" in answer else answer for answer in answers]
+
+
+def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
+    """What JSBSim answers to each item, in other processes: {"error": its message} where it refuses
+    the file, None where it ended.
+
+    items: {"aircraft", "point"}, and "root", the folder that holds the folder aircraft, where it is
+        not JSBSim's own.
+    """
     answers: list[Any] = []
-    waiting = list(points)
-    while waiting:
-        new_answers = _ask({"aircraft": name, "points": waiting}, seconds)
+    while len(answers) < len(items):
+        waiting = list(items)[len(answers) :]
+        new_answers = _ask(waiting, seconds)
         answers += new_answers
         if len(new_answers) < len(waiting):
             answers.append(None)  # the point at which JSBSim ended
-        waiting = list(points)[len(answers) :]
     return answers
 
 
-def _ask(request: Mapping[str, Any], seconds: float) -> list[Any]:
+def _ask(items: Sequence[Mapping[str, Any]], seconds: float) -> list[Any]:
     """The answers that a process gives before it ends."""
     command = [sys.executable, "-m", "studies.jsbsim.reference"]
     try:
         process = subprocess.run(
             command,
-            input=json.dumps(request),
+            input=json.dumps(items),
             capture_output=True,
             text=True,
             timeout=seconds,
@@ -129,24 +138,31 @@ def _ask(request: Mapping[str, Any], seconds: float) -> list[Any]:
 
 
 def main() -> int:
-    """Answer one request."""
-    request = json.load(sys.stdin)
+    """Answer the items of one request."""
+    items = json.load(sys.stdin)
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # JSBSim writes on standard output
-    for point in request["points"]:
-        with _simulator(request["aircraft"]) as simulator:
-            answer = _trimmed(simulator, point) if "trim" in point else _settled(simulator, point)
-        answers.write(json.dumps(answer) + "\n")
+    for item in items:
+        answers.write(json.dumps(_answer(item)) + "\n")
         answers.flush()
     return 0
 
 
-@contextlib.contextmanager
-def _simulator(name: str) -> Iterator[Any]:
+def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
+    """What JSBSim finds at an item, or its error."""
+    point = item["point"]
+    try:
+        simulator = _simulator(item["aircraft"], item.get("root"))
+        return _trimmed(simulator, point) if "trim" in point else _settled(simulator, point)
+    except Exception as error:  # JSBSim has its own
+        return {"error": " ".join(str(error).split())[:200]}
+
+
+def _simulator(name: str, root: str | None) -> Any:
     """JSBSim with an aircraft over a sphere that does not turn."""
     import jsbsim
 
-    simulator = jsbsim.FGFDMExec(str(Path(jsbsim.__file__).parent))
+    simulator = jsbsim.FGFDMExec(root or str(Path(jsbsim.__file__).parent))
     simulator.set_debug_level(0)
     with tempfile.TemporaryDirectory() as folder:
         planet = Path(folder) / "planet.xml"
@@ -154,7 +170,7 @@ def _simulator(name: str) -> Iterator[Any]:
         simulator.load_planet(str(planet), False)
     simulator.load_model(name)
     simulator["simulation/gravity-model"] = 0
-    yield simulator
+    return simulator
 
 
 def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, float]) -> None:
@@ -212,7 +228,7 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
         speeds = _propeller_speeds(simulator)
         moved = max((abs(a - b) for a, b in zip(before, speeds, strict=True)), default=0.0)
         steady = steady + 1 if moved < 1e-9 else 0
-        if second >= 20 and steady >= 2:
+        if second >= point.get("seconds", 20) and steady >= 2:
             break
     answer: dict[str, Any] = {
         name: _value(simulator, full_name) for name, full_name in _MEASURED.items()

@@ -1,0 +1,1 @@
+"""Small jets of one construct each: read here and by JSBSim, compared."""

@@ -1,0 +1,27 @@
+"""All constructs, or those whose names hold a text: each agrees with JSBSim, or is refused, or is
+named in a note. Exit 1 where one differs in silence."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+from studies.jsbsim.constructs.judge import ALL, judge
+
+
+def main(words: list[str]) -> int:
+    """0: none differs in silence."""
+    names = [name for name in ALL if not words or any(word in name for word in words)]
+    with tempfile.TemporaryDirectory() as folder:
+        judgements = judge(names, Path(folder))
+    for judgement in judgements:
+        print(f"{judgement.verdict:9} {judgement.name}: {judgement.why}")
+    counts = Counter(judgement.verdict for judgement in judgements)
+    print(len(judgements), "constructs:", *(f"{n} {verdict}" for verdict, n in counts.items()))
+    return 1 if counts["silent"] or counts["traceback"] else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,231 @@
+"""Constructs of sizes, mass, tanks and engines, and of sections that stand alone."""
+
+from __future__ import annotations
+
+from studies.jsbsim.constructs.jet import SLOTS, pitching
+
+_EMPTY = SLOTS["mass"]
+_TURBINE = SLOTS["turbine"]
+_SHARES = SLOTS["shares"]
+_PLACE = '<location unit="IN"> <x> 20 </x> <y> -4 </y> <z> 6 </z> </location>'
+
+
+def _mass(text: str, attributes: str = "") -> dict[str, str]:
+    return {"mass": f"{_EMPTY} {text}", "mass_attributes": attributes}
+
+
+def _point(text: str) -> dict[str, str]:
+    return _mass(
+        f'<pointmass name="load"> <weight unit="LBS"> 300 </weight> {_PLACE} {text} </pointmass>'
+    )
+
+
+def _tank(text: str) -> dict[str, str]:
+    return {"tank": f"{SLOTS['tank']} {text}"}
+
+
+def _second_tank(text: str, kind: str = "FUEL", feed: str = "<feed>1</feed>") -> dict[str, str]:
+    return {
+        "engine": feed,
+        "tanks": f'<tank type="{kind}"> {_PLACE} <capacity unit="LBS"> 800 </capacity> {text} </tank>',
+    }
+
+
+def _turbine(text: str) -> dict[str, str]:
+    return {"turbine": f"{_TURBINE} {text}"}
+
+
+def _external(text: str) -> dict[str, str]:
+    return {"sections": f"<external_reactions> {text} </external_reactions>"}
+
+
+_FORCE_PLACE = '<location unit="IN"> <x> 20 </x> <y> 0 </y> <z> 3 </z> </location>'
+_DIRECTION = "<direction> <x>-1</x> <y>0</y> <z>0</z> </direction>"
+_ROCKET = (
+    '<rocket_engine> <isp>250</isp> <propflowmax unit="LBS/SEC"> 5 </propflowmax>'
+    " <minthrottle>0.1</minthrottle> <maxthrottle>1</maxthrottle> {} </rocket_engine>"
+)
+_GRAIN = (
+    '<grain_config type="CYLINDRICAL"> <length unit="IN"> 60 </length>'
+    ' <bore_diameter unit="IN"> 4 </bore_diameter> </grain_config> <radius unit="IN"> 10 </radius>'
+)
+_GEAR = (
+    '<ground_reactions> <contact type="BOGEY" name="NOSE"> <location unit="IN"> <x> -50 </x>'
+    ' <y> 0 </y> <z> -40 </z> </location> <static_friction> 0.8 </static_friction>'
+    " <dynamic_friction> 0.5 </dynamic_friction> <rolling_friction> 0.02 </rolling_friction>"
+    ' <spring_coeff unit="LBS/FT"> 3000 </spring_coeff>'
+    ' <damping_coeff unit="LBS/FT/SEC"> 300 </damping_coeff>'
+    ' <max_steer unit="DEG"> 5 </max_steer> <brake_group>NONE</brake_group>'
+    " <retractable>1</retractable> </contact> </ground_reactions>"
+)
+
+CONSTRUCTS: dict[str, dict[str, str]] = {
+    "plain": {},
+    "file header": {"head": "<fileheader> <author>A</author> </fileheader>"},
+    "output": {"sections": '<output name="a.csv" type="NONE" rate="10"/>'},
+    "input": {"sections": '<input port="1138"/>'},
+    "unknown section": {"sections": "<propellant> <a>1</a> </propellant>"},
+    "gear": {"sections": _GEAR},
+    "gear position": {"sections": _GEAR, "pitch": pitching("gear/gear-pos-norm")},
+    "gear above the ground": {"sections": _GEAR, "pitch": pitching("gear/unit/WOW")},
+    "sizes of the tail": {
+        "metrics": (
+            '<htailarea unit="FT2"> 30 </htailarea> <htailarm unit="FT"> 12 </htailarm>'
+            ' <vtailarea unit="FT2"> 20 </vtailarea> <vtailarm unit="FT"> 11 </vtailarm>'
+        ),
+        "pitch": pitching("metrics/lh-norm"),
+    },
+    "wing incidence": {
+        "metrics": '<wing_incidence unit="DEG"> 3 </wing_incidence>',
+        "pitch": pitching("aero/alpha-wing-rad"),
+    },
+    "unknown metric": {"metrics": "<winglets> 2 </winglets>"},
+    "reference point": {"reference": "<x> 4 </x> <y> 0 </y> <z> 2 </z>"},
+    "location EYEPOINT": {
+        "metrics": '<location name="EYEPOINT" unit="IN"> <x> 1 </x> <y> 0 </y> <z> 1 </z> </location>'
+    },
+    "location VRP": {
+        "metrics": '<location name="VRP" unit="IN"> <x> 1 </x> <y> 0 </y> <z> 1 </z> </location>'
+    },
+    "inertia products": _mass('<ixz unit="SLUG*FT2"> 50 </ixz> <ixy unit="SLUG*FT2"> 20 </ixy>'),
+    "inertia products, not negated": _mass(
+        '<ixz unit="SLUG*FT2"> 50 </ixz> <iyz unit="SLUG*FT2"> 20 </iyz>',
+        'negated_crossproduct_inertia="false"',
+    ),
+    "inertia in kg m2": _mass('<ixz unit="KG*M2"> 50 </ixz>'),
+    "weight in kg": {"mass": '<emptywt unit="KG"> 1400 </emptywt>'},
+    "documentation in mass": _mass("<documentation> text </documentation>"),
+    "unknown child of mass": _mass("<ballast> 30 </ballast>"),
+    "point mass": _point(""),
+    "point mass with inertia": _point('<ixx unit="SLUG*FT2"> 10 </ixx> <iyy unit="SLUG*FT2"> 5 </iyy>'),
+    **{
+        f"point mass, {shape}": _point(
+            f'<form shape="{shape}"> <radius unit="FT"> 1 </radius> <length unit="FT"> 3 </length> </form>'
+        )
+        for shape in ("tube", "cylinder", "sphere", "ball", "cube")
+    },
+    "point mass in kg and m": _mass(
+        '<pointmass name="a"> <weight unit="KG"> 100 </weight> <location unit="M"> <x> 0.4 </x>'
+        " <y> 0 </y> <z> 0.1 </z> </location> </pointmass>"
+    ),
+    "tank with radius": _tank('<radius unit="IN"> 12 </radius>'),
+    "tank with inertia factor": _tank(
+        '<radius unit="IN"> 12 </radius> <inertia_factor> 0.5 </inertia_factor>'
+    ),
+    "tank, priority 0": _tank("<priority> 0 </priority>"),
+    "tank, priority 2": _tank("<priority> 2 </priority>"),
+    "tank, standpipe": _tank('<standpipe unit="LBS"> 20 </standpipe>'),
+    "tank, standpipe above contents": _tank('<standpipe unit="LBS"> 600 </standpipe>'),
+    "tank, unusable volume": _tank("<unusable-volume> 100 </unusable-volume>"),
+    "tank, density": _tank('<density unit="LBS/GAL"> 6.2 </density>'),
+    "tank, fuel": _tank("<type> JET-A </type>"),
+    "tank, temperature": _tank("<temperature> 40 </temperature>"),
+    "tank, drain": _tank(
+        '<drain_location unit="IN"> <x> 4 </x> <y> 6 </y> <z> -12 </z> </drain_location>'
+    ),
+    "tank, unknown child": _tank("<baffles> 3 </baffles>"),
+    "tank, overfull": {"tank": '<contents unit="LBS"> 1500 </contents>'},
+    "tank, empty": {"tank": '<contents unit="LBS"> 0 </contents>'},
+    "tank of grain": _second_tank(f'<contents unit="LBS"> 400 </contents> {_GRAIN}', feed=""),
+    "second tank, empty": _second_tank('<contents unit="LBS"> 0 </contents>'),
+    "second tank, priority 2": _second_tank(
+        '<contents unit="LBS"> 100 </contents> <priority> 2 </priority>'
+    ),
+    "second tank, oxidizer": _second_tank(
+        '<contents unit="LBS"> 100 </contents>', "OXIDIZER", feed=""
+    ),
+    "tank without a feed": _second_tank('<contents unit="LBS"> 100 </contents>', feed=""),
+    "feed of no tank": {"engine": "<feed>7</feed>"},
+    "refuel rate": {"propulsion": '<refuel-rate unit="LBS/SEC"> 10 </refuel-rate>'},
+    "dump rate": {"propulsion": '<dump-rate unit="LBS/MIN"> 10 </dump-rate>'},
+    "turbine, bleed": _turbine("<bleed> 0.1 </bleed>"),
+    "turbine, fuel flow": _turbine("<tsfc> 0.8 </tsfc> <atsfc> 1.7 </atsfc>"),
+    "turbine, bypass": _turbine("<bypassratio> 4 </bypassratio>"),
+    "turbine, spool": _turbine("<n1spinup> 8 </n1spinup> <n2spindown> 3 </n2spindown>"),
+    "turbine, augmented 1": _turbine(
+        '<maxthrust unit="LBS"> 3000 </maxthrust> <augmented> 1 </augmented> <augmethod> 1 </augmethod>'
+    ),
+    "turbine, augmented 2": _turbine(
+        '<maxthrust unit="LBS"> 3000 </maxthrust> <augmented> 1 </augmented> <augmethod> 2 </augmethod>'
+    ),
+    "turbine, injection": _turbine(
+        "<injected> 1 </injected> <injection-time> 30 </injection-time>"
+        " <injection-N1-inc> 2 </injection-N1-inc>"
+    )
+    | {"shares": f'{_SHARES} <function name="Injection"> <v>1.2</v> </function>'},
+    "turbine, windmill off": _turbine("<disable-windmill> 1 </disable-windmill>"),
+    "turbine, unknown child": _turbine("<noise> 3 </noise>"),
+    "turbine in newtons": {"turbine": '<milthrust unit="N"> 9000 </milthrust>'},
+    "turbine, spool function": {
+        "shares": f'{_SHARES} <function name="N2SpoolUp"> <v>9</v> </function>'
+    },
+    "thruster, pointing": {
+        "thruster_place": _PLACE
+        + " <pointing> <x> 0.9 </x> <y> 0.1 </y> <z> 0 </z> </pointing>"
+    },
+    "thruster, orient": {
+        "thruster_place": _PLACE
+        + ' <orient unit="DEG"> <roll> 10 </roll> <pitch> 5 </pitch> <yaw> 3 </yaw> </orient>'
+    },
+    "nozzle": {"thruster": '<nozzle> <area unit="FT2"> 0.1 </area> </nozzle>'},
+    "thruster, unknown child": {"thruster": "<direct> <petals> 3 </petals> </direct>"},
+    "engine with a location": {"engine": _PLACE},
+    "engine, orient of the mount": {"engine": '<orient unit="DEG"> <pitch> 9 </pitch> </orient>'},
+    "engine, gimbal": {
+        "channels": (
+            '<channel name="g"> <pure_gain name="fcs/g"> <input>fcs/elevator-cmd-norm</input>'
+            " <gain>0.1</gain> <output>propulsion/engine/pitch-angle-rad</output> </pure_gain>"
+            " </channel>"
+        )
+    },
+    "rocket": {"engine_kind": _ROCKET.format(""), "engine": "<feed>1</feed>"}
+    | {"tanks": _second_tank('<contents unit="LBS"> 300 </contents>', "OXIDIZER")["tanks"]},
+    "rocket, mixture ratio": {
+        "engine_kind": _ROCKET.format("<mixtureratio> 2 </mixtureratio>"),
+        "engine": "<feed>1</feed>",
+        "tanks": _second_tank('<contents unit="LBS"> 300 </contents>', "OXIDIZER")["tanks"],
+    },
+    "rocket, flows": {
+        "engine_kind": _ROCKET.format(
+            '<slfuelflowmax unit="LBS/SEC"> 2 </slfuelflowmax>'
+            ' <sloxiflowmax unit="LBS/SEC"> 3 </sloxiflowmax>'
+        ),
+        "engine": "<feed>1</feed>",
+        "tanks": _second_tank('<contents unit="LBS"> 300 </contents>', "OXIDIZER")["tanks"],
+    },
+    "electric engine, direct": {
+        "engine_kind": '<electric_engine> <power unit="WATTS"> 90000 </power> </electric_engine>'
+    },
+    "external force": _external(
+        f'<force name="push" frame="BODY"> {_FORCE_PLACE} {_DIRECTION} </force>'
+    ),
+    "external force of a function": _external(
+        '<force name="push" frame="BODY"> <function> <product> <v>300</v> <p>aero/qbar-psf</p>'
+        f" <v>0.01</v> </product> </function> {_FORCE_PLACE} {_DIRECTION} </force>"
+    ),
+    **{
+        f"external force, frame {frame}": _external(
+            f'<force name="push" frame="{frame}"> <function> <v>200</v> </function>'
+            f" {_FORCE_PLACE} <direction> <x>1</x> <y>0.5</y> <z>0.2</z> </direction> </force>"
+        )
+        for frame in ("LOCAL", "WIND", "INERTIAL")
+    },
+    "external moment of a function": _external(
+        '<moment name="twist" frame="BODY"> <function> <v>500</v> </function>'
+        " <direction> <x>0</x> <y>1</y> <z>0</z> </direction> </moment>"
+    ),
+    "external force of a property": _external(
+        '<property value="250">fcs/pull</property> <force name="push" frame="BODY">'
+        f" <function> <p>fcs/pull</p> </function> {_FORCE_PLACE} {_DIRECTION} </force>"
+    ),
+    "external force by its magnitude": _external(
+        f'<force name="push" frame="BODY"> {_FORCE_PLACE} {_DIRECTION} </force>'
+    )
+    | {
+        "channels": (
+            '<channel name="e"> <fcs_function name="fcs/e"> <function> <v>200</v> </function>'
+            " <output>external_reactions/push/magnitude</output> </fcs_function> </channel>"
+        )
+    },
+    "gas": {"sections": "<buoyant_forces> <gas_cell type='HELIUM'/> </buoyant_forces>"},
+}

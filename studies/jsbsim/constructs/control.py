@@ -1,0 +1,261 @@
+"""Constructs of the control system."""
+
+from __future__ import annotations
+
+from studies.jsbsim.constructs.jet import component, pitching
+
+_Q = "velocities/q-rad_sec"
+_STICK = "fcs/elevator-cmd-norm"
+_OUT = "<output>fcs/probe</output>"
+
+
+def _of(kind: str, inside: str, source: str = _STICK, attributes: str = "") -> dict[str, str]:
+    text = f'<{kind} name="fcs/c" {attributes}> <input>{source}</input> {inside} {_OUT} </{kind}>'
+    return component(text)
+
+
+def _clip(low: float, high: float, attributes: str = "") -> str:
+    return f"<clipto {attributes}> <min>{low}</min> <max>{high}</max> </clipto>"
+
+
+def _switch(test: str, default: str = '<default value="0.2"/>') -> dict[str, str]:
+    return component(f'<switch name="fcs/c"> {default} {test} {_OUT} </switch>')
+
+
+def _channel(attributes: str, head: str = "") -> dict[str, str]:
+    """A damper in a channel with attributes."""
+    damper = f'<pure_gain name="d"> <input>{_Q}</input> <gain>9</gain> {_OUT} </pure_gain>'
+    channel = f'<channel name="damper" {attributes}> {damper} </channel>'
+    return {"control": head, "channels": channel, "pitch": pitching("fcs/probe")}
+
+
+_CYCLIC = _clip(-0.5, 0.5, 'type="cyclic"')
+_TRAVERSE = (
+    "<traverse> <setting> <position>0</position> <time>0</time> </setting>"
+    " <setting> <position>20</position> <time>1</time> </setting> </traverse>"
+)
+_TABLE = (
+    "<table> <independentVar>aero/alpha-rad</independentVar>"
+    " <tableData> -1 2\n 0 1\n 1 3\n </tableData> </table>"
+)
+_TEST = '<test value="0.7"> velocities/vc-kts {} 1 </test>'
+_SENSOR_INPUT = "velocities/r-rad_sec"
+
+CONSTRUCTS: dict[str, dict[str, str]] = {
+    "gain": _of("pure_gain", "<gain>0.5</gain>"),
+    "gain of a property": _of("pure_gain", "<gain>aero/alpha-rad</gain>"),
+    "gain of a minus property": _of("pure_gain", "<gain>-aero/alpha-rad</gain>"),
+    "gain without gain": _of("pure_gain", ""),
+    "gain, minus input": _of("pure_gain", "<gain>2</gain>", f"-{_STICK}"),
+    "gain, input number": _of("pure_gain", "<gain>2</gain>", "0.25"),
+    "gain, clip": _of("pure_gain", f"<gain>2</gain> {_clip(-0.2, 0.3)}"),
+    "gain, half a clip": _of("pure_gain", "<gain>2</gain> <clipto> <max>0.1</max> </clipto>"),
+    "gain, clip by properties": _of(
+        "pure_gain", "<clipto> <min>-aero/alpha-rad</min> <max>aero/alpha-rad</max> </clipto>"
+    ),
+    "gain, cyclic clip": _of("pure_gain", f"<gain>4</gain> {_CYCLIC}"),
+    "gain, cyclic clip of a number": _of(
+        "pure_gain", f"<gain>2</gain> {_CYCLIC}", "0.7"
+    ),
+    "gain, delay": _of("pure_gain", "<gain>2</gain> <delay>0.2</delay>"),
+    "gain, delay in frames": _of("pure_gain", '<gain>2</gain> <delay type="frames">3</delay>'),
+    "gain, two lines in gain": _of("pure_gain", "<gain>2\n3</gain>"),
+    "gain, unknown child": _of("pure_gain", "<gain>2</gain> <limit>0.1</limit>"),
+    "gain, init": _of("pure_gain", "<gain>2</gain> <init>0.4</init>"),
+    "gain, description": _of("pure_gain", "<description>text</description> <gain>2</gain>"),
+    "two outputs": component(
+        f'<pure_gain name="fcs/c"> <input>{_STICK}</input> <output>fcs/a</output> {_OUT}'
+        " </pure_gain>"
+    ),
+    "name with blanks": component(
+        f'<pure_gain name="My Own Gain"> <input>{_STICK}</input> <gain>2</gain> </pure_gain>',
+        "fcs/my-own-gain",
+    ),
+    "two writers of one property": component(
+        f'<pure_gain name="a"> <input>{_STICK}</input> {_OUT} </pure_gain>'
+        f' <pure_gain name="b"> <input>aero/alpha-rad</input> {_OUT} </pure_gain>'
+    ),
+    "reads a later component": component(
+        f'<pure_gain name="fcs/a"> <input>fcs/b</input> {_OUT} </pure_gain>'
+        f' <pure_gain name="fcs/b"> <input>{_STICK}</input> <gain>2</gain> </pure_gain>'
+    ),
+    "scheduled gain": _of("scheduled_gain", _TABLE),
+    "scheduled gain, gain": _of("scheduled_gain", f"{_TABLE} <gain>0.3</gain>"),
+    "summer": _of("summer", "<input>aero/alpha-rad</input>"),
+    "summer, bias": _of("summer", "<bias>0.2</bias>"),
+    "summer, minus": _of("summer", "<input>-aero/alpha-rad</input>"),
+    "aerosurface scale": _of("aerosurface_scale", "<range> <min>-0.3</min> <max>0.2</max> </range>"),
+    "aerosurface scale, domain": _of(
+        "aerosurface_scale",
+        "<domain> <min>-2</min> <max>1</max> </domain>"
+        " <range> <min>-0.3</min> <max>0.2</max> </range>",
+    ),
+    "aerosurface scale, not centered": _of(
+        "aerosurface_scale",
+        "<zero_centered>0</zero_centered> <range> <min>-0.3</min> <max>0.2</max> </range>",
+    ),
+    "aerosurface scale, gain": _of(
+        "aerosurface_scale", "<gain>3</gain> <range> <min>-0.3</min> <max>0.2</max> </range>"
+    ),
+    "aerosurface scale, range of properties": _of(
+        "aerosurface_scale",
+        "<range> <min>-aero/alpha-rad</min> <max>aero/alpha-rad</max> </range>",
+    ),
+    "kinematic": _of("kinematic", _TRAVERSE, "fcs/flap-cmd-norm"),
+    "kinematic, noscale": _of("kinematic", f"{_TRAVERSE} <noscale/>", "aero/alpha-deg"),
+    "kinematic, gain": _of("kinematic", f"{_TRAVERSE} <gain>2</gain>", _STICK),
+    "kinematic, middle detent": _of(
+        "kinematic",
+        "<traverse> <setting> <position>-5</position> <time>0</time> </setting> <setting>"
+        " <position>3</position> <time>1</time> </setting> <setting> <position>12</position>"
+        " <time>1</time> </setting> </traverse>",
+    ),
+    "deadband": _of("deadband", "<width>0.3</width>"),
+    "deadband, gain": _of("deadband", "<width>0.3</width> <gain>2</gain>"),
+    "deadband of a property": _of("deadband", "<width>aero/alpha-rad</width>"),
+    "lag filter": _of("lag_filter", "<c1>20</c1>"),
+    "lag filter of a rate": _of("lag_filter", "<c1>20</c1>", _Q),
+    "lag filter by a property": _of("lag_filter", "<c1>velocities/vc-kts</c1>"),
+    "lag filter, clip": _of("lag_filter", f"<c1>20</c1> {_clip(-0.1, 0.1)}"),
+    "lead lag filter": _of("lead_lag_filter", "<c1>1</c1> <c2>4</c2> <c3>1</c3> <c4>5</c4>"),
+    "lead lag, no constant": _of("lead_lag_filter", "<c1>1</c1> <c2>0</c2> <c3>1</c3> <c4>5</c4>"),
+    "second order filter": _of(
+        "second_order_filter", "<c1>0</c1> <c2>0</c2> <c3>9</c3> <c4>1</c4> <c5>8</c5> <c6>12</c6>"
+    ),
+    "washout filter": _of("washout_filter", "<c1>5</c1>", _Q),
+    "washout of the stick": _of("washout_filter", "<c1>5</c1>"),
+    "integrator of a rate": _of("integrator", "<c1>0.1</c1>", _Q),
+    "integrator with trigger": _of("integrator", "<c1>0.1</c1> <trigger>fcs/hold</trigger>", _Q),
+    "integrator of the stick": _of("integrator", "<c1>0.1</c1>"),
+    "pid, kp": _of("pid", "<kp>0.5</kp>", _Q),
+    "pid, kp and ki of a rate": _of("pid", "<kp>0.5</kp> <ki>0.1</ki>", _Q),
+    "pid, kp and kd": _of("pid", "<kp>0.5</kp> <kd>0.1</kd>", _Q),
+    "pid, ki 0": _of("pid", "<kp>0.5</kp> <ki>0</ki>", _Q),
+    "pid, ki of the stick": _of("pid", "<kp>0.5</kp> <ki>0.1</ki>"),
+    "pid, kp of a property": _of("pid", "<kp>aero/alpha-rad</kp>", _Q),
+    "pid, standard": _of("pid", "<kp>0.5</kp> <ki>0</ki> <kd>0.2</kd>", _Q, 'type="standard"'),
+    "pid, standard with ki": _of("pid", "<kp>0.5</kp> <ki>0.2</ki>", _Q, 'type="standard"'),
+    "pid, pvdot": _of("pid", f"<kp>0.5</kp> <kd>1</kd> <pvdot>{_Q}</pvdot>"),
+    "pid, trigger": _of("pid", "<kp>0.5</kp> <ki>0.1</ki> <trigger>fcs/hold</trigger>", _Q),
+    "actuator": _of("actuator", "<lag>20</lag>"),
+    "actuator, rate limit": _of("actuator", "<rate_limit>5</rate_limit>"),
+    "actuator, rate limits of two senses": _of(
+        "actuator",
+        '<rate_limit sense="incr">5</rate_limit> <rate_limit sense="decr">3</rate_limit>',
+    ),
+    "actuator, bias": _of("actuator", "<bias>0.1</bias>"),
+    "actuator, deadband": _of("actuator", "<deadband_width>0.2</deadband_width>"),
+    "actuator, hysteresis": _of("actuator", "<hysteresis_width>0.05</hysteresis_width>"),
+    "actuator, clip": _of("actuator", f"<lag>20</lag> {_clip(-0.2, 0.2)}"),
+    "actuator, lag by a property": _of("actuator", "<lag>velocities/vc-kts</lag>"),
+    "sensor": _of("sensor", "", _SENSOR_INPUT),
+    "sensor, bias and gain": _of("sensor", "<bias>0.1</bias> <gain>2</gain>", _SENSOR_INPUT),
+    "sensor, lag": _of("sensor", "<lag>20</lag>", _SENSOR_INPUT),
+    "sensor, quantization": _of(
+        "sensor",
+        '<quantization name="q"> <bits>3</bits> <min>-1</min> <max>1</max> </quantization>',
+        _SENSOR_INPUT,
+    ),
+    "sensor, drift": _of("sensor", "<drift_rate>0.01</drift_rate>", _SENSOR_INPUT),
+    "sensor, noise": _of(
+        "sensor", '<noise variation="ABSOLUTE" distribution="UNIFORM">0.2</noise>', _SENSOR_INPUT
+    ),
+    "sensor, delay": _of("sensor", "<delay>0.1</delay>", _SENSOR_INPUT),
+    "accelerometer": component(
+        '<accelerometer name="fcs/c"> <axis>Z</axis> <location unit="IN"> <x>0</x> <y>0</y>'
+        f" <z>0</z> </location> {_OUT} </accelerometer>"
+    ),
+    "gyro": component(f'<gyro name="fcs/c"> <axis>Y</axis> {_OUT} </gyro>'),
+    "magnetometer": component(
+        '<magnetometer name="fcs/c"> <axis>X</axis> <location unit="IN"> <x>0</x> <y>0</y>'
+        f" <z>0</z> </location> {_OUT} </magnetometer>"
+    ),
+    "angle": component(
+        '<angle name="fcs/c"> <target_angle unit="DEG">aero/alpha-deg</target_angle>'
+        f' <source_angle unit="RAD">aero/beta-rad</source_angle> {_OUT} </angle>'
+    ),
+    "waypoint": component(
+        '<waypoint_heading name="fcs/c"> <target_latitude unit="RAD">fcs/lat</target_latitude>'
+        ' <target_longitude unit="RAD">fcs/lon</target_longitude>'
+        ' <source_latitude unit="RAD">position/lat-gc-rad</source_latitude>'
+        ' <source_longitude unit="RAD">position/long-gc-rad</source_longitude>'
+        f" {_OUT} </waypoint_heading>"
+    )
+    | {"control": "<property value='0.3'>fcs/lat</property> <property>fcs/lon</property>"},
+    "distributor": component(
+        '<distributor name="fcs/c" type="exclusive"> <case> <property value="0.3">fcs/probe'
+        "</property> </case> </distributor>"
+    ),
+    "linear actuator": _of("linear_actuator", "<module>1</module> <gain>1</gain>"),
+    "unknown component": _of("flux_capacitor", ""),
+    "function": component(
+        '<fcs_function name="fcs/c"> <function> <sum> <p>aero/alpha-rad</p> <v>0.1</v> </sum>'
+        f" </function> {_OUT} </fcs_function>"
+    ),
+    "function of an input": component(
+        f'<fcs_function name="fcs/c"> <input>{_STICK}</input> <function> <v>2</v> </function>'
+        f" {_OUT} </fcs_function>"
+    ),
+    "switch": _switch(_TEST.format("gt")),
+    "switch, false": _switch(_TEST.format("lt")),
+    "switch, sign": _switch(_TEST.format("&gt;=")),
+    "switch, upper case": _switch(_TEST.format("GT")),
+    "switch, attribute": _switch('<test value="0.7"> velocities/vc-kts == 1 </test>'),
+    "switch, two tests": _switch(_TEST.format("lt") + _TEST.replace("0.7", "0.5").format("gt")),
+    "switch, AND": _switch(
+        '<test logic="AND" value="0.7"> velocities/vc-kts gt 1\n velocities/vc-kts lt 1 </test>'
+    ),
+    "switch, OR": _switch(
+        '<test logic="OR" value="0.7"> velocities/vc-kts gt 1\n velocities/vc-kts lt 1 </test>'
+    ),
+    "switch, logic in small letters": _switch(
+        '<test logic="or" value="0.7"> velocities/vc-kts gt 1\n velocities/vc-kts lt 1 </test>'
+    ),
+    "switch, nested": _switch(
+        '<test logic="AND" value="0.7"> <test logic="OR"> velocities/vc-kts gt 1\n'
+        " velocities/vc-kts lt 1 </test> <test> velocities/vc-kts gt 1 </test> </test>"
+    ),
+    "switch, minus property": _switch(
+        '<test value="-aero/alpha-rad"> velocities/vc-kts gt 1 </test>'
+    ),
+    "switch, no default": _switch(_TEST.format("lt"), ""),
+    "switch of two properties": _switch(
+        '<test value="0.7"> velocities/vc-kts gt velocities/vt-fps </test>'
+    ),
+    "channel": _channel(""),
+    "channel, execute 0": _channel(
+        'execute="fcs/yd-on"', '<property value="0">fcs/yd-on</property>'
+    ),
+    "channel, execute 1": _channel(
+        'execute="fcs/yd-on"', '<property value="1">fcs/yd-on</property>'
+    ),
+    "channel, execute by a state": _channel('execute="aero/alpha-rad"'),
+    "channel, execute of nothing": _channel('execute="fcs/nothing"'),
+    "channel, execrate": _channel('execrate="4"'),
+    "property with a value": _channel("") | {"control": '<property value="3">fcs/gain</property>'},
+    "property that a gain reads": _of("pure_gain", "<gain>fcs/g</gain>")
+    | {"control": '<property value="0.6">fcs/g</property>'},
+    "property, persistent": _of("pure_gain", "<gain>fcs/g</gain>")
+    | {"control": '<property value="0.6" persistent="true">fcs/g</property>'},
+    "property with many minus signs": _of("pure_gain", f"<gain>{'-' * 2000}fcs/g</gain>")
+    | {"control": '<property value="0.6">fcs/g</property>'},
+    "autopilot section": {
+        "sections": (
+            '<autopilot name="AP"> <channel name="a"> <pure_gain name="fcs/c">'
+            f" <input>{_STICK}</input> {_OUT} </pure_gain> </channel> </autopilot>"
+        ),
+        "pitch": pitching("fcs/probe"),
+    },
+    "system section": {
+        "sections": (
+            '<system name="S"> <property value="0.4">s/k</property> <channel name="a">'
+            f' <pure_gain name="fcs/c"> <input>{_STICK}</input> <gain>s/k</gain> {_OUT}'
+            " </pure_gain> </channel> </system>"
+        ),
+        "pitch": pitching("fcs/probe"),
+    },
+    "function in flight control": {
+        "control": '<function name="fcs/f"> <p>aero/alpha-rad</p> </function>',
+        "pitch": pitching("fcs/f"),
+    },
+}

@@ -1,0 +1,169 @@
+"""Constructs of functions and tables, and of the aerodynamics."""
+
+from __future__ import annotations
+
+from studies.jsbsim.constructs.jet import coefficient, function, pitching, slope
+
+_A = "<p>aero/alpha-rad</p>"
+_B = "<p>aero/beta-rad</p>"
+_V = "<v>0.5</v>"
+
+
+def _of(operation: str, *arguments: str) -> dict[str, str]:
+    return function(f"<{operation}> {' '.join(arguments)} </{operation}>")
+
+
+def _table(data: str, *variables: str, head: str = "") -> dict[str, str]:
+    names = "".join(variables)
+    return function(f"<table> {names} {head} <tableData> {data} </tableData> </table>")
+
+
+def _variable(name: str, lookup: str = "") -> str:
+    attribute = f' lookup="{lookup}"' if lookup else ""
+    return f"<independentVar{attribute}>{name}</independentVar>"
+
+
+_ROW = _variable("aero/alpha-rad", "row")
+_COLUMN = _variable("aero/beta-rad", "column")
+_ALPHA = _variable("aero/alpha-rad")
+
+
+def _axis(name: str, text: str, attributes: str = "") -> dict[str, str]:
+    return {"axes": f'<axis name="{name}" {attributes}> {text} </axis>'}
+
+
+_FORCE = coefficient(slope(0.3, "aero/alpha-rad"))
+_HYSTERESIS = (
+    '<alphalimits unit="DEG"> <min>-10</min> <max>{}</max> </alphalimits>'
+    ' <hysteresis_limits unit="DEG"> <min>{}</min> <max>{}</max> </hysteresis_limits>'
+)
+
+CONSTRUCTS: dict[str, dict[str, str]] = {
+    **{
+        name: _of(name, _A, _V)
+        for name in ("sum", "product", "difference", "quotient", "avg", "min", "max", "pow")
+        + ("fmod", "mod", "atan2", "lt", "le", "gt", "ge", "eq", "nq", "and", "or")
+        + ("roundmultiple",)
+    },
+    **{
+        name: _of(name, f"<sum> {_A} <v>0.4</v> </sum>")
+        for name in ("abs", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "ln", "log2")
+        + ("log10", "sqrt", "floor", "ceil", "integer", "fraction", "sign", "toradians")
+        + ("todegrees", "not", "roundmultiple")
+    },
+    "sum of one": _of("sum", _A),
+    "difference of three": _of("difference", _A, _V, _B),
+    "pi": _of("product", "<pi/>", _A),
+    "ifthen": _of("ifthen", f"<gt> {_A} <v>0</v> </gt>", _V, "<v>0.2</v>"),
+    "switch function": _of("switch", "<v>1</v>", "<v>0.1</v>", "<v>0.2</v>", "<v>0.3</v>"),
+    "switch function by a state": _of(
+        "switch",
+        f"<product> {_A} <v>10</v> </product>",
+        *(f"<v>{0.1 * number}</v>" for number in range(5)),
+    ),
+    "interpolate1d": _of("interpolate1d", _A, "<v>-1</v> <v>0</v> <v>0</v> <v>2</v> <v>1</v> <v>1</v>"),
+    "random": _of("random"),
+    "urandom": _of("urandom"),
+    "rotation_alpha_local": _of("rotation_alpha_local", *["<v>0.1</v>"] * 6),
+    "unknown operation": _of("sinh", _A),
+    "value of two lines": function("<v>0.5\n0.7</v>"),
+    "value with an underscore": function("<v>1_0.5e-2</v>"),
+    "value nan": function("<v>nan</v>"),
+    "value inf": function("<v>inf</v>"),
+    "value with a blank": function("<v> 0.5 0.7 </v>"),
+    "property with a minus": _of("sum", "<p>-aero/alpha-rad</p>"),
+    "property with an index": _of("sum", "<p>aero/alpha-rad[0]</p>"),
+    "property and value attribute": {
+        "air": '<property value="0.4">aero/k</property>',
+        **function("<p>aero/k</p>"),
+    },
+    "function with a name": {
+        "air": f'<function name="aero/f"> <sum> {_A} {_V} </sum> </function>',
+        **function("<p>aero/f</p>"),
+    },
+    "function of a later function": {
+        "air": (
+            '<function name="aero/f"> <p>aero/g</p> </function>'
+            f' <function name="aero/g"> <sum> {_A} {_V} </sum> </function>'
+        ),
+        **function("<p>aero/f</p>"),
+    },
+    "function in an axis read by another": {
+        "lift": f'<function name="aero/L"> <product> <v>100</v> {_A} </product> </function>',
+        **function("<product> <v>0.01</v> <p>aero/L</p> </product>"),
+    },
+    "function in a function": function(f'<function name="aero/f"> {_A} </function>'),
+    "function that copies": {
+        "air": f'<function name="aero/f" copyto="aero/g"> {_A} </function>',
+        **function("<p>aero/g</p>"),
+    },
+    "function type pre": {
+        "air": f'<function name="aero/f" type="pre"> {_A} </function>',
+        **function("<p>aero/f</p>"),
+    },
+    "function type post": {
+        "air": f'<function name="aero/f" type="post"> {_A} </function>',
+        **function("<p>aero/f</p>"),
+    },
+    "function type template": {
+        "air": '<function name="aero/t" type="template"> <product> <p>#</p> <v>2</v> </product> </function>',
+        **function('<p apply="aero/t">aero/alpha-rad</p>'),
+    },
+    "function with a description": {
+        "air": f'<function name="aero/f"> <description>text</description> {_A} </function>',
+        **function("<p>aero/f</p>"),
+    },
+    "table of rows": _table("-1 0.3\n 0 0.1\n 0.1 0.4\n 1 0.2", _ALPHA),
+    "table, lookup row": _table("-1 0.3\n 0 0.1\n 1 0.2", _ROW),
+    "table of two": _table("   -1 1\n -1 0.1 0.2\n 1 0.3 0.7", _ROW, _COLUMN),
+    "table of three": function(
+        f"<table> {_ROW} {_COLUMN} {_variable('velocities/vt-fps', 'table')}"
+        ' <tableData breakPoint="100"> -1 1\n -1 0.1 0.2\n 1 0.3 0.7 </tableData>'
+        ' <tableData breakPoint="900"> -1 1\n -1 0.3 0.1\n 1 0.2 0.4 </tableData> </table>'
+    ),
+    "table with a name": {
+        "air": (
+            f'<function name="aero/f"> <table name="aero/T"> {_ALPHA}'
+            " <tableData> -1 0.3\n 1 0.2\n </tableData> </table> </function>"
+        ),
+        **function("<p>aero/f</p>"),
+    },
+    "table read by its name": {
+        "air": (
+            f'<function name="aero/f"> <table name="aero/T"> {_ALPHA}'
+            " <tableData> -1 0.3\n 1 0.2\n </tableData> </table> </function>"
+        ),
+        **function("<p>aero/T</p>"),
+    },
+    "table of a minus variable": _table("-1 0.3\n 1 0.2", _variable("-aero/alpha-rad")),
+    "table with nan": _table("-1 nan\n 1 0.2", _ALPHA),
+    "table with one row": _table("-1 0.3", _ALPHA),
+    "table unsorted": _table("1 0.3\n -1 0.2\n 2 0.1", _ALPHA),
+    "table on one line": _table("-1 0.3 1 0.2", _ALPHA),
+    "table beyond its end": _table("-2 0.3\n -1 0.2", _ALPHA),
+    "table with an underscore": _table("-1 0.3\n 1 1_0.2e-2", _ALPHA),
+    "axis X": _axis("X", _FORCE),
+    "axis Z, body": _axis("Z", _FORCE),
+    "axis AXIAL": _axis("AXIAL", _FORCE),
+    "axis NORMAL": _axis("NORMAL", _FORCE),
+    "axis ROLL again": _axis("ROLL", coefficient(slope(0.2, "aero/beta-rad"), length="bw-ft")),
+    "axis ROLL, stability frame": _axis("ROLL", _FORCE, 'frame="STABILITY"'),
+    "axis LIFT, frame": _axis("LIFT", _FORCE, 'frame="BODY"'),
+    "axis unknown": _axis("SPIN", _FORCE),
+    "force at the center of gravity": {
+        "lift": f'<function apply_at_cg="true"> <product> <v>300</v> {_A} </product> </function>'
+    },
+    "alpha limits": {"air": '<alphalimits unit="DEG"> <min>-20</min> <max>20</max> </alphalimits>'},
+    "hysteresis limits, not stalled": {"air": _HYSTERESIS.format(60, 70, 80)}
+    | function("<p>aero/stall-hyst-norm</p>"),
+    "hysteresis limits, stalled": {"air": _HYSTERESIS.format(-50, -60, -55)}
+    | function("<p>aero/stall-hyst-norm</p>"),
+    "reference point moves": {
+        "air": "<aero_ref_pt_shift_x> <function> <v>0.2</v> </function> </aero_ref_pt_shift_x>"
+    },
+    "unknown child of aerodynamics": {"air": "<ground_effect> <v>1</v> </ground_effect>"},
+    "lift by cl-squared": {"lift": coefficient(slope(0.1, "aero/cl-squared"))},
+    "moment by alphadot": {"pitch": pitching("aero/alphadot-rad_sec")},
+    "comment in a function": function(f"<!-- text --> {_A}"),
+}
+CONSTRUCTS["rounded to a multiple"] = _of("roundmultiple", _A, "<v>0.1</v>")

@@ -1,0 +1,176 @@
+"""A small jet with one construct more: the text of its file.
+
+A construct is what is put into the slots of the jet, by the name of the slot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+#: Slot -> what stands there in the plain jet.
+SLOTS = {
+    "head": "",
+    "metrics": "",
+    "reference": "<x> 0 </x> <y> 0 </y> <z> 0 </z>",
+    "mass_attributes": "",
+    "mass": '<emptywt unit="LBS"> 3000 </emptywt>',
+    "propulsion": "",
+    "engine": "",
+    "turbine": '<milthrust unit="LBS"> 2000 </milthrust> <idlen1>30</idlen1> <maxn1>100</maxn1>',
+    "shares": (
+        '<function name="IdleThrust"> <v>0.05</v> </function>'
+        ' <function name="MilThrust"> <v>0.9</v> </function>'
+    ),
+    "engine_kind": "",
+    "thruster": "<direct/>",
+    "thruster_place": (
+        '<location unit="IN"> <x> 10 </x> <y> 3 </y> <z> 5 </z> </location>'
+        ' <orient unit="DEG"> <roll> 0 </roll> <pitch> 2 </pitch> <yaw> 0 </yaw> </orient>'
+    ),
+    "tank": '<contents unit="LBS"> 500 </contents>',
+    "tanks": "",
+    "tank_attributes": 'type="FUEL"',
+    "tank_place": '<location unit="IN"> <x> 4 </x> <y> 6 </y> <z> -3 </z> </location>',
+    "control": "",
+    "channels": "",
+    "air": "",
+    "axes": "",
+    "lift": "",
+    "pitch": "",
+    "sections": "",
+}
+_ENGINE = "<turbine_engine> {turbine} {shares} </turbine_engine>"
+_JET = """<?xml version="1.0"?>
+<fdm_config name="jet" version="2.0">
+{head}
+<metrics>
+ <wingarea unit="FT2"> 150 </wingarea> <wingspan unit="FT"> 30 </wingspan>
+ <chord unit="FT"> 5 </chord>
+ <location name="AERORP" unit="IN"> {reference} </location>
+ {metrics}
+</metrics>
+<mass_balance {mass_attributes}>
+ <ixx unit="SLUG*FT2"> 1000 </ixx> <iyy unit="SLUG*FT2"> 1200 </iyy>
+ <izz unit="SLUG*FT2"> 2000 </izz>
+ <location name="CG" unit="IN"> <x> 1 </x> <y> 0.5 </y> <z> 2 </z> </location>
+ {mass}
+</mass_balance>
+<ground_reactions/>
+<propulsion>
+ {propulsion}
+ <engine>
+  {engine_kind}
+  <feed>0</feed>
+  {engine}
+  <thruster> {thruster_place} {thruster} </thruster>
+ </engine>
+ <tank {tank_attributes}>
+  {tank_place}
+  <capacity unit="LBS"> 1000 </capacity>
+  {tank}
+ </tank>
+ {tanks}
+</propulsion>
+<flight_control name="FCS">
+ {control}
+ <channel name="surfaces">
+  <pure_gain name="Elevator Gain">
+   <input>fcs/elevator-cmd-norm</input> <gain>0.3</gain> <output>fcs/elevator-pos-rad</output>
+  </pure_gain>
+  <pure_gain name="Aileron Gain">
+   <input>fcs/aileron-cmd-norm</input> <gain>0.3</gain> <output>fcs/left-aileron-pos-rad</output>
+  </pure_gain>
+  <pure_gain name="Rudder Gain">
+   <input>fcs/rudder-cmd-norm</input> <gain>0.3</gain> <output>fcs/rudder-pos-rad</output>
+  </pure_gain>
+ </channel>
+ {channels}
+</flight_control>
+{sections}
+<aerodynamics>
+ {air}
+ {axes}
+ <axis name="LIFT"> {lift} {LIFT} </axis>
+ <axis name="DRAG"> {DRAG} </axis>
+ <axis name="SIDE"> {SIDE} </axis>
+ <axis name="ROLL"> {ROLL} </axis>
+ <axis name="PITCH"> {pitch} {PITCH} </axis>
+ <axis name="YAW"> {YAW} </axis>
+</aerodynamics>
+</fdm_config>
+"""
+
+
+def coefficient(*terms: str, length: str = "") -> str:
+    """A function: q S (length) times the sum of the terms."""
+    arm = f"<p>metrics/{length}</p>" if length else ""
+    body = "".join(terms)
+    size = f"<p>aero/qbar-psf</p> <p>metrics/Sw-sqft</p> {arm}"
+    return f"<function> <product> {size} <sum> <v>0</v> {body} </sum> </product> </function>"
+
+
+def slope(value: float, name: str) -> str:
+    """value times a property."""
+    return f"<product> <v>{value}</v> <p>{name}</p> </product>"
+
+
+_AIR = {
+    "LIFT": coefficient("<v>0.3</v>", slope(5.0, "aero/alpha-rad")),
+    "DRAG": coefficient("<v>0.03</v>", slope(0.5, "aero/alpha-rad")),
+    "SIDE": coefficient(slope(-0.5, "aero/beta-rad")),
+    "ROLL": coefficient(
+        slope(-0.1, "aero/beta-rad"),
+        slope(-0.1, "velocities/p-aero-rad_sec"),
+        slope(0.1, "fcs/left-aileron-pos-rad"),
+        length="bw-ft",
+    ),
+    "PITCH": coefficient(
+        slope(-0.5, "aero/alpha-rad"),
+        slope(-0.5, "velocities/q-aero-rad_sec"),
+        slope(-1.0, "fcs/elevator-pos-rad"),
+        length="cbarw-ft",
+    ),
+    "YAW": coefficient(
+        slope(0.1, "aero/beta-rad"),
+        slope(-0.1, "velocities/r-aero-rad_sec"),
+        slope(-0.1, "fcs/rudder-pos-rad"),
+        length="bw-ft",
+    ),
+}
+
+
+def jet(slots: Mapping[str, str]) -> str:
+    """The text of the jet's file with these slots filled."""
+    filled = SLOTS | {"engine_kind": _ENGINE} | dict(slots)
+    filled["engine_kind"] = filled["engine_kind"].format(**filled)
+    return _JET.format(**filled, **_AIR)
+
+
+def component(text: str, name: str = "fcs/probe") -> dict[str, str]:
+    """A construct of a component that writes fcs/probe, or another property that a moment reads."""
+    return {
+        "channels": f'<channel name="construct"> {text} </channel>',
+        "pitch": pitching(name),
+    }
+
+
+def pitching(name: str) -> str:
+    """A pitching moment from a property."""
+    return coefficient(slope(0.1, name), length="cbarw-ft")
+
+
+def function(text: str) -> dict[str, str]:
+    """A construct of a function that a pitching moment takes."""
+    return {"pitch": coefficient(f"<product> <v>0.1</v> {text} </product>", length="cbarw-ft")}
+
+
+def reading(name: str, scale: float = 1.0) -> dict[str, str]:
+    """A construct that reads a property, of about this size."""
+    return {"pitch": coefficient(slope(0.1 / scale, name), length="cbarw-ft")}
+
+
+def writing(name: str, value: float, more: str = "") -> dict[str, str]:
+    """A construct of a component that writes a property of JSBSim."""
+    text = f'<fcs_function name="w"> <function> <v>{value}</v> </function>'
+    output = f"<output>{name}</output> </fcs_function>"
+    return {"channels": f'<channel name="construct"> {text} {output} {more} </channel>'}

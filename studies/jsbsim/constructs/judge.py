@@ -1,0 +1,164 @@
+"""Each construct in the small jet: what the reader makes of it, and JSBSim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.jsbsim.reader import read_model
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError
+from studies.jsbsim.constructs.airframe import CONSTRUCTS as AIRFRAME
+from studies.jsbsim.constructs.control import CONSTRUCTS as CONTROL
+from studies.jsbsim.constructs.functions import CONSTRUCTS as FUNCTIONS
+from studies.jsbsim.constructs.jet import SLOTS, jet
+from studies.jsbsim.constructs.named import CONSTRUCTS as NAMED
+from studies.jsbsim.reference import answered
+
+ALL: dict[str, dict[str, str]] = {
+    f"{kind}: {name}": slots
+    for kind, constructs in (
+        ("airframe", AIRFRAME),
+        ("control", CONTROL),
+        ("functions", FUNCTIONS),
+        ("properties", NAMED),
+    )
+    for name, slots in constructs.items()
+}
+#: Relative to 1 g and 1 rad/s^2, or to what is there.
+TOLERANCE = 1e-9
+#: JSBSim settles for so many seconds.
+_SECONDS = 8
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """verdict: agrees, refused, noted, silent, or looser (read here, refused by JSBSim).
+
+    why: the message, the notes or the difference.
+    """
+
+    name: str
+    verdict: str
+    why: str
+
+
+def judge(names: list[str], folder: Path) -> list[Judgement]:
+    """The judgement of each construct, whose files are written into a folder."""
+    plain_notes = set(_bare(_model(folder, "plain", {}).notes))
+    models: dict[str, Model | str] = {}
+    items = []
+    for number, name in enumerate(names):
+        key = f"c{number}"
+        try:
+            models[name] = _model(folder, key, ALL[name])
+        except BadInputError as error:
+            models[name] = str(error)
+        except Exception as error:  # a bug of the reader is a verdict here
+            models[name] = f"TRACEBACK {type(error).__name__}: {error}"
+        rng = np.random.default_rng(number)
+        for _ in range(2):
+            point = _point(rng)
+            items.append({"aircraft": key, "root": str(folder), "point": point})
+    answers = answered(items)
+    judgements = []
+    for number, name in enumerate(names):
+        pairs = [(items[i]["point"], answers[i]) for i in (2 * number, 2 * number + 1)]
+        judgements.append(_judged(name, models[name], pairs, plain_notes))
+    return judgements
+
+
+def _model(folder: Path, key: str, slots: Mapping[str, str]) -> Model:
+    path = folder / "aircraft" / key / f"{key}.xml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(jet(slots))
+    return read_model(str(path))
+
+
+def _point(rng: np.random.Generator) -> dict[str, Any]:
+    """A state and commands, drawn."""
+    state = {
+        "altitude": rng.uniform(2000.0, 9000.0),
+        "speed": rng.uniform(250.0, 400.0),
+        "alpha": rng.uniform(0.02, 0.15),
+        "beta": rng.uniform(-0.1, 0.1),
+        "roll": rng.uniform(-0.6, 0.6),
+        "pitch": rng.uniform(-0.3, 0.3),
+        "yaw": rng.uniform(0.1, 1.0),
+    }
+    for name in ("roll_rate", "pitch_rate", "yaw_rate"):
+        state[name] = rng.uniform(-0.1, 0.1)
+    commands = {name: rng.uniform(-0.8, 0.8) for name in ("aileron", "elevator", "rudder")}
+    commands |= {"throttle": rng.uniform(0.2, 1.0), "flap": rng.uniform(0.2, 1.0)}
+    return {"state": state, "commands": commands, "seconds": _SECONDS}
+
+
+def _bare(notes: Any) -> list[str]:
+    """Notes without the place of the file."""
+    return [note.rsplit(".xml:", 1)[-1].partition(" ")[2] for note in notes]
+
+
+def _judged(
+    name: str, model: Model | str, pairs: list[tuple[Any, Any]], plain_notes: set[str]
+) -> Judgement:
+    """What comes of a model, or of its refusal, and of JSBSim's answers."""
+    if isinstance(model, str):
+        verdict = "traceback" if model.startswith("TRACEBACK") else "refused"
+        return Judgement(name, verdict, model)
+    refusals = [answer for _, answer in pairs if answer is None or "error" in answer]
+    if refusals:
+        return Judgement(name, "looser", f"JSBSim: {refusals[0]}")
+    try:
+        miss = max(difference(model, point, answer) for point, answer in pairs)
+    except FloatingPointError as error:
+        return Judgement(name, "silent", f"no number: {error}")
+    if miss < TOLERANCE:
+        return Judgement(name, "agrees", f"{miss:.0e}")
+    notes = [note for note in model.notes if _bare([note])[0] not in plain_notes]
+    if notes:
+        return Judgement(name, "noted", f"{miss:.0e} {'; '.join(notes)}")
+    return Judgement(name, "silent", f"{miss:.0e}")
+
+
+def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, float]) -> float:
+    """The largest difference of the accelerations from JSBSim's, relative to 1 g and 1 rad/s^2 or
+    to JSBSim's where these are larger."""
+    state = {name: answer.get(f"state.{name}", answer.get(name)) for name in model.states}
+    commands = point["commands"]
+    x = [state[name] for name in model.states]
+    u = []
+    for name, signal in model.inputs.items():
+        u.append(answer[name] if signal.unit == "rad" else commands.get(name, 0.0))
+    levers = {name: commands[name] for name in model.parameters if name in commands}
+    rates = model.with_parameters(gravity=answer["gravity"], **levers).rates_at(x, u)
+    speed, alpha, beta = (state[name] for name in ("speed", "alpha", "beta"))
+    along = np.array([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)])
+    acceleration = np.array([answer["udot"], answer["vdot"], answer["wdot"]])
+    u_speed, v_speed, w_speed = speed * along
+    speed_rate = along @ acceleration
+    in_plane = u_speed**2 + w_speed**2
+    alpha_rate = (u_speed * acceleration[2] - w_speed * acceleration[0]) / in_plane
+    beta_rate = (speed * acceleration[1] - v_speed * speed_rate) / (speed * np.sqrt(in_plane))
+    linear = [
+        rates["speed"] - speed_rate,
+        speed * (rates["alpha"] - alpha_rate),
+        speed * (rates["beta"] - beta_rate),
+    ]
+    rotation = np.array([answer["pdot"], answer["qdot"], answer["rdot"]])
+    own = np.array([rates[axis] for axis in ("roll_rate", "pitch_rate", "yaw_rate")])
+    miss = max(
+        np.abs(linear).max() / max(32.0, np.abs(acceleration).max()),
+        np.abs(own - rotation).max() / max(1.0, np.abs(rotation).max()),
+    )
+    if not np.isfinite(miss):
+        raise FloatingPointError(f"{rates}, JSBSim {answer}")
+    return float(miss)
+
+
+def unused_slots() -> set[str]:
+    """Slots that no construct fills."""
+    return set(SLOTS) - {slot for slots in ALL.values() for slot in slots}
