@@ -25,7 +25,7 @@ def load_model(text: str) -> Model:
     >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)
     ['thrust', 'elevator', 'aileron', 'rudder']
     """
-    if text.startswith("jsbsim:") or text.endswith(".xml"):
+    if text.startswith("jsbsim:") or text.partition("?")[0].endswith(".xml"):
         from hfa_jsbsim.reader import read_model
 
         return replace(read_model(text), made_by=reloaded)

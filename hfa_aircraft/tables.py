@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -42,8 +41,8 @@ class Interpolator:
         key = (argument.element_hash(), points.tobytes())
         if key not in self._axes:
             inside = ca.fmin(ca.fmax(argument, points[0]), points[-1])
-            above = [ca.SX(1), *(argument >= point for point in points[1:-1]), ca.SX(0)]
-            chosen = ca.vertcat(*(low - high for low, high in pairwise(above)))
+            above = argument >= ca.SX(ca.DM(points[1:-1]))
+            chosen = ca.vertcat(1, above) - ca.vertcat(above, 0)
             start = ca.dot(chosen, ca.DM(points[:-1]))
             width = ca.dot(chosen, ca.DM(np.diff(points)))
             self._axes[key] = (chosen, (inside - start) / width, argument)  # it keeps its hash

@@ -1,7 +1,8 @@
 """JSBSim itself as the reference, in a process of its own: it can end Python.
 
 `python -m studies.jsbsim.reference` reads [{"aircraft": NAME, "point": {...}}, ...] as JSON and
-writes what JSBSim finds at each, line by line, so that what was found is kept if it ends. The package jsbsim is needed.
+writes what JSBSim finds at each, line by line, so that what was found is kept if it ends. The
+package jsbsim is needed.
 """
 
 from __future__ import annotations
@@ -74,6 +75,9 @@ _MEASURED = {
     "rudder": "fcs/rudder-pos-rad",
     "throttle": "fcs/throttle-pos-norm",
     "weight": "inertia/weight-lbs",
+    "wind_north": "atmosphere/total-wind-north-fps",
+    "wind_east": "atmosphere/total-wind-east-fps",
+    "wind_down": "atmosphere/total-wind-down-fps",
     "fbx": "forces/fbx-aero-lbs",
     "fby": "forces/fby-aero-lbs",
     "fbz": "forces/fbz-aero-lbs",
@@ -84,6 +88,7 @@ _MEASURED = {
 #: JSBSim's steps a second, and how long it flies in place at most, s.
 _RATE = 120
 _LONGEST = 120
+_MOST_TANKS = 20
 #: Properties that may be missing.
 _MISSING = 200
 
@@ -189,7 +194,6 @@ def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, fl
         simulator[f"fcs/mixture-cmd-norm{index}"] = (
             commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
         )
-    simulator["propulsion/fuel_freeze"] = 1
 
 
 def _run(step: Callable[[], Any], simulator: Any) -> None:
@@ -217,6 +221,7 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
             simulator[f"simulation/integrator/{kind}/{motion}"] = 0
     commands = point.get("commands", {})
     _start(simulator, point["state"], commands)
+    simulator["propulsion/fuel_freeze"] = 0 if point.get("burn") else 1
     for name, value in point.get("override", {}).items():
         simulator[name] = value
     speeds = _propeller_speeds(simulator)
@@ -230,7 +235,9 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
         steady = steady + 1 if moved < 1e-9 else 0
         if second >= point.get("seconds", 20) and steady >= 2:
             break
-    answer: dict[str, Any] = {
+    tanks = _contents(simulator)  # the mass of the last step is that before it
+    _run(simulator.run, simulator)
+    answer: dict[str, Any] = tanks | {
         name: _value(simulator, full_name) for name, full_name in _MEASURED.items()
     }
     answer |= {f"state.{name}": simulator[full_name] for name, full_name in _STATE.items()}
@@ -256,6 +263,15 @@ def _linearized(simulator: Any) -> dict[str, Any]:
         "x": list(linear.x_names),
         "u": list(linear.u_names),
     }
+
+
+def _contents(simulator: Any) -> dict[str, float]:
+    """What is in each tank, lb."""
+    contents = {}
+    for number in range(_MOST_TANKS):
+        index = f"[{number}]" if number else ""
+        contents[f"tank{number}"] = _value(simulator, f"propulsion/tank{index}/contents-lbs")
+    return contents
 
 
 def _propeller_speeds(simulator: Any) -> list[float]:

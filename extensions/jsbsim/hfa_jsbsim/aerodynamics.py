@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import casadi as ca
 
 from hfa_jsbsim.air import Motion
-from hfa_jsbsim.airframe import Mass, Metrics
+from hfa_jsbsim.airframe import Metrics
 from hfa_jsbsim.functions import function_value
 from hfa_jsbsim.properties import Properties, Writer
 from hfa_jsbsim.xml_file import Element
@@ -24,14 +25,17 @@ class Aerodynamics:
         element: Element | None,
         properties: Properties,
         wings: Metrics,
-        mass: Mass,
         motion: Motion,
+        body: Any,
     ) -> None:
+        """body: has `mass` and `reference_point(where)`."""
         self.element = element
         self._properties = properties
         self._wings = wings
-        self._mass = mass
+        self._body = body
         self._motion = motion
+        self.hysteresis = ""
+        self._axes: dict[str, list[Element]] = {}
         self._functions: dict[str, list[Element]] = {name: [] for name in _AXES}
         for axis in element.all("axis") if element is not None else ():
             name = axis.attributes.get("name", "")
@@ -42,17 +46,56 @@ class Aerodynamics:
             for function in functions:
                 if function.attributes.get("apply_at_cg") == "true":
                     raise function.error("apply_at_cg is not read; leave it out")
+            for other in self._axes.get(name, ()):
+                other.taken = False
+            self._axes[name] = [axis]
             self._functions[name] = functions  # a second axis of one name replaces the first
+        self._define_stall()
         where = element.where if element else ""
         computed = {
             "aero/cl-squared": self._lift_squared,
             "forces/fwx-aero-lbs": lambda: self._sum("DRAG"),
             "forces/fwy-aero-lbs": lambda: self._sum("SIDE"),
             "forces/fwz-aero-lbs": lambda: self._sum("LIFT"),
-            "forces/load-factor": lambda: self._sum("LIFT") / mass.weight,
+            "forces/load-factor": lambda: self._sum("LIFT") / body.mass.weight,
         }
         for name, compute in computed.items():
             properties.compute(name, Writer(compute, where))
+
+    def _define_stall(self) -> None:
+        """Let the limits of alpha, the warning of a stall and the stall set their properties."""
+        ends = {"min": 0.0, "max": 0.0}
+        limits = self._limits("alphalimits")
+        if limits is not None:
+            ends = limits
+        for name, value in ends.items():
+            self._properties.define_initial(f"aero/alpha-{name}-rad", value)
+        alpha = self._motion.alpha
+        warning: Any = 0.0
+        if ends["max"]:
+            share = alpha / ends["max"] - 0.85
+            warning = ca.if_else(alpha > 0.85 * ends["max"], 10.0 * share, 0.0)
+        self._properties.define("systems/stall-warn-norm", warning)
+        stall: Any = 0.0
+        band = self._limits("hysteresis_limits")
+        if band is not None and band["min"] and band["max"]:
+            stall = ca.if_else(alpha > band["max"], 1.0, 0.0)
+            low, high = (math.degrees(band[name]) for name in ("min", "max"))
+            where = self.element.need("hysteresis_limits").where if self.element else ""
+            self.hysteresis = (
+                f"{where}: no hysteresis of the stall; between alpha {low:g} and {high:g} deg the"
+                " flow is attached"
+            )
+        self._properties.define("aero/stall-hyst-norm", stall)
+
+    def _limits(self, kind: str) -> dict[str, float] | None:
+        """min and max of an element, rad; None without it."""
+        element = self.element.find(kind) if self.element else None
+        if element is None:
+            return None
+        unit = element.attributes.get("unit", "") or "RAD"
+        factor = 1.0 if unit == "RAD" else element.factor(unit, "RAD")
+        return {name: element.need(name).number() * factor for name in ("min", "max")}
 
     def _sum(self, axis: str) -> Any:
         """The sum of the functions along an axis."""
@@ -67,7 +110,8 @@ class Aerodynamics:
         """Force, lb, and moment about the center of gravity, ft lb, in body axes."""
         drag, side, lift, *moments = (self._sum(axis) for axis in _AXES)
         force = ca.mtimes(self._motion.wind_to_body, ca.vertcat(-drag, side, -lift))
-        arm = ca.SX(ca.DM(self._mass.arm(self._wings.reference_point)))
+        where = self.element.where if self.element else ""
+        arm = self._body.mass.arm(self._body.reference_point(where))
         shift = None if self.element is None else self.element.find("aero_ref_pt_shift_x")
         if shift is not None:
             back = function_value(shift.need("function"), self._properties) * self._wings.chord

@@ -10,7 +10,7 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_jsbsim.airframe import Mass, Metrics
+from hfa_jsbsim.airframe import Mass, Metrics, rotation
 
 FT_TO_M = 0.3048
 KNOT = 1852.0 / (3600.0 * FT_TO_M)
@@ -120,19 +120,39 @@ def subsonic_mach_of_calibrated(speed: Any, pressure: Any) -> Any:
 
 
 @dataclass(frozen=True)
+class Winds:
+    """Velocity of the air over ground, ft/s, along north, east and down: (3,) each.
+
+    steady: of the air that the states are relative to. gusts: of the air at the aircraft, relative
+    to that.
+    """
+
+    steady: Any
+    gusts: Any = None
+
+
+@dataclass(frozen=True)
 class Motion:
     """A state with what follows from it at once.
 
-    velocity: body axes, ft/s. rates: of rotation, rad/s. down: the vertical in body axes.
-    wind_to_body: (3, 3) `FGAuxiliary::UpdateWindMatrices`. climb: ft/s.
+    speed, alpha, beta, air_velocity: through the air at the aircraft; with gusts not the states.
+    velocity: the states' own, relative to the steady wind, body axes, ft/s.
+    over_ground, ned: velocity over ground in body axes, and along north, east, down.
+    rates: of rotation, rad/s. to_body: (3, 3), body axes from north, east, down.
+    down: the vertical in body axes.
+    wind_to_body: (3, 3) `FGAuxiliary::UpdateWindMatrices`. climb: over ground, ft/s.
     """
 
     speed: Any
     alpha: Any
     beta: Any
     altitude: Any
+    air_velocity: ca.SX
     velocity: ca.SX
+    over_ground: ca.SX
+    ned: ca.SX
     rates: ca.SX
+    to_body: ca.SX
     down: ca.SX
     wind_to_body: ca.SX
     climb: Any
@@ -142,55 +162,79 @@ class Motion:
     air: Air
 
 
-def motion_of(x: Any) -> Motion:
+def motion_of(x: Any, winds: Winds) -> Motion:
     """The motion of a state, whose fields are those of the model's states."""
-    cos_alpha = ca.cos(x.alpha)
-    sin_alpha = ca.sin(x.alpha)
-    cos_beta = ca.cos(x.beta)
-    sin_beta = ca.sin(x.beta)
-    wind_to_body = ca.vertcat(
-        ca.horzcat(cos_alpha * cos_beta, -cos_alpha * sin_beta, -sin_alpha),
-        ca.horzcat(sin_beta, cos_beta, 0.0),
-        ca.horzcat(sin_alpha * cos_beta, -sin_alpha * sin_beta, cos_alpha),
-    )
-    velocity = x.speed * wind_to_body[:, 0]
-    down = ca.vertcat(
-        -ca.sin(x.pitch), ca.sin(x.roll) * ca.cos(x.pitch), ca.cos(x.roll) * ca.cos(x.pitch)
-    )
+    to_body = _body_axes(x)
+    own_wind = _wind_axes(x.alpha, x.beta)
+    velocity = x.speed * own_wind[:, 0]
+    over_ground = velocity + ca.mtimes(to_body, winds.steady)
+    ned = ca.mtimes(to_body.T, over_ground)
+    speed = x.speed
+    alpha = x.alpha
+    beta = x.beta
+    air_velocity = velocity
+    wind_to_body = own_wind
+    if winds.gusts is not None:
+        air_velocity = velocity - ca.mtimes(to_body, winds.gusts)
+        speed = ca.norm_2(air_velocity)
+        alpha = ca.atan2(air_velocity[2], air_velocity[0])
+        beta = ca.asin(air_velocity[1] / speed)
+        wind_to_body = _wind_axes(alpha, beta)
     air = air_at(x.altitude)
-    mach = x.speed / air.sound
+    mach = speed / air.sound
     return Motion(
-        speed=x.speed,
-        alpha=x.alpha,
-        beta=x.beta,
+        speed=speed,
+        alpha=alpha,
+        beta=beta,
         altitude=x.altitude,
+        air_velocity=air_velocity,
         velocity=velocity,
+        over_ground=over_ground,
+        ned=ned,
         rates=ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate),
-        down=down,
+        to_body=to_body,
+        down=to_body[:, 2],
         wind_to_body=wind_to_body,
-        climb=-ca.dot(down, velocity),
-        pressure_head=0.5 * air.density * x.speed**2,
+        climb=-ca.dot(to_body[:, 2], velocity) - winds.steady[2],
+        pressure_head=0.5 * air.density * speed**2,
         mach=mach,
         calibrated=calibrated_speed(mach, air.pressure),
         air=air,
     )
 
 
-def state_properties(x: Any, motion: Motion, metrics: Metrics, mass: Mass) -> dict[str, Any]:
-    """Properties that a state sets, by name; still air, height above a ground at sea level."""
-    u, v, w = ca.vertsplit(motion.velocity)
+def _wind_axes(alpha: Any, beta: Any) -> ca.SX:
+    """Body axes from those of the wind."""
+    cos_alpha = ca.cos(alpha)
+    sin_alpha = ca.sin(alpha)
+    cos_beta = ca.cos(beta)
+    sin_beta = ca.sin(beta)
+    return ca.vertcat(
+        ca.horzcat(cos_alpha * cos_beta, -cos_alpha * sin_beta, -sin_alpha),
+        ca.horzcat(sin_beta, cos_beta, 0.0),
+        ca.horzcat(sin_alpha * cos_beta, -sin_alpha * sin_beta, cos_alpha),
+    )
+
+
+def _body_axes(x: Any) -> ca.SX:
+    """Body axes from north, east, down."""
+    return rotation(x.roll, x.pitch, x.yaw).T
+
+
+def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]:
+    """Properties that a state sets, by name; height above a ground at sea level."""
+    u, v, w = ca.vertsplit(motion.air_velocity)
+    inertial = ca.vertsplit(motion.over_ground)
+    north, east, down = ca.vertsplit(motion.ned)
     air = motion.air
     total_temperature = air.temperature * (1.0 + 0.2 * motion.mach**2)
     viscosity = _VISCOSITY * air.temperature**1.5 / (_SUTHERLAND + air.temperature)
-    ground_speed = ca.sqrt(ca.fmax(motion.speed**2 - motion.climb**2, 1e-12))
+    ground_speed = ca.sqrt(ca.fmax(north**2 + east**2, 1e-12))
+    path = ca.atan2(motion.climb, ground_speed)
     turning = (x.pitch_rate * ca.sin(x.roll) + x.yaw_rate * ca.cos(x.roll)) / ca.cos(x.pitch)
-    reference_height = x.altitude - ca.dot(motion.down, mass.arm(metrics.reference_point))
     equivalent = ca.sqrt(2.0 * motion.pressure_head / SEA_LEVEL.density)
     degrees = 180.0 / math.pi
     values = {
-        "velocities/u-fps": u,
-        "velocities/v-fps": v,
-        "velocities/w-fps": w,
         "velocities/vt-fps": motion.speed,
         "velocities/vtrue-fps": motion.speed,
         "velocities/vtrue-kts": motion.speed / KNOT,
@@ -201,19 +245,21 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics, mass: Mass) -> di
         "velocities/mach": motion.mach,
         "velocities/machU": u / air.sound,
         "velocities/vg-fps": ground_speed,
-        "velocities/ned-velocity-mag-fps": motion.speed,
+        "velocities/ned-velocity-mag-fps": ca.norm_2(motion.over_ground),
         "velocities/h-dot-fps": motion.climb,
-        "velocities/v-down-fps": -motion.climb,
+        "velocities/v-north-fps": north,
+        "velocities/v-east-fps": east,
+        "velocities/v-down-fps": down,
         "velocities/phidot-rad_sec": x.roll_rate + turning * ca.sin(x.pitch),
         "velocities/thetadot-rad_sec": x.pitch_rate * ca.cos(x.roll) - x.yaw_rate * ca.sin(x.roll),
         "velocities/psidot-rad_sec": turning,
-        "aero/alpha-rad": x.alpha,
-        "aero/alpha-deg": x.alpha * degrees,
-        "aero/alpha-wing-rad": x.alpha + metrics.incidence,
-        "aero/beta-rad": x.beta,
-        "aero/beta-deg": x.beta * degrees,
-        "aero/mag-beta-rad": ca.fabs(x.beta),
-        "aero/mag-beta-deg": ca.fabs(x.beta) * degrees,
+        "aero/alpha-rad": motion.alpha,
+        "aero/alpha-deg": motion.alpha * degrees,
+        "aero/alpha-wing-rad": motion.alpha + metrics.incidence,
+        "aero/beta-rad": motion.beta,
+        "aero/beta-deg": motion.beta * degrees,
+        "aero/mag-beta-rad": ca.fabs(motion.beta),
+        "aero/mag-beta-deg": ca.fabs(motion.beta) * degrees,
         "aero/qbar-psf": motion.pressure_head,
         "aero/qbarUW-psf": 0.5 * air.density * (u**2 + w**2),
         "aero/qbarUV-psf": 0.5 * air.density * (u**2 + v**2),
@@ -222,10 +268,9 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics, mass: Mass) -> di
         "aero/bi2vel": metrics.span / (2.0 * motion.speed),
         "aero/ci2vel": metrics.chord / (2.0 * motion.speed),
         "aero/h_b-cg-ft": x.altitude / metrics.span,
-        "aero/h_b-mac-ft": reference_height / metrics.span,
-        "aero/stall-hyst-norm": 0.0,
-        "flight-path/gamma-rad": ca.asin(motion.climb / motion.speed),
-        "flight-path/gamma-deg": ca.asin(motion.climb / motion.speed) * degrees,
+        "flight-path/gamma-rad": path,
+        "flight-path/gamma-deg": path * degrees,
+        "flight-path/psi-gt-rad": _full_turn(ca.atan2(east, north)),
         "position/h-sl-ft": x.altitude,
         "position/h-agl-ft": x.altitude,
         "position/geod-alt-ft": x.altitude,
@@ -251,8 +296,9 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics, mass: Mass) -> di
     }
     for letter, rate in zip("pqr", (x.roll_rate, x.pitch_rate, x.yaw_rate), strict=True):
         values |= {f"velocities/{letter}{kind}-rad_sec": rate for kind in ("", "-aero", "i")}
-    for letter, speed in zip("uvw", (u, v, w), strict=True):
+    for letter, speed, own_speed in zip("uvw", (u, v, w), inertial, strict=True):
         values[f"velocities/{letter}-aero-fps"] = speed
+        values[f"velocities/{letter}-fps"] = own_speed
     angles = {
         "phi": x.roll,
         "theta": x.pitch,
@@ -264,11 +310,16 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics, mass: Mass) -> di
     for name, angle in angles.items():
         values[f"attitude/{name}-rad"] = angle
         values[f"attitude/{name}-deg"] = angle * degrees
-    return values | _fixed_properties(metrics, mass)
+    return values | _sizes(metrics)
 
 
-def _fixed_properties(metrics: Metrics, mass: Mass) -> dict[str, Any]:
-    """Properties of size and mass."""
+def _full_turn(angle: Any) -> Any:
+    """An angle from 0 to 2 pi."""
+    return ca.if_else(angle < 0.0, angle + 2.0 * math.pi, angle)
+
+
+def _sizes(metrics: Metrics) -> dict[str, Any]:
+    """Properties of size."""
     chord_area = metrics.chord * metrics.area
     span_area = metrics.span * metrics.area
     values = {
@@ -287,9 +338,19 @@ def _fixed_properties(metrics: Metrics, mass: Mass) -> dict[str, Any]:
         if chord_area
         else 0.0,
         "metrics/vbarv-norm": metrics.fin_arm * metrics.fin_area / span_area if span_area else 0.0,
+    }
+    for axis, letter in enumerate("xyz"):
+        values[f"metrics/aero-rp-{letter}-in"] = metrics.reference_point[axis]
+        values[f"metrics/eyepoint-{letter}-in"] = metrics.eye_point[axis]
+        values[f"metrics/visualrefpoint-{letter}-in"] = metrics.visual_point[axis]
+    return values
+
+
+def mass_properties(mass: Mass) -> dict[str, Any]:
+    """Properties of mass."""
+    values = {
         "inertia/mass-slugs": mass.slugs,
         "inertia/weight-lbs": mass.weight,
-        "inertia/empty-weight-lbs": mass.empty_weight,
         "inertia/ixx-slugs_ft2": mass.inertia[0, 0],
         "inertia/iyy-slugs_ft2": mass.inertia[1, 1],
         "inertia/izz-slugs_ft2": mass.inertia[2, 2],
@@ -299,6 +360,13 @@ def _fixed_properties(metrics: Metrics, mass: Mass) -> dict[str, Any]:
     }
     for axis, letter in enumerate("xyz"):
         values[f"inertia/cg-{letter}-in"] = mass.center[axis]
-        values[f"metrics/aero-rp-{letter}-in"] = metrics.reference_point[axis]
-        values[f"metrics/eyepoint-{letter}-in"] = metrics.eye_point[axis]
     return values
+
+
+#: Names of `mass_properties`.
+OF_MASS = (
+    *("inertia/mass-slugs", "inertia/weight-lbs"),
+    *("inertia/ixx-slugs_ft2", "inertia/iyy-slugs_ft2", "inertia/izz-slugs_ft2"),
+    *("inertia/ixy-slugs_ft2", "inertia/ixz-slugs_ft2", "inertia/iyz-slugs_ft2"),
+    *("inertia/cg-x-in", "inertia/cg-y-in", "inertia/cg-z-in"),
+)

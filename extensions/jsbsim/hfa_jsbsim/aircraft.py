@@ -4,39 +4,50 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from functools import partial
-from pathlib import Path
+from functools import cached_property, partial
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from hfa_jsbsim import engines as jets
 from hfa_jsbsim.aerodynamics import Aerodynamics
-from hfa_jsbsim.air import KNOT, motion_of, state_properties
-from hfa_jsbsim.airframe import read_mass, read_metrics, read_tanks
+from hfa_jsbsim.air import (
+    KNOT,
+    OF_MASS,
+    Winds,
+    mass_properties,
+    motion_of,
+    state_properties,
+)
+from hfa_jsbsim.airframe import Body, Mass, mass_of
+from hfa_jsbsim.catalog import access
 from hfa_jsbsim.control_system import add_control_systems
 from hfa_jsbsim.engines import Effect, EngineFile, Surroundings
-from hfa_jsbsim.functions import function_value
+from hfa_jsbsim.functions import function_value, table_value
+from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.piston import piston_power
-from hfa_jsbsim.propeller import HP, propeller_effect
-from hfa_jsbsim.properties import Properties, Writer
+from hfa_jsbsim.propeller import HP, STEP, propeller_effect
+from hfa_jsbsim.properties import Properties, Writer, plain
+from hfa_jsbsim.reactions import Reactions
 from hfa_jsbsim.surfaces import (
     PilotInput,
     cut_surfaces,
     names_read_by,
     reach_throttles,
 )
-from hfa_jsbsim.xml_file import Element, Folders
+from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
-_SYSTEMS = ("system", "autopilot", "flight_control")
 #: The states of a rigid body over a flat earth, in order; those of propellers follow.
 STATES = (
     *("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate"),
     *("roll", "pitch", "yaw", "altitude"),
 )
+#: Parameters that are a steady wind, to north, east and down, ft/s; the states are relative to it.
+WINDS = ("wind_north", "wind_east", "wind_down")
+#: Disturbances that are gusts in it, to north, east and up, ft/s.
+GUSTS = ("gust_north", "gust_east", "updraft")
 _COMMANDS = {
     "aileron": "fcs/aileron-cmd-norm",
     "elevator": "fcs/elevator-cmd-norm",
@@ -53,106 +64,139 @@ _LEVERS = {
     "yaw_trim": "fcs/yaw-trim-cmd-norm",
 }
 
-
-class Parts:
-    """What the files of an aircraft hold.
-
-    sections: <metrics>, <aerodynamics>, ... with what other files add.
-    wings, mass, tanks, engines: read from them.
-    notes: what a user should know.
-    partial: leave out motors, rotors and gas, which cannot be read; else they are refused.
-    """
-
-    def __init__(self, path: Path, folders: Folders, partial: bool = False) -> None:
-        root = folders.read(path)
-        if root.name != "fdm_config":
-            fault = f"<{shortened(root.name)}> is no aircraft of JSBSim"
-            raise root.error(f"{fault}; its files begin with <fdm_config>")
-        self.path = path
-        self.name = root.attributes.get("name", path.stem)
-        self.notes: list[str] = []
-        unread = ("fileheader", "planet", "input", "output", "child", "ground_reactions")
-        children = [child for child in root.children if child.name not in unread]
-        self.sections = [folders.merged(child) for child in children]
-        gas = self.section("buoyant_forces")
-        if gas is not None and not partial:
-            raise gas.error("<buoyant_forces> is not read; the aircraft must fly without gas")
-        propulsion = self.section("propulsion")
-        self.wings = read_metrics(self._needed("metrics"))
-        self.tanks = read_tanks(propulsion)
-        self.mass = read_mass(self._needed("mass_balance"), self.tanks)
-        self.engines: list[EngineFile] = []
-        for number, mount in enumerate(propulsion.all("engine") if propulsion else ()):
-            engine = jets.read_engine(number, mount, folders.opened, self.tanks)
-            if isinstance(engine, EngineFile):
-                self.engines.append(engine)
-            elif partial:
-                self.notes.append(f"{engine.where}: {jets.refusal(engine)}; it is left out")
-            else:
-                raise engine.error(jets.refusal(engine))
-
-    def section(self, name: str) -> Element | None:
-        """The first section of this name."""
-        return next((part for part in self.sections if part.name == name), None)
-
-    def systems(self) -> list[Element]:
-        """The sections of the control system, in JSBSim's order."""
-        return [part for name in _SYSTEMS for part in self.sections if part.name == name]
-
-    def _needed(self, name: str) -> Element:
-        section = self.section(name)
-        if section is None:
-            raise BadInputError(f"{self.path}: the aircraft has no <{name}>; add it")
-        return section
+#: A state of steady flight, and times, s, at which forces there must be the same.
+_USUAL = {
+    "speed": 300.0,
+    "alpha": 0.05,
+    "pitch": 0.05,
+    "altitude": 5000.0,
+    "throttle": 0.5,
+    "gravity": 32.17,
+    **{f"rpm{number}": 1500.0 for number in range(9)},
+    **{f"engine{number}": 1.0 for number in range(9)},
+    **{f"tank{number}": 100.0 for number in range(99)},
+}
+_TIMES = (0.37, 5.3, 61.7, 1234.5)
 
 
 class Equations:
-    """x' = f(x, u, p), y = h(x, u, p) of an aircraft as expressions.
+    """x' = f(x, u, p, w), y = h(x, u, p, w) of an aircraft as expressions.
 
-    states, parameters: name -> symbol. inputs: name -> `PilotInput`.
+    states, parameters, gusts: name -> symbol. inputs: name -> `PilotInput`.
     rates: by state. outputs: by name. notes: what a user should know.
-    properties: the values of all of JSBSim's properties.
+    starts: values of parameters that the files give. properties: all of JSBSim's.
+    mass: with the contents of tanks and the weights of point masses as they are held.
     """
 
-    def __init__(self, parts: Parts) -> None:
+    def __init__(self, parts: Parts, gusty: bool = False) -> None:
+        """gusty: whether the air moves at the aircraft; else there are no gusts."""
         self.parts = parts
         self.notes: list[str] = []
-        self.properties = Properties()
+        self.properties = Properties(parts.choices.filters)
         names = [*STATES, *_propeller_states(parts.engines)]
         self.states = {name: ca.SX.sym(name) for name in names}
         self.inputs = {name: PilotInput(ca.SX.sym(name)) for name in _COMMANDS}
-        self.inputs["throttle"] = PilotInput(ca.SX.sym("throttle"), limits=(0.0, 1.0))
-        parameters = (*_LEVERS, "mixture", "advance", "gravity")
-        self.parameters = {name: ca.SX.sym(name) for name in parameters}
+        for name in self._throttles():
+            self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(0.0, 1.0))
+        self.parameters = {name: ca.SX.sym(name) for name in self._parameter_names()}
+        self.starts: dict[str, float] = {}
+        self._time = ca.SX.sym("time")
+        self.properties.define("simulation/sim-time-sec", self._time)
+        self.gusts = {name: ca.SX.sym(name) for name in GUSTS}
         x = SimpleNamespace(**self.states)
-        self.motion = motion_of(x)
-        values = state_properties(x, self.motion, parts.wings, parts.mass)
-        for name, value in values.items():
+        self.motion = motion_of(x, self._winds(gusty))
+        for name, value in state_properties(x, self.motion, parts.wings).items():
             self.properties.define(name, value)
         self.rate_symbols = [ca.SX.sym("alpha_rate"), ca.SX.sym("beta_rate")]
         for name, symbol in zip(("alpha", "beta"), self.rate_symbols, strict=True):
             self.properties.define(f"aero/{name}dot-rad_sec", symbol)
             self.properties.define(f"aero/{name}dot-deg_sec", symbol * (180.0 / math.pi))
         self._define_commands()
-        self._define_tanks()
+        self._define_winds()
+        self._define_loads()
         self._define_functions()
-        throttle = self.inputs["throttle"].symbol
         commands = ca.vertcat(*(given_input.symbol for given_input in self.inputs.values()))
         add_control_systems(parts.systems(), self.properties, commands)
         section = parts.section("aerodynamics")
-        air_loads = Aerodynamics(section, self.properties, parts.wings, parts.mass, self.motion)
-        around = Surroundings(self.properties, self.motion, parts.mass, x)
+        air_loads = Aerodynamics(section, self.properties, parts.wings, self.motion, self)
+        reactions = Reactions(parts.section("external_reactions"), self.properties)
+        self._define_reactions(reactions)
+        around = Surroundings(self.properties, self.motion, self, x, parts.tanks, self.parameters)
         self._engines = [self._add_engine(file, around) for file in parts.engines]
-        numbers = [file.number for file in parts.engines]
-        self.notes += reach_throttles(numbers, self.properties, throttle)
+        self._reach_throttles()
         if section is not None:
             names = names_read_by(section)
             self.notes += cut_surfaces(names, self.properties, self.inputs)
         self.effects = self._effects()
-        self.notes += self.properties.notes
         self.rates: dict[str, Any] = {}
         self.outputs: dict[str, Any] = {}
-        self._move(x, *air_loads.loads())
+        force, moment = air_loads.loads()
+        outside, twist = reactions.loads(self.motion, self.mass.arm)
+        self._move(x, force, moment, outside, twist)
+        self._add_filters()
+        self._solve_rates_of_angles()
+        self._blow()
+        self._stop_clock()
+        if air_loads.hysteresis and "aero/stall-hyst-norm" in self.properties.asked:
+            self.notes.append(air_loads.hysteresis)
+        self.notes += self.properties.notes
+
+    def _throttles(self) -> list[str]:
+        """The names of the throttles: one, or one an engine."""
+        if self.parts.choices.throttles and self.parts.engines:
+            return [f"throttle{file.number}" for file in self.parts.engines]
+        return ["throttle"]
+
+    def _parameter_names(self) -> Iterator[str]:
+        """Levers, gravity, wind, and what the aircraft carries and runs on."""
+        yield from (*_LEVERS, "mixture", "advance", "gravity", *WINDS)
+        yield from (f"tank{number}" for number in range(len(self.parts.tanks)))
+        yield from (f"pointmass{number}" for number in range(len(self.parts.points)))
+        for file in self.parts.engines:
+            yield f"engine{file.number}"
+            yield f"feather{file.number}"
+
+    @cached_property
+    def mass(self) -> Mass:
+        """Mass, center of gravity and inertia."""
+        read = partial(self.properties.read_or, where=str(self.parts.path))
+        bodies = []
+        for number, point in enumerate(self.parts.points):
+            held = self.parameters[f"pointmass{number}"]
+            weight = read(f"inertia/pointmass-weight-lbs[{number}]", held)
+            names = [f"inertia/pointmass-location-{axis}-inches[{number}]" for axis in "XYZ"]
+            place = [read(name, own) for name, own in zip(names, point.location, strict=True)]
+            bodies.append(Body(weight, place, point.inertia_at(weight)))
+        for number, tank in enumerate(self.parts.tanks):
+            held = self.parameters[f"tank{number}"]
+            contents = read(f"propulsion/tank[{number}]/contents-lbs", held)
+            contents = ca.fmin(contents, tank.capacity)
+            moments = ca.diag(ca.vertcat(*tank.inertia(contents)))
+            bodies.append(Body(contents, tank.place(contents), moments))
+        return mass_of(self.parts.empty, bodies)
+
+    def reference_point(self, where: str) -> ca.SX:
+        """Where the forces of the air act, inches."""
+        point = []
+        for axis, own in zip("xyz", self.parts.wings.reference_point, strict=True):
+            point.append(self.properties.read_or(f"metrics/aero-rp-{axis}-in", own, where))
+        return ca.vertcat(*map(ca.SX, point))
+
+    def _winds(self, gusty: bool) -> Winds:
+        """The air over ground and the gusts in it, of their symbols."""
+        gusts = None
+        if gusty:
+            north, east, up = (self.gusts[name] for name in GUSTS)
+            gusts = ca.vertcat(north, east, -up)
+        return Winds(ca.vertcat(*(self.parameters[name] for name in WINDS)), gusts)
+
+    def _define_winds(self) -> None:
+        """Let wind and gusts set their properties."""
+        for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
+            self.properties.define(f"atmosphere/wind-{axis}-fps", self.parameters[name])
+            self.properties.define(f"atmosphere/total-wind-{axis}-fps", self.parameters[name])
+            for kind in ("gust", "turb"):
+                self.properties.define_initial(f"atmosphere/{kind}-{axis}-fps", 0.0)
 
     def _define_commands(self) -> None:
         """Let the pilot's commands and levers set their properties."""
@@ -162,13 +206,15 @@ class Equations:
         for name, full_name in _LEVERS.items():
             properties.define(full_name, self.parameters[name])
         pressure_ratio = properties.read("atmosphere/delta", "")
-        levers = {
-            "throttle": self.inputs["throttle"].symbol,
-            "mixture": self.parameters["mixture"] * pressure_ratio,
-            "advance": self.parameters["advance"],
-            "feather": 0.0,
-        }
         for file in self.parts.engines:
+            own_throttle = f"throttle{file.number}"
+            name = own_throttle if own_throttle in self.inputs else "throttle"
+            levers = {
+                "throttle": self.inputs[name].symbol,
+                "mixture": self.parameters["mixture"] * pressure_ratio,
+                "advance": self.parameters["advance"],
+                "feather": self.parameters[f"feather{file.number}"],
+            }
             for lever, value in levers.items():
                 command = f"fcs/{lever}-cmd-norm[{file.number}]"
                 properties.define(command, value)
@@ -176,26 +222,79 @@ class Equations:
                 properties.compute(f"fcs/{lever}-pos-norm[{file.number}]", follow)
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
-        for name in ("simulation/sim-time-sec", "gear/wow", "propulsion/refuel"):
+        properties.define_initial("simulation/dt", STEP)
+        for name in ("gear/wow", "propulsion/refuel"):
             properties.define_initial(name, 0.0)
-        for axis in "xyz":
-            properties.define_initial(f"forces/fb{axis}-buoyancy-lbs", 0.0)
-            properties.define_initial(f"forces/fb{axis}-external-lbs", 0.0)
+        for along, turn in zip("xyz", "lmn", strict=True):
+            properties.define_initial(f"forces/fb{along}-buoyancy-lbs", 0.0)
+            properties.define_initial(f"forces/fb{along}-gear-lbs", 0.0)
+            properties.define_initial(f"moments/{turn}-gear-lbsft", 0.0)
 
-    def _define_tanks(self) -> None:
-        """Let the tanks set their properties."""
+    def _define_loads(self) -> None:
+        """Let tanks, point masses and what follows from them set their properties."""
         for number, tank in enumerate(self.parts.tanks):
-            share = 100.0 * tank.contents / tank.capacity if tank.capacity else 0.0
-            values = {
-                "contents-lbs": tank.contents,
-                "density-lbs_per_gal": tank.density,
-                "pct-full": share,
-                "priority": 1.0,
-            }
-            for name, value in values.items():
-                self.properties.define_initial(f"propulsion/tank[{number}]/{name}", value)
-        fuel = sum(tank.contents for tank in self.parts.tanks if tank.kind == "FUEL")
-        self.properties.define_initial("propulsion/total-fuel-lbs", fuel)
+            prefix = f"propulsion/tank[{number}]"
+            contents = self.parameters[f"tank{number}"]
+            self.properties.define(f"{prefix}/contents-lbs", contents)
+            self.properties.define(f"{prefix}/pct-full", 100.0 * contents / tank.capacity)
+            self.properties.define_initial(f"{prefix}/density-lbs_per_gal", tank.density)
+            self.properties.define_initial(f"{prefix}/priority", tank.priority)
+            names = [f"{prefix}/local-i{axis}{axis}-slug_ft2" for axis in "xyz"]
+            names += [f"{prefix}/{axis}-position" for axis in "xyz"]
+            values = [*tank.inertia(contents), *tank.place(contents)]
+            for name, value in zip(names, values, strict=True):
+                self.properties.define(name, value)
+        for kind, name in (("FUEL", "total-fuel-lbs"), ("OXIDIZER", "total-oxidizer-lbs")):
+            total = ca.SX(0.0)
+            for number, tank in enumerate(self.parts.tanks):
+                if tank.kind == kind:
+                    total += self.parameters[f"tank{number}"]
+            self.properties.define(f"propulsion/{name}", total)
+        for number, point in enumerate(self.parts.points):
+            weight = self.parameters[f"pointmass{number}"]
+            self.properties.define(f"inertia/pointmass-weight-lbs[{number}]", weight)
+            for axis, place in zip("XYZ", point.location, strict=True):
+                full_name = f"inertia/pointmass-location-{axis}-inches[{number}]"
+                self.properties.define_initial(full_name, place)
+        self.properties.define("inertia/empty-weight-lbs", self.parts.empty.weight)
+        for name in OF_MASS:
+            self._follow(name, partial(self._of_mass, name))
+        self._follow("aero/h_b-mac-ft", self._reference_height)
+
+    def _of_mass(self, name: str) -> Any:
+        """A property of mass."""
+        return mass_properties(self.mass)[name]
+
+    def _follow(self, name: str, compute: Callable[[], Any]) -> None:
+        """Let a property of the state be worked out when it is first read."""
+        self.properties.compute(name, Writer(compute, "", -1))
+
+    def _reference_height(self) -> Any:
+        """Height of the aerodynamic reference point, in spans."""
+        arm = self.mass.arm(self.reference_point(""))
+        height = self.states["altitude"] - ca.dot(self.motion.down, arm)
+        return height / self.parts.wings.span
+
+    def _define_reactions(self, reactions: Reactions) -> None:
+        """Let forces from outside set their sums."""
+        for axis, (along, turn) in enumerate(zip("xyz", "lmn", strict=True)):
+            for kind, name in (
+                (0, f"forces/fb{along}-external-lbs"),
+                (1, f"moments/{turn}-external-lbsft"),
+            ):
+
+                def total(kind: int = kind, axis: int = axis) -> Any:
+                    return reactions.loads(self.motion, self.mass.arm)[kind][axis]
+
+                self._follow(name, total)
+
+    def _reach_throttles(self) -> None:
+        """Where a throttle's position does not follow its command, make the position the input."""
+        for file in self.parts.engines:
+            own_name = f"throttle{file.number}"
+            name = own_name if own_name in self.inputs else "throttle"
+            symbol = self.inputs[name].symbol
+            self.notes += reach_throttles([file.number], self.properties, symbol)
 
     def _define_functions(self) -> None:
         """Let <property value="..."> and functions with names set their properties."""
@@ -203,23 +302,52 @@ class Equations:
         sections += [(file.engine, file.number) for file in self.parts.engines]
         for section, number in sections:
             for element in section.all("property"):
-                text = element.attributes.get("value", "0")
-                self.properties.define_initial(element.text, element.as_number(text))
-            for function in _named_functions(section):
-                self._define_function(function, number)
+                self._define_property(element)
+            for part in _named(section):
+                self._define_function(part, number)
+
+    def _define_property(self, element: Element) -> None:
+        """Give a property of a file its value; JSBSim's own that can be set take it too."""
+        value = element.as_number(element.attributes.get("value", "0"))
+        rights = access(plain(element.text))
+        if rights == "R":
+            raise element.error(f"JSBSim sets {shortened(element.text)} itself; leave it out")
+        if rights and "value" in element.attributes:
+            held = self.properties.writer(element.text)
+            symbol = held.compute() if held is not None and held.element is None else None
+            for name, parameter in self.parameters.items():
+                if symbol is parameter:
+                    self.starts[name] = value  # the pilot, or whoever holds it, may change it
+                    return
+            if symbol is not None and any(symbol is each.symbol for each in self.inputs.values()):
+                return
+            self.properties.compute(
+                element.text, Writer(lambda: value, element.where, 0, element=element)
+            )
+        elif not rights:
+            self.properties.define_initial(element.text, value)
 
     def _define_function(self, element: Element, number: int | None) -> None:
-        """Let a function set the property of its name."""
+        """Let a function or a table set the property of its name. Who reads the property that it
+        copies its value to is told to read that name."""
         name = "-".join(element.attributes["name"].split(" "))
+        copy = element.attributes.get("copyto")
+        if copy:
+
+            def refuse() -> Any:
+                raise element.error(f"{shortened(copy)} is a copy; read {shortened(name)}")
+
+            self.properties.compute(copy, Writer(refuse, element.where, element=element))
 
         def compute() -> Any:
-            return function_value(element, self.properties, number)
+            element.take()
+            if element.name == "function":
+                return function_value(element, self.properties, number)
+            return table_value(element, self.properties, number)
 
-        if "#" not in name:
-            self.properties.compute(name, Writer(compute, element.where))
-        elif number is not None:
+        if "#" not in name or number is not None:
             full_name = name.replace("#", str(number))
-            self.properties.compute(full_name, Writer(compute, element.where))
+            self.properties.compute(full_name, Writer(compute, element.where, element=element))
 
     def _add_engine(self, file: EngineFile, around: Surroundings) -> Writer:
         """Let an engine set its properties; the value of what is returned is its effect."""
@@ -246,27 +374,22 @@ class Equations:
             for file, writer in zip(self.parts.engines, self._engines, strict=True)
         ]
 
-    def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX) -> None:
-        """Rates of all states, and the outputs."""
+    def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
+        """Rates of all states, and the outputs.
+
+        outside: force and moment of external reactions.
+        """
         motion = self.motion
-        mass = self.parts.mass
-        force = sum((effect.force for effect in self.effects), start=air_force)
-        moment = sum((effect.moment for effect in self.effects), start=air_moment)
+        mass = self.mass
+        force = sum((effect.force for effect in self.effects), start=air_force + outside[0])
+        moment = sum((effect.moment for effect in self.effects), start=air_moment + outside[1])
         pushed = force / mass.slugs
         gravity = self.parameters["gravity"] * motion.down
         acceleration = pushed + gravity - ca.cross(motion.rates, motion.velocity)
-        inertia = ca.DM(mass.inertia)
-        spin = ca.cross(motion.rates, ca.mtimes(inertia, motion.rates))
-        inverse = ca.DM(np.linalg.inv(mass.inertia))
-        rotation = ca.mtimes(inverse, moment - spin)
-        u, v, w = ca.vertsplit(motion.velocity)
-        in_plane = u**2 + w**2
-        speed_rate = ca.dot(motion.velocity, acceleration) / motion.speed
-        alpha_rate = (u * acceleration[2] - w * acceleration[0]) / in_plane
-        beta_rate = (motion.speed * acceleration[1] - v * speed_rate) / (
-            motion.speed * ca.sqrt(in_plane)
-        )
+        spin = ca.cross(motion.rates, ca.mtimes(mass.inertia, motion.rates))
+        rotation = ca.mtimes(_inverse(mass.inertia), moment - spin)
         turning = (x.pitch_rate * ca.sin(x.roll) + x.yaw_rate * ca.cos(x.roll)) / ca.cos(x.pitch)
+        speed_rate, alpha_rate, beta_rate = _flow_rates(motion.velocity, acceleration)
         self.rates = {
             "speed": speed_rate,
             "alpha": alpha_rate,
@@ -281,21 +404,37 @@ class Equations:
         }
         for effect in self.effects:
             self.rates |= effect.rates
+        wind = motion.over_ground - motion.velocity
+        over_ground = acceleration - ca.cross(motion.rates, wind)
+        self._angle_rates = _flow_rates(motion.air_velocity, over_ground)[1:]
         weight = mass.slugs * self.parameters["gravity"]
         wind_force = ca.mtimes(motion.wind_to_body.T, air_force)
         self.outputs = {
             "kcas": motion.calibrated / KNOT,
             "mach": motion.mach,
-            "gamma": ca.asin(motion.climb / motion.speed),
+            "gamma": self.properties.read("flight-path/gamma-rad", ""),
             "turn_rate": turning,
             "load_factor": -pushed[2] / self.parameters["gravity"],
             "lift_to_weight": -wind_force[2] / weight,
             "thrust": sum((effect.thrust for effect in self.effects), start=ca.SX(0.0)),
+            "weight": mass.weight,
+            "angle_of_attack": ca.SX(motion.alpha),
         }
         for file, effect in zip(self.parts.engines, self.effects, strict=True):
             if effect.power is not None:
                 self.outputs[f"power{file.number}"] = effect.power
-        self._solve_rates_of_angles()
+
+    def _add_filters(self) -> None:
+        """Rates of the states of the control system, also of those that these rates bring in."""
+        done = 0
+        while done < len(self.properties.filters):
+            state = self.properties.filters[done]
+            name = state.symbol.name()
+            if state.writer is None:
+                raise state.component.error("the filter has no rate")
+            self.states[name] = state.symbol
+            self.rates[name] = ca.SX(self.properties.value_of(state.writer, name, ""))
+            done += 1
 
     def _solve_rates_of_angles(self) -> None:
         """Put alphadot and betadot, on which forces of the air depend, into all rates.
@@ -303,9 +442,8 @@ class Equations:
         One Newton step solves the linear equations for them; two more those that are quadratic.
         """
         symbols = ca.vertcat(*self.rate_symbols)
-        names = [*self.rates, *self.outputs]
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
-        wanted = ca.vertcat(self.rates["alpha"], self.rates["beta"])
+        wanted = ca.vertcat(*self._angle_rates)
         if not ca.depends_on(values, symbols):
             return
         slopes = ca.jacobian(wanted, symbols) - ca.SX.eye(2)
@@ -318,11 +456,71 @@ class Equations:
                 slope[0, 0] * miss[1] - slope[1, 0] * miss[0],
             )
             angle_rates = angle_rates - step / determinant
-        solved = dict(
-            zip(names, ca.vertsplit(ca.substitute(values, symbols, angle_rates)), strict=True)
-        )
+        self._substitute(symbols, angle_rates)
+
+    def _blow(self) -> None:
+        """Put a wind that the files set in the place of its parameter.
+
+        BadInputError where it depends on the flight: the states are relative to a steady wind.
+        """
+        for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
+            total = ca.SX(0.0)
+            for kind in ("wind", "gust", "turb"):
+                full_name = f"atmosphere/{kind}-{axis}-fps"
+                total += ca.SX(self.properties.read(full_name, ""))
+            symbol = self.parameters[name]
+            if ca.is_equal(total, symbol, 2):
+                continue
+            writer = self.properties.writer(f"atmosphere/wind-{axis}-fps")
+            if ca.depends_on(total, ca.vertcat(*self.states.values())):
+                where = writer.where if writer else self.parts.path
+                raise BadInputError(f"{where}: the wind depends on the flight; set it to a number")
+            self._substitute(symbol, total)
+
+    def _stop_clock(self) -> None:
+        """Let the time be 0. BadInputError where forces of steady flight depend on it."""
+        rates = ca.vertcat(*self.rates.values())
+        if not ca.depends_on(rates, self._time):
+            self._substitute(self._time, ca.SX(0.0))
+            return
+        symbols = [*self.states.values(), *(each.symbol for each in self.inputs.values())]
+        symbols += [*self.parameters.values(), *self.gusts.values()]
+        function = ca.Function("rates", [self._time, ca.vertcat(*symbols)], [rates])
+        usual = [_USUAL.get(symbol.name(), 0.0) for symbol in symbols]
+        at_start = function(0.0, usual)
+        if any(not ca.is_equal(function(time, usual), at_start) for time in _TIMES):
+            raise BadInputError(
+                f"{self.parts.path}: forces depend on simulation/sim-time-sec; take it out"
+            )
+        self.notes.append("simulation/sim-time-sec stays 0; at some states forces depend on it")
+        self._substitute(self._time, ca.SX(0.0))
+
+    def _substitute(self, symbol: ca.SX, value: ca.SX) -> None:
+        """Put a value in the place of a symbol, in all rates and outputs."""
+        names = [*self.rates, *self.outputs]
+        values = ca.vertcat(*self.rates.values(), *self.outputs.values())
+        changed = ca.vertsplit(ca.substitute(values, symbol, value))
+        solved = dict(zip(names, changed, strict=True))
         self.rates = {name: solved[name] for name in self.rates}
         self.outputs = {name: solved[name] for name in self.outputs}
+
+
+def _flow_rates(velocity: ca.SX, acceleration: ca.SX) -> tuple[Any, Any, Any]:
+    """Rates of speed, alpha and beta of a velocity in body axes."""
+    u, v, w = ca.vertsplit(velocity)
+    in_plane = u**2 + w**2
+    speed = ca.sqrt(in_plane + v**2)
+    speed_rate = ca.dot(velocity, acceleration) / speed
+    alpha_rate = (u * acceleration[2] - w * acceleration[0]) / in_plane
+    beta_rate = (speed * acceleration[1] - v * speed_rate) / (speed * ca.sqrt(in_plane))
+    return speed_rate, alpha_rate, beta_rate
+
+
+def _inverse(matrix: ca.SX) -> ca.SX:
+    """The inverse of a symmetric (3, 3) matrix."""
+    rows = ca.horzsplit(matrix)
+    cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
+    return ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])
 
 
 def _propeller_states(engines: list[EngineFile]) -> Iterator[str]:
@@ -334,15 +532,18 @@ def _propeller_states(engines: list[EngineFile]) -> Iterator[str]:
                 yield f"blade{file.number}"
 
 
-def _named_functions(section: Element) -> Iterator[Element]:
-    """All functions of a section that have a name, those in others too."""
+def _named(section: Element) -> Iterator[Element]:
+    """All functions and tables of a section that have a name, those in others too."""
     pending = [section]
     while pending:
         part = pending.pop()
         if part.name == "channel":
             continue
         pending += reversed(part.children)
-        if part.name == "function" and part.attributes.get("name"):
+        is_table = part.name in ("table", "t") and any(
+            child.name == "independentVar" for child in part.children
+        )
+        if (part.name == "function" or is_table) and "name" in part.attributes.keys():
             yield part
 
 
@@ -350,6 +551,13 @@ def _computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
     """What works out the effect of an engine."""
 
     def compute() -> Effect:
+        try:
+            return effect()
+        except ArithmeticError as error:
+            fault = f"the numbers of the engine cannot be ({error}); correct them"
+            raise file.engine.error(fault) from error
+
+    def effect() -> Effect:
         if file.kind == "turbine_engine":
             power = jets.turbine_thrust(file, around)  # its lb are taken as ft lb/s by a propeller
             if not file.has_propeller:
@@ -366,8 +574,8 @@ def _computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
             horsepower = jets.electric_power(file, around)
         if not file.has_propeller:
             return jets.jet(file, around, horsepower * HP)
-        effect = propeller_effect(file, around, horsepower * HP)
-        effect.properties |= properties
-        return effect
+        driven = propeller_effect(file, around, horsepower * HP)
+        driven.properties |= properties
+        return driven
 
     return compute

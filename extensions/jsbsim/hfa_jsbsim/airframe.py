@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,6 +32,7 @@ class Metrics:
     fin_arm: float
     reference_point: np.ndarray
     eye_point: np.ndarray
+    visual_point: np.ndarray
 
 
 def read_metrics(element: Element) -> Metrics:
@@ -50,88 +52,169 @@ def read_metrics(element: Element) -> Metrics:
         fin_arm=element.value_of("vtailarm", 0.0, "FT"),
         reference_point=points.get("AERORP", nowhere),
         eye_point=points.get("EYEPOINT", nowhere),
+        visual_point=points.get("VRP", nowhere),
     )
 
 
 @dataclass(frozen=True)
 class Body:
-    """A part of the aircraft: weight in lb, place in inches, inertia about itself in slug ft^2."""
+    """A part of the aircraft: weight in lb, place in inches, inertia about itself in slug ft^2, in
+    numbers or expressions."""
 
-    weight: float
-    location: np.ndarray
-    inertia: np.ndarray
+    weight: Any
+    location: Any
+    inertia: Any
 
 
 @dataclass(frozen=True)
 class Tank:
-    """A tank with its contents, lb.
+    """A tank as its file describes it, lb, inches.
 
     kind: FUEL or OXIDIZER.
-    usable: whether it holds more than what cannot be used.
+    unusable: what cannot be used of its contents.
+    priority: 0 is closed; engines take from the lowest number first.
+    full, drain: where its contents are when it is full, and when it is empty.
+    inertia: contents, lb -> (3,) moments of inertia about itself, slug ft^2.
     """
 
+    element: Element
     kind: str
     contents: float
     capacity: float
     density: float
-    usable: bool
-    body: Body
+    unusable: float
+    priority: int
+    full: np.ndarray
+    drain: np.ndarray
+    inertia: Callable[[Any], list[Any]]
+
+    @property
+    def usable(self) -> bool:
+        """Whether it holds more than what cannot be used."""
+        return self.contents > self.unusable
+
+    def place(self, contents: Any) -> list[Any]:
+        """Where its contents are, inches."""
+        share = contents / self.capacity
+        return [low + share * (high - low) for low, high in zip(self.drain, self.full, strict=True)]
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """A <pointmass>: lb, inches, inertia about itself in slug ft^2.
+
+    has_form: whether its inertia is in proportion to its weight; else it stays.
+    """
+
+    weight: float
+    location: np.ndarray
+    inertia: np.ndarray
+    has_form: bool
+
+    def inertia_at(self, weight: Any) -> Any:
+        """Its inertia about itself at another weight."""
+        if not self.has_form or self.weight == 0.0:
+            return ca.SX(ca.DM(self.inertia))
+        return ca.SX(ca.DM(self.inertia / self.weight)) * weight
 
 
 @dataclass(frozen=True)
 class Mass:
-    """weight: lb. center: of gravity, inches. inertia: (3, 3) in slug ft^2, in body axes."""
+    """weight: lb. center: (3,) of gravity, inches. inertia: (3, 3) in slug ft^2, in body axes. Each
+    of numbers or expressions."""
 
-    weight: float
+    weight: Any
     empty_weight: float
-    center: np.ndarray
-    inertia: np.ndarray
+    center: Any
+    inertia: Any
 
     @property
-    def slugs(self) -> float:
+    def slugs(self) -> Any:
         """The mass."""
         return self.weight / SLUG_TO_LB
 
-    def arm(self, location: np.ndarray) -> np.ndarray:
+    def arm(self, location: Any) -> Any:
         """From the center of gravity to a place, ft, in body axes (x forward, z down)."""
         return structural_to_body(location - self.center)
 
 
-def structural_to_body(offset: np.ndarray) -> np.ndarray:
+def structural_to_body(offset: Any) -> Any:
     """Inches in the structural frame as ft in body axes."""
-    return np.array([-offset[0], offset[1], -offset[2]]) / 12.0
+    return ca.vertcat(-offset[0], offset[1], -offset[2]) / 12.0
 
 
 def read_tanks(propulsion: Element | None) -> list[Tank]:
-    """The tanks of an aircraft; a grain has no inertia of its own here."""
+    """The tanks of an aircraft."""
     return [] if propulsion is None else [_tank(element) for element in propulsion.all("tank")]
 
 
 def _tank(element: Element) -> Tank:
     contents = element.value_of("contents", 0.0, "LBS")
     capacity = element.value_of("capacity", 0.00001, "LBS")
+    if capacity == 0.0:
+        capacity = 0.00001
+        contents = 0.0
     fuel = element.find("type")
     density = element.value_of("density", 6.6, "LBS/GAL")
     if fuel is not None:
         density = _FUELS.get(fuel.text, 6.6)
-    unusable = element.value_of("unusable-volume", 0.0) * density
-    radius = element.value_of("radius", 0.0, "IN") / 12.0
-    factor = element.value_of("inertia_factor", 1.0)
-    inertia = contents / SLUG_TO_LB * factor * 0.4 * radius**2
+    unusable = element.value_of("unusable-volume", 0.0, "GAL") * density
+    for amount, what in ((contents, "contents"), (unusable, "what cannot be used")):
+        if amount > capacity:
+            raise element.error(
+                f"{what}, {amount:g} lb, is more than the capacity, {capacity:g} lb; correct them"
+            )
     full = element.find("location")
     location = np.zeros(3) if full is None else full.vector("IN")
     drain = element.find("drain_location")
-    if drain is not None and capacity > 0.0:
-        lowest = drain.vector("IN")
-        location = lowest + contents / capacity * (location - lowest)
     return Tank(
+        element,
         element.attributes.get("type", ""),
         contents,
         capacity,
         density,
-        contents > unusable,
-        Body(contents, location, inertia * np.eye(3)),
+        unusable,
+        int(element.value_of("priority", 1.0)),
+        location,
+        location if drain is None else drain.vector("IN"),
+        _inertia_of_contents(element, capacity),
     )
+
+
+def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], list[Any]]:
+    """(contents) -> moments of inertia of a tank's contents about themselves
+    (`FGTank::CalculateInertias`)."""
+    radius = element.value_of("radius", 0.0, "IN") / 12.0
+    factor = element.value_of("inertia_factor", 1.0)
+    grain = element.find("grain_config")
+    if grain is None:
+        return lambda contents: [contents / SLUG_TO_LB * factor * 0.4 * radius**2] * 3
+    kind = grain.attributes.get("type", "")
+    if kind not in ("CYLINDRICAL", "ENDBURNING"):
+        raise grain.error(
+            f"a grain of type {shortened(kind)!r} is not read; use CYLINDRICAL or ENDBURNING"
+        )
+    length = grain.value_of("length", 0.0, "IN") / 12.0
+    bore = grain.value_of("bore_diameter", 0.0, "IN") / 24.0
+    if kind == "ENDBURNING":
+        bore = 0.0
+    if length <= 0.0 or radius <= bore:
+        raise grain.error("the grain has no volume; give a length, a radius and a smaller bore")
+    volume = math.pi * length * (radius**2 - bore**2)
+
+    def inertia(contents: Any) -> list[Any]:
+        mass = contents / SLUG_TO_LB
+        left = contents / capacity * volume
+        if kind == "CYLINDRICAL":
+            hollow = radius**2 - left / (math.pi * length)
+            squares = radius**2 + hollow
+            across = mass * (3.0 * squares + length**2) / 12.0
+            return [0.5 * mass * squares, across, across]
+        remaining = left / (math.pi * radius**2)
+        across = mass * (3.0 * radius**2 + remaining**2) / 12.0
+        return [0.5 * mass * radius**2, across, across]
+
+    return inertia
 
 
 #: Name of a fuel -> lb a gallon.
@@ -143,26 +226,60 @@ _FUELS = {
 }
 
 
-def read_mass(element: Element, tanks: Sequence[Tank]) -> Mass:
-    """Mass of the empty aircraft, its point masses and the contents of its tanks."""
+def read_point_masses(element: Element) -> list[PointMass]:
+    """The point masses of <mass_balance>."""
+    return [_point_mass(child) for child in element.all("pointmass")]
+
+
+def read_empty(element: Element) -> Body:
+    """The empty aircraft."""
     places = {child.attributes.get("name"): child.vector("IN") for child in element.all("location")}
     empty_weight = element.value_of("emptywt", 0.0, "LBS")
-    bodies = [Body(empty_weight, places.get("CG", np.zeros(3)), _inertia(element))]
-    bodies += [_point_mass(child) for child in element.all("pointmass")]
-    bodies += [tank.body for tank in tanks]
-    weight = sum(body.weight for body in bodies)
-    if weight <= 0.0:
-        raise element.error(f"the aircraft weighs {weight:g} lb; give its weight")
-    moments = [body.weight * body.location for body in bodies]
-    center = np.sum(moments, axis=0) / weight
-    inertia = np.zeros((3, 3))
+    return Body(empty_weight, places.get("CG", np.zeros(3)), _inertia(element))
+
+
+def mass_of(empty: Body, others: Sequence[Body]) -> Mass:
+    """Weight, center of gravity and inertia about it of the empty aircraft with other bodies, as
+    expressions."""
+    bodies = [empty, *others]
+    weight = sum((ca.SX(body.weight) for body in bodies), start=ca.SX(0.0))
+    moment = sum((_column(body.location) * body.weight for body in bodies), start=ca.SX.zeros(3))
+    center = moment / weight
+    inertia = ca.SX.zeros(3, 3)
     for body in bodies:
-        arm = structural_to_body(body.location - center)
-        parallel = np.dot(arm, arm) * np.eye(3) - np.outer(arm, arm)
-        inertia += body.inertia + body.weight / SLUG_TO_LB * parallel
+        arm = structural_to_body(_column(body.location) - center)
+        parallel = ca.dot(arm, arm) * ca.SX.eye(3) - ca.mtimes(arm, arm.T)
+        inertia += ca.SX(body.inertia) + body.weight / SLUG_TO_LB * parallel
+    return Mass(weight, empty.weight, center, inertia)
+
+
+def _column(values: Any) -> ca.SX:
+    """Three numbers or expressions as a column."""
+    return ca.vertcat(*(ca.SX(value) for value in values))
+
+
+def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[PointMass]) -> Mass:
+    """The mass with the contents of the tanks and the point masses of the file, in numbers.
+
+    BadInputError where it is not positive.
+    """
+    empty = read_empty(element)
+    bodies = [Body(point.weight, point.location, point.inertia) for point in points]
+    for tank in tanks:
+        moments = np.diag(tank.inertia(tank.contents))
+        bodies.append(Body(tank.contents, tank.place(tank.contents), moments))
+    if empty.weight + sum(body.weight for body in bodies) <= 0.0:
+        weight = empty.weight + sum(body.weight for body in bodies)
+        raise element.error(f"the aircraft weighs {weight:g} lb; give its weight")
+    mass = mass_of(empty, bodies)
+    weight = float(mass.weight)
+    center = ca.DM(mass.center).full().ravel()
+    inertia = ca.DM(mass.inertia).full()
+    if not (math.isfinite(weight) and np.isfinite(inertia).all()):
+        raise element.error("the mass is too large to be a number; correct the weights")
     if np.linalg.eigvalsh(inertia)[0] <= 0.0:
         raise element.error("the moments of inertia are not positive; correct them")
-    return Mass(weight, empty_weight, center, inertia)
+    return Mass(weight, empty.weight, center, inertia)
 
 
 def _inertia(element: Element) -> np.ndarray:
@@ -180,13 +297,13 @@ def _inertia(element: Element) -> np.ndarray:
     )
 
 
-def _point_mass(element: Element) -> Body:
+def _point_mass(element: Element) -> PointMass:
     """A point mass, with the inertia of its form if it has one."""
     weight = element.need("weight").number("LBS")
     location = element.need("location").vector("IN")
     form = element.find("form")
     if form is None:
-        return Body(weight, location, _inertia(element))
+        return PointMass(weight, location, _inertia(element), False)
     radius = form.value_of("radius", 0.0, "FT")
     length = form.value_of("length", 0.0, "FT")
     slender = length**2 / 12.0
@@ -201,7 +318,7 @@ def _point_mass(element: Element) -> Body:
         raise form.error(f"{shortened(shape)!r} is no form; use {', '.join(shapes)}")
     along, across = shapes[shape]
     mass = weight / SLUG_TO_LB
-    return Body(weight, location, mass * np.diag([along, across, across]))
+    return PointMass(weight, location, mass * np.diag([along, across, across]), True)
 
 
 def rotation(roll: Any, pitch: Any, yaw: Any) -> ca.SX:

@@ -32,28 +32,70 @@ def add_control_systems(
     commands: the pilot's, as symbols: an integrator that they reach has no steady value.
     """
     order = 0
+    switched: list[tuple[Element, list[Writer]]] = []
     for section in sections:
         for channel in section.all("channel"):
+            writers = []
             for component in channel.children:
-                if component.name in ("documentation", "description"):
-                    continue
-                order += 1
-                _add_component(component, properties, commands, order)
+                if component.name in KINDS:
+                    order += 1
+                    writers.append(_add_component(component, properties, commands, order))
+            if channel.attributes.get("execute"):
+                switched.append((channel, writers))
+    for channel, writers in switched:
+        _switch_off(channel, writers, properties)
     _join_units(properties)
 
 
-def _add_component(component: Element, properties: Properties, commands: ca.SX, order: int) -> None:
-    """Let a component set what its name and its <output> name."""
+def _add_component(
+    component: Element, properties: Properties, commands: ca.SX, order: int
+) -> Writer:
+    """Let a component set what its name, its <output> and the cases of a distributor name."""
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
-    names += [output.text for output in component.all("output")]
+    names += [child.text for child in component.children if child.name == "output"]
+    for case in component.children if component.name == "distributor" else ():
+        names += [child.text for child in case.children if child.name == "property"]
 
     def compute() -> Any:
-        return _output(component, properties, commands)
+        component.take()
+        for child in component.all("output"):
+            child.take()
+        try:
+            return _output(component, properties, commands)
+        except LoopError:
+            component.taken = False
+            raise
 
-    writer = Writer(compute, component.where, order, component)
+    writer = Writer(compute, component.where, order, component, component)
     for output_name in names:
         properties.compute(output_name, writer)
+    return writer
+
+
+def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
+    """A channel whose property `execute` is 0 never runs: its properties stay as they begin.
+
+    BadInputError, when one of them is read, where it depends on the flight whether it runs.
+    """
+    name = channel.attributes["execute"]
+    if not properties.is_known(name):
+        raise channel.error(f"execute names {shortened(name)}, which nothing sets; set it")
+
+    def refuse() -> Any:
+        fault = f"whether the channel runs depends on {shortened(name)}, which is no constant"
+        raise channel.error(f"{fault}; give it a value")
+
+    try:
+        runs = properties.read(name, channel.where)
+    except LoopError:
+        runs = ca.SX.sym("unknown")
+    if not is_constant(runs):
+        for writer in writers:
+            writer.compute = refuse
+    elif float(runs) == 0.0:
+        for writer in writers:
+            properties.remove(writer)
 
 
 def _join_units(properties: Properties) -> None:
@@ -191,8 +233,10 @@ def _beyond(value: Any, width: Any) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """The input: lag, hysteresis and limits of rate end when it is steady."""
-    value = _input(component, properties)
+    """The input behind its lag; limits of rate end when it is steady."""
+    value = _lagged(component, "lag", _input(component, properties), properties)
+    if component.find("rate_limit") is not None:
+        properties.leave_out(component, "its limit of rate is left out")
     width = component.value_of("deadband_width", 0.0)
     if width:
         value = _beyond(value, width)
@@ -206,9 +250,29 @@ def _actuator(component: Element, properties: Properties) -> Any:
     return value + component.value_of("bias", 0.0)
 
 
+def _lagged(component: Element, name: str, value: Any, properties: Properties) -> Any:
+    """A value behind a lag of the component's own rate, 1/s."""
+    child = component.find(name)
+    if child is None:
+        return value
+    if not properties.has_filter_states:
+        properties.leave_out(component, "its lag is left out")
+        return value
+    rate = properties.value(child.text, child)
+    state = properties.add_state(component)
+    properties.set_rate(state, lambda: rate * (value - state))
+    return state
+
+
 def _sensor(component: Element, properties: Properties) -> Any:
+    """The input behind its lag, with gain and bias."""
+    for name in ("quantization", "drift_rate", "noise"):
+        child = component.find(name)
+        if child is not None:
+            raise child.error(f"<{name}> of a sensor is not read; take it out")
     gain = component.value_of("gain", 0.0) or 1.0
-    return _input(component, properties) * gain + component.value_of("bias", 0.0)
+    value = _lagged(component, "lag", _input(component, properties), properties)
+    return value * gain + component.value_of("bias", 0.0)
 
 
 def _function(component: Element, properties: Properties) -> Any:
@@ -218,14 +282,65 @@ def _function(component: Element, properties: Properties) -> Any:
     return value
 
 
+def _lag(component: Element, properties: Properties) -> Any:
+    """c1 / (s + c1)."""
+    if not properties.has_filter_states:
+        properties.leave_out(component, "its lag is left out")
+        component.find("c1")
+        return _input(component, properties)
+    state = properties.add_state(component)
+    rate = _parameter(component, "c1", properties, 0.0)
+    properties.set_rate(state, lambda: rate * (_input(component, properties) - state))
+    return state
+
+
+def _washout(component: Element, properties: Properties) -> Any:
+    """s / (s + c1): 0 when the input is steady."""
+    if not properties.has_filter_states:
+        properties.leave_out(component, "it is 0, as for a steady input")
+        component.find("input")
+        component.find("c1")
+        return 0.0
+    state = properties.add_state(component)
+    rate = _parameter(component, "c1", properties, 0.0)
+    value = _input(component, properties)
+    properties.set_rate(state, lambda: rate * (value - state))
+    return value - state
+
+
 def _lead_lag(component: Element, properties: Properties) -> Any:
-    top = _parameter(component, "c2", properties, 0.0)
-    return _input(component, properties) * top / _parameter(component, "c4", properties, 1.0)
+    """(c1 s + c2) / (c3 s + c4)."""
+    value = _input(component, properties)
+    c1, c2, c3, c4 = (_parameter(component, f"c{i}", properties, 0.0) for i in range(1, 5))
+    if is_constant(c4) and float(c4) == 0.0:
+        raise component.error("<c4> is 0: the filter has no steady value; give another")
+    if not properties.has_filter_states:
+        properties.leave_out(component, "its dynamics are left out")
+        return value * c2 / c4
+    if is_constant(c3) and float(c3) == 0.0:
+        raise component.error("<c3> is 0: the filter takes a derivative; give another")
+    state = properties.add_state(component)
+    properties.set_rate(state, lambda: (c2 / c3 - c1 * c4 / c3**2) * value - c4 / c3 * state)
+    return c1 / c3 * value + state
 
 
 def _second_order(component: Element, properties: Properties) -> Any:
-    top = _parameter(component, "c3", properties, 0.0)
-    return _input(component, properties) * top / _parameter(component, "c6", properties, 1.0)
+    """(c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
+    value = _input(component, properties)
+    c1, c2, c3, c4, c5, c6 = (_parameter(component, f"c{i}", properties, 0.0) for i in range(1, 7))
+    if is_constant(c6) and float(c6) == 0.0:
+        raise component.error("<c6> is 0: the filter has no steady value; give another")
+    if not properties.has_filter_states:
+        properties.leave_out(component, "its dynamics are left out")
+        return value * c3 / c6
+    if is_constant(c4) and float(c4) == 0.0:
+        raise component.error("<c4> is 0: the filter is of first order; write a lead_lag_filter")
+    first = properties.add_state(component)
+    second = properties.add_state(component)
+    properties.set_rate(first, lambda: second)
+    properties.set_rate(second, lambda: value - c6 / c4 * first - c5 / c4 * second)
+    at_once = c1 / c4
+    return at_once * value + (c3 - at_once * c6) / c4 * first + (c2 - at_once * c5) / c4 * second
 
 
 def _switch(component: Element, properties: Properties) -> Any:
@@ -235,6 +350,7 @@ def _switch(component: Element, properties: Properties) -> Any:
     if default is not None:
         value = properties.value(default.attributes.get("value", "0"), default)
     for test in reversed(list(component.all("test"))):
+        test.attributes.get("value")
         holds = _holds(test, properties)
         if is_constant(holds) and not bool(float(holds)):
             continue
@@ -252,6 +368,7 @@ _COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
     ">=": lambda one, other: one >= other,
 }
 _WORDS = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
+_WORDS |= {word.upper(): sign for word, sign in _WORDS.items()}
 
 
 def _holds(test: Element, properties: Properties) -> ca.SX:
@@ -259,18 +376,19 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
     conditions = []
     for line, text in test.lines:
         words = text.split()
-        sign = _WORDS.get(words[1].lower(), words[1]) if len(words) == 3 else ""
+        sign = _WORDS.get(words[1], words[1]) if len(words) == 3 else ""
         if sign not in _COMPARISONS:
-            line_element = Element("test", {}, test.file, line)
-            raise line_element.error(
-                f"{shortened(text)!r} is no condition; write: property lt number"
-            )
+            fault = f"{shortened(text)!r} is no condition; write: property lt number"
+            raise test.error_at(line, fault)
         one, other = (properties.value(word, test) for word in (words[0], words[2]))
         conditions.append(_COMPARISONS[sign](ca.SX(one), ca.SX(other)))
     conditions += [_holds(nested, properties) for nested in test.all("test")]
     if not conditions:
         raise test.error("<test> has no condition; give one")
-    either = test.attributes.get("logic", "AND") == "OR"
+    logic = test.attributes.get("logic", "") or "AND"
+    if logic not in ("AND", "OR"):
+        raise test.error(f"logic is {shortened(logic)!r}; write AND or OR")
+    either = logic == "OR"
     result = conditions[0]
     for condition in conditions[1:]:
         result = ca.logic_or(result, condition) if either else ca.logic_and(result, condition)
@@ -278,16 +396,45 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
 
 
 def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """A pid's proportional part; 0 for an integrator that the pilot does not reach, which is an
-    autopilot; LoopError for one that he reaches."""
-    integral = component.find("ki" if component.name == "pid" else "c1")
+    """kp u + ki times the integral of u + kd pvdot (`FGPID`); of an integrator ki is c1.
+
+    The integral is 0 unless filters are states; LoopError where the pilot reaches it. A derivative
+    of the input is 0, as for a steady one.
+    """
     value = ca.SX(_input(component, properties))
+    integral = component.find("ki" if component.name == "pid" else "c1")
     gain = 0.0 if integral is None else properties.value(integral.text, integral)
+    integrated: Any = 0.0
     if not (is_constant(gain) and float(gain) == 0.0):
-        if ca.depends_on(value, commands) and not properties.centered:
-            raise LoopError(f"{component.where}: the integrator has no steady value")
+        integrated = _integral(component, properties, value, gain, commands)
+    proportional = _parameter(component, "kp", properties, 0.0)
+    damping = _parameter(component, "kd", properties, 0.0)
+    slope: Any = 0.0
+    if component.find("pvdot") is not None:
+        slope = _parameter(component, "pvdot", properties, 0.0)
+    elif not (is_constant(damping) and float(damping) == 0.0):
+        properties.leave_out(component, "the derivative of its input is 0")
+    if component.attributes.get("type") == "standard":
+        return proportional * (value + integrated + damping * slope)
+    return proportional * value + integrated + damping * slope
+
+
+def _integral(
+    component: Element, properties: Properties, value: Any, gain: Any, commands: ca.SX
+) -> Any:
+    """The integral of gain times value, held where <trigger> is not 0."""
+    trigger = ca.SX(_parameter(component, "trigger", properties, 0.0))
+    if is_constant(trigger) and float(trigger) < 0.0:
         return 0.0
-    return value * _parameter(component, "kp", properties, 0.0)
+    if properties.has_filter_states:
+        state = properties.add_state(component)
+        rate = ca.if_else(ca.fabs(trigger) < 1e-6, gain * value, 0.0)
+        properties.set_rate(state, lambda: rate)
+        return state
+    if ca.depends_on(value, commands) and not properties.centered:
+        raise LoopError(f"{component.where}: the integrator has no steady value")
+    properties.leave_out(component, "its integral is 0")
+    return 0.0
 
 
 _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
@@ -301,11 +448,16 @@ _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {
     "sensor": _sensor,
     "fcs_function": _function,
     "switch": _switch,
-    "lag_filter": _input,
+    "lag_filter": _lag,
     "lead_lag_filter": _lead_lag,
     "second_order_filter": _second_order,
-    "washout_filter": lambda component, properties: 0.0,
+    "washout_filter": _washout,
 }
+#: What JSBSim takes for a component; the others are no part of a channel.
+KINDS = (
+    *(*_COMPONENTS, "pid", "integrator", "accelerometer", "magnetometer", "gyro", "angle"),
+    *("waypoint_heading", "waypoint_distance", "distributor", "linear_actuator"),
+)
 
 
 def surface_limits(writer: Writer | None) -> tuple[float, float]:

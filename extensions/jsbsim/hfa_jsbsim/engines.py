@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Mass, Tank, rotation
-from hfa_jsbsim.functions import function_value, read_table, table_value
+from hfa_jsbsim.functions import Table, function_value, read_table, table_value
 from hfa_jsbsim.properties import Properties, Writer
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
@@ -33,8 +33,8 @@ class EngineFile:
     number: of the engine, from 0.
     mount: <engine> of the aircraft. engine: turbine_engine, ... thruster: propeller, direct,
         nozzle. location: of the thruster, inches.
-    starved: whether no tank feeds it.
-    dry_of: the kind of tank that is empty.
+    feeds: numbers of the tanks that feed it.
+    dry_of: the kind of tank that is empty in the file.
     """
 
     number: int
@@ -43,7 +43,7 @@ class EngineFile:
     thruster_mount: Element
     thruster: Element
     location: np.ndarray
-    starved: bool
+    feeds: tuple[int, ...]
     dry_of: str
 
     @property
@@ -104,31 +104,72 @@ def read_engine(
         inline = ("propeller", "direct", "nozzle")
         children = thruster_mount.children
         thruster = next((child for child in children if child.name in inline), thruster_mount)
-    if engine.name not in KINDS:
+    if engine.take().name not in KINDS:
         return engine
-    if thruster.name not in ("propeller", "direct", "nozzle"):
+    if thruster.take().name not in ("propeller", "direct", "nozzle"):
         return thruster
     point = thruster_mount.find("location")
     location = np.zeros(3) if point is None else point.vector("IN")
     numbers = [int(feed.number()) for feed in mount.all("feed")]
-    feeds = [tanks[index] for index in numbers if 0 <= index < len(tanks)]
+    numbers = [index for index in numbers if 0 <= index < len(tanks)]
+    feeds = [tanks[index] for index in numbers]
     dry = "fuel" if not any(tank.kind == "FUEL" and tank.usable for tank in feeds) else ""
     oxidizers = [tank for tank in feeds if tank.kind == "OXIDIZER"]
     if oxidizers and engine.name == "rocket_engine" and not any(tank.usable for tank in oxidizers):
         dry = "oxidizer"
     if engine.name == "electric_engine":
         dry = ""
-    return EngineFile(number, mount, engine, thruster_mount, thruster, location, dry != "", dry)
+    return EngineFile(
+        number, mount, engine, thruster_mount, thruster, location, tuple(numbers), dry
+    )
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What an engine needs to know: properties, the motion, the mass, its states by name."""
+    """What an engine needs to know: properties, the motion, the body, which has `mass`, states by
+    name, tanks, and the symbols of parameters by name."""
 
     properties: Properties
     motion: Motion
-    mass: Mass
+    body: Any
     states: Any
+    tanks: Sequence[Tank]
+    parameters: Mapping[str, ca.SX]
+
+    @property
+    def mass(self) -> Mass:
+        """The mass of the aircraft."""
+        return self.body.mass
+
+
+def running(file: EngineFile, around: Surroundings) -> ca.SX:
+    """1 where the engine runs: its parameter is 1 and tanks feed it (`FGPropulsion::ConsumeFuel`);
+    else 0."""
+    on = around.parameters[f"engine{file.number}"] > 0.5
+    if file.kind == "electric_engine":
+        return on
+    fed = _fed(file, around, "FUEL")
+    oxidizers = [number for number in file.feeds if around.tanks[number].kind == "OXIDIZER"]
+    if file.kind == "rocket_engine" and oxidizers:
+        fed = ca.logic_and(fed, _fed(file, around, "OXIDIZER"))
+    return ca.logic_and(on, fed)
+
+
+def _fed(file: EngineFile, around: Surroundings, kind: str) -> ca.SX:
+    """Whether one of its tanks of a kind is open and not empty."""
+    fed = ca.SX(0.0)
+    for number in file.feeds:
+        tank = around.tanks[number]
+        if tank.kind != kind:
+            continue
+        prefix = f"propulsion/tank[{number}]"
+        held = around.parameters[f"tank{number}"]
+        read = partial(around.properties.read_or, where=file.mount.where)
+        priority = ca.SX(read(f"{prefix}/priority", float(tank.priority)))
+        contents = ca.SX(read(f"{prefix}/contents-lbs", held))
+        is_open = ca.logic_and(priority >= 1.0, priority <= len(around.tanks))
+        fed = ca.logic_or(fed, ca.logic_and(is_open, contents > tank.unusable))
+    return fed
 
 
 def orientation(file: EngineFile, properties: Properties) -> ca.SX:
@@ -146,6 +187,12 @@ def orientation(file: EngineFile, properties: Properties) -> ca.SX:
     return rotation(*angles)
 
 
+def placed(file: EngineFile, around: Surroundings) -> ca.SX:
+    """Where the thruster is, inches."""
+    names = [file.property(f"{axis}-position") for axis in "xyz"]
+    return ca.vertcat(*(ca.SX(around.properties.read(name, file.mount.where)) for name in names))
+
+
 def pushed(
     file: EngineFile, around: Surroundings, thrust: Any, location: Any = None, moment: Any = None
 ) -> tuple[ca.SX, ca.SX]:
@@ -155,10 +202,8 @@ def pushed(
     moment: what the thruster adds, in body axes.
     """
     force = orientation(file, around.properties)[:, 0] * thrust
-    point = ca.SX(ca.DM(file.location)) if location is None else location
-    offset = point - ca.DM(around.mass.center)
-    arm = ca.vertcat(-offset[0], offset[1], -offset[2]) / 12.0
-    total = ca.cross(arm, force)
+    point = placed(file, around) if location is None else location
+    total = ca.cross(around.mass.arm(point), force)
     return force, total if moment is None else total + moment
 
 
@@ -183,15 +228,27 @@ def throttle_of(file: EngineFile, around: Surroundings) -> Any:
 def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
     """Thrust of a turbine at steady speed of its shafts, lb."""
     engine = file.engine
-    if file.starved:
-        return ca.SX(0.0)
     position = throttle_of(file, around)
     military = engine.value_of("milthrust", 10000.0, "LBS")
     shares = {name: _share(file, around, name) for name in ("IdleThrust", "MilThrust", "AugThrust")}
     idle = military * shares["IdleThrust"]
     share = ca.fmin(position, 1.0)
     dry = idle + (military - idle) * shares["MilThrust"] * share**2
-    bled = dry * (1.0 - engine.value_of("bleed", 0.0))
+    bleed = around.properties.read_or(
+        file.property("bleed-factor"), engine.value_of("bleed", 0.0), file.mount.where
+    )
+    bled = dry * (1.0 - bleed)
+    return ca.if_else(running(file, around), _augmented(file, around, (dry, bled), shares), 0.0)
+
+
+def _augmented(
+    file: EngineFile, around: Surroundings, dry_and_bled: tuple[Any, Any], shares: dict[str, Any]
+) -> Any:
+    """Thrust of a turbine with its afterburner, lb."""
+    engine = file.engine
+    dry, bled = dry_and_bled
+    position = throttle_of(file, around)
+    share = ca.fmin(position, 1.0)
     method = int(engine.value_of("augmethod", 0.0))
     strongest = engine.value_of("maxthrust", 10000.0, "LBS")
     if method == 1 and engine.value_of("augmented", 0.0) == 1.0:
@@ -217,7 +274,7 @@ def _share(file: EngineFile, around: Surroundings, name: str) -> Any:
 def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
     """Thrust of a rocket in vacuum, lb: Isp times the flow. A solid one is not lit."""
     engine = file.engine
-    if file.starved or engine.find("thrust_table") is not None:
+    if engine.find("thrust_table") is not None:
         return ca.SX(0.0)
     throttle = throttle_of(file, around)
     impulse = engine.need("isp")
@@ -231,14 +288,13 @@ def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
         flow = engine.value_of("slfuelflowmax", 0.0, "LBS/SEC")
         flow += engine.value_of("sloxiflowmax", 0.0, "LBS/SEC")
     lowest = engine.value_of("minthrottle", 0.0)
-    return ca.if_else(throttle < lowest, 0.0, specific * flow * throttle)
+    lit = ca.logic_and(running(file, around), throttle >= lowest)
+    return ca.if_else(lit, specific * flow * throttle, 0.0)
 
 
 def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
     """Power of a turboprop at steady speed of its gas generator, hp (`FGTurboProp::Run`)."""
     engine = file.engine
-    if file.starved:
-        return ca.SX(0.0)
     idle = engine.value_of("idlen1", 30.0)
     speed = idle + throttle_of(file, around) * (engine.value_of("maxn1", 100.0) - idle)
     tables = {table.attributes.get("name", ""): table for table in engine.all("table")}
@@ -252,18 +308,22 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
         power = power * table_value(tables["EnginePowerVC"], around.properties, file.number)
     if engine.find("maxpower") is not None:
         power = ca.fmin(power, engine.value_of("maxpower", 0.0))
-    return power
+    dragged = ca.if_else(engine_rpm(file, around) > 5.0, -0.012, 0.0)
+    return ca.if_else(running(file, around), power, dragged)
 
 
 def electric_power(file: EngineFile, around: Surroundings) -> Any:
     """Power of an electric engine, hp."""
-    return file.engine.value_of("power", 745.7, "WATTS") * throttle_of(file, around) / 745.7
+    power = file.engine.value_of("power", 745.7, "WATTS") * throttle_of(file, around) / 745.7
+    return ca.if_else(running(file, around), power, 0.0)
 
 
 def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -> Any:
     """A table that the engine itself gives the arguments; one of lower dimension takes the first
-    ones."""
+    ones, one of rows and columns that gets a row takes its first column."""
     read = read_table(table)
+    if read.dimensions == 2 and len(arguments) == 1 and not read.parts:
+        read = Table(read.values[:, 0], read.breakpoints[:1])
     return read.at(around.properties, arguments[: read.dimensions])
 
 
@@ -293,7 +353,11 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
         full_name = file.property(name)
         if properties.writer(full_name) is None:
             properties.compute(full_name, Writer(partial(part, name), file.mount.where))
-    properties.define_initial(file.property("set-running"), 1.0)
+    properties.define(file.property("set-running"), running(file, around))
+    properties.define_initial(file.property("reverser-angle-rad"), 0.0)
+    for axis, place in zip("xyz", file.location, strict=True):
+        properties.define_initial(file.property(f"{axis}-position"), place)
+        properties.define_initial(file.property(f"{axis}-reference-position"), place)
     if file.has_propeller:
         speed = getattr(around.states, f"rpm{file.number}")
         properties.define(file.property("propeller-rpm"), speed)
@@ -301,8 +365,10 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
         properties.define(
             file.property("propeller-sense"), file.thruster_mount.value_of("sense", 1.0)
         )
-    if file.kind == "turbine_engine" and not file.starved:
+    if file.kind == "turbine_engine":
         _add_shafts(file, around)
+        bleed = file.property("bleed-factor")
+        properties.define_initial(bleed, file.engine.value_of("bleed", 0.0))
     return writer
 
 
@@ -312,8 +378,13 @@ def _add_shafts(file: EngineFile, around: Surroundings) -> None:
         low = file.engine.value_of(f"idle{name}", idle)
         high = file.engine.value_of(f"max{name}", 100.0)
 
-        def speed(low: float = low, high: float = high) -> Any:
-            return low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
+        windmilling = around.motion.pressure_head / (10.0 if name == "n1" else 15.0)
+        if file.engine.value_of("disable-windmill", 0.0):
+            windmilling = 0.0
+
+        def speed(low: float = low, high: float = high, off: Any = windmilling) -> Any:
+            on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
+            return ca.if_else(running(file, around), on, off)
 
         around.properties.compute(file.property(name), Writer(speed, file.mount.where))
 

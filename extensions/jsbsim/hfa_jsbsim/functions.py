@@ -113,7 +113,7 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
 
 def function_value(element: Element, properties: Properties, number: int | None = None) -> Any:
     """The value of a <function>; `number` takes the place of # in names of properties."""
-    arguments = [child for child in element.children if child.name != "description"]
+    arguments = [child.take() for child in element.children if child.name != "description"]
     if len(arguments) != 1:
         raise element.error(f"<{element.name}> has {len(arguments)} values; give one")
     return _value(arguments[0], properties, number)
@@ -138,7 +138,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
         )
     operation, fewest, most = _OPERATIONS[name]
     values = [
-        _value(child, properties, number)
+        _value(child.take(), properties, number)
         for child in element.children
         if child.name != "description"
     ]
@@ -228,11 +228,14 @@ def _rows(data: Element) -> Table:
     """Rows of numbers: pairs, or a row of columns' breakpoints before rows with one number more."""
     rows = []
     for line, text in data.lines:
+        if "_" in text:
+            raise data.error_at(line, f"{shortened(text)!r} is no row of numbers")
         try:
             rows.append([float(word) for word in text.split()])
         except ValueError as error:
-            row_element = Element("tableData", {}, data.file, line)
-            raise row_element.error(f"{shortened(text)!r} is no row of numbers") from error
+            raise data.error_at(line, f"{shortened(text)!r} is no row of numbers") from error
+        if not all(map(math.isfinite, rows[-1])):
+            raise data.error_at(line, f"{shortened(text)!r} holds what is no finite number")
     if {len(row) for row in rows} == {2}:
         pairs = np.array(rows)
         return Table(pairs[:, 1], [pairs[:, 0]])

@@ -12,6 +12,7 @@ from hfa_jsbsim.engines import (
     Surroundings,
     engine_rpm,
     internal_table,
+    running,
     throttle_of,
 )
 from hfa_jsbsim.xml_file import Element
@@ -69,9 +70,9 @@ def piston_power(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str,
     friction: Any = -engine.value_of("dynamic-fmep", 18400.0, "PA") * piston_speed * _FT_TO_M
     friction = friction - engine.value_of("static-fmep", 46500.0, "PA")
     pumping = (throttled - ambient) * efficiency
-    if file.starved:  # it is dragged along
-        indicated = -engine.value_of("static-friction", 1.5, "HP")
-        friction = 0.0
+    runs = running(file, around)
+    indicated = ca.if_else(runs, indicated, -engine.value_of("static-friction", 1.5, "HP"))
+    friction = ca.if_else(runs, friction, 0.0)  # without fire the engine is dragged along
     cycles = engine.value_of("cycles", 4.0)
     lost = (pumping + friction) * displacement * speed / (cycles * 22371)
     power = indicated + lost - _boost_loss(engine, throttled, manifold, volume_flow)

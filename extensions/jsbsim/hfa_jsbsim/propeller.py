@@ -13,12 +13,15 @@ from hfa_jsbsim.engines import (
     Surroundings,
     internal_table,
     orientation,
+    placed,
     pushed,
 )
 
 HP = 550.0
 #: JSBSim's step, s: its governor moves the blades once a step and stops them at their limits.
 STEP = 1.0 / 120.0
+#: Rate at which blades feather, 1/s: a 300th of what is left in each step.
+_FEATHERING = 1.0 / (300.0 * STEP)
 
 
 def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
@@ -31,8 +34,9 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
     number = file.number
     motion = around.motion
     turned = orientation(file, around.properties)
-    arm = around.mass.arm(file.location)
-    local = ca.mtimes(turned.T, motion.velocity + ca.cross(motion.rates, ca.DM(arm)))
+    place = placed(file, around)
+    arm = around.mass.arm(place)
+    local = ca.mtimes(turned.T, motion.air_velocity + ca.cross(motion.rates, arm))
     diameter = max(prop.value_of("diameter", 0.001, "FT"), 0.001)
     inertia = max(prop.value_of("ixx", 1e-6, "SLUG*FT2"), 1e-6)
     turns = getattr(around.states, f"rpm{number}") / 60.0
@@ -51,7 +55,7 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
     momentum = inertia * omega * sense * (-1.0 if version > 1.0 else 1.0)
     along = turned[:, 0]
     own_moment = ca.cross(motion.rates, along * momentum) - along * sense * power / omega
-    location = _acting_location(file, local, induced, sense)
+    location = _acting_location(file, place, local, induced, sense)
     force, moment = pushed(file, around, thrust, location, own_moment)
     speed_rate = (power - needed) / omega / inertia * 30.0 / math.pi
     return Effect(
@@ -89,6 +93,8 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
         advance = around.properties.read(lever, file.mount.where)
     wanted = slowest + (prop.value_of("maxrpm", 0.0) - slowest) * advance
     rate = getattr(around.states, f"rpm{file.number}") - wanted
+    feather = around.properties.read(f"fcs/feather-pos-norm[{file.number}]", file.mount.where)
+    rate = ca.if_else(ca.SX(feather) > 0.5, (highest - blade) * _FEATHERING, rate)
     next_blade = ca.fmin(ca.fmax(blade + rate * STEP, lowest), highest)
     return blade, {f"blade{file.number}": (next_blade - blade) / STEP}
 
@@ -118,10 +124,11 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
     return 0.5 * (-speed + ca.if_else(squared > 0.0, root, -root))
 
 
-def _acting_location(file: EngineFile, local: Any, induced: Any, sense: float) -> Any:
+def _acting_location(
+    file: EngineFile, location: ca.SX, local: Any, induced: Any, sense: float
+) -> Any:
     """Where the thrust acts, inches: the P-factor moves it with the angle of the flow."""
     factor = file.thruster_mount.value_of("p_factor", 0.0)
-    location = ca.SX(ca.DM(file.location))
     if factor <= 0.0001:
         return location
     across = ca.sqrt(ca.fmax(local[1] ** 2 + local[2] ** 2, 1e-8))

@@ -3,20 +3,36 @@ read."""
 
 from __future__ import annotations
 
+import keyword
+import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
 
+from hfa_jsbsim.xml_file import Element, number_of
 from hfa_aircraft.tables import Interpolator
-from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
+#: Names of a model that no state of the control system may have.
+_TAKEN = {
+    *("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch", "yaw"),
+    *("altitude", "aileron", "elevator", "rudder", "throttle", "flap", "gear", "speedbrake"),
+    *("spoiler", "pitch_trim", "roll_trim", "yaw_trim", "mixture", "advance", "gravity", "kcas"),
+    *("mach", "gamma", "turn_rate", "load_factor", "lift_to_weight", "thrust", "weight"),
+    *("updraft", "angle_of_attack", "feather"),
+}
 #: The order of what reads and writes outside the control system: after all of it.
 AFTER_ALL = 1 << 30
 #: Properties that follow from the sum of forces, on which the control system may not depend.
 _OF_ALL_FORCES = ("accelerations/", "forces/", "moments/")
+#: Properties of wheels, which are 0 in the air.
+_ON_GROUND = re.compile(
+    r"gear/unit(\[\d+\])?/"
+    "(WOW|wheel-speed-fps|compression-ft|compression-velocity-fps|slip-angle-deg)"
+)
 
 
 class LoopError(BadInputError):
@@ -30,14 +46,27 @@ class Writer:
     compute: gives the value.
     where: file and line.
     order: its number in the control system, whose components run one after the other.
-    component: its element, if it is a component.
+    component: its element, if it is a component. element: whatever of a file it is.
     """
 
     compute: Callable[[], Any]
     where: str
     order: int = AFTER_ALL
     component: Element | None = None
+    element: Element | None = None
     value: Any = field(default=None)
+
+
+@dataclass(eq=False)
+class FilterState:
+    """A state of the control system, with its rate when all of it is known.
+
+    component: whose memory it is. writer: works out its rate in the component's place.
+    """
+
+    symbol: ca.SX
+    component: Element
+    writer: Writer | None = None
 
 
 class Properties:
@@ -48,9 +77,16 @@ class Properties:
     notes: what a user should know of these values.
     interpolate: gives values of tables.
     centered: whether integrators that the pilot reaches are 0, in place of a LoopError.
+    has_filter_states: whether components with a memory are states.
+    filters: these states. left_out: component -> what of its memory is left out, where they are no
+        states.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, has_filter_states: bool = False) -> None:
+        self.has_filter_states = has_filter_states
+        self.filters: list[FilterState] = []
+        self.asked: set[str] = set()
+        self.left_out: dict[str, tuple[Element, str]] = {}
         self.unset: dict[str, str] = {}
         self.notes: list[str] = []
         self.interpolate = Interpolator()
@@ -71,6 +107,38 @@ class Properties:
     def compute(self, name: str, writer: Writer) -> None:
         """Let a property be worked out when it is read."""
         self._writers.setdefault(plain(name), []).append(writer)
+
+    def remove(self, writer: Writer) -> None:
+        """Take a writer away: what only it sets stays 0."""
+        for name, writers in list(self._writers.items()):
+            if writer in writers:
+                writers.remove(writer)
+                if not writers:
+                    del self._writers[name]
+                    self._initial.setdefault(name, 0.0)
+
+    def is_known(self, name: str) -> bool:
+        """Whether something sets a property, or it has a value from the beginning."""
+        return bool(self._writers.get(plain(name))) or plain(name) in self._initial
+
+    def writers(self) -> dict[str, list[Writer]]:
+        """Who sets each property, in order."""
+        return self._writers
+
+    def add_state(self, component: Element) -> ca.SX:
+        """The symbol of a new state of the control system."""
+        symbol = ca.SX.sym(_identifier(component, [state.symbol for state in self.filters]))
+        self.filters.append(FilterState(symbol, component))
+        return symbol
+
+    def set_rate(self, symbol: ca.SX, compute: Callable[[], Any]) -> None:
+        """What the rate of a state will be, worked out in the place of its component."""
+        state = next(each for each in self.filters if each.symbol is symbol)
+        state.writer = Writer(compute, state.component.where, self._order, state.component)
+
+    def leave_out(self, component: Element, what: str) -> None:
+        """Note that the memory of a component is left out."""
+        self.left_out.setdefault(component.where, (component, what))
 
     def replace(self, name: str, value: Any) -> None:
         """Set a property, whatever else sets it."""
@@ -93,14 +161,19 @@ class Properties:
         itself.
         """
         if name.startswith("-"):
+            if name.startswith("--"):
+                raise BadInputError(f"{where}: {shortened(name)} has several signs; give one")
             return -self.read(name[1:], where)
         key = plain(name)
+        self.asked.add(key)
         writers = self._writers.get(key)
         if not writers:
             if key not in self._initial:
-                if key.startswith(_OF_ALL_FORCES) and "-gear-" not in key and not self.centered:
-                    raise LoopError(f"{where}: {shortened(key)} follows from all forces")
-                self.unset.setdefault(key, where)
+                if key.startswith(_OF_ALL_FORCES):
+                    if not self.centered:
+                        raise LoopError(f"{where}: {shortened(key)} follows from all forces")
+                elif not _ON_GROUND.fullmatch(key):
+                    self.unset.setdefault(key, where)
             return self._initial.get(key, 0.0)
         before = [writer for writer in writers if writer.order < self._order]
         return self.value_of(before[-1] if before else writers[-1], key, where)
@@ -131,8 +204,9 @@ class Properties:
     def read_or(self, name: str, default: Any, where: str) -> Any:
         """What a system sets; the default where none does, or where that depends on its past: then
         every reader gets the default."""
+        self.asked.add(plain(name))
         if self.writer(name) is None:
-            return default
+            return self._initial.get(plain(name), default)
         try:
             return self.read(name, where)
         except LoopError as error:
@@ -155,15 +229,35 @@ class Properties:
 
     def value(self, text: str, element: Element) -> Any:
         """A number, or the value of the property that a text names."""
-        try:
-            return float(text)
-        except ValueError:
+        if len(element.lines) > 1 and element.name != "test":
+            raise element.error(f"<{element.name}> holds several lines; give a number or a name")
+        number = number_of(text)
+        if number is None:
             return self.read(text, element.where)
+        if not math.isfinite(number):
+            raise element.error(f"<{element.name}> is {text}; give a finite number")
+        return number
 
 
 def plain(name: str) -> str:
     """The name of a property without what may be left out: [0] and the name of JSBSim's tree."""
     return name.strip().replace("[0]", "").removeprefix("/fdm/jsbsim/").lstrip("/")
+
+
+def _identifier(component: Element, taken: list[ca.SX]) -> str:
+    """The name of a state, from that of its component: "fcs/yaw damper" is yaw_damper."""
+    last = component.attributes.get("name", "").rsplit("/", 1)[-1]
+    words = re.findall("[a-z0-9]+", last.lower())
+    name = "_".join(words) or component.name
+    if name[0].isdigit() or keyword.iskeyword(name) or name in _TAKEN:
+        name = f"{component.name}_{name}"
+    names = {symbol.name() for symbol in taken}
+    number = 2
+    unique = name
+    while unique in names:
+        unique = f"{name}_{number}"
+        number += 1
+    return unique
 
 
 def lower_dashes(name: str) -> str:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import importlib.util
 import math
 import os
-from collections.abc import Callable, Mapping
-from functools import lru_cache, partial
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.model import Model
-from hfa_aircraft.signals import Signal
+from hfa_jsbsim.accounting import account
 from hfa_jsbsim.air import (
     KNOT,
     SEA_LEVEL,
@@ -22,11 +21,16 @@ from hfa_jsbsim.air import (
     mach_of_calibrated,
     subsonic_mach_of_calibrated,
 )
-from hfa_jsbsim.aircraft import STATES, Equations, Parts
+from hfa_jsbsim.aircraft import GUSTS, STATES, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
+from hfa_jsbsim.parts import Choices, Parts
+from hfa_jsbsim.properties import is_constant
 from hfa_jsbsim.reasons import explain, of_files
+from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
 from hfa_support.errors import BadInputError, shortened
 
 #: Outputs that are the positions of surfaces: name -> property, in rad.
@@ -63,6 +67,10 @@ ALIASES = {
 }
 #: Advance ratio V / (n D) where a search for the speed of a propeller begins.
 _ADVANCE_RATIO = 0.72
+#: Where the throttles but the first of several are held by default.
+_HALF = 0.5
+#: Nodes of expressions in which common ones are no longer looked for: a table of that size.
+_LARGE = 200_000
 _MODES = {
     "short period": ("alpha", "pitch_rate"),
     "phugoid": ("speed", "pitch"),
@@ -73,14 +81,35 @@ _MODES = {
 
 
 def read_model(text: str, partial: bool = False) -> Model:
-    """The `Model` of "jsbsim:NAME" or of an aircraft's XML file.
+    """The `Model` of "jsbsim:NAME" or of an aircraft's XML file, with or without choices behind a
+    question mark: "jsbsim:737?filters=states&throttles=each".
 
     partial: leave out motors, rotors and gas cells, which cannot be read, in place of refusing
     them. BadInputError, with file and line, where an element cannot be read.
     """
-    path, folders = _find(text)
-    parts = Parts(path, folders, partial)
-    return _Declaration(parts, Equations(parts)).model((text, folders.digest))
+    name, _, chosen = text.partition("?")
+    path, folders = _find(name)
+    parts = Parts(path, folders, _choices(chosen, partial))
+    equations = Equations(parts)
+    declaration = _Declaration(parts, equations)
+    notes = account(parts, equations)
+    return declaration.model((text, folders.digest), notes)
+
+
+#: What may stand behind the question mark: word -> its value, the choice.
+_CHOICES = {"filters": ("states", "filters"), "throttles": ("each", "throttles")}
+
+
+def _choices(text: str, partial: bool) -> Choices:
+    """The choices that a text behind a question mark makes."""
+    made = {"partial": partial}
+    for word in text.split("&") if text else []:
+        name, _, value = word.partition("=")
+        if name not in _CHOICES or _CHOICES[name][0] != value:
+            known = " and ".join(f"{key}={only}" for key, (only, _) in _CHOICES.items())
+            raise BadInputError(f"{shortened(word)} is no choice of an aircraft; use {known}")
+        made[_CHOICES[name][1]] = True
+    return Choices(**made)
 
 
 def _find(text: str) -> tuple[Path, Folders]:
@@ -129,17 +158,34 @@ def data_folder() -> Path | None:
 
 
 class EquationsOfMotion:
-    """(x, u, p, w) -> rates by state, outputs by name, of numbers or expressions."""
+    """(x, u, p, w) -> rates by state, outputs by name, of numbers or expressions.
 
-    def __init__(self, function: ca.Function, rates: list[str], outputs: list[str]) -> None:
-        self.function = function
+    still: (x, u, p) -> both as columns, without gusts. gusty: makes (x, u, p, w) -> both, when they
+    are first asked for in moving air.
+    """
+
+    def __init__(
+        self,
+        still: ca.Function,
+        gusty: Callable[[], ca.Function],
+        rates: list[str],
+        outputs: list[str],
+    ) -> None:
+        self.function = still
+        self._make_gusty = gusty
         self._rates = rates
         self._outputs = outputs
 
+    @cached_property
+    def _gusty(self) -> ca.Function:
+        return self._make_gusty()
+
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Rates and outputs."""
-        columns = [ca.vertcat(*vector) if len(vector) else ca.DM(0, 1) for vector in (x, u, p)]
-        rates, outputs = self.function(*columns)
+        is_still = all(is_constant(gust) and float(gust) == 0.0 for gust in w)
+        vectors = (x, u, p) if is_still else (x, u, p, w)
+        columns = [ca.vertcat(*vector) if len(vector) else ca.DM(0, 1) for vector in vectors]
+        rates, outputs = (self.function if is_still else self._gusty)(*columns)
         if isinstance(rates, ca.DM):
             split = [column.full().ravel().tolist() for column in (rates, outputs)]
         else:
@@ -157,34 +203,33 @@ class _Declaration:
         self.parts = parts
         self.equations = equations
         every = ca.vertcat(*equations.rates.values(), *equations.outputs.values())
+        used = {symbol.element_hash() for symbol in ca.symvar(every)}
         self.inputs = {
             name: pilot_input
             for name, pilot_input in equations.inputs.items()
-            if ca.depends_on(every, pilot_input.symbol)
+            if pilot_input.symbol.element_hash() in used
         }
         self.parameters = {
             name: symbol
             for name, symbol in equations.parameters.items()
-            if name == "gravity" or ca.depends_on(every, symbol)
+            if name == "gravity" or symbol.element_hash() in used
         }
         pressure = parts.mass.weight / max(parts.wings.area, 1e-6)
         #: True speed at sea level with a lift coefficient of 0.5, ft/s.
         self.usual_speed = math.sqrt(2.0 * pressure / (SEA_LEVEL.density * 0.5))
 
-    def model(self, source: tuple[str, str]) -> Model:
-        """The declaration."""
+    def model(self, source: tuple[str, str], notes: list[str]) -> Model:
+        """The declaration. notes: what the reader says of the files."""
         states = self._states()
         outputs = self._outputs()
         steady = tuple(name for name in states if name not in ("yaw", "altitude"))
-        notes = [*of_files(self.parts), *self.parts.notes, *self.equations.notes]
-        for name, where in self.equations.properties.unset.items():
-            notes.append(f"{where}: nothing sets {name}; it is 0")
         return Model(
             self.parts.name,
             states,
             self._inputs(),
-            self._function(list(outputs)),
+            self._equations(list(outputs)),
             parameters=self._parameters(),
+            disturbances=dict.fromkeys(GUSTS, Signal("ft/s", 10.0)),
             outputs=outputs,
             trim=self._trim(),
             steady=steady,
@@ -192,12 +237,24 @@ class _Declaration:
             schedule="speed",
             modes=_MODES | self._propeller_modes(),
             source=source,
-            notes=tuple(notes),
+            notes=(*of_files(self.parts), *self.parts.notes, *self.equations.notes, *notes),
             alternatives=(("speed", "kcas", "mach"),),
-            aliases=ALIASES,
+            aliases=ALIASES | self._own_aliases(),
             begin=self._beginning(),
             explain=partial(explain, self.parts),
         )
+
+    def _own_aliases(self) -> dict[str, str]:
+        """JSBSim's names of tanks, point masses and wind."""
+        names = {}
+        for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
+            names[f"atmosphere/wind-{axis}-fps"] = name
+        for number in range(len(self.parts.tanks)):
+            names[f"propulsion/tank[{number}]/contents-lbs"] = f"tank{number}"
+        for number in range(len(self.parts.points)):
+            names[f"inertia/pointmass-weight-lbs[{number}]"] = f"pointmass{number}"
+        first = {name.replace("[0]", ""): short for name, short in names.items()}
+        return {name: short for name, short in (names | first).items() if short in self.parameters}
 
     def _states(self) -> dict[str, Signal]:
         """Signals of the states."""
@@ -218,27 +275,45 @@ class _Declaration:
         ordered = {name: signals[name] for name in STATES}
         for file in self.parts.engines:
             if file.has_propeller:
-                ordered[f"rpm{file.number}"] = _rpm(file)
+                ordered[f"rpm{file.number}"] = _rpm(file, len(self.parts.engines) == 1)
             if file.governed:
                 lowest = file.thruster.value_of("minpitch", 0.0)
                 highest = file.thruster.value_of("maxpitch", 0.0)
                 middle = 0.5 * (lowest + highest)
                 ordered[f"blade{file.number}"] = Signal("deg", 5.0, lowest, highest, middle, 100.0)
-        return ordered
+        filters = [state.symbol.name() for state in self.equations.properties.filters]
+        return ordered | dict.fromkeys(filters, Signal())
 
     def _inputs(self) -> dict[str, Signal]:
         """Signals of the inputs."""
         signals = {}
         for name, pilot_input in self.inputs.items():
-            start = 0.6 if name == "throttle" else 0.0
+            start = 0.6 if name.startswith("throttle") else 0.0
             signals[name] = Signal(pilot_input.unit, 0.1, *pilot_input.limits, start)
         return signals
 
     def _parameters(self) -> dict[str, Signal]:
-        """Signals of the levers and of gravity."""
+        """Signals of levers, wind, loads and gravity."""
         starts = {"mixture": 1.0, "advance": 1.0}
         signals = {name: Signal(start=starts.get(name, 0.0)) for name in self.parameters}
+        for name in WINDS:
+            if name in signals:
+                signals[name] = Signal("ft/s", 10.0)
+        for number, tank in enumerate(self.parts.tanks):
+            if f"tank{number}" in signals:
+                signals[f"tank{number}"] = Signal(
+                    "lbf", 100.0, 0.0, tank.capacity, start=tank.contents
+                )
+        for number, point in enumerate(self.parts.points):
+            if f"pointmass{number}" in signals:
+                signals[f"pointmass{number}"] = Signal("lbf", 100.0, start=point.weight)
+        for file in self.parts.engines:
+            if f"engine{file.number}" in signals:
+                signals[f"engine{file.number}"] = Signal(start=1.0)
         signals["gravity"] = Signal("ft/s^2", 32.0, start=SLUG_TO_LB)
+        for name, value in self.equations.starts.items():
+            if name in signals:
+                signals[name] = signals[name]._replace(start=value)
         return signals
 
     def _outputs(self) -> dict[str, Signal]:
@@ -251,51 +326,69 @@ class _Declaration:
             "load_factor": Signal(),
             "lift_to_weight": Signal(),
             "thrust": Signal("lbf", 0.1 * self.parts.mass.weight),
+            "weight": Signal("lbf", 0.1 * self.parts.mass.weight),
+            "angle_of_attack": Signal("rad", 0.1),
         }
         signals = {
             name: signals_by_name.get(name, Signal("hp", 100.0)) for name in self.equations.outputs
         }
-        for name, full_name in _POSITIONS.items():
-            key = name.removesuffix("_position").removeprefix("left_").removeprefix("right_")
-            if self.equations.properties.writer(full_name) is None:
-                continue
-            if key in self.inputs and self.inputs[key].unit == "1":
-                value = self.equations.properties.read(full_name, "")
-                self.equations.outputs[name] = ca.SX(value)
-                signals[name] = Signal("rad", 0.1)
+        for name in _positions(self.equations, self.inputs):
+            self.equations.outputs[name] = ca.SX(
+                self.equations.properties.read(_POSITIONS[name], "")
+            )
+            signals[name] = Signal("rad", 0.1)
         return signals
 
-    def _function(self, outputs: list[str]) -> EquationsOfMotion:
-        """The equations as one Function of states, inputs and parameters; inputs that move nothing
-        are 0."""
-        equations = self.equations
+    def _equations(self, outputs: list[str]) -> EquationsOfMotion:
+        """The equations in still and in moving air."""
+
+        def gusty() -> ca.Function:
+            equations = Equations(self.parts, gusty=True)
+            for name in _positions(equations, self.inputs):
+                value = equations.properties.read(_POSITIONS[name], "")
+                equations.outputs[name] = ca.SX(value)
+            return self._function(equations, outputs, list(equations.gusts.values()))
+
+        still = self._function(self.equations, outputs)
+        return EquationsOfMotion(still, gusty, list(self.equations.rates), outputs)
+
+    def _function(
+        self, equations: Equations, outputs: list[str], gusts: list[ca.SX] | None = None
+    ) -> ca.Function:
+        """Equations as one Function of states, inputs, parameters and gusts; inputs that move
+        nothing are 0."""
         rates = ca.vertcat(*equations.rates.values())
         others = ca.vertcat(*(equations.outputs[name] for name in outputs))
-        symbols = [pilot_input.symbol for pilot_input in equations.inputs.values()]
-        symbols += [*equations.parameters.values(), *equations.rate_symbols]
-        kept = {pilot_input.symbol.element_hash() for pilot_input in self.inputs.values()}
-        kept |= {symbol.element_hash() for symbol in self.parameters.values()}
-        left_out = [symbol for symbol in symbols if symbol.element_hash() not in kept]
-        rates, others = ca.substitute(
-            [rates, others],
-            [ca.vertcat(*left_out)],
-            [ca.SX.zeros(len(left_out))],
-        )
+        inputs = {name: each.symbol for name, each in equations.inputs.items()}
+        kept_inputs = [inputs.pop(name) for name in self.inputs]
+        parameters = dict(equations.parameters)
+        kept_parameters = [parameters.pop(name) for name in self.parameters]
+        left_out = [*inputs.values(), *parameters.values(), *equations.rate_symbols]
+        zeros = [_usual(name, self.parts) for name in (*inputs, *parameters)] + [0.0, 0.0]
+        rates, others = ca.substitute([rates, others], [ca.vertcat(*left_out)], [ca.SX(zeros)])
         arguments = [
             ca.vertcat(*equations.states.values()),
-            ca.vertcat(ca.SX(0, 1), *(pilot_input.symbol for pilot_input in self.inputs.values())),
-            ca.vertcat(*self.parameters.values()),
+            ca.vertcat(ca.SX(0, 1), *kept_inputs),
+            ca.vertcat(*kept_parameters),
         ]
-        values = [ca.densify(part) for part in ca.cse([rates, others])]
-        function = ca.Function("jsbsim", arguments, values)
-        return EquationsOfMotion(function, list(equations.rates), outputs)
+        if gusts is not None:
+            arguments.append(ca.vertcat(*gusts))
+        values = [rates, others]
+        if ca.n_nodes(ca.vertcat(*values)) < _LARGE:
+            values = ca.cse(values)
+        values = [ca.densify(part) for part in values]
+        return ca.Function("jsbsim", arguments, values)
 
     def _trim(self) -> dict[str, float]:
         """Straight level flight; without a throttle the path is free, without two inputs across the
         sideslip."""
         imposed = {"speed": self.usual_speed, "altitude": 5000.0, "yaw": 0.0, "turn_rate": 0.0}
-        if "throttle" in self.inputs:
+        throttles = [name for name in self.inputs if name.startswith("throttle")]
+        if all(file.dry_of for file in self.parts.engines):
+            imposed |= dict.fromkeys(throttles, 0.0)
+        elif throttles:
             imposed["gamma"] = 0.0
+            imposed |= dict.fromkeys(throttles[1:], _HALF)
         if {"aileron", "rudder"} <= set(self.inputs):
             imposed["beta"] = 0.0
         return imposed
@@ -318,7 +411,11 @@ class _Declaration:
         or arrays of one length."""
         usual_speed = self.usual_speed
         propellers = [
-            (f"rpm{file.number}", file.thruster.value_of("diameter", 0.001, "FT"), _rpm(file).start)
+            (
+                f"rpm{file.number}",
+                file.thruster.value_of("diameter", 0.001, "FT"),
+                _rpm(file, True).start,
+            )
             for file in self.parts.engines
             if file.has_propeller and not file.governed
         ]
@@ -385,14 +482,31 @@ def _at(name: str, speed: Any, altitude: Any) -> list[Any]:
     return [float(array[0]) if array.size == 1 else array for array in arrays]
 
 
-def _rpm(file: EngineFile) -> Signal:
-    """The signal of a propeller's speed."""
+def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterator[str]:
+    """The outputs that are positions of surfaces which commands move."""
+    for name, full_name in _POSITIONS.items():
+        key = name.removesuffix("_position").removeprefix("left_").removeprefix("right_")
+        if equations.properties.writer(full_name) is None:
+            continue
+        if key in inputs and inputs[key].unit == "1":
+            yield name
+
+
+def _usual(name: str, parts: Parts) -> float:
+    """The value of an input or a parameter that is not declared since nothing depends on it."""
+    return 1.0 if name.startswith("engine") else 0.0
+
+
+def _rpm(file: EngineFile, is_alone: bool) -> Signal:
+    """The signal of a propeller's speed. is_alone: whether the engine is the only one; others may
+    be out."""
     prop = file.thruster
     ratio = max(prop.value_of("gearratio", 1.0), 0.001)
     usual = prop.value_of("maxrpm", 0.0)
     lowest = 10.0
     if file.kind == "piston_engine":
-        lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / ratio
+        if is_alone:
+            lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / ratio
         usual = usual or 0.85 * file.engine.value_of("maxrpm", 2800.0) / ratio
     usual = usual or 2000.0
     return Signal("rpm", 0.1 * usual, lowest, 10.0 * usual, 0.9 * usual, rate=usual)

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from hfa_jsbsim.aircraft import Parts
+from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
+from hfa_jsbsim.parts import Parts
 
 #: (values to hold, names to set free) -> values of everything by name at the solution, or None.
 Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | None]
@@ -31,13 +32,13 @@ def explain(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> str:
 
 def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
     """Thrust that full throttle lacks, or that idle has too much of."""
-    mass = parts.mass.slugs
-    least = _SOME * parts.mass.weight
     full = None
-    if "throttle" not in imposed:
+    if parts.engines and "throttle" not in imposed:
         full = solve({"throttle": 1.0}, ("speed_dot",))
     if full is None:
         return
+    mass = full["weight"] / SLUG_TO_LB
+    least = _SOME * full["weight"]
     missing = -full["speed_dot"] * mass
     if missing > least:
         thrust = full["thrust"]
@@ -87,6 +88,9 @@ def _of_engine(file: EngineFile) -> Iterator[str]:
     name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
     if file.dry_of:
         yield f"the {file.dry_of} tank of {name} is empty: glide"
+    solid = file.engine.find("thrust_table")
+    if solid is not None:
+        yield f"{solid.where}: {name} burns solid fuel; it is not lit"
     if file.kind == "turbine_engine" and file.has_propeller:
         yield f"{name} is a turbine engine on a propeller; its thrust is taken as power"
     diameter = file.thruster.find("diameter")

@@ -9,6 +9,7 @@ import xml.parsers.expat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,27 @@ _DEEPEST = 100
 _LONGEST_ENTITY = 100
 
 
+class Attributes(dict[str, str]):
+    """Attributes of an element: name -> text; `taken` are those that somebody asked for."""
+
+    def __init__(self, *values: Any) -> None:
+        super().__init__(*values)
+        self.taken: set[str] = set()
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """The text of an attribute."""
+        self.taken.add(name)
+        return super().get(name, default)
+
+    def __getitem__(self, name: str) -> str:
+        self.taken.add(name)
+        return super().__getitem__(name)
+
+    def __contains__(self, name: object) -> bool:
+        self.taken.add(str(name))
+        return super().__contains__(name)
+
+
 @dataclass
 class Element:
     """An element of a file.
@@ -31,15 +53,17 @@ class Element:
     lines: (number, text) of each line of text that is not empty.
     file, line: where it begins.
     parent: what it stands in; None for the root.
+    taken: whether somebody asked for it (`accounting.py`).
     """
 
     name: str
-    attributes: dict[str, str]
+    attributes: Attributes
     file: str
     line: int
     parent: Element | None = None
     children: list[Element] = field(default_factory=list)
     lines: list[tuple[int, str]] = field(default_factory=list)
+    taken: bool = False
 
     @property
     def where(self) -> str:
@@ -55,13 +79,22 @@ class Element:
         """An error about this element."""
         return BadInputError(f"{self.where}: {fault}")
 
+    def error_at(self, line: int, fault: str) -> BadInputError:
+        """An error about a line of its text."""
+        return BadInputError(f"{self.file}:{line}: {fault}")
+
     def find(self, name: str) -> Element | None:
         """Its first child of this name."""
-        return next((child for child in self.children if child.name == name), None)
+        return next(self.all(name), None)
 
     def all(self, name: str) -> Iterator[Element]:
         """Its children of this name."""
-        return (child for child in self.children if child.name == name)
+        return (child.take() for child in self.children if child.name == name)
+
+    def take(self) -> Element:
+        """Itself, marked as taken."""
+        self.taken = True
+        return self
 
     def need(self, name: str) -> Element:
         """Its first child of this name; an error without one."""
@@ -72,6 +105,8 @@ class Element:
 
     def number(self, unit: str = "") -> float:
         """Its text as a number, converted from its own unit where both have one."""
+        if len(self.lines) > 1:
+            raise self.error(f"<{self.name}> holds several lines; give one number")
         value = self.as_number(self.text)
         own_unit = self.attributes.get("unit", "")
         if not unit or not own_unit or own_unit == unit:
@@ -88,10 +123,9 @@ class Element:
 
     def as_number(self, text: str) -> float:
         """A text of this element as a number."""
-        try:
-            value = float(text)
-        except ValueError as error:
-            raise self.error(f"<{self.name}> holds {shortened(text)!r}, not a number") from error
+        value = number_of(text)
+        if value is None:
+            raise self.error(f"<{self.name}> holds {shortened(text)!r}, not a number")
         if not math.isfinite(value):
             raise self.error(f"<{self.name}> is {text}; give a finite number")
         return value
@@ -146,6 +180,14 @@ _FACTORS = {
 }
 
 
+def number_of(text: str) -> float | None:
+    """A text as a number, as C reads it; None where it is none."""
+    try:
+        return None if "_" in text else float(text)
+    except ValueError:
+        return None
+
+
 def parsed(text: bytes, file: str) -> Element:
     """The root element of an XML text. BadInputError where it is none, or where it declares an
     entity that is more than a short text: nothing grows, nothing is fetched."""
@@ -156,7 +198,7 @@ def parsed(text: bytes, file: str) -> Element:
 
     def start(name: str, attributes: dict[str, str]) -> None:
         parent = open_elements[-1] if open_elements else None
-        element = Element(name, attributes, file, parser.CurrentLineNumber, parent)
+        element = Element(name, Attributes(attributes), file, parser.CurrentLineNumber, parent)
         (parent.children if parent else roots).append(element)
         open_elements.append(element)
         if len(open_elements) > _DEEPEST:
@@ -166,12 +208,7 @@ def parsed(text: bytes, file: str) -> Element:
         open_elements.pop()
 
     def characters(text: str) -> None:
-        lines = open_elements[-1].lines
-        number = parser.CurrentLineNumber
-        if lines and lines[-1][0] == number:
-            lines[-1] = (number, lines[-1][1] + text)
-        else:
-            lines.append((number, text))
+        open_elements[-1].lines.append((parser.CurrentLineNumber, text))
 
     def check_entity(name: str, is_parameter: int, value: str | None, *_: object) -> None:
         line = parser.CurrentLineNumber
@@ -188,13 +225,21 @@ def parsed(text: bytes, file: str) -> Element:
     except xml.parsers.expat.ExpatError as error:
         what = xml.parsers.expat.errors.messages.get(error.code, "")
         raise BadInputError(f"{file}:{error.lineno}: this is no XML ({what})") from error
+    except BadInputError:
+        raise
+    except (LookupError, ValueError) as error:  # an encoding that Python or expat does not know
+        raise BadInputError(f"{file}: its encoding is not read ({error}); use UTF-8") from error
     _strip(roots[0])
     return roots[0]
 
 
 def _strip(element: Element) -> None:
-    """Drop empty lines of text, and white space around others, in an element and below it."""
-    stripped = [(number, text.strip()) for number, text in element.lines]
+    """Join the pieces of each line of text, drop empty lines, and white space around others, in an
+    element and below it."""
+    lines: dict[int, list[str]] = {}
+    for number, text in element.lines:
+        lines.setdefault(number, []).append(text)
+    stripped = [(number, "".join(pieces).strip()) for number, pieces in lines.items()]
     element.lines = [(number, text) for number, text in stripped if text]
     for child in element.children:
         _strip(child)
@@ -211,6 +256,11 @@ class Folders:
         self.aircraft = aircraft
         self.shared = shared
         self._files: dict[Path, tuple[Element, str]] = {}
+
+    @property
+    def documents(self) -> list[Element]:
+        """The roots of all files that were read."""
+        return [document for document, _ in self._files.values()]
 
     @property
     def digest(self) -> str:
@@ -234,7 +284,7 @@ class Folders:
     def opened(self, element: Element) -> Element:
         """The element itself, or the root of the file that it names."""
         name = element.attributes.get("file", "")
-        return self.read(self._found(element, name)) if name else element
+        return self.read(self._found(element, name)).take() if name else element
 
     def merged(self, element: Element) -> Element:
         """The element with what the file that it names holds before its own children
@@ -245,8 +295,10 @@ class Folders:
         if document.name != element.name:
             fault = f"the file holds <{document.name}>, not <{element.name}>"
             raise document.error(f"{fault}; {element.where} names it")
+        document.take()
         both = [*document.children, *element.children]
-        attributes = document.attributes | element.attributes
+        attributes = Attributes({**document.attributes, **element.attributes})
+        document.attributes.taken = element.attributes.taken = attributes.taken
         return Element(element.name, attributes, document.file, document.line, element.parent, both)
 
     def _found(self, element: Element, name: str) -> Path:

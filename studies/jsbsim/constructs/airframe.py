@@ -27,7 +27,9 @@ def _tank(text: str) -> dict[str, str]:
 def _second_tank(text: str, kind: str = "FUEL", feed: str = "<feed>1</feed>") -> dict[str, str]:
     return {
         "engine": feed,
-        "tanks": f'<tank type="{kind}"> {_PLACE} <capacity unit="LBS"> 800 </capacity> {text} </tank>',
+        "tanks": (
+            f'<tank type="{kind}"> {_PLACE} <capacity unit="LBS"> 800 </capacity> {text} </tank>'
+        ),
     }
 
 
@@ -51,7 +53,7 @@ _GRAIN = (
 )
 _GEAR = (
     '<ground_reactions> <contact type="BOGEY" name="NOSE"> <location unit="IN"> <x> -50 </x>'
-    ' <y> 0 </y> <z> -40 </z> </location> <static_friction> 0.8 </static_friction>'
+    " <y> 0 </y> <z> -40 </z> </location> <static_friction> 0.8 </static_friction>"
     " <dynamic_friction> 0.5 </dynamic_friction> <rolling_friction> 0.02 </rolling_friction>"
     ' <spring_coeff unit="LBS/FT"> 3000 </spring_coeff>'
     ' <damping_coeff unit="LBS/FT/SEC"> 300 </damping_coeff>'
@@ -82,7 +84,9 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "unknown metric": {"metrics": "<winglets> 2 </winglets>"},
     "reference point": {"reference": "<x> 4 </x> <y> 0 </y> <z> 2 </z>"},
     "location EYEPOINT": {
-        "metrics": '<location name="EYEPOINT" unit="IN"> <x> 1 </x> <y> 0 </y> <z> 1 </z> </location>'
+        "metrics": (
+            '<location name="EYEPOINT" unit="IN"> <x> 1 </x> <y> 0 </y> <z> 1 </z> </location>'
+        )
     },
     "location VRP": {
         "metrics": '<location name="VRP" unit="IN"> <x> 1 </x> <y> 0 </y> <z> 1 </z> </location>'
@@ -97,10 +101,13 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "documentation in mass": _mass("<documentation> text </documentation>"),
     "unknown child of mass": _mass("<ballast> 30 </ballast>"),
     "point mass": _point(""),
-    "point mass with inertia": _point('<ixx unit="SLUG*FT2"> 10 </ixx> <iyy unit="SLUG*FT2"> 5 </iyy>'),
+    "point mass with inertia": _point(
+        '<ixx unit="SLUG*FT2"> 10 </ixx> <iyy unit="SLUG*FT2"> 5 </iyy>'
+    ),
     **{
         f"point mass, {shape}": _point(
-            f'<form shape="{shape}"> <radius unit="FT"> 1 </radius> <length unit="FT"> 3 </length> </form>'
+            f'<form shape="{shape}"> <radius unit="FT"> 1 </radius>'
+            f' <length unit="FT"> 3 </length> </form>'
         )
         for shape in ("tube", "cylinder", "sphere", "ball", "cube")
     },
@@ -143,10 +150,12 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "turbine, bypass": _turbine("<bypassratio> 4 </bypassratio>"),
     "turbine, spool": _turbine("<n1spinup> 8 </n1spinup> <n2spindown> 3 </n2spindown>"),
     "turbine, augmented 1": _turbine(
-        '<maxthrust unit="LBS"> 3000 </maxthrust> <augmented> 1 </augmented> <augmethod> 1 </augmethod>'
+        '<maxthrust unit="LBS"> 3000 </maxthrust> <augmented> 1'
+        " </augmented> <augmethod> 1 </augmethod>"
     ),
     "turbine, augmented 2": _turbine(
-        '<maxthrust unit="LBS"> 3000 </maxthrust> <augmented> 1 </augmented> <augmethod> 2 </augmethod>'
+        '<maxthrust unit="LBS"> 3000 </maxthrust> <augmented> 1'
+        " </augmented> <augmethod> 2 </augmethod>"
     ),
     "turbine, injection": _turbine(
         "<injected> 1 </injected> <injection-time> 30 </injection-time>"
@@ -160,8 +169,7 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         "shares": f'{_SHARES} <function name="N2SpoolUp"> <v>9</v> </function>'
     },
     "thruster, pointing": {
-        "thruster_place": _PLACE
-        + " <pointing> <x> 0.9 </x> <y> 0.1 </y> <z> 0 </z> </pointing>"
+        "thruster_place": _PLACE + " <pointing> <x> 0.9 </x> <y> 0.1 </y> <z> 0 </z> </pointing>"
     },
     "thruster, orient": {
         "thruster_place": _PLACE

@@ -54,9 +54,7 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         "pure_gain", "<clipto> <min>-aero/alpha-rad</min> <max>aero/alpha-rad</max> </clipto>"
     ),
     "gain, cyclic clip": _of("pure_gain", f"<gain>4</gain> {_CYCLIC}"),
-    "gain, cyclic clip of a number": _of(
-        "pure_gain", f"<gain>2</gain> {_CYCLIC}", "0.7"
-    ),
+    "gain, cyclic clip of a number": _of("pure_gain", f"<gain>2</gain> {_CYCLIC}", "0.7"),
     "gain, delay": _of("pure_gain", "<gain>2</gain> <delay>0.2</delay>"),
     "gain, delay in frames": _of("pure_gain", '<gain>2</gain> <delay type="frames">3</delay>'),
     "gain, two lines in gain": _of("pure_gain", "<gain>2\n3</gain>"),
@@ -84,7 +82,9 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "summer": _of("summer", "<input>aero/alpha-rad</input>"),
     "summer, bias": _of("summer", "<bias>0.2</bias>"),
     "summer, minus": _of("summer", "<input>-aero/alpha-rad</input>"),
-    "aerosurface scale": _of("aerosurface_scale", "<range> <min>-0.3</min> <max>0.2</max> </range>"),
+    "aerosurface scale": _of(
+        "aerosurface_scale", "<range> <min>-0.3</min> <max>0.2</max> </range>"
+    ),
     "aerosurface scale, domain": _of(
         "aerosurface_scale",
         "<domain> <min>-2</min> <max>1</max> </domain>"

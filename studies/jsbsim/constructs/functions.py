@@ -32,6 +32,14 @@ def _axis(name: str, text: str, attributes: str = "") -> dict[str, str]:
     return {"axes": f'<axis name="{name}" {attributes}> {text} </axis>'}
 
 
+_OF_TWO = (
+    *("sum", "product", "difference", "quotient", "avg", "min", "max", "pow", "fmod", "mod"),
+    *("atan2", "lt", "le", "gt", "ge", "eq", "nq", "and", "or"),
+)
+_OF_ONE = (
+    *("abs", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "ln", "log2", "log10", "sqrt"),
+    *("floor", "ceil", "integer", "fraction", "sign", "toradians", "todegrees", "not"),
+)
 _FORCE = coefficient(slope(0.3, "aero/alpha-rad"))
 _HYSTERESIS = (
     '<alphalimits unit="DEG"> <min>-10</min> <max>{}</max> </alphalimits>'
@@ -39,18 +47,8 @@ _HYSTERESIS = (
 )
 
 CONSTRUCTS: dict[str, dict[str, str]] = {
-    **{
-        name: _of(name, _A, _V)
-        for name in ("sum", "product", "difference", "quotient", "avg", "min", "max", "pow")
-        + ("fmod", "mod", "atan2", "lt", "le", "gt", "ge", "eq", "nq", "and", "or")
-        + ("roundmultiple",)
-    },
-    **{
-        name: _of(name, f"<sum> {_A} <v>0.4</v> </sum>")
-        for name in ("abs", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "ln", "log2")
-        + ("log10", "sqrt", "floor", "ceil", "integer", "fraction", "sign", "toradians")
-        + ("todegrees", "not", "roundmultiple")
-    },
+    **{name: _of(name, _A, _V) for name in _OF_TWO},
+    **{name: _of(name, f"<sum> {_A} <v>0.4</v> </sum>") for name in _OF_ONE},
     "sum of one": _of("sum", _A),
     "difference of three": _of("difference", _A, _V, _B),
     "pi": _of("product", "<pi/>", _A),
@@ -61,7 +59,9 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         f"<product> {_A} <v>10</v> </product>",
         *(f"<v>{0.1 * number}</v>" for number in range(5)),
     ),
-    "interpolate1d": _of("interpolate1d", _A, "<v>-1</v> <v>0</v> <v>0</v> <v>2</v> <v>1</v> <v>1</v>"),
+    "interpolate1d": _of(
+        "interpolate1d", _A, "<v>-1</v> <v>0</v> <v>0</v> <v>2</v> <v>1</v> <v>1</v>"
+    ),
     "random": _of("random"),
     "urandom": _of("urandom"),
     "rotation_alpha_local": _of("rotation_alpha_local", *["<v>0.1</v>"] * 6),
@@ -106,7 +106,10 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         **function("<p>aero/f</p>"),
     },
     "function type template": {
-        "air": '<function name="aero/t" type="template"> <product> <p>#</p> <v>2</v> </product> </function>',
+        "air": (
+            '<function name="aero/t" type="template"> <product> <p>#</p>'
+            " <v>2</v> </product> </function>"
+        ),
         **function('<p apply="aero/t">aero/alpha-rad</p>'),
     },
     "function with a description": {
@@ -165,5 +168,6 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "lift by cl-squared": {"lift": coefficient(slope(0.1, "aero/cl-squared"))},
     "moment by alphadot": {"pitch": pitching("aero/alphadot-rad_sec")},
     "comment in a function": function(f"<!-- text --> {_A}"),
+    "rounded": _of("roundmultiple", f"<product> <v>9</v> {_A} </product>"),
+    "rounded to a multiple": _of("roundmultiple", _A, "<v>0.1</v>"),
 }
-CONSTRUCTS["rounded to a multiple"] = _of("roundmultiple", _A, "<v>0.1</v>")

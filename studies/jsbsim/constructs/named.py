@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from studies.jsbsim.constructs.jet import SLOTS, component, coefficient, reading, writing
+from studies.jsbsim.constructs.jet import SLOTS, coefficient, component, reading, writing
 
 #: Property that is read -> its size.
 _READ = {
@@ -154,7 +154,8 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     **{f"reads {name}": reading(name, scale) for name, scale in _READ.items()},
     **{f"writes {name}": writing(name, value) for name, value in _WRITTEN.items()},
     "writes a point mass": writing("inertia/pointmass-weight-lbs", 500.0) | _MASS,
-    "writes the place of a point mass": writing("inertia/pointmass-location-X-inches", 50.0) | _MASS,
+    "writes the place of a point mass": writing("inertia/pointmass-location-X-inches", 50.0)
+    | _MASS,
     "reads a point mass": reading("inertia/pointmass-weight-lbs", 300.0) | _MASS,
     "switch of the time": component(_TIMED),
     "property sets the wind": {

@@ -1,0 +1,198 @@
+"""Everything in the files of an aircraft is accounted for: what the reader took, what no force in
+flight depends on, what JSBSim does not read either; the rest is refused.
+
+So it is with properties: each that a file reads or writes is the file's own, or one of JSBSim's
+that the reader has, or it is refused.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from hfa_jsbsim.aircraft import Equations
+from hfa_jsbsim.catalog import access, without_numbers
+from hfa_jsbsim.control_system import KINDS
+from hfa_jsbsim.parts import Parts
+from hfa_jsbsim.properties import Writer
+from hfa_jsbsim.xml_file import Element
+from hfa_support.errors import BadInputError, shortened
+
+#: What JSBSim reads: of each kind of element the names of its children, and those that change no
+#: steady force in flight.
+DATA = Path(__file__).with_name("elements.json")
+#: Elements and attributes that are text for people, or about files.
+_TEXT = {
+    *("description", "documentation", "comment", "note", "notes", "reference", "author", "license"),
+    *("name", "file", "version", "release", "type", "xsi", "xmlns", "copyright", "id", "title"),
+}
+#: Properties of JSBSim that a file may set and that no force in flight depends on.
+_IDLE = (
+    *("fcs/", "gear/", "ground/", "ic/", "systems/", "simulation/randomseed"),
+    *("simulation/jsbsim-debug", "simulation/terminate", "simulation/pause"),
+    *("propulsion/active_engine", "propulsion/starter_cmd"),
+    "propulsion/engine/starter-norm",
+)
+#: Properties of JSBSim that are 0 until a file or a pilot sets them.
+_STORED = ("fcs/", "gear/tailhook", "gear/wing-fold")
+#: Properties of JSBSim that a file may set, and what is left out then.
+_NOTED = {
+    "propulsion/tank/external-flow-rate-pps": "tanks stay as full as they are",
+    "simulation/integrator/": "the motion is never stopped",
+}
+_NO_FORCE = "no force in flight depends on them"
+_NOT_READ = "JSBSim does not read them either"
+
+
+def account(parts: Parts, equations: Equations) -> list[str]:
+    """Notes on what is left out of an aircraft; BadInputError, with file and line, for what may not
+    be left out."""
+    reached = equations.properties
+    notes = _of_writers(equations)
+    _refuse_readers(equations)
+    notes += [f"{where}: nothing sets {name}; it is 0" for name, where in reached.unset.items()]
+    for component, what in reached.left_out.values():
+        name = component.attributes.get("name", "")
+        notes.append(
+            f"{component.where}: <{component.name}> {shortened(name)}: {what};"
+            " ?filters=states behind the aircraft's name makes it a state"
+        )
+    left: dict[str, list[Element]] = {_NO_FORCE: [], _NOT_READ: []}
+    for root in parts.folders.documents:
+        for element, reason in _left_out(root):
+            left.setdefault(reason, []).append(element)
+    for reason, elements in left.items():
+        if elements:
+            notes.append(f"left out, {reason}: {_listed(elements)}")
+    return notes
+
+
+@lru_cache
+def _elements() -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(DATA.read_text())
+    return data["elements"]
+
+
+def _left_out(root: Element) -> Iterator[tuple[Element, str]]:
+    """What of a file was not taken, with the reason why it may be left out."""
+    pending = [root]
+    while pending:
+        element = pending.pop()
+        _account_attributes(element)
+        for child in reversed(element.children):
+            if child.taken:
+                pending.append(child)
+                continue
+            reason = _reason(element, child)
+            if reason:
+                yield child, reason
+
+
+def _reason(parent: Element, child: Element) -> str:
+    """Why a child may be left out; "" for text. BadInputError where it may not."""
+    name = child.name
+    if name in _TEXT:
+        return ""
+    if name in KINDS or name in ("function", "table", "t") or parent.name == "channel":
+        return _NO_FORCE  # it sets properties, which nobody has asked for
+    if parent.name in ("table", "t") and not any(each.taken for each in parent.children):
+        return _NO_FORCE  # of an engine, which reads it by its name
+    if any(other.name == name and other.taken for other in parent.children):
+        return _NOT_READ if name not in _REPEATED else _NO_FORCE
+    known = _elements().get(parent.name)
+    if known is None:
+        raise child.error(f"<{shortened(name)}> in <{shortened(parent.name)}> is not read")
+    if name in known["idle"]:
+        return _NO_FORCE
+    if name in known.get("noted", {}):
+        return str(known["noted"][name])
+    if name in known["read"]:
+        raise child.error(
+            f"<{shortened(name)}> in <{parent.name}> is not read; JSBSim's forces depend on it"
+        )
+    return _NOT_READ
+
+
+#: Elements of which JSBSim reads all, not only the first.
+_REPEATED = {"property", "output", "test", "location", "pointmass", "tank", "engine", "channel"}
+
+
+def _account_attributes(element: Element) -> None:
+    """BadInputError for an attribute that JSBSim reads and the reader does not."""
+    known = _elements().get(element.name, {})
+    for name in element.attributes.keys() - element.attributes.taken:
+        if name in known.get("attributes", ()):
+            fault = f"the attribute {shortened(name)} of <{element.name}> is not read"
+            raise element.error(f"{fault}; take it out")
+
+
+def _listed(elements: Iterable[Element]) -> str:
+    """Elements by file, kind and lines."""
+    texts = []
+    for file, in_file in groupby(elements, key=lambda element: element.file):
+        lines: dict[str, list[int]] = {}
+        for element in in_file:
+            lines.setdefault(element.name, []).append(element.line)
+        kinds = [f"<{shortened(name)}> {_ranges(numbers)}" for name, numbers in lines.items()]
+        texts.append(f"{file}: {', '.join(kinds)}")
+    return "; ".join(texts)
+
+
+def _ranges(numbers: list[int]) -> str:
+    """Line numbers as text, at most some of them."""
+    shown = " ".join(map(str, numbers[:_MOST]))
+    return shown if len(numbers) <= _MOST else f"{shown} and {len(numbers) - _MOST} more"
+
+
+#: So many lines of one kind of element are named.
+_MOST = 12
+
+
+def _refuse_readers(equations: Equations) -> None:
+    """BadInputError where a force depends on a property of JSBSim's own that the reader lacks."""
+    for name, where in equations.properties.unset.items():
+        if access(name) and not name.startswith(_STORED):
+            raise BadInputError(
+                f"{where}: {shortened(name)} is JSBSim's own and is not read; use another property"
+            )
+
+
+def _of_writers(equations: Equations) -> list[str]:
+    """Notes on the pilot's commands that a component sets too. BadInputError where a file sets a
+    property of JSBSim's own that the reader does not take from it."""
+    properties = equations.properties
+    notes = []
+    for name, writers in properties.writers().items():
+        rights = access(name)
+        mine = [writer for writer in writers if writer.element is not None]
+        if not rights or not mine:
+            continue
+        if rights == "R":
+            raise _refusal(mine[-1], f"JSBSim sets {shortened(name)} itself; it cannot be set")
+        reason = _of_prefix(without_numbers(name), _NOTED)
+        if reason:
+            notes.append(f"{mine[-1].where}: {shortened(name)} is set; {reason}")
+            continue
+        if not (name in properties.asked or without_numbers(name).startswith(_IDLE)):
+            raise _refusal(
+                mine[-1], f"{shortened(name)} is JSBSim's own; that it is set is not read"
+            )
+        if "-cmd-norm" in name and name in properties.asked and len(writers) > len(mine):
+            notes.append(
+                f"{mine[-1].where}: {shortened(name)} is set here and by the pilot; what is read"
+                " before this is the pilot's"
+            )
+    return notes
+
+
+def _of_prefix(name: str, reasons: dict[str, str]) -> str:
+    """The reason of the prefix that a name has; "" without one."""
+    return next((reason for prefix, reason in reasons.items() if name.startswith(prefix)), "")
+
+
+def _refusal(writer: Writer, fault: str) -> BadInputError:
+    return BadInputError(f"{writer.where}: {fault}; take it out")

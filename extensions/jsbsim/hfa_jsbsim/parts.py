@@ -1,0 +1,94 @@
+"""What the files of an aircraft of JSBSim hold, read but not yet put together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from hfa_jsbsim.airframe import (
+    mass_in_file,
+    read_empty,
+    read_metrics,
+    read_point_masses,
+    read_tanks,
+)
+from hfa_jsbsim.engines import EngineFile, read_engine, refusal
+from hfa_jsbsim.xml_file import Element, Folders
+from hfa_support.errors import BadInputError, shortened
+
+#: Sections that are read, in the order in which JSBSim runs those of the control system.
+_SYSTEMS = ("system", "autopilot", "flight_control")
+_READ = (
+    *(*_SYSTEMS, "metrics", "mass_balance", "propulsion", "aerodynamics"),
+    *("external_reactions", "buoyant_forces"),
+)
+
+
+@dataclass(frozen=True)
+class Choices:
+    """How an aircraft is to be read.
+
+    partial: leave out motors, rotors and gas cells, which cannot be read; else they are refused.
+    filters: whether lags, washouts, integrators and other components with a memory are states; else
+        they stand where a steady input holds them.
+    throttles: whether each engine has a throttle of its own.
+    """
+
+    partial: bool = False
+    filters: bool = False
+    throttles: bool = False
+
+
+class Parts:
+    """What the files of an aircraft hold.
+
+    sections: <metrics>, <aerodynamics>, ... with what other files add.
+    wings, empty, tanks, points, engines: read from them. mass: with the contents of the files.
+    notes: what a user should know.
+    """
+
+    def __init__(self, path: Path, folders: Folders, choices: Choices) -> None:
+        root = folders.read(path)
+        if root.name != "fdm_config":
+            fault = f"<{shortened(root.name)}> is no aircraft of JSBSim"
+            raise root.error(f"{fault}; its files begin with <fdm_config>")
+        self.path = path
+        self.folders = folders
+        self.choices = choices
+        self.name = root.attributes.get("name", path.stem)
+        self.notes: list[str] = []
+        children = [child.take() for child in root.children if child.name in _READ]
+        self.sections = [folders.merged(child) for child in children]
+        gas = self.section("buoyant_forces")
+        if gas is not None and not choices.partial:
+            raise gas.error("<buoyant_forces> is not read; the aircraft must fly without gas")
+        propulsion = self.section("propulsion")
+        self.wings = read_metrics(self._needed("metrics"))
+        self.tanks = read_tanks(propulsion)
+        balance = self._needed("mass_balance")
+        self.empty = read_empty(balance)
+        self.points = read_point_masses(balance)
+        self.mass = mass_in_file(balance, self.tanks, self.points)
+        self.engines: list[EngineFile] = []
+        for number, mount in enumerate(propulsion.all("engine") if propulsion else ()):
+            engine = read_engine(number, mount, folders.opened, self.tanks)
+            if isinstance(engine, EngineFile):
+                self.engines.append(engine)
+            elif choices.partial:
+                self.notes.append(f"{engine.where}: {refusal(engine)}; it is left out")
+            else:
+                raise engine.error(refusal(engine))
+
+    def section(self, name: str) -> Element | None:
+        """The first section of this name."""
+        return next((part for part in self.sections if part.name == name), None)
+
+    def systems(self) -> list[Element]:
+        """The sections of the control system, in JSBSim's order."""
+        return [part for name in _SYSTEMS for part in self.sections if part.name == name]
+
+    def _needed(self, name: str) -> Element:
+        section = self.section(name)
+        if section is None:
+            raise BadInputError(f"{self.path}: the aircraft has no <{name}>; add it")
+        return section

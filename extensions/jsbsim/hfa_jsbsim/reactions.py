@@ -1,0 +1,116 @@
+"""Forces and moments from outside: <external_reactions> (`FGExternalForce`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_jsbsim.air import Motion
+from hfa_jsbsim.functions import function_value
+from hfa_jsbsim.properties import LoopError, Properties, is_constant
+from hfa_jsbsim.xml_file import Element
+from hfa_support.errors import shortened
+
+
+class Reactions:
+    """The forces and moments of a section; their magnitudes are functions or properties."""
+
+    def __init__(self, section: Element | None, properties: Properties) -> None:
+        self._properties = properties
+        self._own: dict[str, float] = {}
+        self._forces = list(section.all("force")) if section is not None else []
+        self._moments = list(section.all("moment")) if section is not None else []
+        for element, axes in [(force, "xyz") for force in self._forces] + [
+            (moment, "lmn") for moment in self._moments
+        ]:
+            base = _base(element)
+            element.attributes.get("frame")
+            properties.define_initial(f"{base}/{_magnitude(element)}", 0.0)
+            for axis, value in zip(axes, _direction(element), strict=True):
+                self._own[f"{base}/{axis}"] = value
+            if element.name == "force":
+                place = element.find("location")
+                numbers = np.zeros(3) if place is None else place.vector("IN")
+                for axis, value in zip("xyz", numbers, strict=True):
+                    self._own[f"{base}/location-{axis}-in"] = value
+        for name, value in self._own.items():
+            properties.define_initial(name, value)
+
+    def loads(self, motion: Motion, arm: Callable[[Any], Any]) -> tuple[ca.SX, ca.SX]:
+        """Force, lb, and moment about the center of gravity, ft lb, in body axes.
+
+        arm: a place in inches -> ft from the center of gravity, in body axes.
+        """
+        total = ca.SX.zeros(3)
+        moment = ca.SX.zeros(3)
+        for element in self._forces:
+            force = self._vector(element, "xyz", motion)
+            names = [f"{_base(element)}/location-{axis}-in" for axis in "xyz"]
+            total += force
+            moment += ca.cross(arm(self._read(names, element)), force)
+        for element in self._moments:
+            moment += self._vector(element, "lmn", motion)
+        return total, moment
+
+    def _vector(self, element: Element, axes: str, motion: Motion) -> ca.SX:
+        """A force or a moment in body axes."""
+        names = [f"{_base(element)}/{axis}" for axis in axes]
+        self._properties.asked.update(names)
+        magnitude = self._size(element)
+        if is_constant(magnitude) and float(magnitude) == 0.0:
+            return ca.SX.zeros(3)
+        along = self._read(names, element)
+        return ca.mtimes(_to_body(element, motion), along) * magnitude
+
+    def _size(self, element: Element) -> Any:
+        function = element.find("function")
+        name = f"{_base(element)}/{_magnitude(element)}"
+        if function is None:
+            return self._properties.read_or(name, 0.0, element.where)
+        try:
+            return function_value(function, self._properties)
+        except LoopError as error:
+            note = f"{element.where}: the {element.name} from outside is left out ({error})"
+            if note not in self._properties.notes:
+                self._properties.notes.append(note)
+            return 0.0
+
+    def _read(self, names: list[str], element: Element) -> ca.SX:
+        values = []
+        for name in names:
+            own_value = self._own[name]
+            values.append(ca.SX(self._properties.read_or(name, own_value, element.where)))
+        return ca.vertcat(*values)
+
+
+def _base(element: Element) -> str:
+    return f"external_reactions/{element.attributes.get('name', '')}"
+
+
+def _magnitude(element: Element) -> str:
+    return "magnitude" if element.name == "force" else "magnitude-lbsft"
+
+
+def _direction(element: Element) -> np.ndarray:
+    """(3,) of length 1; zeros without a direction."""
+    child = element.find("direction")
+    vector = np.zeros(3) if child is None else child.vector("IN")
+    length = float(np.linalg.norm(vector))
+    return vector / length if length else vector
+
+
+def _to_body(element: Element, motion: Motion) -> ca.SX:
+    """(3, 3): body axes from those of the frame of a force."""
+    frame = element.attributes.get("frame", "BODY")
+    if frame == "LOCAL":
+        return motion.to_body
+    if frame == "WIND":
+        return motion.wind_to_body
+    if frame == "INERTIAL":
+        raise element.error(
+            f"the frame {shortened(frame)} turns with no aircraft; use BODY, LOCAL or WIND"
+        )
+    return ca.SX.eye(3)  # as JSBSim takes any other
