@@ -317,7 +317,8 @@ class Equations:
             symbol = held.compute() if held is not None and held.element is None else None
             for name, parameter in self.parameters.items():
                 if symbol is parameter:
-                    self.starts[name] = value  # the pilot, or whoever holds it, may change it
+                    if name not in ("mixture", "advance"):  # these begin as engines run best
+                        self.starts[name] = value
                     return
             if symbol is not None and any(symbol is each.symbol for each in self.inputs.values()):
                 return
@@ -543,7 +544,7 @@ def _named(section: Element) -> Iterator[Element]:
         is_table = part.name in ("table", "t") and any(
             child.name == "independentVar" for child in part.children
         )
-        if (part.name == "function" or is_table) and "name" in part.attributes.keys():
+        if (part.name == "function" or is_table) and "name" in part.attributes:
             yield part
 
 

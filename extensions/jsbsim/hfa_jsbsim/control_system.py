@@ -423,7 +423,10 @@ def _integral(
     component: Element, properties: Properties, value: Any, gain: Any, commands: ca.SX
 ) -> Any:
     """The integral of gain times value, held where <trigger> is not 0."""
-    trigger = ca.SX(_parameter(component, "trigger", properties, 0.0))
+    try:
+        trigger = ca.SX(_parameter(component, "trigger", properties, 0.0))
+    except LoopError:  # it holds the integral where the output is at a limit
+        trigger = ca.SX(0.0)
     if is_constant(trigger) and float(trigger) < 0.0:
         return 0.0
     if properties.has_filter_states:

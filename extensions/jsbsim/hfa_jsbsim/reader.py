@@ -13,6 +13,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
 from hfa_jsbsim.accounting import account
 from hfa_jsbsim.air import (
     KNOT,
@@ -29,8 +31,6 @@ from hfa_jsbsim.properties import is_constant
 from hfa_jsbsim.reasons import explain, of_files
 from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
-from hfa_aircraft.model import Model
-from hfa_aircraft.signals import Signal
 from hfa_support.errors import BadInputError, shortened
 
 #: Outputs that are the positions of surfaces: name -> property, in rad.

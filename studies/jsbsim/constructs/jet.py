@@ -29,8 +29,6 @@ SLOTS = {
     ),
     "tank": '<contents unit="LBS"> 500 </contents>',
     "tanks": "",
-    "tank_attributes": 'type="FUEL"',
-    "tank_place": '<location unit="IN"> <x> 4 </x> <y> 6 </y> <z> -3 </z> </location>',
     "control": "",
     "channels": "",
     "air": "",
@@ -64,8 +62,8 @@ _JET = """<?xml version="1.0"?>
   {engine}
   <thruster> {thruster_place} {thruster} </thruster>
  </engine>
- <tank {tank_attributes}>
-  {tank_place}
+ <tank type="FUEL">
+  <location unit="IN"> <x> 4 </x> <y> 6 </y> <z> -3 </z> </location>
   <capacity unit="LBS"> 1000 </capacity>
   {tank}
  </tank>

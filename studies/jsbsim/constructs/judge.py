@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hfa_jsbsim.reader import read_model
 from hfa_aircraft.model import Model
+from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
 from studies.jsbsim.constructs.airframe import CONSTRUCTS as AIRFRAME
 from studies.jsbsim.constructs.control import CONSTRUCTS as CONTROL

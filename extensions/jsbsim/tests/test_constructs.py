@@ -1,0 +1,82 @@
+"""Small jets of one construct each: they agree with JSBSim, or are refused, or named in a note."""
+
+import importlib.util
+
+import pytest
+
+from hfa_jsbsim.accounting import DATA as ELEMENTS
+from hfa_jsbsim.catalog import access
+from studies.jsbsim.constructs import judge as judging
+from studies.jsbsim.constructs.judge import ALL, judge, unused_slots
+
+needs_jsbsim = pytest.mark.skipif(
+    importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
+)
+#: Some that were read wrongly in silence before.
+QUICK = (
+    "airframe: plain",
+    "airframe: tank of grain",
+    "airframe: external force of a function",
+    "control: channel, execute 0",
+    "control: sensor, quantization",
+    "control: integrator of a rate",
+    "functions: hysteresis limits, stalled",
+    "properties: writes a point mass",
+    "properties: writes atmosphere/wind-north-fps",
+    "properties: reads simulation/frame",
+)
+
+
+@needs_jsbsim
+def test_constructs_that_were_dropped_in_silence_agree_or_are_named(tmp_path):
+    verdicts = {each.name.split(": ")[1]: each.verdict for each in judge(list(QUICK), tmp_path)}
+    assert verdicts == {
+        "plain": "agrees",
+        "tank of grain": "agrees",
+        "external force of a function": "agrees",
+        "channel, execute 0": "agrees",
+        "sensor, quantization": "refused",
+        "integrator of a rate": "noted",
+        "hysteresis limits, stalled": "agrees",
+        "writes a point mass": "agrees",
+        "writes atmosphere/wind-north-fps": "agrees",
+        "reads simulation/frame": "refused",
+    }
+
+
+@needs_jsbsim
+@pytest.mark.slow
+def test_no_construct_differs_in_silence(tmp_path):
+    judgements = judge(list(ALL), tmp_path)
+    wrong = [each for each in judgements if each.verdict in ("silent", "traceback")]
+    assert not wrong
+    assert len(judgements) >= 400
+    assert sum(each.verdict == "agrees" for each in judgements) >= 290
+
+
+@needs_jsbsim
+def test_a_difference_that_nothing_names_is_silent(tmp_path, monkeypatch):
+    monkeypatch.setattr(judging, "read_model", lambda path: read_without_its_construct(tmp_path))
+    (judgement,) = judge(["functions: force at the center of gravity"], tmp_path)
+    assert judgement.verdict == "silent"
+
+
+def read_without_its_construct(folder):
+    """The plain jet, whatever its file holds: a reader that drops the construct."""
+    from hfa_jsbsim.reader import read_model
+
+    path = folder / "aircraft" / "other" / "other.xml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(judging.jet({}))
+    return read_model(str(path))
+
+
+def test_every_slot_of_the_jet_is_filled_by_a_construct():
+    assert not unused_slots()
+
+
+def test_the_catalogs_know_what_jsbsim_reads_and_sets():
+    assert access("inertia/pointmass-weight-lbs[3]") == "RW"
+    assert access("velocities/vc-kts") == "R"
+    assert access("my/own") == ""
+    assert '"emptywt"' in ELEMENTS.read_text()
