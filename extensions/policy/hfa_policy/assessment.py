@@ -30,6 +30,8 @@ from trim.point.solve import find_operating_point
 SAMPLES = 300
 #: Part of the starts that must come back where a policy holds.
 _MOST_OF_THEM = 0.5
+#: Seconds of the flight from the trim that shows where the policy rests.
+_TO_REST = 200.0
 #: Another point of rest than Newton's from the trim is where the flight ends, in half-widths of the
 #: box.
 _ELSEWHERE = 1e-3
@@ -190,8 +192,8 @@ class Assessor:
             search.from_point(np.array(search.point.states), np.array(search.point.inputs))
             for search in searches
         ]
-        window = flight.window(len(self.points), HORIZON + 2 * HORIZON * self.samples)
-        states, inputs = ends_from_trim(flight, list(self.points), window, HORIZON)
+        window = flight.window(len(self.points), _TO_REST + 2 * HORIZON * self.samples)
+        states, inputs = ends_from_trim(flight, list(self.points), window, _TO_REST)
         places = []
         for number, search in enumerate(searches):
             widths = self._widths(search.point)

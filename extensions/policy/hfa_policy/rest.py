@@ -15,6 +15,8 @@ _MOST_STEPS = 60
 _MOST_HALVES = 30
 #: Residual, in nominal rates, from which a point counts as at rest.
 _AT_REST = 1e-9
+#: Residual where the equations are no numbers.
+_FAR_OFF = 1e6
 #: How near to a clip a value lies at it, as a part of the width.
 _AT_CLIP = 1e-9
 
@@ -63,11 +65,39 @@ class RestSearch:
         self.steady = model.at(point.states, point.inputs).f[self.rows]
 
     def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Rest | None:
-        """The point of rest that Newton's method finds from X (n,) and U (m,); None where it finds
-        none."""
+        """The point of rest that is found from X (n,) and U (m,); None where none is: Newton's
+        method, where it gets stuck after least squares."""
         start = np.concatenate([states, inputs])
         z = self.base.copy()
         z[self.moving] = start[self.moving]
+        return self._by_newton(z) or self._by_newton(self._least(z))
+
+    def _least(self, z: np.ndarray) -> np.ndarray:
+        """Where the residual is least near z, by the method of Levenberg and Marquardt."""
+        from scipy.optimize import least_squares
+
+        def at(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            moved = z.copy()
+            moved[self.moving] += steps * self.scales
+            residual, jacobian = self._system(moved)
+            scaled = jacobian * self.scales / self.residual_scales[:, None]
+            values = np.nan_to_num(residual / self.residual_scales, nan=_FAR_OFF)
+            return values, np.nan_to_num(scaled)
+
+        count = len(self.moving)
+        found = least_squares(
+            lambda steps: at(steps)[0],
+            np.zeros(count),
+            jac=lambda steps: at(steps)[1],
+            method="lm",
+            max_nfev=200,
+        )
+        nearest = z.copy()
+        nearest[self.moving] += found.x * self.scales
+        return nearest
+
+    def _by_newton(self, z: np.ndarray) -> Rest | None:
+        """The point of rest of Newton's method with step halving; None where it finds none."""
         residual, jacobian = self._system(z)
         size = self._size(residual)
         for _ in range(_MOST_STEPS):
@@ -91,7 +121,7 @@ class RestSearch:
         return self._rest(z) if size <= _AT_REST else None
 
     def _size(self, residual: np.ndarray) -> float:
-        size = float(np.abs(residual / self.residual_scales).max())
+        size = float(np.linalg.norm(residual / self.residual_scales))
         return size if np.isfinite(size) else np.inf
 
     def _parts(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,54 @@
+"""Policies of the tests on their aircraft."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import hfa
+from hfa_aircraft.loading import load_model
+from hfa_policy.assessment import trims_of
+from hfa_policy.deployment import Deployment
+
+FOLDER = Path(__file__).resolve().parent.parent / "policies"
+ROOT = FOLDER.parent.parent.parent.parent
+GTM = f"{ROOT}/examples/gtm.py:GTM"
+#: Policy -> its aircraft and trims at which it was trained, or nearby.
+AIRCRAFT = {
+    "ppo_gtm": (GTM, (38.0, 45.0, 52.0, 60.0)),
+    "ppo_raw": (GTM, (38.0, 45.0, 52.0, 60.0)),
+    "sac_gtm": (GTM, (40.0, 45.0, 52.0)),
+    "td3_gtm": (GTM, (45.0, 49.0, 52.0)),
+    "a2c_gtm": (GTM, (38.0, 42.0)),
+    "ppo_c172": ("jsbsim:c172p", (120.0, 135.0, 150.0)),
+    "ppo_hfa": ("", (float(np.radians(8.0)),)),
+}
+
+
+@cache
+def aircraft(name):
+    """The model of a policy's aircraft."""
+    where = AIRCRAFT[name][0]
+    return load_model(where) if where else hfa.aircraft()
+
+
+@cache
+def card(name):
+    """The deployment of a policy."""
+    return Deployment.load(FOLDER / f"{name}.toml")
+
+
+@cache
+def trims(name):
+    """Its trims."""
+    return trims_of(aircraft(name), AIRCRAFT[name][1])
+
+
+def gtm_card(policy, **tables):
+    """A deployment on the GTM, all four states as deviations from trim."""
+    entries = {
+        "observation": {"speed": {}, "alpha": {}, "pitch_rate": {}, "pitch": {}},
+        "action": {"elevator": {}, "throttle": {}},
+        "timing": {"dt": 0.02},
+    }
+    return Deployment(policy=policy, **(entries | tables))

@@ -1,0 +1,168 @@
+"""Trains the policies of `policies/` again, each by its card, and writes the slopes that
+Stable-Baselines3's own modules have in float64.
+
+    python extensions/policy/tests/support/train_policies.py [NAME ...]
+
+Each takes two to eight minutes. Needs stable-baselines3, which no test of the default suite needs.
+"""
+
+import json
+import pickle
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import stable_baselines3 as sb3
+import torch
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+from hfa_aircraft.loading import load_model
+from hfa_policy.deployment import Deployment
+from hfa_policy.held_step import held_step, parts_of_a_sample
+from trim.limits import Limits
+from trim.point.condition import usual_condition
+from trim.point.solve import find_operating_point
+
+FOLDER = Path(__file__).resolve().parent.parent / "policies"
+ROOT = FOLDER.parent.parent.parent.parent
+GTM = f"{ROOT}/examples/gtm.py:GTM"
+GTM_STARTS = {"speed": 5.0, "alpha": 0.08, "pitch_rate": 0.2, "pitch": 0.15}
+C172_STARTS = {"speed": 10.0, "alpha": 0.05, "pitch_rate": 0.1, "pitch": 0.1, "roll": 0.2}
+HFA_STARTS = {"speed": 3.0, "alpha": 0.03, "pitch": 0.05, "pitch_rate": 0.05, "dihedral": 0.03}
+TANH, RELU = torch.nn.Tanh, torch.nn.ReLU
+#: Name -> class, aircraft, trims, spread of the starts, normalized, activation, layout, steps.
+PLANS = {
+    "ppo_gtm": (sb3.PPO, GTM, (38, 45, 52, 60), GTM_STARTS, True, TANH, (16, 16), 60_000),
+    "ppo_raw": (sb3.PPO, GTM, (45,), GTM_STARTS, False, RELU, (16, 16), 60_000),
+    "sac_gtm": (sb3.SAC, GTM, (45,), GTM_STARTS, False, RELU, (16, 16), 9_000),
+    "td3_gtm": (sb3.TD3, GTM, (45, 52), GTM_STARTS, True, TANH, (16, 16), 12_000),
+    "a2c_gtm": (sb3.A2C, GTM, (45,), GTM_STARTS, True, TANH, (16,), 60_000),
+    "ppo_c172": (sb3.PPO, "jsbsim:c172p", (120, 135, 150), C172_STARTS, True, TANH, (16, 16), 60_000),
+    "ppo_hfa": (sb3.PPO, "hfa_model:MODEL", np.radians((8, 15)), HFA_STARTS, True, TANH, (16, 16), 60_000),
+}  # fmt: skip
+OF_ALGORITHM = {
+    sb3.PPO: {"n_steps": 512, "batch_size": 256, "n_epochs": 8, "learning_rate": 1e-3},
+    sb3.A2C: {"n_steps": 16},
+    sb3.SAC: {"learning_starts": 500, "batch_size": 128, "learning_rate": 1e-3},
+    sb3.TD3: {"learning_starts": 500, "batch_size": 128, "learning_rate": 1e-3},
+}
+
+
+def aircraft(name):
+    if name.startswith("hfa_model"):
+        import hfa
+
+        return hfa.aircraft()
+    return load_model(name)
+
+
+class Flight(gymnasium.Env):
+    """Ten seconds about a trim, as the card has it; the reward is 1 less the cost."""
+
+    def __init__(self, card, model, trims, spread):
+        self.card = card
+        self.deployed = card.on(model)
+        self.points = [
+            find_operating_point(model, usual_condition(model).at(float(value))) for value in trims
+        ]
+        self.step_of_aircraft = held_step(model, card.dt, parts_of_a_sample(self.points, card.dt))
+        self.spread = [spread.get(name, 0.0) for name in model.states]
+        self.limits = Limits.of(model, tuple(model.states))
+        self.Q = [card.cost["Q"].get(name, 0.0) for name in model.states]
+        self.R = [card.cost["R"].get(name, 0.0) for name in model.inputs]
+        low, high = card.box
+        self.action_space = gymnasium.spaces.Box(low.astype("float32"), high.astype("float32"))
+        size = (len(card.observation),)
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, size, np.float32)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        point = self.points[self.np_random.integers(len(self.points))]
+        self.trim = self.deployed.trim_vector(point)
+        self.X0, self.U0 = np.array(point.states), np.array(point.inputs)
+        start = self.X0 + self.np_random.uniform(-1.0, 1.0, len(self.X0)) * self.spread
+        self.X = np.clip(start, self.limits.lowest, self.limits.highest)
+        self.U = self.U0
+        self.steps = 0
+        return self.observation(), {}
+
+    def observation(self):
+        return np.array(self.deployed.observe(self.X, self.U, self.trim)).ravel().astype("float32")
+
+    def step(self, action):
+        action = np.clip(action, *self.card.box)
+        model = self.deployed.model
+        self.U = np.array(self.deployed.inputs(action, self.X, self.U, self.trim)).ravel()
+        cost = self.Q @ (self.X - self.X0) ** 2 + self.R @ (self.U - self.U0) ** 2
+        still = np.zeros(len(model.linear))
+        self.X = np.array(self.step_of_aircraft(self.X, self.U, still, model.p)).ravel()
+        self.steps += 1
+        lost = not self.limits.within(self.X).all()
+        if lost:
+            self.X = np.clip(np.nan_to_num(self.X), self.limits.lowest, self.limits.highest)
+        reward = float(1.0 - cost - 20.0 * lost)
+        return self.observation(), reward, lost, self.steps * self.card.dt >= 10.0, {}
+
+
+def train(name):
+    algorithm, where, trims, spread, is_normalized, activation, layout, steps = PLANS[name]
+    model = aircraft(where)
+    card = replace(Deployment.load(FOLDER / f"{name}.toml"), policy={})
+    count = 4 if algorithm in (sb3.PPO, sb3.A2C) else 1
+    flights = DummyVecEnv([lambda: Flight(card, model, trims, spread)] * count)
+    if is_normalized:
+        flights = VecNormalize(flights, gamma=0.98)
+    settings = {"policy_kwargs": {"net_arch": list(layout), "activation_fn": activation}}
+    settings |= {"seed": 1, "gamma": 0.98, "device": "cpu", **OF_ALGORITHM[algorithm]}
+    policy = algorithm("MlpPolicy", flights, **settings)
+    policy.learn(steps)
+    policy.save(FOLDER / f"{name}.zip")
+    if is_normalized:
+        flights.save(str(FOLDER / f"{name}.pkl"))
+
+
+def slopes(name, count=5):
+    """Observations, actions and their slopes by the modules of Stable-Baselines3 in float64."""
+    algorithm, *_, is_normalized, _, _, _ = PLANS[name]
+    policy = algorithm.load(FOLDER / f"{name}.zip", device="cpu").policy.double()
+    stored = None
+    if is_normalized:
+        with open(FOLDER / f"{name}.pkl", "rb") as file:
+            stored = pickle.load(file)
+    low = torch.tensor(policy.action_space.low.astype(float))
+    high = torch.tensor(policy.action_space.high.astype(float))
+
+    def action(observation):
+        if stored is not None:
+            deviation = torch.sqrt(torch.tensor(stored.obs_rms.var) + stored.epsilon)
+            observation = (observation - torch.tensor(stored.obs_rms.mean)) / deviation
+            observation = torch.clamp(observation, -stored.clip_obs, stored.clip_obs)
+        row = observation[None]
+        if algorithm in (sb3.PPO, sb3.A2C):
+            mean = policy.action_net(policy.mlp_extractor.forward_actor(row))[0]
+            return torch.clamp(mean, low, high)
+        if algorithm is sb3.SAC:
+            squashed = torch.tanh(policy.actor.mu(policy.actor.latent_pi(row)))[0]
+        else:
+            squashed = policy.actor.mu(row)[0]
+        return low + 0.5 * (squashed + 1.0) * (high - low)
+
+    random = np.random.default_rng(0)
+    rows = []
+    for _ in range(count):
+        observation = torch.tensor(random.uniform(-0.05, 0.05, policy.observation_space.shape[0]))
+        slope = torch.autograd.functional.jacobian(action, observation)
+        entries = {"observation": observation, "action": action(observation).detach()}
+        entries["slope"] = slope
+        rows.append({key: value.tolist() for key, value in entries.items()})
+    return rows
+
+
+if __name__ == "__main__":
+    torch.set_num_threads(1)
+    for plan in sys.argv[1:]:
+        train(plan)
+    references = {name: slopes(name) for name in PLANS}
+    (FOLDER / "slopes.json").write_text(json.dumps(references) + "\n")

@@ -1,0 +1,63 @@
+"""The delay at which the sampled loop is lost is that at which flights are lost, to the sample."""
+
+import numpy as np
+import pytest
+from policy_cases import AIRCRAFT, aircraft, card, trims
+
+from hfa_policy.assessment import Assessor
+from hfa_policy.flights import SampledFlight
+from hfa_policy.held_step import parts_of_a_sample
+from hfa_policy.outcomes import start_box
+from hfa_policy.sampled_loop import chain_of, delays
+
+CASES = [(name, number) for name, (_, values) in AIRCRAFT.items() for number in range(len(values))]
+#: Seconds of a flight; size of the deviation in the box of starts.
+END = 60.0
+SMALL = 1e-6
+
+
+def is_lost(name, point, rest, delay):
+    """Whether a small deviation of a flight grows: in its last half, or a hundred times at any
+    time. It is the difference of two flights, one of which begins in the point of rest."""
+    deployment = card(name)
+    deployed = deployment.on(aircraft(name))
+    parts = parts_of_a_sample([point], deployment.dt)
+    flight = SampledFlight(deployed, deployment.dt, delay, parts)
+    rows = [list(point.model.states).index(state) for state in point.model.linear]
+    widths = start_box(point.model, point)
+    path = flight.sample().mapaccum(round(END / deployment.dt))
+    trim = deployed.trim_vector(point)
+    flown = []
+    for share in (0.0, SMALL):
+        start = rest.states.copy()
+        start[rows] += share * widths
+        row = flight.rows(start[None], trim[None], np.zeros((1, len(rows))))[0]
+        row[flight.slices[1]] = np.tile(rest.inputs, flight.whole + 1)
+        flown.append(np.array(path(row)).T[:, rows])
+    deviations = (np.abs(flown[1] - flown[0]) / widths).max(axis=1)
+    second = round(1.0 / deployment.dt)
+    middle = len(deviations) // 2
+    grows = deviations[-second:].max() > deviations[middle - second : middle].max()
+    return bool(grows or deviations.max() > 100.0 * SMALL)
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        pytest.param(*case, marks=() if case == ("ppo_gtm", 2) else pytest.mark.slow)
+        for case in CASES
+    ],
+)
+def test_the_delay_that_is_lost_is_that_of_flights(name, number):
+    deployment = card(name)
+    point = trims(name)[number]
+    assessor = Assessor(deployment.on(aircraft(name)), (point,), samples=0)
+    rest = assessor.places(assessor.flight())[0].rest
+    assert rest is not None
+    limit = delays(rest, deployment.dt, deployment.delay).limit
+    assert limit is not None
+    if limit > 0.0:
+        before = limit - deployment.dt
+        assert chain_of(rest, deployment.dt, before).radius < 1.0
+        assert not is_lost(name, point, rest, before)
+    assert is_lost(name, point, rest, limit)

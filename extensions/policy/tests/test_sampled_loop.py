@@ -1,0 +1,153 @@
+"""The sampled loop, its margins and its cost against python-control and SciPy."""
+
+import math
+import warnings
+
+import casadi as ca
+import control
+import numpy as np
+import pytest
+from policy_cases import GTM, gtm_card
+from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyapunov
+
+import hfa
+from hfa_aircraft.loading import load_model
+from hfa_policy.assessment import Assessor, trims_of
+from hfa_policy.cost_lost import cost_lost, lqr_at
+from hfa_policy.sampled_loop import chain_of, delays, held, margins
+
+DT = 0.02
+Q = {"speed": 0.0025, "alpha": 8.16, "pitch_rate": 1.0, "pitch": 8.16}
+R = {"elevator": 1.11, "throttle": 0.00051}
+
+
+def linear_case(scale=1.0):
+    """The rest of the exact LQR times `scale` as a policy on the GTM, and its deployment."""
+    model = load_model(GTM)
+    (point,) = trims_of(model, [45.0])
+    linear = hfa.linearize(model, point)
+    game = hfa.game(linear, Q, R)
+    K = scale * hfa.solve_game(game).K
+    o = ca.SX.sym("o", 4)
+    gain = ca.Function("gain", [o], [-ca.DM(K) @ o])
+    deployment = gtm_card({"file": gain}, cost={"Q": Q, "R": R}, timing={"dt": DT})
+    deployed = deployment.on(model)
+    assessor = Assessor(deployed, (point,), samples=0)
+    rest = assessor.places(assessor.flight())[0].rest
+    np.testing.assert_allclose(rest.K, K, rtol=1e-10)
+    return deployed, rest, K
+
+
+@pytest.fixture(scope="module")
+def case():
+    return linear_case()
+
+
+def test_the_sampled_aircraft_is_that_of_python_control(case):
+    _, rest, _ = case
+    Phi, Gamma = held(rest.A, rest.B, DT)
+    expected = control.c2d(control.ss(rest.A, rest.B, np.eye(4), 0), DT, "zoh")
+    np.testing.assert_allclose(Phi, expected.A, atol=1e-12)
+    np.testing.assert_allclose(Gamma, expected.B, atol=1e-12)
+
+
+@pytest.mark.parametrize("samples", [1, 3])
+def test_a_delay_is_a_chain_of_python_controls_delays(case, samples):
+    _, rest, K = case
+    plant = control.c2d(control.ss(rest.A, rest.B, np.eye(4), 0), DT, "zoh")
+    shift = control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0, DT)
+    late = plant
+    for _ in range(samples):
+        late = control.series(shift, late)
+    closed = late.feedback(control.ss([], [], [], K, DT))
+    radius = np.abs(closed.poles()).max()
+    assert chain_of(rest, DT, samples * DT).radius == pytest.approx(radius, abs=1e-9)
+
+
+def test_half_a_sample_of_delay_is_half_a_sample_at_twice_the_rate(case):
+    """At half the sample time a loop whose command changes every other sample, one sample late."""
+    _, rest, K = case
+    Phi, Gamma = held(rest.A, rest.B, DT / 2)
+    early = Phi @ Phi
+    twice = np.zeros((6, 6))
+    twice[:4, :4] = early - Gamma @ K
+    twice[:4, 4:] = Phi @ Gamma
+    twice[4:, :4] = -K
+    radius = np.abs(np.linalg.eigvals(twice)).max()
+    assert chain_of(rest, DT, DT / 2).radius == pytest.approx(radius, abs=1e-12)
+
+
+def test_margins_are_those_of_python_control(case):
+    _, rest, K = case
+    found = margins(chain_of(rest, DT, 0.0))
+    Phi, Gamma = held(rest.A, rest.B, DT)
+    grid = np.geomspace(1e-3, math.pi / DT, 4000)
+    for loop in range(2):
+        other = 1 - loop
+        closed = Phi - Gamma[:, [other]] @ K[[other]]
+        single = control.ss(closed, Gamma[:, [loop]], K[[loop]], 0, DT)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            gain, phase, *_ = control.stability_margins(single)
+        if math.isfinite(gain):  # at half the sampling rate python-control finds none
+            assert found.inputs[loop].gain_high == pytest.approx(gain, rel=1e-9)
+        assert found.inputs[loop].phase == pytest.approx(phase, rel=1e-9)
+        disk = control.disk_margins(single, grid)[0]
+        assert found.inputs[loop].disk == pytest.approx(disk, rel=1e-5)
+    both = control.ss(Phi, Gamma, K, 0, DT)
+    disk = control.disk_margins(both, np.geomspace(0.1, math.pi / DT, 300))[0]
+    assert found.disk.disk <= disk * (1.0 + 1e-9)
+    assert found.disk.disk == pytest.approx(disk, rel=1e-3)
+
+
+def test_a_gain_at_its_margin_is_at_the_edge_of_stability(case):
+    """Each gain margin, substituted back into the loop, puts a pole on the unit circle to 1e-9."""
+    _, rest, K = case
+    Phi, Gamma = held(rest.A, rest.B, DT)
+    for loop, margin in enumerate(margins(chain_of(rest, DT, 0.0)).inputs):
+        scaled = K.copy()
+        scaled[loop] *= margin.gain_high
+        radius = np.abs(np.linalg.eigvals(Phi - Gamma @ scaled)).max()
+        assert radius == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.3])
+def test_costs_are_those_of_scipy(scale):
+    deployed, rest, K = linear_case(scale)
+    lost = cost_lost(deployed, rest, chain_of(rest, DT, 0.0))
+    game = lqr_at(deployed, rest)
+    optimum = hfa.solve_game(game).P
+    closed = game.A - game.B @ K
+    value = solve_lyapunov(closed.T, -(game.Q + K.T @ game.R @ K))
+    shares = np.linalg.eigvals(np.linalg.solve(optimum, value)).real - 1.0
+    assert lost.worst == pytest.approx(100.0 * shares.max(), abs=1e-7)
+    assert lost.mean == pytest.approx(100.0 * shares.mean(), abs=1e-7)
+    Phi, Gamma = held(rest.A, rest.B, DT)
+    optimum = solve_discrete_are(Phi, Gamma, DT * game.Q, DT * game.R)
+    closed = Phi - Gamma @ K
+    value = solve_discrete_lyapunov(closed.T, DT * (game.Q + K.T @ game.R @ K))
+    shares = np.linalg.eigvals(np.linalg.solve(optimum, value)).real - 1.0
+    assert lost.sampled_worst == pytest.approx(100.0 * shares.max(), abs=1e-6)
+    assert lost.sampled_mean == pytest.approx(100.0 * shares.mean(), abs=1e-6)
+
+
+def test_a_loop_of_the_wrong_sign_is_lost_without_delay(case):
+    deployed, _, _ = case
+    flipped = deployed.deployment.action["elevator"] | {"map": "trim - a"}
+    action = {**deployed.deployment.action, "elevator": flipped}
+    wrong = deployed.deployment.changed(action=action).on(deployed.model)
+    assessor = Assessor(wrong, trims_of(deployed.model, [45.0]), samples=0)
+    (point,) = assessor.assessed()
+    assert point.radius > 1.0
+    assert point.delays.limit == 0.0
+    assert not point.holds
+
+
+def test_delays_are_searched_upward(case):
+    _, rest, _ = case
+    found = delays(rest, DT, 0.0)
+    limit = round(found.limit / DT)
+    assert len(found.radii) == limit + 1
+    assert all(radius < 1.0 for radius in found.radii[:-1])
+    assert found.radii[-1] >= 1.0
+    assert found.limit - DT < found.fine <= found.limit

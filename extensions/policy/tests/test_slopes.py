@@ -1,0 +1,67 @@
+"""What a card computes is what Stable-Baselines3 computes, in float64, and its slopes."""
+
+import json
+
+import numpy as np
+import pytest
+from policy_cases import AIRCRAFT, FOLDER, aircraft, card, trims
+
+from hfa_policy.assessment import Assessor
+
+SLOPES = json.loads((FOLDER / "slopes.json").read_text())
+
+
+@pytest.mark.parametrize("name", SLOPES)
+def test_actions_and_slopes_are_those_of_the_modules(name):
+    import casadi as ca
+
+    act = card(name).on(aircraft(name)).act
+    o = ca.MX.sym("o", act.numel_in(0))
+    slope = ca.Function("slope", [o], [ca.jacobian(act(o), o)])
+    assert len(SLOPES[name]) == 5
+    for entry in SLOPES[name]:
+        observation = np.array(entry["observation"])
+        action = np.array(act(observation)).ravel()
+        np.testing.assert_allclose(action, entry["action"], rtol=0, atol=1e-12)
+        expected = np.array(entry["slope"])
+        found = np.array(slope(observation))
+        np.testing.assert_allclose(found, expected, atol=1e-10 * max(1.0, np.abs(expected).max()))
+
+
+def test_the_references_cover_what_is_asked():
+    kinds = {name: card(name) for name in SLOPES}
+    assert {kind.actor.stored.algorithm for kind in kinds.values()} == {"PPO or A2C", "SAC", "TD3"}
+    assert {kind.actor.stored.activation for kind in kinds.values()} == {"tanh", "relu"}
+    assert {kind.normalizer is None for kind in kinds.values()} == {True, False}
+    assert kinds["sac_gtm"].box[0].tolist() == [-2.0, -1.0]
+    assert "gamma" in kinds["td3_gtm"].observation
+    assert len(kinds["ppo_c172"].observation) < len(AIRCRAFT) + 2
+
+
+def test_K_is_the_slope_of_the_card_at_rest():
+    name = "td3_gtm"
+    deployed = card(name).on(aircraft(name))
+    point = trims(name)[0]
+    assessor = Assessor(deployed, (point,), samples=0)
+    rest = assessor.places(assessor.flight())[0].rest
+    trim = deployed.trim_vector(point)
+    rows = [list(point.model.states).index(state) for state in point.model.linear]
+    step = 1e-6
+    for column, row in enumerate(rows):
+        shifts = np.zeros(len(rest.states))
+        shifts[row] = step
+        above = np.array(deployed.command(rest.states + shifts, rest.inputs, trim)).ravel()
+        below = np.array(deployed.command(rest.states - shifts, rest.inputs, trim)).ravel()
+        slope = (above - below) / (2.0 * step)
+        np.testing.assert_allclose(-rest.K[:, column], slope, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SLOPES)
+def test_the_stored_slopes_are_those_of_stable_baselines(name):
+    pytest.importorskip("stable_baselines3")
+    from train_policies import slopes
+
+    for stored, again in zip(SLOPES[name], slopes(name), strict=True):
+        for key, values in stored.items():
+            np.testing.assert_allclose(values, again[key], rtol=1e-12, atol=1e-12)
