@@ -126,7 +126,9 @@ def _gain(path: Path) -> np.ndarray | None:
             return None
         gain = numbers_in("K", arrays["K"])
         if gain.ndim != 2 or not np.all(np.isfinite(gain)):
-            raise BadInputError(f"K has shape {gain.shape}; give actions x observations numbers")
+            raise BadInputError(
+                f"K has shape {gain.shape}; give actions x observations finite numbers"
+            )
         return gain
 
 

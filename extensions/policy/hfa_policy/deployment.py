@@ -68,9 +68,9 @@ class Deployment(Shown):
     BadInputError names the entry and what to give; names are looked at by `on(model)`.
 
     >>> import casadi as ca
-    >>> import hfa_policy.deployment as deployments
+    >>> import hfa
     >>> o = ca.SX.sym("o", 2)
-    >>> card = deployments.Deployment(
+    >>> card = hfa.Deployment(
     ...     policy={"file": ca.Function("policy", [o], [-0.5 * o[1]])},
     ...     observation={"alpha": {}, "pitch_rate": {}},
     ...     action={"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}},

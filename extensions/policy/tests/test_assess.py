@@ -1,0 +1,148 @@
+"""`assess`: what a user gets, in Python and as JSON; flights and their outcomes."""
+
+import json
+
+import casadi as ca
+import numpy as np
+import pytest
+from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, trims
+
+import hfa
+from hfa_aircraft.loading import load_model
+from hfa_policy.assessment import Assessor, assess
+from hfa_policy.flights import SampledFlight
+from hfa_policy.held_step import parts_of_a_sample
+from hfa_policy.outcomes import ends_from_trim
+
+KEYS = {
+    *("speed", "holds", "spectral_radius", "delay_limit", "disk_margin", "rest", "K"),
+    *("cost_lost", "flights", "findings"),
+}
+
+
+@pytest.fixture(scope="module")
+def good():
+    """A policy that holds at two trims, with few flights."""
+    return assess(aircraft("ppo_gtm"), card("ppo_gtm"), [45.0, 60.0], samples=16)
+
+
+def test_the_first_line_is_for_who_reads_one_line(good):
+    line = good.report().title.split("\n")[0]
+    assert line.startswith(
+        "holds from 45 to 60 m/s at 50 Hz; lost with 20 ms of delay; rests up to"
+    )
+    assert "every start comes back" in line
+    assert line.endswith("x the optimum")
+
+
+def test_data_have_the_keys_that_are_promised(good):
+    data = json.loads(good.report().json())
+    assert data["holds"] is True
+    assert len(data["points"]) == 2
+    for point in data["points"]:
+        assert point.keys() >= KEYS
+        assert point["delay_limit"] == 0.02
+        assert np.shape(point["K"]) == (2, 4)
+        assert {"worst", "mean", "sampled_worst"} <= point["cost_lost"].keys()
+        assert {"starts", "returned", "lost", "worst_start"} <= point["flights"].keys()
+        assert point["flights"]["returned"] == 16
+
+
+def test_needs_are_met_or_named(good):
+    assert good.unmet({"delay": 0.01, "margin": 0.1, "cost": 1000.0}) == []
+    assert len(good.unmet({"delay": 0.02})) == 1
+    assert len(good.unmet({"margin": 0.5})) == 1
+    assert len(good.unmet({"cost": 50.0})) == 1
+    with pytest.raises(hfa.BadInputError, match="choose from delay, margin, cost"):
+        good.unmet({"speed": 1.0})
+
+
+def test_a_delay_beyond_the_limit_does_not_hold():
+    late = card("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.02})
+    result = assess(aircraft("ppo_gtm"), late, [60.0], samples=16)
+    (point,) = result.points
+    assert point.radius > 1.0
+    assert not point.holds
+    assert point.flights.returned == 0
+    assert point.flights.cycle is not None
+    assert point.flights.cycle.amplitude > 0.1
+    assert result.report().title.startswith("does not hold at 60 m/s")
+
+
+@pytest.mark.parametrize("name", ["ppo_gtm", "ppo_raw"])
+def test_the_rest_is_where_a_flight_of_200_s_ends(name):
+    deployed = card(name).on(aircraft(name))
+    points = trims(name)
+    assessor = Assessor(deployed, points, samples=0)
+    flight = assessor.flight()
+    window = flight.window(4, 1e4)
+    ends, _ = ends_from_trim(flight, list(points), window, 200.0)
+    for place, end in zip(assessor.places(flight), ends, strict=True):
+        np.testing.assert_allclose(place.rest.states, end, rtol=1e-6, atol=1e-6)
+
+
+def test_a_flight_is_that_of_its_equations():
+    """One sample against SciPy's integrator, with a delay of one and a half samples."""
+    from scipy.integrate import solve_ivp
+
+    deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
+    model = deployed.model
+    (point,) = trims("ppo_gtm")[1:2]
+    flight = SampledFlight(deployed, 0.02, 0.03, 4 * parts_of_a_sample([point], 0.02))
+    assert (flight.whole, flight.early) == (1, pytest.approx(0.01))
+    trim = deployed.trim_vector(point)
+    start = np.add(point.states, [1.0, 0.02, 0.05, -0.03])
+    push = np.array([0.5, 0.0, 0.1, 0.0])
+    row = flight.rows(start[None], trim[None], push[None])[0]
+    X, memory = flight.slices[:2]
+    inputs = [np.add(point.inputs, [0.02, 1.0]), np.add(point.inputs, [-0.01, -2.0])]
+    row[memory] = np.concatenate(inputs)
+    after = np.array(flight.sample()(row)).ravel()
+
+    def rates(_, x, u):
+        values = model.rates_at(x, u)
+        return np.array([values[name] for name in model.states]) + push
+
+    x = start
+    for u in (inputs[1], inputs[0]):  # the older command acts first
+        x = solve_ivp(rates, (0.0, 0.01), x, args=(u,), rtol=1e-11, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(after[X], x, rtol=1e-9, atol=1e-9)
+    commanded = np.array(deployed.command(start, inputs[1], trim)).ravel()
+    np.testing.assert_allclose(after[memory], [*commanded, *inputs[0]], rtol=1e-13)
+
+
+def test_a_clip_that_is_active_at_rest_is_said_and_not_judged_as_stable():
+    o = ca.SX.sym("o", 4)
+    push = ca.Function("policy", [o], [ca.vertcat(2.0 + 0.1 * o[0], 0.0 * o[1])])
+    action = {
+        "elevator": {"box": [-1, 1], "map": "trim + 0.001 * a"},
+        "throttle": {"map": "trim + a"},
+    }
+    deployment = gtm_card({"file": push}, action=action)
+    result = assess(load_model(GTM), deployment, [45.0], samples=0)
+    (point,) = result.points
+    assert point.rest.clips == ("the action of elevator at the end of its box",)
+    assert not point.holds
+    assert any("its slope is 0 there" in finding for finding in point.findings)
+
+
+def test_flights_are_decided_by_their_seed():
+    model, deployment = aircraft("ppo_raw"), card("ppo_raw")
+    first, again, other = (
+        assess(model, deployment, [52.0], samples=8, seed=seed).points[0].flights
+        for seed in (0, 0, 1)
+    )
+    assert first == again
+    assert first.worst_start != other.worst_start
+
+
+def test_what_cannot_be_assessed_is_refused():
+    model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
+    with pytest.raises(hfa.BadInputError, match="give operating points"):
+        assess(model, deployment, ["45"])
+    with pytest.raises(hfa.BadInputError, match="no points"):
+        assess(model, deployment, [])
+    with pytest.raises(hfa.BadInputError, match="unknown input 'elevator'"):
+        assess(hfa.aircraft(), gtm_card({"file": FOLDER / "ppo_raw.zip"}))
+    with pytest.raises(hfa.BadInputError, match=r"policy\.file is missing"):
+        assess(model, gtm_card({}))

@@ -1,0 +1,241 @@
+"""Cards: every mistake is one line that names the entry; files are read and never run."""
+
+import io
+import json
+import pickle
+import shutil
+import zipfile
+
+import casadi as ca
+import numpy as np
+import pytest
+from policy_cases import FOLDER, GTM, card, gtm_card
+
+from hfa_aircraft.loading import load_model
+from hfa_policy.deployment import Deployment
+from hfa_policy.normalizer import read_normalizer
+from hfa_policy.stable_baselines import read_zip
+from hfa_support.errors import BadInputError
+
+CARD = """
+[policy]
+file = "ppo_gtm.zip"
+normalizer = "ppo_gtm.pkl"
+[observation]
+speed = {scale = 20.0}
+alpha = {scale = 0.35}
+pitch_rate = {scale = 1.0}
+pitch = {scale = 0.35}
+[action]
+elevator = {box = [-1, 1], map = "trim + 0.3 * a"}
+throttle = {box = [-1, 1], map = "trim + 14 * a"}
+[timing]
+dt = 0.02
+[cost]
+Q = {speed = 0.0025}
+R = {elevator = 1.11, throttle = 0.00051}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("ppo_gtm.zip", "ppo_gtm.pkl", "sac_gtm.zip", "td3_gtm.pkl", "ppo_c172.pkl"):
+        shutil.copy(FOLDER / name, tmp_path)
+    return tmp_path
+
+
+def compiled(path):
+    """All of a card, read and compiled."""
+    return Deployment.load(path).on(load_model(GTM)).command
+
+
+def message_of(folder, text):
+    """What is said of a card, which is refused."""
+    (folder / "card.toml").write_text(text)
+    with pytest.raises(BadInputError) as caught:
+        compiled(folder / "card.toml")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("typed", "instead", "said"),
+    [
+        ("[timing]", "[timming]", "did you mean [timing]?"),
+        ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number above 0"),
+        ("dt = 0.02", "delay = 0.02", "timing.dt is missing"),
+        ("dt = 0.02", "dt = 0.02\ndelay = -1", "timing.delay is -1"),
+        ('file = "ppo_gtm.zip"', "", "policy.file is missing"),
+        ('file = "ppo_gtm.zip"', 'file = "other.zip"', "other.zip"),
+        ('file = "ppo_gtm.zip"', 'file = "ppo_gtm.py"', "give a file (.zip"),
+        ("speed = {scale = 20.0}", "sped = {}", "takes the unknown name 'sped'"),
+        ("speed = {scale = 20.0}", "speed = {skale = 20.0}", "did you mean scale?"),
+        ("speed = {scale = 20.0}", "speed = {scale = 0}", "observation.speed.scale is 0"),
+        ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
+        ("speed = {scale = 20.0}", "", "takes 4 observations and the card has 3"),
+        ("throttle = {box", "elevator_2 = {box", "action names the unknown input 'elevator_2'"),
+        ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "the zip says"),
+        ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),
+        ('"trim + 14 * a"', '"trim + 14 * b"', "takes the unknown name 'b'"),
+        ('"trim + 14 * a"', '"trim"', "does not take the action"),
+        ("[timing]", 'extra = 1\n[timing]', "action.extra is 1"),
+        ('normalizer = "ppo_gtm.pkl"', 'activation = "relu"', "says 'tanh'; leave it out"),
+        ('normalizer = "ppo_gtm.pkl"', "squash = true", "says False; leave it out"),
+        ('normalizer = "ppo_gtm.pkl"', "layout = [32, 32]", "says [16, 16]; leave it out"),
+        ('normalizer = "ppo_gtm.pkl"', 'normalizer = "ppo_c172.pkl"', "normalizes 8 observations"),
+        ('"ppo_gtm.pkl"', "{mean = [0, 0]}", "policy.normalizer: variance is missing"),
+        ('"ppo_gtm.pkl"', "{mean = [0], variance = [-1]}", "variance[0] is -1"),
+        ("Q = {speed", "Q = {sped", "cost.Q names the unknown state or output 'sped'"),
+        ("R = {elevator = 1.11, ", "R = {", "cost.R has no elevator"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_named_with_its_cure(folder, typed, instead, said):
+    assert typed in CARD
+    assert said in message_of(folder, CARD.replace(typed, instead))
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "__import__('os').system('true')",
+        "(1).__class__",
+        "speed if alpha else 0",
+        "[speed for speed in (1,)]",
+        "lambda: 0",
+        "speed; alpha",
+        "'speed' * 9",
+        "open('x')",
+        "speed[0]",
+        "9**9**9**9 + exec('1')",
+        "1" * 400 + "e999 + speed",
+        "(" * 260 + "speed" + ")" * 260,
+        "True + speed",
+        "speed +",
+        "sin(speed, 2)",
+    ],
+)
+def test_formulas_that_are_code_are_refused(formula):
+    observation = {"speed": {}, "alpha": {}, "pitch": {}, "odd": {"formula": formula}}
+    deployment = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation=observation)
+    with pytest.raises(BadInputError, match=r"formula|unknown name|calls|arithmetic"):
+        deployment.on(load_model(GTM))
+
+
+def test_a_formula_is_arithmetic():
+    entries = {"flow": {"formula": "pitch - alpha", "about": 0.0}, "gamma": {"about": 0.0}}
+    o = ca.SX.sym("o", 2)
+    deployment = gtm_card(
+        {"file": ca.Function("policy", [o], [o[0]])},
+        observation=entries,
+        action={"elevator": {"map": "trim + 0.1 * sin(a) - 2 ** 2 * pitch_rate"}},
+    )
+    deployed = deployment.on(load_model(GTM))
+    X = np.array([45.0, 0.05, 0.1, 0.07])
+    trim = np.array([45.0, 0.05, 0.0, 0.05, 0.02, 15.0])
+    observed = np.array(deployed.observe(X, trim[4:], trim)).ravel()
+    np.testing.assert_allclose(observed, [0.02, 0.02], atol=1e-15)
+    inputs = np.array(deployed.command(X, trim[4:], trim)).ravel()
+    np.testing.assert_allclose(inputs, [0.02 + 0.1 * np.sin(0.02) - 0.4, 15.0], rtol=1e-14)
+
+
+class Caller:
+    """A pickle of it would call a function when it is read."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return open, (self.path, "w")
+
+
+@pytest.mark.parametrize("name", ["ppo_gtm.pkl", "td3_gtm.pkl"])
+def test_a_normalizer_is_read(name):
+    found = read_normalizer(FOLDER / name)
+    assert found.mean.shape == (4,)
+    assert np.all(found.variance > 0.0)
+    assert found.clip == 10.0
+    assert found.count > 1000.0
+
+
+def test_a_pickle_that_calls_is_refused_and_not_run(folder):
+    made = folder / "made"
+    (folder / "calls.pkl").write_bytes(pickle.dumps(Caller(str(made))))
+    said = message_of(folder, CARD.replace("ppo_gtm.pkl", "calls.pkl"))
+    assert "wants to call" in said
+    assert not made.exists()
+
+
+def test_a_zip_whose_data_calls_is_refused_and_not_run(folder):
+    made = folder / "made"
+    rewritten = io.BytesIO()
+    with zipfile.ZipFile(folder / "ppo_gtm.zip") as archive, zipfile.ZipFile(rewritten, "w") as new:
+        data = json.loads(archive.read("data"))
+        import base64
+
+        call = base64.b64encode(pickle.dumps(Caller(str(made)))).decode()
+        data["action_space"][":serialized:"] = call
+        new.writestr("data", json.dumps(data))
+        new.writestr("policy.pth", archive.read("policy.pth"))
+    (folder / "ppo_gtm.zip").write_bytes(rewritten.getvalue())
+    assert "wants to call" in message_of(folder, CARD)
+    assert not made.exists()
+
+
+def test_a_zip_bomb_is_refused(folder):
+    bomb = io.BytesIO()
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("data", b"0" * (2**26 + 1))
+        archive.writestr("policy.pth", b"0")
+    (folder / "ppo_gtm.zip").write_bytes(bomb.getvalue())
+    assert "unpacks to" in message_of(folder, CARD)
+
+
+def test_a_network_of_nan_is_refused(folder):
+    K = np.full((2, 4), np.nan)
+    np.savez(folder / "nan.npz", K=K)
+    assert "finite numbers" in message_of(folder, CARD.replace("ppo_gtm.zip", "nan.npz"))
+    np.savez(folder / "net.npz", **{"0.weight": K, "0.bias": np.zeros(2)})
+    assert "not finite" in message_of(folder, CARD.replace("ppo_gtm.zip", "net.npz"))
+
+
+def test_a_normalizer_of_nan_is_refused(folder):
+    table = "{mean = [0, 0, nan, 0], variance = [1, 1, 1, 1]}"
+    assert "mean[2] is nan" in message_of(folder, CARD.replace('"ppo_gtm.pkl"', table))
+
+
+@pytest.mark.parametrize("name", ["data", "policy.pth"])
+def test_a_damaged_zip_is_one_line(folder, name):
+    rewritten = io.BytesIO()
+    with zipfile.ZipFile(folder / "ppo_gtm.zip") as archive, zipfile.ZipFile(rewritten, "w") as new:
+        for member in ("data", "policy.pth"):
+            new.writestr(member, b"{" if member == name else archive.read(member))
+    (folder / "ppo_gtm.zip").write_bytes(rewritten.getvalue())
+    assert "card.toml" in message_of(folder, CARD)
+
+
+def test_a_gain_and_a_state_dict_and_an_onnx_graph_are_policies_too(tmp_path):
+    K = np.array([[0.1, 0.2, 0.3, 0.4], [0.5, 0.6, 0.7, 0.8]])
+    np.savez(tmp_path / "gain.npz", K=K)
+    np.savez(tmp_path / "layer.npz", **{"weight": -K, "bias": np.zeros(2)})
+    observation = np.array([1.0, -2.0, 0.5, 3.0])
+    for name in ("gain.npz", "layer.npz"):
+        deployment = gtm_card({"file": tmp_path / name})
+        action = np.array(deployment.on(load_model(GTM)).act(observation)).ravel()
+        np.testing.assert_allclose(action, -K @ observation, rtol=1e-14)
+
+
+def test_a_zip_says_what_it_is():
+    sac = read_zip(FOLDER / "sac_gtm.zip")
+    assert (sac.algorithm, sac.squash, sac.activation) == ("SAC", True, "relu")
+    assert (sac.low.tolist(), sac.high.tolist()) == ([-2.0, -1.0], [1.5, 1.0])
+    ppo = read_zip(FOLDER / "ppo_gtm.zip")
+    assert (ppo.squash, ppo.layout, ppo.environments) == (False, (16, 16), 4)
+
+
+def test_a_card_in_python_is_that_of_the_file():
+    loaded = card("ppo_gtm")
+    again = Deployment(
+        loaded.policy, loaded.observation, loaded.action, loaded.timing, loaded.cost, loaded.folder
+    )
+    assert again.box[0].tolist() == loaded.box[0].tolist()
+    assert again.dt == loaded.dt
