@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import hfa_model
-from hfa.main import COMMANDS, command_named, filled
+from hfa.doors import commands
+from hfa.main import filled
 from hfa.options.parser import Parser
 from hfa_support.version import VERSION
 
@@ -58,8 +59,8 @@ def commands_page() -> str:
     """The complete help of every command."""
     aircraft = hfa_model.aircraft()
     parts = ["# Commands"]
-    for name in COMMANDS:
-        parser = filled(Parser(prog=f"hfa {name}"), command_named(name), aircraft)
+    for name, entry in commands().items():
+        parser = filled(Parser(prog=f"hfa {name}"), entry.load(), aircraft)
         parts.append(f"## hfa {name}\n\n```text\n{parser.format_help(more=True).strip()}\n```")
     return "\n\n".join(parts) + "\n"
 

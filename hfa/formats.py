@@ -11,6 +11,7 @@ from importlib import import_module
 from importlib.resources import files
 from typing import Any, Literal
 
+from hfa.doors import commands
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.results import Result, json_schema, parts_of
 
@@ -18,14 +19,13 @@ from hfa_support.reporting.results import Result, json_schema, parts_of
 _PLAIN = {"object", "array", "string", "number", "integer", "boolean", "null"}
 
 
-#: Results that commands write: module and class. Those of formats.toml wait to be declared so.
+#: Results that commands of the core write: module and class. Those of formats.toml wait to be
+#: declared so.
 RESULTS = (
     ("trim.point.trim_report", "TrimData"),
     ("trim.linear.linear_model", "LinearModelData"),
     ("trim.sweeps.sweep", "SweepData"),
     ("hfa_stores.sweep_store", "StoredSweepData"),
-    ("hfa_printed.printed_verdict", "PrintedData"),
-    ("hfa_flight.step_flight", "StepFlightData"),
 )
 #: Parts that only formats.toml refers to.
 PARTS = (("hfa_support.provenance", "Provenance"),)
@@ -49,7 +49,9 @@ def formats() -> dict[str, Any]:
     tables = declared["parts"] | declared["outputs"]
     definitions = {name: _value(text) for name, text in declared["types"].items()}
     definitions |= {name: _object(table, declared["keys"]) for name, table in tables.items()}
-    results = [getattr(import_module(module), name) for module, name in RESULTS]
+    offered = (each.split(":") for entry in commands().values() for each in entry.results)
+    of_commands = [*RESULTS, *((module, name) for module, name in offered)]
+    results = [getattr(import_module(module), name) for module, name in of_commands]
     parts = [getattr(import_module(module), name) for module, name in PARTS]
     parts += [part for result in (*results, *parts) for part in parts_of(result)]
     for result in results:

@@ -5,16 +5,16 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import importlib
 import inspect
 import io
 import os
 import shlex
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from hfa.doors import CommandEntry, command_named, commands, found_in, words_after
 from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from hfa.options.parser import Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
@@ -36,74 +36,8 @@ _OF_THE_MODEL = ("aircraft", "steps", "dynamics", "parameters", "units")
 _ADDRESS_SPACE = 384
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
-
-#: Group -> an example, and its commands with what they do.
-GROUPS = {
-    "model": (
-        "hfa linearize --dihedral 10 -o model.mat",
-        {
-            "trim": "trim the aircraft and report variables, limits, residuals, loads, performance",
-            "linearize": "exact linear model A, B at a trim, with modes, offsets and bands",
-            "sweep": "trims and linear models over a grid, modes tracked",
-            "regenerate": "regenerate both printed pairs (A, B) and compare them entry by entry",
-            "report": (
-                "the main job on one page: trims, models, games, critics over the dihedral angle"
-            ),
-        },
-    ),
-    "critic": (
-        "hfa verify --dihedral 15 --weights mine.npz",
-        {
-            "solve": "exact solution of the zero-sum game, with certificate and smallest delta",
-            "learn": "learn the value and the gain of the game with a critic",
-            "verify": "compare a learned critic with the exact game solution",
-        },
-    ),
-    "flight": (
-        "hfa fly --dihedral 15 --gust 400:5",
-        {
-            "fly": "simulate a policy on the nonlinear aircraft, beside the linear prediction",
-            "design": "the certified controller of a design at every dihedral angle, as one file",
-        },
-    ),
-    "proof": (
-        "hfa prove schedule --dihedral 14:15",
-        {
-            "prove": (
-                "schedules, solutions, critics, models, proved in ball arithmetic at every angle"
-            ),
-        },
-    ),
-    "exchange": (
-        "hfa export --dihedral 15 -o folder",
-        {"export": "the aircraft for other tools: C source, FMU, MATLAB"},
-    ),
-}
-COMMANDS = {name: about for _, commands in GROUPS.values() for name, about in commands.items()}
-
-#: Command -> its module, imported when it runs; the others have one of their own name in
-#: `hfa.commands`.
-MODULES = {
-    **dict.fromkeys(("solve", "learn"), "hfa.commands.game"),
-    "report": "hfa_page.commands.report",
-    "fly": "hfa_flight.commands.fly",
-    "export": "hfa_flight.commands.export",
-    "design": "hfa_servo.commands.design",
-    "prove": "hfa_proof.commands.prove",
-}
-
-#: Former commands, for one version -> what took their place.
-MOVED = {
-    "reproduce": "a study, python -m studies.section5,",
-    "study": "a study, python -m studies.update_law,",
-    "servo": "a study, python -m studies.servo,",
-    "map": "`hfa fly --initial NAME=VALUE`",
-    "schedule": "`hfa fly --controller GAINS --command dihedral=TIME:VALUE`",
-    "monte-carlo": "`hfa fly --samples N`",
-    "lpv": "`hfa prove models`",
-    "identify": "a study, python -m studies.identification,",
-    "validate": "a study, python -m studies.validation,",
-}
+#: The groups of commands in the order of the help; those of other packages follow.
+GROUPS = ("model", "critic", "flight", "proof", "exchange")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -200,6 +134,12 @@ def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[
                 f"the equations of {request.model.name} end the program (sys.exit); raise a "
                 "ValueError there"
             ) from error
+        except ModuleNotFoundError as error:
+            if not command.install:
+                raise
+            raise BadInputError(
+                f"{program} needs {error.name}; install it with `pip install {command.install}`"
+            ) from error
 
 
 def _refuse_small_address_space() -> None:
@@ -269,39 +209,40 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
 
 
 def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
-    """The command that the first word names, how it is called, and the words of its options.
+    """The command that the first words name, how it is called, and the words of its options.
 
     BadInputError, or SystemExit after help, where there is none."""
     if words[:1] == ["help"]:
         words = [*words[1:], "--help"]
-    name = words[0] if words else "--help"
-    if name in COMMANDS:
-        return command_named(name), f"hfa {name}", words[1:]
-    if name in MOVED:
-        raise BadInputError(f"`hfa {name}` is {MOVED[name]} now")
-    later = [word for word in words if word in COMMANDS]
-    if name.startswith("-") and later:
-        raise BadInputError(f"the command comes first: hfa {later[0]} {shortened(name)} ...")
-    overview().parse_words([name])
-    raise BadInputError(unknown(f"command {shortened(name)!r}", name.lower(), COMMANDS, "hfa"))
-
-
-def command_named(name: str) -> Command:
-    """The command; its module is imported now."""
-    module = importlib.import_module(MODULES.get(name, f"hfa.commands.{name}"))
-    command: Command = getattr(module, name.replace("-", "_"))
-    return command
+    name, options = found_in(words)
+    if name:
+        return command_named(name).load(), f"hfa {name}", options
+    first = words[0] if words else "--help"
+    overview().parse_words([first])
+    raise BadInputError(unknown(f"command {shortened(first)!r}", first.lower(), commands(), "hfa"))
 
 
 def filled(parser: Parser, command: Command, model: Model) -> Parser:
     """A parser with the options of a command, in the names and units of a model."""
     parser.description = inspect.cleandoc(command.run.__doc__ or "")
     parser.declare(command.request.options(model))
+    if parser.prog.startswith("hfa "):
+        parser.words = words_after(parser.prog.removeprefix("hfa "))
     return parser
+
+
+def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
+    """The commands of a group, in the help of `hfa`."""
+    examples = [entry.example for entry in entries.values() if entry.example]
+    title = f"{name}, for example {examples[0]}" if examples else name
+    return "\n".join([title, *(f"  {each:<16}{entry.about}" for each, entry in entries.items())])
 
 
 def overview() -> Parser:
     """`hfa` without a command: --help and --version."""
+    by_group: dict[str, dict[str, CommandEntry]] = {name: {} for name in GROUPS}
+    for name, entry in commands().items():
+        by_group.setdefault(entry.group, {})[name] = entry
     parser = Parser(
         prog="hfa",
         usage="hfa [--version] command ...  (hfa command --help)",
@@ -309,11 +250,7 @@ def overview() -> Parser:
             "Trims, linear models, games, flights and proofs; "
             "critics checked against the exact solution."
         ),
-        epilog="\n\n".join(
-            f"{group}, for example {example}\n"
-            + "\n".join(f"  {name:<12}{text}" for name, text in commands.items())
-            for group, (example, commands) in GROUPS.items()
-        ),
+        epilog="\n\n".join(_group(name, entries) for name, entries in by_group.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)

@@ -7,17 +7,21 @@ import sys
 import types
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.local_sources import hash_of_sources
 from hfa_aircraft.model import Model
+from hfa_support.entry_points import AIRCRAFT, loaded, offered
 from hfa_support.errors import BadInputError, shown
 from hfa_support.files import LARGEST_TEXT, regular_file
 
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
 
 def load_model(text: str) -> Model:
-    """The Model of `FILE.py:NAME` or `package.module:NAME`, which is executed, or of an aircraft of
-    JSBSim, `jsbsim:NAME` or `FILE.xml`, which is read.
+    """The Model of `FILE.py:NAME` or `package.module:NAME`, which is executed, or of a scheme or
+    suffix that a package reads (`hfa_support.entry_points.AIRCRAFT`), as `jsbsim:NAME`.
 
     BadInputError names the file and its fault.
 
@@ -25,16 +29,16 @@ def load_model(text: str) -> Model:
     >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)
     ['thrust', 'elevator', 'aileron', 'rudder']
     """
-    if text.startswith("jsbsim:") or text.partition("?")[0].endswith(".xml"):
-        from hfa_jsbsim.reader import read_model
-
-        return replace(read_model(text), made_by=reloaded)
     where, colon, name = text.rpartition(":")
+    if not where.endswith(".py"):
+        offer = _format_of(text)
+        if offer is not None:
+            return replace(_read(offer, text), made_by=reloaded)
     if not colon or not name.isidentifier():
-        raise BadInputError(
-            f"{shown(text)} is no aircraft; give FILE.py:NAME, package.module:NAME, jsbsim:NAME "
-            "or FILE.xml"
-        )
+        schemes = [f"{each}:NAME" for each in offered(AIRCRAFT) if not each.startswith(".")]
+        files = [f"FILE{each}" for each in offered(AIRCRAFT) if each.startswith(".")]
+        forms = ", ".join(("FILE.py:NAME", *schemes, *files))
+        raise BadInputError(f"{shown(text)} is no aircraft; give {forms} or package.module:NAME")
     try:
         module = _executed(where) if where.endswith(".py") else _imported(where)
         sources = hash_of_sources(Path(str(module.__file__)), module.__package__ or "")
@@ -61,6 +65,28 @@ def load_model(text: str) -> Model:
     if not isinstance(model, Model):
         raise BadInputError(f"{where}: {_what_is_there(module, name, model)}")
     return replace(model, source=(text, sources), made_by=reloaded)
+
+
+def _format_of(text: str) -> EntryPoint | None:
+    """Who reads an aircraft of this scheme, or of the longest suffix; None for Python.
+
+    What stands behind a "?" is the reader's."""
+    scheme = text.partition(":")[0]
+    suffixes = "".join(Path(text.partition("?")[0]).suffixes)
+    names = [scheme, *(suffixes[at:] for at, each in enumerate(suffixes) if each == ".")]
+    readers = offered(AIRCRAFT)
+    return next((readers[name] for name in names if name in readers), None)
+
+
+def _read(offer: EntryPoint, text: str) -> Model:
+    """What a reader of another package makes of a text. BadInputError where that is no Model."""
+    model = loaded(offer)(text)
+    if not isinstance(model, Model):
+        raise BadInputError(
+            f"{offer.value} reads {shown(text)} as {shown(model)}, not as a Model; correct that"
+            " package"
+        )
+    return model
 
 
 def _executed(file: str) -> types.ModuleType:

@@ -1,2 +1,2 @@
-"""The commands, each a function with its options (`Command`); `hfa.main.GROUPS` says which module
-has which."""
+"""The commands of the core, each a function with its options (`Command`); `hfa.doors.CORE` lists
+them."""

@@ -22,7 +22,6 @@ from hfa.options.request import option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, show
 from hfa_model.printed_matrices import published_models
-from hfa_printed.printed_verdict import check_printed
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
 from verification.critic.about_trim import box_within_limits, nonlinear_plant
@@ -72,12 +71,6 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         default=(),
         count="+",
     )
-    printed: Path | None = option(
-        "a printed answer in place of a critic: plant and P, K, L, W or H pasted as text; says "
-        "whether every digit is right, and of which entry else (docs/critics.md)",
-        "FILE",
-        input_file(".toml"),
-    )
     set: Mapping[str, Any] = setting_option(
         "a setting of the law; of --weights predefined_time=S, of a network scale=a,b,... (times "
         "each state) and of a state dict activation=tanh|relu|... between its layers, after a "
@@ -100,20 +93,14 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         "P learned, exact, difference, and errors over time; of several critics their errors"
     )
 
-    def origin(self) -> Mapping[str, Any]:
-        """The plant; a printed answer has its own, in its file."""
-        return super().origin() if self.printed is None else {}
-
 
 @command(VerifyRequest)
 def verify(request: VerifyRequest) -> int:
     """Compare a critic with the exact game solution: our own laws, or weights, P, K or networks
-    from elsewhere, or the printed answer of a paper.
+    from elsewhere.
 
     Exit code 0 only when every check passes, or with --limit-cost when the critic costs no more
     than that."""
-    if request.printed is not None:
-        return _verify_printed(request, request.printed)
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
     named = request.game(may_be_discrete=bool(paths))
@@ -160,16 +147,6 @@ def _verify_discrete(
         verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
     report = verdict.report(limit_cost=request.limit_cost)
     show(report.with_data(**named.labels()), request, notes=named.warnings)
-    return 0 if verdict.holds(request.limit_cost) else 1
-
-
-def _verify_printed(request: VerifyRequest, path: Path) -> int:
-    """`verify` of the printed answer of a file, which has its own plant."""
-    others = request.typed - {"printed", "limit_cost", *OutputOptions.declared()}
-    why = "does not go with --printed, whose file has the plant and the answer; leave it out"
-    request.refuse(sorted(others | {"picture"}), why)
-    verdict = check_printed(path)
-    show(verdict.report(request.limit_cost), request)
     return 0 if verdict.holds(request.limit_cost) else 1
 
 

@@ -12,10 +12,11 @@ R = TypeVar("R", bound=Request)
 
 class Command(NamedTuple):
     """request: the class whose fields are the options. run: request -> exit code; its docstring is
-    the help."""
+    the help. install: what pip installs where a package that it needs is missing."""
 
     request: type[Request]
     run: Callable[[Any], int]
+    install: str = ""
 
 
 def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:

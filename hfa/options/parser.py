@@ -28,6 +28,8 @@ class Parser(argparse.ArgumentParser):
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
         self._options: dict[str, Option] = {}
+        #: Words that may follow the program -> what the command of both does, for the help.
+        self.words: Mapping[str, str] = {}
         self._words: dict[str, list[str]] = {}
 
     def declare(self, options: Mapping[str, Option]) -> None:
@@ -56,6 +58,10 @@ class Parser(argparse.ArgumentParser):
 
     def format_help(self, more: bool = False) -> str:
         """Usage, description and options; without `more` the rare ones by name only."""
+        words = "".join(f"  {self.prog} {word:<10}{about}\n" for word, about in self.words.items())
+        return self._options_help(more) + (f"\n{words}" if words else "")
+
+    def _options_help(self, more: bool) -> str:
         if more:
             return super().format_help()
         rare = {name for name, option in self._options.items() if option.rare}

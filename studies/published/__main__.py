@@ -31,7 +31,7 @@ _HEAD = """# Printed answers of others
 Judge an answer that a paper, a manual or a repository prints beside its plant:
 
 ```console
-$ hfa verify --printed studies/published/sources/radp_suspension.toml
+$ hfa printed studies/published/sources/radp_suspension.toml
 as printed: all 20 entries
 ...
 ```

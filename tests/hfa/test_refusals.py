@@ -11,7 +11,8 @@ import pytest
 from cli import assert_refused, hfa
 from game_files import small, stored
 
-from hfa.main import BAD_INPUT, COMMANDS, FAILED
+from hfa.doors import commands
+from hfa.main import BAD_INPUT, FAILED
 
 DIGITS = "9" * 5000
 
@@ -184,7 +185,7 @@ def test_bad_requests(command: str, words: str, named: str) -> None:
         ("monte-carlo --dihedral 10", "`hfa monte-carlo` is `hfa fly --samples N` now"),
         ("linearise", "unknown command 'linearise'; did you mean linearize?"),
         ("x" * 5000, "unknown command 'xxxx"),
-        *((f"{command} --frobnicate", f"hfa {command} --help") for command in COMMANDS),
+        *((f"{command} --frobnicate", f"hfa {command} --help") for command in commands()),
     ],
 )
 def test_unknown_commands_and_options(words: str, named: str) -> None:

@@ -146,31 +146,3 @@ def test_the_cost_of_a_critic_is_told_and_can_decide(game: Game) -> None:
     said = hfa(*words, "--limit-cost", "0.01").out
     assert "PASS by cost limit 0.01 %: not exact (K is off by 0.004), stabilizing, " in said
     assert "\ncost lost, worst start, percent " in said
-
-
-def test_a_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
-    file = tmp_path / "printed.toml"
-    right = (
-        'time = "continuous"\n[plant]\nA = "0 1; 0 0"\nB = "0; 1"\nQ = "1 0; 0 2"\nR = "1"\n'
-        '[printed]\nP = "2.0000 1.0000; 1.0000 2.0000"\nK = "1.0000 2.0000"\n'
-    )
-    file.write_text(right)
-    assert hfa("verify", "--printed", str(file)).code == DONE
-    file.write_text(right.replace('K = "1.0000 2.0000"', 'K = "1.0000 2.0010"'))
-    result = hfa("verify", "--printed", str(file))
-    assert result.code == FAILED
-    assert result.out.startswith("one entry of the answer: K12 is printed 2.0010, exact 2\n")
-    data = answer("verify", "--printed", str(file), code=FAILED)
-    assert data["verdict"] == "one entry of the answer"
-    assert data["entries"][-1]["half_unit"] == 5e-5
-
-
-def test_bad_input_of_a_printed_answer_is_one_line(tmp_path: Path) -> None:
-    file = tmp_path / "printed.toml"
-    file.write_text('time = "continuous"\n[plant]\nA = "0 1; 0 x"\n[printed]\nK = "1 2"\n')
-    assert_refused(hfa("verify", "--printed", str(file)), BAD_INPUT, "A, row 2: 'x' is not known")
-    assert_refused(
-        hfa("verify", "--printed", str(file), "--dihedral", "5"),
-        BAD_INPUT,
-        "--dihedral does not go",
-    )

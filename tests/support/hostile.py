@@ -22,7 +22,8 @@ from game_files import small
 from hostile_files import NUMBERS, WORDS, hostile_claims, hostile_file, hostile_store
 
 import hfa_model
-from hfa.main import COMMANDS, command_named, filled
+from hfa.doors import command_named, commands, found_in
+from hfa.main import filled
 from hfa.options.parser import Parser
 
 #: Seconds of the processor that a command may take, unless it announces that it takes long.
@@ -118,8 +119,8 @@ class Hanging(BaseException):
 
 
 def _hostile_words(chance: random.Random) -> list[str]:
-    command, *words = chance.choice(LINES).split()
-    parser = filled(Parser(), command_named(command), hfa_model.aircraft())
+    command, words = found_in(chance.choice(LINES).split())
+    parser = filled(Parser(), command_named(command).load(), hfa_model.aircraft())
     more = [name for name in parser._option_string_actions if name != "--workers"]
     for _ in range(chance.randint(1, 3)):
         at = chance.randint(0, len(words))
@@ -133,8 +134,8 @@ def _hostile_words(chance: random.Random) -> list[str]:
             case 3:
                 words[at:at] = [f"{chance.choice(more)}={chance.choice((*NUMBERS, *WORDS))}"]
             case _:
-                words[at:at] = [chance.choice(list(COMMANDS))]
-    return [command, *words]
+                words[at:at] = [chance.choice(list(commands()))]
+    return [*command.split(), *words]
 
 
 def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:

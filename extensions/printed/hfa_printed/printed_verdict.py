@@ -42,7 +42,7 @@ class PrintedData(Result):
         typed, value, lowest and highest of the interval, slip."""
 
     schema = "hfa.printed-check/1"
-    made_by = "hfa verify --printed"
+    made_by = "hfa printed"
 
     ok: bool
     verdict: Class

@@ -1,0 +1,17 @@
+"""What this extension offers to the command `hfa`."""
+
+from hfa.doors import CommandEntry
+
+FLY = CommandEntry(
+    "flight",
+    "simulate a policy on the nonlinear aircraft, beside the linear prediction",
+    "hfa_flight.commands.fly:fly",
+    example="hfa fly --dihedral 15 --gust 400:5",
+    results=("hfa_flight.step_flight:StepFlightData",),
+)
+EXPORT = CommandEntry(
+    "exchange",
+    "the aircraft for other tools: C source, FMU, MATLAB",
+    "hfa_flight.commands.export:export",
+    example="hfa export --dihedral 15 -o folder",
+)

@@ -1,0 +1,10 @@
+"""What this extension offers to the command `hfa`."""
+
+from hfa.doors import CommandEntry
+
+REPORT = CommandEntry(
+    "model",
+    "the main job on one page: trims, models, games, critics over the dihedral angle",
+    "hfa_page.commands.report:report",
+    install=".[page]",
+)

@@ -1,0 +1,47 @@
+"""The command `hfa printed`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hfa.options.argument_types import input_file, positive
+from hfa.options.command import command
+from hfa.options.request import option
+from hfa.options.trims import OutputOptions
+from hfa.output import show
+from hfa_printed.printed_verdict import check_printed
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PrintedRequest(OutputOptions):
+    """A printed answer to be judged."""
+
+    file: Path = option(
+        "plant and P, K, L, W or H pasted as text (docs/critics.md)",
+        "FILE",
+        input_file(".toml"),
+        names="file",
+        required=True,
+    )
+    limit_cost: float | None = option(
+        "exit 0 when the printed answer costs at most this much more than the optimum",
+        "PERCENT",
+        positive,
+    )
+
+    def origin(self) -> Mapping[str, Any]:
+        """Nothing: the file has the plant."""
+        return {}
+
+
+@command(PrintedRequest)
+def printed(request: PrintedRequest) -> int:
+    """Say whether every digit of the printed answer of a paper is right, and of which entry else.
+
+    Exit code 0 only when it is, or with --limit-cost when the answer costs no more than that."""
+    verdict = check_printed(request.file)
+    show(verdict.report(request.limit_cost), request)
+    return 0 if verdict.holds(request.limit_cost) else 1

@@ -1,0 +1,10 @@
+"""What this extension offers to the command `hfa`."""
+
+from hfa.doors import CommandEntry
+
+PRINTED = CommandEntry(
+    "critic",
+    "say whether every digit of a printed answer is right, and of which entry else",
+    "hfa_printed.commands.printed:printed",
+    results=("hfa_printed.printed_verdict:PrintedData",),
+)

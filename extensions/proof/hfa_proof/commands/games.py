@@ -1,0 +1,137 @@
+"""The commands `hfa prove solution` and `hfa prove critic`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from hfa.options.argument_types import input_file
+from hfa.options.command import command
+from hfa.options.games import NamedGame, PlantOptions
+from hfa.options.request import option
+from hfa.options.trims import OutputOptions, called_at, scheduled
+from hfa.output import ProgressLine, print_report
+from hfa_proof.options import family_of, interval_of, refuse_no_certificate
+from hfa_support.errors import BadInputError, said_of
+from hfa_support.files import MATRIX_FILES
+
+if TYPE_CHECKING:
+    from hfa_proof.search.certificate import Proof
+    from hfa_proof.search.family import Family
+
+
+class Stated(NamedTuple):
+    """What is proved.
+
+    request: at one value of the scheduling variable, as in the commands of one trim.
+    named: the game.
+    family: the flights of the aircraft; None of a plant of a file.
+    value: of the scheduling variable, as typed, or that of the trim."""
+
+    request: SolutionRequest
+    named: NamedGame
+    family: Family | None = None
+    value: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolutionRequest(PlantOptions, OutputOptions):
+    """A game whose solution is enclosed."""
+
+    at: Any = scheduled(interval_of, "DEG", "as written")
+
+    def stated(self) -> Stated:
+        """The game that the options name."""
+        typed = self.at
+        request = self
+        if typed is not None and len(typed) != 1:
+            raise BadInputError(
+                f"a game is at one value; give --{called_at(self.model)} with one value"
+            )
+        if typed is not None:  # from here on as in the commands of one trim
+            in_degrees = self.model.schedule_unit == "deg"
+            request = replace(self, at=math.radians(typed[0]) if in_degrees else typed[0])
+        named = request.game()
+        if self.plant is not None:
+            return Stated(request, named)
+        family = family_of(request)
+        model = family.model
+        start = model.signals[model.schedule].start if model.schedule else 0.0
+        value = {**model.trim, **self.hold}.get(model.schedule, start)
+        if typed:
+            value = typed[0]
+        elif model.schedule_unit == "deg":
+            value = math.degrees(value)
+        family.check(value, value)
+        return Stated(request, named, family, value)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CriticRequest(SolutionRequest):
+    """A critic to be compared with the solution of its game."""
+
+    file: Path = option(
+        f"the critic: W, P or K ({' '.join(MATRIX_FILES)})",
+        "FILE",
+        input_file(*MATRIX_FILES),
+        names="file",
+        required=True,
+    )
+    basis: str = option("of W; default quadratic", "NAME", default="quadratic", rare=True)
+
+
+@command(SolutionRequest)
+def solution(request: SolutionRequest) -> int:
+    """The game has one stabilizing solution within a radius of P, its value, with a proof in ball
+    arithmetic; with a bracket of delta_min.
+
+    -o FILE.json writes a certificate, which hfa prove --check FILE verifies. Exit 0: proved. Exit
+    1: refuted, or left open. Needs python-flint (`pip install .[proof]`)."""
+    from hfa_proof.search.solution_proof import prove_solution
+
+    _prepared(request)
+    stated = request.stated()
+    progress = ProgressLine("prove")
+    proof = prove_solution(stated.named.game, stated.family, stated.value, progress)
+    return _shown(stated, proof, "")
+
+
+@command(CriticRequest)
+def critic(request: CriticRequest) -> int:
+    """Whether the gain in a file stabilizes, and the distance of its W, P or K from the exact
+    solution of the game, from below and from above, with a proof in ball arithmetic.
+
+    -o FILE.json writes a certificate, which hfa prove --check FILE verifies. Exit 0: proved. Exit
+    1: refuted, or left open. Needs python-flint (`pip install .[proof]`)."""
+    from controller.critic.critic_file import Reading, critic_in
+    from hfa_proof.search.solution_proof import prove_critic
+
+    _prepared(request)
+    stated = request.stated()
+    game = stated.named.game
+    stored = critic_in(request.file, game, Reading(request.basis))
+    with said_of(request.file):
+        proof = prove_critic(game, stored, stated.family, stated.value)
+    return _shown(stated, proof, str(request.file))
+
+
+def _prepared(request: SolutionRequest) -> None:
+    """BadInputError where flint is missing, or -o names no file of a certificate."""
+    from hfa_proof.arithmetic import flint_or_refusal
+
+    flint_or_refusal()
+    refuse_no_certificate(request.output)
+
+
+def _shown(stated: Stated, proof: Proof, critic_file: str) -> int:
+    """Write the certificate, print the report; the exit code."""
+    from hfa_proof.search.report import game_report
+
+    request = stated.request
+    if request.output is not None and proof.witness:
+        proof.write(request.output, request.provenance)
+    names = stated.named.game.names
+    print_report(game_report(proof.data, names.states, names.origin, critic_file), request)
+    return 0 if proof.proved else 1

@@ -1,0 +1,122 @@
+"""The command `hfa prove schedule`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hfa.options.argument_types import input_file
+from hfa.options.command import command
+from hfa.options.games import WeightOptions, design_option
+from hfa.options.request import option
+from hfa.output import ProgressLine, print_report
+from hfa_proof.options import (
+    RangeOptions,
+    family_of,
+    loop_of_file,
+    not_negative,
+    positive_interval,
+    refuse_no_certificate,
+)
+from hfa_support.errors import BadInputError
+from hfa_support.files import MATRIX_FILES
+
+if TYPE_CHECKING:
+    from hfa_proof.search.loops import Intervals
+
+#: Of uncertain actuators.
+_INTERVALS = ("bandwidth", "effectiveness", "delay")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScheduleRequest(WeightOptions, RangeOptions):
+    """A gain schedule, or a scheduled controller, to be proved stabilizing."""
+
+    weights: Path | None = option(
+        "gains K over dihedral_deg; default: the exact game's", "FILE", input_file(*MATRIX_FILES)
+    )
+    design: Any = design_option(
+        "--weights is a controller with memory, on the actuators of this design"
+    )
+    rate: bool = option("also how fast the dihedral may move", rare=True)
+    error: float = option(
+        "for all parameters within N standard errors; default 0",
+        "N",
+        not_negative,
+        default=0.0,
+        rare=True,
+    )
+    bandwidth: tuple[float, float] | None = option(
+        "through actuators of any bandwidth, rad/s", "LOW:HIGH", positive_interval
+    )
+    effectiveness: tuple[float, float] | None = option(
+        "with --bandwidth: share of each command that arrives, changing at any time; default 1",
+        "LOW:HIGH",
+        positive_interval,
+        rare=True,
+    )
+    delay: float | None = option(
+        "with --bandwidth: each command is late by up to S seconds, changing at any time;"
+        " default 0",
+        "S",
+        not_negative,
+        rare=True,
+    )
+    resume: bool = option("go on with the unfinished certificate that -o names", rare=True)
+
+    def intervals(self) -> Intervals | None:
+        """What is uncertain about the actuators, if anything."""
+        from hfa_proof.search.loops import Intervals
+
+        if self.bandwidth is None:
+            self.refuse(_INTERVALS, "is of actuators: give --bandwidth LOW:HIGH too, rad/s")
+            return None
+        if self.rate:
+            raise BadInputError("--rate does not go with --bandwidth; leave one out")
+        effectiveness = self.effectiveness or (1.0, 1.0)
+        return Intervals(self.bandwidth, effectiveness, self.delay or 0.0)
+
+
+@command(ScheduleRequest)
+def schedule(request: ScheduleRequest) -> int:
+    """A gain schedule stabilizes, with a proof in ball arithmetic: at every dihedral of LOW:HIGH,
+    and not at the points of a grid, the trim exists within its limits and the scheduled gain makes
+    the loop Hurwitz, with --bandwidth through all actuators of intervals, also delayed and of less
+    effect.
+
+    -o FILE.json writes a certificate, which hfa prove --check FILE verifies. Exit 0: proved. Exit
+    1: refuted, or left open. Needs python-flint, with --bandwidth also cvxpy (`pip install
+    .[proof]`)."""
+    from hfa_proof.arithmetic import flint_or_refusal
+
+    flint_or_refusal()
+    refuse_no_certificate(request.output)
+    from hfa_proof.search.certificate import CertificateFile
+    from hfa_proof.search.loops import exact_gains
+    from hfa_proof.search.schedule_proof import prove_schedule
+
+    if request.resume and request.output is None:
+        raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
+    intervals = request.intervals()
+    family = family_of(request, request.error)
+    low, high = request.ends(family)
+    if request.weights is not None:
+        request.refuse(
+            ("delta", "Q", "R"),
+            "does not go with --weights, which gives the gains; leave it out",
+        )
+        loop = loop_of_file(request.weights, request.design, family.model, intervals)
+    else:
+        request.refuse(("design",), "goes with a controller; name its file by --weights FILE.npz")
+        changes = request.changed_weights()
+        loop = exact_gains(family, low, high, intervals, **changes)
+    file = None
+    if request.output is not None:
+        file = CertificateFile(request.output, request.provenance, resume=request.resume)
+    progress = ProgressLine("prove")
+    proof = prove_schedule(
+        family, loop, low, high, moving=request.rate, file=file, progress=progress
+    )
+    print_report(proof.report(), request)
+    return 0 if proof.proved else 1

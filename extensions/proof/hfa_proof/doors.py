@@ -1,0 +1,35 @@
+"""What this extension offers to the command `hfa`."""
+
+from hfa.doors import CommandEntry
+
+CHECK = CommandEntry(
+    "proof",
+    "verify a certificate of one of the following: hfa prove --check FILE",
+    "hfa_proof.commands.check:prove",
+    install=".[proof]",
+)
+SCHEDULE = CommandEntry(
+    "proof",
+    "a gain schedule stabilizes at every angle of an interval",
+    "hfa_proof.commands.schedule:schedule",
+    example="hfa prove schedule --dihedral 14:15",
+    install=".[proof]",
+)
+MODELS = CommandEntry(
+    "proof",
+    "the fewest linear models that interpolate within a tolerance",
+    "hfa_proof.commands.models:models",
+    install=".[proof]",
+)
+SOLUTION = CommandEntry(
+    "proof",
+    "a game has one stabilizing solution, within a radius of P",
+    "hfa_proof.commands.games:solution",
+    install=".[proof]",
+)
+CRITIC = CommandEntry(
+    "proof",
+    "the distance of a critic from the exact solution",
+    "hfa_proof.commands.games:critic",
+    install=".[proof]",
+)

@@ -1,0 +1,93 @@
+"""Options of what is proved over an interval of the scheduling variable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from controller.game.gain_schedule import load_gain_schedule
+from hfa.options.argument_types import interval, number
+from hfa.options.trims import (
+    AircraftOptions,
+    OutputOptions,
+    TrimOptions,
+    called_at,
+    scheduled,
+)
+from hfa_aircraft.model import Model
+from hfa_servo.scheduled_controller import load_controller
+from hfa_support.errors import BadInputError
+from hfa_support.schema import Number
+
+if TYPE_CHECKING:
+    from hfa_proof.search.family import Family
+    from hfa_proof.search.loops import Intervals, Loop
+
+not_negative = partial(number, declared=Number(0.0))
+
+
+def positive_interval(text: str) -> tuple[float, float]:
+    """LOW:HIGH, both positive."""
+    ends = interval(text)
+    if not ends[0] > 0.0:
+        raise BadInputError(f"is {text}; it must be positive")
+    return ends[0], ends[-1]
+
+
+def interval_of(model: Model, text: str) -> tuple[float, ...]:
+    """LOW:HIGH of the scheduling variable, or one value, as written."""
+    return interval(text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
+    """The aircraft over an interval of its scheduling variable."""
+
+    at: Any = scheduled(interval_of, "LOW:HIGH", "what is proved holds at every value between")
+    start: None = None
+
+    def ends(self, family: Family) -> tuple[float, float]:
+        """LOW:HIGH of --at, as typed; refused where no trim can be."""
+        if len(self.at or ()) != 2:
+            scheduled_name = family.model.schedule or "the scheduling variable"
+            raise BadInputError(
+                f"give the interval of {scheduled_name} as --{called_at(self.model)} LOW:HIGH"
+            )
+        low, high = self.at
+        family.check(low, high)
+        return low, high
+
+
+def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
+    """The aircraft and the flights that the options name; the scheduling variable is left.
+
+    errors: every identified parameter may be off by this many of its standard errors."""
+    from hfa_proof.search.family import Family
+
+    with_errors = not request.own and request.dynamics != "unsteady"
+    standard_errors = request.parameter_set.standard_errors if with_errors else {}
+    if errors and not standard_errors:
+        raise BadInputError("the parameters have no standard errors; leave --error out")
+    spread = {
+        name: errors * error for name, error in standard_errors.items() if errors * error > 0.0
+    }
+    return Family(request.flown_aircraft(), request.common_condition(), spread)
+
+
+def refuse_no_certificate(output: Path | None) -> None:
+    """BadInputError where the file of -o cannot hold a certificate."""
+    if output is not None and output.suffix.lower() != ".json":
+        raise BadInputError(f"{output}: a certificate is a .json file; name one")
+
+
+def loop_of_file(weights: Path, design: Any, model: Model, intervals: Intervals | None) -> Loop:
+    """The loop under the gains of a file; with a design a controller with memory on its
+    actuators."""
+    from hfa_proof.search.loops import loop_of_schedule, loop_of_servo
+
+    if design is None:
+        return loop_of_schedule(load_gain_schedule(weights, model), intervals)
+    controller = load_controller(weights, model)
+    return loop_of_servo(controller, design.of(model).actuators, model, intervals)

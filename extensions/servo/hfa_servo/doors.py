@@ -1,0 +1,9 @@
+"""What this extension offers to the command `hfa`."""
+
+from hfa.doors import CommandEntry
+
+DESIGN = CommandEntry(
+    "flight",
+    "the certified controller of a design at every dihedral angle, as one file",
+    "hfa_servo.commands.design:design",
+)

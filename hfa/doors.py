@@ -1,0 +1,163 @@
+"""Commands by their words: those of the core, and those that installed packages offer."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING, NamedTuple
+
+from hfa.options.parser import unknown
+from hfa_support.entry_points import COMMANDS, loaded, offered
+from hfa_support.errors import BadInputError, shortened
+
+if TYPE_CHECKING:
+    from hfa.options.command import Command
+
+
+class CommandEntry(NamedTuple):
+    """A command as `hfa --help` lists it; its module is imported when it is called.
+
+    group: under which it is listed, one of those of the core or a new one.
+    about: what it does, in one line.
+    command: where its `Command` is, "package.module:name".
+    example: of the group, where this command is it.
+    install: what pip installs where a package of its own is missing, ".[proof]".
+    results: where the results are that only it writes, "package.module:Class"."""
+
+    group: str
+    about: str
+    command: str
+    example: str = ""
+    install: str = ""
+    results: tuple[str, ...] = ()
+
+    def load(self) -> Command:
+        """The command."""
+        module, _, name = self.command.partition(":")
+        found: Command = getattr(import_module(module), name)
+        return found._replace(install=self.install)
+
+
+#: The commands of the core, in the order of the help.
+CORE = {
+    "trim": CommandEntry(
+        "model",
+        "trim the aircraft and report variables, limits, residuals, loads, performance",
+        "hfa.commands.trim:trim",
+    ),
+    "linearize": CommandEntry(
+        "model",
+        "exact linear model A, B at a trim, with modes, offsets and bands",
+        "hfa.commands.linearize:linearize",
+        example="hfa linearize --dihedral 10 -o model.mat",
+    ),
+    "sweep": CommandEntry(
+        "model",
+        "trims and linear models over a grid, modes tracked",
+        "hfa.commands.sweep:sweep",
+    ),
+    "regenerate": CommandEntry(
+        "model",
+        "regenerate both printed pairs (A, B) and compare them entry by entry",
+        "hfa.commands.regenerate:regenerate",
+    ),
+    "solve": CommandEntry(
+        "critic",
+        "exact solution of the zero-sum game, with certificate and smallest delta",
+        "hfa.commands.game:solve",
+    ),
+    "learn": CommandEntry(
+        "critic",
+        "learn the value and the gain of the game with a critic",
+        "hfa.commands.game:learn",
+    ),
+    "verify": CommandEntry(
+        "critic",
+        "compare a learned critic with the exact game solution",
+        "hfa.commands.verify:verify",
+        example="hfa verify --dihedral 15 --weights mine.npz",
+    ),
+}
+
+#: Former words, for one version -> what took their place.
+MOVED = {
+    "reproduce": "a study, python -m studies.section5,",
+    "study": "a study, python -m studies.update_law,",
+    "servo": "a study, python -m studies.servo,",
+    "map": "`hfa fly --initial NAME=VALUE`",
+    "schedule": "`hfa fly --controller GAINS --command dihedral=TIME:VALUE`",
+    "monte-carlo": "`hfa fly --samples N`",
+    "lpv": "`hfa prove models`",
+    "identify": "a study, python -m studies.identification,",
+    "validate": "a study, python -m studies.validation,",
+    "verify --printed": "`hfa printed FILE`",
+}
+
+
+def commands() -> dict[str, CommandEntry]:
+    """Words -> command, "prove region" for `hfa prove region`: of the core and of all packages.
+
+    One that cannot be loaded is left out, with a warning."""
+    found = dict(CORE)
+    for offer in offered(COMMANDS):
+        name = offer.replace(".", " ")
+        try:
+            found.setdefault(name, command_named(name))
+        except BadInputError as error:
+            warnings.warn(str(error), stacklevel=2)
+    return found
+
+
+def command_named(name: str) -> CommandEntry:
+    """The command of these words. BadInputError where a package offers something else by them."""
+    if name in CORE:
+        return CORE[name]
+    offer = offered(COMMANDS)[name.replace(" ", ".")]
+    entry = loaded(offer)
+    if not isinstance(entry, CommandEntry):
+        raise BadInputError(
+            f"{offer.value} offers `hfa {name}` and is no CommandEntry; correct that package"
+        )
+    return entry
+
+
+def words_after(name: str) -> Mapping[str, str]:
+    """The words that may follow the name of a command -> what the command of both does."""
+    if name in CORE:
+        return {}
+    begin = f"{name} "
+    found = {each: entry.about for each, entry in commands().items() if each.startswith(begin)}
+    return {each.removeprefix(begin): about for each, about in found.items()}
+
+
+def found_in(words: list[str]) -> tuple[str, list[str]]:
+    """The name of the command that a command line begins with, and the words of its options; ""
+    where the first word is none.
+
+    BadInputError for former words, for an unknown word behind the first, and where an option
+    comes first.
+    """
+    first = words[0] if words else ""
+    for name in (first, *(f"{first} {word.partition('=')[0]}" for word in words[1:])):
+        if name in MOVED:
+            raise BadInputError(f"`hfa {name}` is {MOVED[name]} now")
+    if first in CORE:
+        return first, words[1:]
+    both = [".".join(words[:2]), *(f"{first}.{word}" for word in words[2:])]
+    if len(words) > 1 and both[0] in offered(COMMANDS):
+        return " ".join(words[:2]), words[2:]
+    later = [name for name in both[1:] if name in offered(COMMANDS)]
+    if later and words[1].startswith("-"):
+        name = later[0].replace(".", " ")
+        raise BadInputError(f"what to {first} comes first: hfa {name} {shortened(words[1])} ...")
+    known = words_after(first)
+    if known and len(words) > 1 and not words[1].startswith("-"):
+        what = f"word {shortened(words[1])!r} behind `hfa {first}`"
+        raise BadInputError(unknown(what, words[1].lower(), known, f"hfa {first}"))
+    if first in offered(COMMANDS):
+        return first, words[1:]
+    later = [word for word in words if word in CORE or word in offered(COMMANDS)]
+    if first.startswith("-") and later:
+        raise BadInputError(f"the command comes first: hfa {later[0]} {shortened(first)} ...")
+    return "", words

@@ -1,0 +1,53 @@
+"""The doors: what installed packages offer to a core that does not know them, as entry points.
+
+`importlib.metadata` is imported, and the distributions are listed, when a door is asked first."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from hfa_support.errors import BadInputError, on_one_line
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+#: Commands by their words, "prove.region" for `hfa prove region`: a `hfa.doors.CommandEntry`.
+COMMANDS = "hfa.commands"
+#: Aircraft by scheme, "jsbsim" of jsbsim:NAME, or by suffix, ".xml": text -> Model.
+AIRCRAFT = "hfa.aircraft"
+
+
+@cache
+def offered(door: str) -> dict[str, EntryPoint]:
+    """Name -> entry point, of all that is offered at a door, in the order of the names.
+
+    BadInputError where two packages offer the same name."""
+    from importlib.metadata import entry_points
+
+    found: dict[str, EntryPoint] = {}
+    for entry in sorted(entry_points(group=door), key=lambda each: each.name):
+        other = found.setdefault(entry.name, entry)
+        if other.value != entry.value:
+            raise BadInputError(
+                f"{_package(other)} and {_package(entry)} both offer {entry.name} at {door};"
+                " remove one of them"
+            )
+    return found
+
+
+def loaded(entry: EntryPoint) -> Any:
+    """What an entry point names. BadInputError names the package that does not have it."""
+    try:
+        return entry.load()
+    except Exception as error:  # whatever the package raises
+        reason = f"{type(error).__name__}: {on_one_line(str(error))}"
+        raise BadInputError(
+            f"{_package(entry)} offers {entry.name}, which cannot be loaded ({reason}); update or"
+            " remove the package"
+        ) from error
+
+
+def _package(entry: EntryPoint) -> str:
+    """The distribution that an entry point belongs to, in words."""
+    return f"the package {entry.value if entry.dist is None else entry.dist.name}"
