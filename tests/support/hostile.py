@@ -105,7 +105,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         ("certificate.json", "game.json", "sealed certificate.json", "sealed game.json"),
         ("prove", "--check", "{}"),
     ),
-    "printed.toml": ("verify", "--printed", "{}"),
+    "printed.toml": ("printed", "{}"),
     "network.onnx": _NETWORK,
     "network.pt": (*_NETWORK, "--set", "activation=tanh"),
     "network.safetensors": (*_NETWORK, "--set", "activation=tanh"),
