@@ -20,6 +20,7 @@ class DiscreteGame(Shown):
     step: A, B, E, Q, R and delta of one step
     discount: α, above 0 and at most 1
     N: (n, m), cross weights; None is 0
+    A_low: (n, n), what the digits of A leave off, of a step so short that A is nearly I; None is 0
 
     Raises BadInputError for a wrong shape or number, and where [[Q, N], [N', R]] is not positive
     semidefinite."""
@@ -27,6 +28,7 @@ class DiscreteGame(Shown):
     step: Game
     discount: float = 1.0
     N: Any = None
+    A_low: Any = None
 
     def __post_init__(self) -> None:
         """Check what the step has not checked."""
@@ -41,7 +43,9 @@ class DiscreteGame(Shown):
             raise BadInputError(
                 f"N is {shape_text(N.shape)}; with this B it must be {shape_text(shape)}"
             )
+        A_low = np.zeros_like(self.step.A) if self.A_low is None else self.A_low
         object.__setattr__(self, "N", N)
+        object.__setattr__(self, "A_low", A_low)
         object.__setattr__(self, "discount", float(self.discount))
         if N.any() and not is_semidefinite(self._weights()):
             raise BadInputError(

@@ -102,16 +102,18 @@ def by_sign(form: NormalForm) -> np.ndarray:
 def by_schur(form: NormalForm) -> np.ndarray:
     """X, (n, n), of the ordered Schur form of the Hamiltonian, refined with twice the digits.
 
-    X = 0 where nothing is paid for and A is Hurwitz: there the Schur form finds rounding.
     Raises NoSolutionError when the stable subspace has no graph, or does not exist.
     Source: Laub, IEEE Trans. Automatic Control 24 (1979), 913-921."""
-    if not form.Q.any() and is_hurwitz(form.A):
-        return np.zeros_like(form.A)
     return refined(form, unrefined(form))
 
 
 def unrefined(form: NormalForm) -> np.ndarray:
-    """`by_schur` to about ten digits and much faster, for a search."""
+    """`by_schur` to about ten digits and much faster, for a search.
+
+    0 where nothing is paid for and A is Hurwitz: there the Schur form finds rounding.
+    """
+    if not form.Q.any() and is_hurwitz(form.A):
+        return np.zeros_like(form.A)
     try:
         return stable_graph(form.hamiltonian)
     except np.linalg.LinAlgError as error:

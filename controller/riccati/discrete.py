@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,25 +12,19 @@ from controller.game.discrete_game import DiscreteGame
 from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.riccati.certificate import (
-    DISAGREEMENT,
     INDEFINITENESS,
     RESIDUAL,
     Certificate,
+    agreement_checks,
     refuse_failures,
 )
 from controller.riccati.delta_search import Answer, smallest_delta
-from controller.riccati.derivations import largest
-from controller.riccati.discrete_derivations import (
-    NoValueError,
-    by_doubling,
-    by_precise_doubling,
-    by_symplectic_pencil,
-    newton_step,
-    policies,
-    refined,
-)
-from controller.riccati.normal_form import RANK, NormalForm
+from controller.riccati.derivations import by_iteration, by_schur, largest, unrefined
+from controller.riccati.double_double import add, exact
+from controller.riccati.existence import existence
+from controller.riccati.normal_form import RANK
 from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, dependence
+from controller.riccati.step_form import NoValueError, StepForm
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least, at_most, below
@@ -82,29 +76,33 @@ class DiscreteSolution(Shown):
         return self.problem.q_function(self.P)
 
 
-def sampled(game: Game, dt: float) -> Game:
-    """The game of one step: u and w are held for dt seconds, and a step costs dt (x'Qx + u'Ru - δ²
+def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
+    """The game of which one step is dt seconds with u and w held; a step costs dt (x'Qx + u'Ru - δ²
     w'w) at its start.
 
-    [A B E] of the step are those of exp([[A, B, E], [0, 0, 0]] dt); its weights Q dt and R dt, its
-    delta √dt δ. Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, Section
-    4.3."""
+    With X = [[A, B, E], [0, 0, 0]] dt the step is exp(X), of which A keeps twice the digits; its
+    weights are Q dt and R dt, its delta √dt δ. Source: Franklin, Powell and Workman, Digital
+    Control of Dynamic Systems, Section 4.3."""
     from scipy.linalg import expm
 
     refuse_unless_positive("dt", dt, " s")
     n, m = game.B.shape
-    moved = np.hstack([game.A, game.B, game.E])
-    held = np.zeros((moved.shape[1] - n, moved.shape[1]))
-    step = expm(dt * np.vstack([moved, held]))[:n]
-    A, B, E = np.split(step, [n, n + m], axis=1)
-    return Game(A=A, B=B, E=E, Q=game.Q * dt, R=game.R * dt, delta=game.delta * math.sqrt(dt))
+    moved = np.hstack([game.A, game.A, game.B, game.E])  # of [X, X; 0, 0] the exponential has
+    held = np.zeros((moved.shape[1] - n, moved.shape[1]))  # exp(X) - I, without cancellation
+    _, change, B, E = np.split(
+        expm(dt * np.vstack([moved, held]))[:n], [n, 2 * n, 2 * n + m], axis=1
+    )
+    A, A_low = add(exact(np.eye(n)), exact(change))
+    step = Game(A=A, B=B, E=E, Q=game.Q * dt, R=game.R * dt, delta=game.delta * math.sqrt(dt))
+    return DiscreteGame(step, discount, A_low=A_low)
 
 
 def solve_discounted(game: Game, discount: float, dt: float | None = None) -> DiscreteSolution:
     """`solve_discrete` of one step of time, or with dt (s) of a game in continuous time, which is
     `sampled`."""
-    step = game if dt is None else sampled(game, dt)
-    return solve_discrete(DiscreteGame(step, discount))
+    return solve_discrete(
+        DiscreteGame(game, discount) if dt is None else sampled(game, dt, discount)
+    )
 
 
 def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DiscreteSolution:
@@ -116,22 +114,22 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
     that rules out a solution at any delta, or the test that fails with the smallest delta, whose
     search calls `progress`. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 3.7,
     for √α A, √α B, √α E."""
-    form = _discrete_form(problem)
+    form = StepForm.of_problem(problem)
     try:
-        X, certificate = _certified(form)
+        X, accurate, certificate = _certified(form)
     except NoSolutionError as failure:
         prefix = "no certified value of the game in discrete time"
         smallest = _smallest_delta(form, progress)  # raises by itself when no delta would do
         advice = smallest.advice(form.delta)
         raise NoSolutionError(f"{prefix}: {failure}; {advice}") from failure
-    P = form.value(X)
-    K, L = _user_policies(problem, form, X)
-    step = problem.step
-    radius = _radius(step.A - step.B @ K)
+    P = accurate.value(X)
+    _, feed = problem.without_cross_weights()
+    K = accurate.gain(X) + feed
+    radius = _radius(problem.step.A - problem.step.B @ K)
     return DiscreteSolution(
         P=P,
         K=K,
-        disturbance_gain=L,
+        disturbance_gain=accurate.disturbance_gain(X),
         problem=problem,
         certificate=certificate,
         radius=radius,
@@ -142,7 +140,7 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
 def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DeltaMin:
     """The smallest δ of a game in discrete time, by bisection on the tests of P; its own plays no
     part."""
-    return _smallest_delta(_discrete_form(problem), progress)
+    return _smallest_delta(StepForm.of_problem(problem), progress)
 
 
 def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
@@ -150,14 +148,15 @@ def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
 
     NoSolutionError where there is none.
     """
-    form = _discrete_form(problem)
-    X = by_symplectic_pencil(form)
-    return form.value(X), _user_policies(problem, form, X)[0]
+    form = StepForm.of_problem(problem)
+    X = unrefined(form.equivalent)
+    _, feed = problem.without_cross_weights()
+    return form.value(X), form.gain(X) + feed
 
 
 def value_checks(problem: DiscreteGame, P: np.ndarray) -> tuple[Check, ...]:
     """The tests of a P, (n, n), of a game in discrete time: Bellman's equation, signs, loops."""
-    form = _discrete_form(problem)
+    form = StepForm.of_problem(problem)
     back = np.linalg.inv(form.T)
     return _checks(form, back.T @ P @ back)
 
@@ -167,64 +166,40 @@ def bellman_residual(problem: DiscreteGame, P: np.ndarray) -> float:
     return value_checks(problem, P)[0].value
 
 
-def _discrete_form(problem: DiscreteGame) -> NormalForm:
-    """The normal form of a game of the same value, without discount and cross weights."""
-    step, _ = problem.without_cross_weights()
-    root = math.sqrt(problem.discount)
-    return NormalForm.of(replace(step, A=root * step.A, B=root * step.B, E=root * step.E))
+class _Certified(NamedTuple):
+    """X, (n, n), of a step, in the coordinates of `form`, in which X is accurate."""
+
+    X: np.ndarray
+    form: StepForm
+    certificate: Certificate
 
 
-def _user_policies(
-    problem: DiscreteGame, form: NormalForm, X: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """K and L in the user's coordinates."""
-    gains = policies(form, X)
-    _, feed = problem.without_cross_weights()
-    K = np.linalg.solve(form.root.T, gains.K @ form.T) + feed
-    return K, gains.L @ form.T / form.delta
-
-
-def _certified(form: NormalForm) -> tuple[np.ndarray, Certificate]:
-    """P in normal form, X (n, n), by a Schur form, and its certificate: the tests of X, and that
-    value iteration gives the same.
+def _certified(form: StepForm) -> _Certified:
+    """X of the Schur form of the equivalent in continuous time, and its certificate: the tests of
+    X in discrete time, and that the sequence of LQR problems gives the same.
 
     NoSolutionError when a test fails or a matrix that must be inverted is singular.
     """
     try:
-        X = _first_derivation(form)
+        form = form.turned()
+        X = form.refined(by_schur(form.equivalent))
         checks = _checks(form, X)
         refuse_failures(checks)
-        difference = math.inf
-        with suppress(NoSolutionError, np.linalg.LinAlgError):
-            difference = _difference(X, by_doubling(form))
-        if not difference <= DISAGREEMENT:  # for want of digits, perhaps
-            difference = _difference(X, by_precise_doubling(form))
+        checks += agreement_checks(X, by_iteration(form.equivalent))
     except np.linalg.LinAlgError as error:
         raise NoSolutionError("delta^2 I - discount E'P E is singular on the way") from error
-    reason = f"value iteration gives another P (difference {difference:.2g})"
-    checks = (*checks, at_most("second_derivation", difference, DISAGREEMENT, reason))
     refuse_failures(checks)
-    return X, Certificate(checks)
+    return _Certified(X, form, Certificate(checks))
 
 
-def _first_derivation(form: NormalForm) -> np.ndarray:
-    """X, (n, n), of the symplectic pencil, after Newton steps."""
-    return refined(form, by_symplectic_pencil(form))
-
-
-def _difference(X: np.ndarray, other: np.ndarray) -> float:
-    """The largest difference of an entry, relative to the largest entry of X."""
-    return float(largest(X - other)) / (float(largest(X)) or 1.0)
-
-
-def _checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
+def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
     """The tests of X alone: Bellman's equation, signs, both closed loops."""
-    gains = policies(form, X)
+    gains = form.policies(X)
     size = float(largest(X)) or 1.0
     loop = form.A - form.B @ gains.K
     terms = np.abs(form.Q) + np.abs(gains.K.T @ gains.K) + np.abs(X)
     terms = terms + np.abs(loop.T) @ np.abs(X) @ np.abs(loop)
-    step = newton_step(form, X)
+    step = form.newton_step(X)
     residual = float(largest(step.residual) / (terms.max() or 1.0))
     error = float(largest(step.correction)) / size
     smallest = float(np.linalg.eigvalsh(X)[0]) / size
@@ -248,36 +223,47 @@ def _checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
     )
 
 
-def _smallest_delta(form: NormalForm, progress: Progress | None) -> DeltaMin:
-    """By bisection of log δ on the tests of X."""
+def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
+    """By bisection of log δ on `_existence`."""
     without = form.with_delta(math.inf)
     try:
-        X, _ = _certified(without)
+        X, accurate, _ = _certified(without)
     except NoSolutionError as failure:
         raise NoSolutionError(_obstacle(without, str(failure))) from failure
-    attack = form.disturbance.T @ X @ form.disturbance
+    attack = accurate.disturbance.T @ X @ accurate.disturbance
     most = float(np.linalg.eigvalsh((attack + attack.T) / 2.0).max(initial=0.0))
     if most <= 0.0:
         return DeltaMin(0.0, 0.0)
 
     def ask(delta: float) -> Answer:
-        trial = form.with_delta(delta)
-        with suppress(NoSolutionError, np.linalg.LinAlgError):
-            if all(check.ok for check in _checks(trial, _first_derivation(trial))):
-                return Answer(True)
-        try:
-            by_precise_doubling(trial)
-        except NoValueError as error:
-            return Answer(False, str(error))
-        except (NoSolutionError, np.linalg.LinAlgError) as error:
-            return Answer(None, str(error))
-        return Answer(None, "a test of the solution fails by rounding")
+        return _existence(accurate.with_delta(delta))
 
     value, refused, _ = smallest_delta(ask, 2.0 * math.sqrt(most), TOLERANCE, progress)
     return DeltaMin(value, refused)
 
 
-def _obstacle(form: NormalForm, failure: str) -> str:
+def _existence(form: StepForm) -> Answer:
+    """Whether a step has a value: where its equivalent has one and δ² I - E'P E > 0."""
+    try:
+        answer = existence(form.equivalent)
+        if not answer.exists:
+            return answer
+        X = form.refined(by_schur(form.equivalent))
+    except NoValueError as shown:
+        return Answer(False, str(shown))
+    except (NoSolutionError, np.linalg.LinAlgError) as failure:
+        return Answer(None, str(failure))
+    attack = form.E.T @ X @ form.E
+    paid = float(np.linalg.eigvalsh(np.eye(len(attack)) - (attack + attack.T) / 2.0).min())
+    rounding = SADDLE * max(1.0, float((np.abs(form.E).T @ np.abs(X) @ np.abs(form.E)).max()))
+    if paid > rounding:
+        return Answer(True)
+    if paid < -rounding:
+        return Answer(False, "delta^2 I - discount E'P E is not positive definite")
+    return Answer(None, "rounding hides whether delta^2 I - discount E'P E is positive definite")
+
+
+def _obstacle(form: StepForm, failure: str) -> str:
     """One line on why there is no solution without disturbance; failure: of its certificate."""
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     for value in np.linalg.eigvals(form.A):
@@ -291,8 +277,12 @@ def _obstacle(form: NormalForm, failure: str) -> str:
                 f"no input reaches the {mode} of sqrt(discount) A, which does not decay; change B"
                 " or lower the discount"
             )
-        if dependence(form.A.T, value, form.Q, size) <= RANK:
-            return f"the {mode} of sqrt(discount) A costs nothing; give Q weight on it"
+        is_undamped = abs(value) <= 1.0 + RANK
+        if is_undamped and dependence(form.A.T, value, form.Q, size) <= RANK:
+            return (
+                f"the {mode} of sqrt(discount) A neither decays nor grows and costs nothing: no P"
+                " stabilizes it; give Q weight on it"
+            )
     return (
         f"the game without disturbance (delta = inf) is not certified: {failure}; check the"
         " scaling of A, B, Q, R"

@@ -51,6 +51,12 @@ def product(left: Pair, right: Pair) -> Pair:
     return total
 
 
+def transposed(pair: Pair) -> Pair:
+    """Of a matrix or a stack of them."""
+    high, low = pair
+    return high.mT, low if np.ndim(low) == 0 else low.mT
+
+
 def _slices(pair: Pair, bits: int, axis: int) -> list[np.ndarray]:
     """Slices of so many bits whose sum is the pair but for what lies below the last one.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import hamiltonian, units_of
-from controller.riccati.double_double import add, exact, product
+from controller.riccati.double_double import Pair, add, exact, product, transposed
 
 #: Smaller cosines belong to a P of more than the inverse of this, in balanced units.
 MODERATE = 1e-4
@@ -86,7 +86,7 @@ class NormalForm:
             T=self.T[index],
         )
 
-    def with_delta(self, delta: float) -> NormalForm:
+    def with_delta(self, delta: float) -> Self:
         """The same game at another delta, in the same coordinates."""
         return replace(self, delta=delta)
 
@@ -137,8 +137,8 @@ class NormalForm:
         inputs = high[..., n:], low[..., n:]
         signs = np.repeat([-1.0, 1.0], [m, k])
         signed = inputs[0] * signs, inputs[1] * signs
-        total = add(linear, add(_transposed(linear), exact(self.Q)))
-        total = add(total, product(signed, _transposed(inputs)))
+        total = add(linear, add(transposed(linear), exact(self.Q)))
+        total = add(total, product(signed, transposed(inputs)))
         return np.asarray(total[0])
 
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
@@ -158,7 +158,7 @@ class NormalForm:
         """L of the worst d = L z in the user's coordinates, (..., k, n)."""
         return (self.E.mT @ X @ self.T) / self.delta
 
-    def turned(self) -> NormalForm:
+    def turned(self) -> Self:
         """The same game, (n, n), in coordinates in which the P of its LQ problem is moderate.
 
         Itself where P is so already. A mode that the input reaches by the part r alone costs 1/r²,
@@ -181,7 +181,7 @@ class NormalForm:
             dearest *= float(D[-1])
         return self
 
-    def levelled(self) -> NormalForm:
+    def levelled(self) -> Self:
         """The same game, (n, n), in coordinates in which the P of its LQ problem is near I.
 
         Fast states next to slow ones make a P from 1e-11 to 1, in whose coordinates rounding of
@@ -200,26 +200,36 @@ class NormalForm:
         balance = units_of(form.A, form.B @ form.B.T, form.Q)
         return form._turned_by(np.eye(n), 1.0 / balance)
 
-    def _turned_by(self, W: np.ndarray, D: np.ndarray) -> NormalForm:
+    def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
         """The game in D W'y, with one rounding at the end.
 
         W: orthogonal but for rounding. D: powers of two, (n,).
         """
         turn = exact(W.T)
-        high, low = product(turn, exact(W))
-        defect = np.eye(len(W)) - high, -low
-        inverse = add(exact(W), product(exact(W), defect))  # a step of Newton's method
-        back = _transposed(inverse)
-        A = product(product(turn, exact(self.A)), inverse)[0]
-        Q = product(product(back, exact(self.Q)), inverse)[0]
+        inverse = _precise_inverse(W)
+        Q = product(product(transposed(inverse), exact(self.Q)), inverse)[0]
         return replace(
             self,
-            A=A * D[:, None] / D,
+            A=similar(exact(self.A), W, D)[0],
             inputs=product(turn, exact(self.inputs))[0] * D[:, None],
             disturbance=product(turn, exact(self.disturbance))[0] * D[:, None],
             Q=(Q + Q.T) / 2.0 / np.outer(D, D),
             T=D[:, None] * (W.T @ self.T),
         )
+
+
+def similar(matrix: Pair, W: np.ndarray, D: np.ndarray) -> Pair:
+    """(D W') M (D W')⁻¹, for W and D of `_turned_by`."""
+    high, low = product(product(exact(W.T), matrix), _precise_inverse(W))
+    scale = D[:, None] / D
+    return high * scale, low * scale
+
+
+def _precise_inverse(W: np.ndarray) -> Pair:
+    """(W')⁻¹, of a W that is orthogonal but for rounding."""
+    high, low = product(exact(W.T), exact(W))
+    defect = np.eye(len(W)) - high, -low
+    return add(exact(W), product(exact(W), defect))  # a step of Newton's method
 
 
 def without_faint(matrix: np.ndarray, least: float) -> np.ndarray:
@@ -306,7 +316,3 @@ def stable_graph(matrix: np.ndarray) -> np.ndarray:
         raise np.linalg.LinAlgError("the stable subspace has not half the dimension")
     half = len(matrix) // 2
     return np.linalg.solve(basis[:half].T, basis[half:].T)
-
-
-def _transposed(pair: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    return pair[0].mT, pair[1].mT

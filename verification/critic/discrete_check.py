@@ -56,7 +56,7 @@ def check_discounted(
         says = "in continuous time, without discount"
         return diagnose_discrete(game, exact, critic, says, {}, box)
 
-    problem = DiscreteGame(sampled(game, dt), discount)
+    problem = sampled(game, dt, discount)
     verdict = _judged(problem, critic, limit, scope or Scope(), diagnose)
     section = verdict.sections[0]
     return replace(

@@ -194,7 +194,7 @@ def discounted(game: Game, rate: float) -> Game:
 
 def held(game: Game, step: float) -> Answer:
     """The answer with u and d held over each step, s."""
-    return Answer(*quick_discrete(DiscreteGame(sampled(game, step))))
+    return Answer(*quick_discrete(sampled(game, step)))
 
 
 def held_whole(game: Game, step: float) -> Answer:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.cost import flight_cost
 from controller.riccati.discrete import sampled, solve_discrete
@@ -42,11 +41,11 @@ def cost_lost(deployed: Deployed, rest: Rest, chain: Chain) -> CostLost | str:
     game = lqr_at(deployed, rest)
     try:
         continuous = flight_cost(game, solve_game(game), rest.K)
-        optimum = solve_discrete(DiscreteGame(sampled(game, chain.dt))).P
+        problem = sampled(game, chain.dt)
+        optimum = solve_discrete(problem).P
     except NoSolutionError as error:
         return f"the cost has no optimum here: {error}"
-    step = sampled(game, chain.dt)
-    sampled_worst, sampled_mean = _sampled_lost(step, optimum, chain)
+    sampled_worst, sampled_mean = _sampled_lost(problem.step, optimum, chain)
     return CostLost(continuous.worst, continuous.mean, sampled_worst, sampled_mean)
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from cli import answer, hfa
 from game_files import stored
+from reference_riccati import reference_step_value, relative_error
 
 from controller import Game
 from controller.game.discrete_game import DiscreteGame
@@ -72,7 +73,7 @@ def test_fast_sampling_without_discount_is_continuous_time():
 def test_sampling_integrates_the_held_input_and_scales_the_weights():
     step = sampled(
         Game([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[2.0]], 3.0), 0.5
-    )
+    ).step
     assert step.A.tolist() == [[1.0, 0.5], [0.0, 1.0]]
     assert step.B.ravel() == pytest.approx([0.125, 0.5], rel=1e-15)
     assert (step.Q[0, 0], step.R[0, 0], step.delta) == (0.5, 1.0, pytest.approx(3.0 * np.sqrt(0.5)))
@@ -140,9 +141,9 @@ def test_without_disturbance_nobody_is_advised_to_raise_delta():
     unreached = Game([[1.2]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 1\.2 of"):
         solve_discounted(unreached, 1.0)
-    for pole in (1.0, 1.5):
+    for pole in (1.0, -1.0):
         unpaid = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
-        with pytest.raises(NoSolutionError, match="costs nothing; give Q weight on it"):
+        with pytest.raises(NoSolutionError, match="neither decays nor grows and costs nothing"):
             solve_discounted(unpaid, 1.0)
 
 
@@ -314,6 +315,54 @@ def test_the_smallest_delta_of_fast_sampling_is_that_of_continuous_time():
     rng = np.random.default_rng(2)
     A, B, E = (rng.standard_normal((4, size)) for size in (4, 1, 1))
     game = Game(A, B, E, np.eye(4), [[1.0]], 10.0)
-    smallest = minimum_delta_discrete(DiscreteGame(sampled(game, 1e-3)))
+    smallest = minimum_delta_discrete(sampled(game, 1e-3))
     assert not smallest.uncertain
     assert smallest.value == pytest.approx(1e-3**0.5 * minimum_delta(game).value, rel=5e-3)
+
+
+@pytest.mark.parametrize("pole", [1.5, -1.5, 4.0])
+def test_a_mode_that_grows_and_costs_nothing_costs_what_stops_it(pole):
+    """P of x⁺ = a x + u with Q = 0 is a² - 1; value iteration from 0 would stay at 0."""
+    game = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
+    found = solve_discounted(game, 1.0)
+    assert found.P[0, 0] == pytest.approx(pole**2 - 1.0, rel=1e-14)
+    assert found.radius == pytest.approx(1.0 / abs(pole), rel=1e-14)
+
+
+def _hard_step(kind: str, seed: int) -> DiscreteGame:
+    rng = np.random.default_rng([29, seed])
+    A, B, E = (rng.standard_normal((4, size)) for size in (4, 2, 1))
+    Q = np.eye(4)
+    R = np.eye(2)
+    if kind == "cheap":
+        R = 1e-12 * R
+    if kind == "barely reached":
+        A = np.diag([1.4, 0.8, -0.7, 0.2])
+        B[0] *= 1e-6
+        turn = np.linalg.qr(rng.standard_normal((4, 4)))[0]
+        A, B = turn @ A @ turn.T, turn @ B
+    if kind == "both poles":
+        A = np.array([[1.0, 1, 0, 0], [0, -1, 0, 1], [0, 0, -1, 0], [0, 0, 0, 1]])
+    if kind == "fast":
+        return sampled(Game(A, B, E, Q, R, 1e3), 1e-7, discount=1.0 - 1e-8)
+    return DiscreteGame(Game(A, B, E, Q, R, np.inf), 0.99 if seed else 1.0)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("kind", ["cheap", "barely reached", "both poles", "fast"])
+def test_hard_games_are_those_of_value_iteration_with_90_digits(kind, seed):
+    """Rounding of √α B in its last bit moves the P of a mode that is reached by 1e-6 by 1e-10."""
+    problem = _hard_step(kind, seed)
+    error = relative_error(solve_discrete(problem).P, reference_step_value(problem))
+    assert error <= (1e-10 if kind == "barely reached" else 1e-12)
+
+
+def test_sampling_keeps_the_digits_of_a_short_step():
+    """P - P(dt = 0) is proportional to dt: at 1e-7 s rounding of A alone would move it by 1e-9."""
+    game = _game(3)
+    exact = solve_game(game).P
+    away = [solve_discounted(game, 1.0, dt).P - exact for dt in (1e-7, 2e-7)]
+    assert 2.0 * away[0] == pytest.approx(away[1], rel=1e-5, abs=1e-12)
+    smallest = minimum_delta_discrete(sampled(game, 1e-6))
+    assert not smallest.uncertain
+    assert smallest.value == pytest.approx(1e-3 * minimum_delta(game).value, rel=1e-5)

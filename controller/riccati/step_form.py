@@ -1,0 +1,220 @@
+"""The normal form of a step of discrete time, and the game in continuous time with the same X."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from controller.game.discrete_game import DiscreteGame
+from controller.riccati.balancing import units_of
+from controller.riccati.derivations import ROUNDING, largest
+from controller.riccati.double_double import add, exact, product, transposed
+from controller.riccati.frequency_response import square_root, without_feedthrough
+from controller.riccati.normal_form import NormalForm, similar
+from hfa_support.errors import NoSolutionError
+
+#: Newton steps after the Schur form.
+REFINEMENTS = 8
+
+
+#: A gain above δ by this part is no rounding.
+SHOWN = 1e-6
+
+
+class NoValueError(NoSolutionError):
+    """A disturbance that gains more than δ is known: there is no value."""
+
+
+class Policies(NamedTuple):
+    """K of u = -K y, (m, n), and L of w = L y, (k, n), in normal form."""
+
+    K: np.ndarray
+    L: np.ndarray
+
+
+class NewtonStep(NamedTuple):
+    """Of X: `residual` + X = Q + K'K - L'L + F'X F, in which errors of K and L count by their
+    squares only, and the correction Z = F'Z F + residual."""
+
+    residual: np.ndarray
+    correction: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class StepForm(NormalForm):
+    """X = Q + A'X A - A'X G (W + G'X G)⁻¹ G'X A,  G = [B E],  W = blkdiag(I, -I): of one game, in
+    y = T x.
+
+    low: (n, n), what A rounds off: of fast sampling A is nearly I, and A - I is what counts
+    """
+
+    low: np.ndarray
+
+    @classmethod
+    def of_problem(cls, problem: DiscreteGame) -> StepForm:
+        """Of a game of the same value, without discount and cross weights."""
+        step, _ = problem.without_cross_weights()
+        root = math.sqrt(problem.discount)
+        rounded_off = float(Fraction(problem.discount) - Fraction(root) ** 2) / (2.0 * root)
+        one = np.eye(len(step.A))
+        A, low = product((step.A, problem.A_low), (root * one, rounded_off * one))
+        form = NormalForm.of(replace(step, A=A, B=root * step.B, E=root * step.E))
+        units = np.diag(form.T)
+        in_first_units = cls(
+            A=form.A,
+            inputs=form.inputs,
+            disturbance=form.disturbance,
+            Q=form.Q,
+            T=form.T,
+            root=form.root,
+            delta=form.delta,
+            low=low * units[:, None] / units,
+        )
+        with suppress(NoSolutionError):  # said where the step is solved
+            game = in_first_units.with_delta(math.inf).equivalent
+            return in_first_units._turned_by(one, 1.0 / units_of(game.A, game.S, game.Q))
+        return in_first_units
+
+    def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
+        """The game in D W'y; A keeps twice the digits."""
+        A, low = similar((self.A, self.low), W, D)
+        return replace(super()._turned_by(W, D), A=A, low=low)
+
+    @cached_property
+    def hamiltonian(self) -> np.ndarray:
+        """Of the game in continuous time with the same X, (2n, 2n)."""
+        return self.equivalent.hamiltonian
+
+    @cached_property
+    def equivalent(self) -> NormalForm:
+        """The game in continuous time with the same X.
+
+        Its state is (y + y⁺)/√2 and moves at (y⁺ - y)/√2, which is z = (1 + s)/(1 - s): the value
+        y'X y grows by y⁺'X y⁺ - y'X y in both. In signals of alternating sign the step has -A, -B
+        and -E, and the same X; of the two games the slower one is taken, so that no mode is near
+        the pole of the map, z = -1 or 1.
+
+        NoSolutionError where every loop has a mode at both; NoValueError where a disturbance of
+        constant or alternating sign gains more than δ against every input.
+        """
+        games = []
+        for sign in (1.0, -1.0):
+            try:
+                games.append(self._at_pole(sign))
+            except np.linalg.LinAlgError:
+                continue
+        if not games:
+            raise NoSolutionError("no policy removes the modes at z = 1 and -1")
+        return _of_rates_near_one(min(games, key=_size))
+
+    def _at_pole(self, sign: float) -> NormalForm:
+        """The equivalent by the map with its pole at z = -sign; np.linalg.LinAlgError where there
+        is none.
+
+        With r = √2 ξ - E w of the new state ξ is (A + I) y + B u = r. Of all such [u; y] = Y r +
+        Z v the least |u|² + |C y|², C'C = Q, is |M r|²; what v adds to it is the new input.
+        """
+        n = len(self.A)
+        m = self.B.shape[1]
+        A = sign * self.A, sign * self.low
+        B = sign * self.B
+        E = sign * self.disturbance
+        total = np.hstack([B, add(A, exact(np.eye(n)))[0]])
+        moved = np.hstack([B, add(A, exact(-np.eye(n)))[0]])
+        basis, triangle = np.linalg.qr(total.T, mode="complete")
+        Y = basis[:, :n] @ np.linalg.inv(triangle[:n].T)
+        Z = basis[:, n:]
+        weights = np.eye(m + n)
+        weights[m:, m:] = square_root(self.Q)
+        spanned, root = np.linalg.qr(weights @ Z, mode="complete")
+        by_input = np.linalg.solve(root[:m].T, Z.T).T
+        cost = spanned.T @ weights @ Y
+        M = cost[m:]
+        gain = float(np.linalg.norm(M @ E, 2)) if E.size else 0.0
+        if gain > self.delta * (1.0 + SHOWN):
+            kind = "alternating" if sign > 0.0 else "constant"
+            raise NoValueError(
+                f"against every input a disturbance of {kind} sign gains at least {gain:.6g}"
+            )
+        rates = moved @ (Y - by_input @ cost[:m])
+        loop, disturbance, Q = without_feedthrough(
+            rates, (E - rates @ E) / math.sqrt(2.0), math.sqrt(2.0) * M, -M @ E, self.delta
+        )
+        return NormalForm(
+            A=loop,
+            inputs=moved @ by_input / math.sqrt(2.0),
+            disturbance=disturbance,
+            Q=(Q + Q.T) / 2.0,
+            T=self.T,
+            root=np.eye(m),
+            delta=self.delta,
+        )
+
+    def policies(self, X: np.ndarray) -> Policies:
+        """[K; -L] = (W + G'X G)⁻¹ G'X A."""
+        m = self.B.shape[1]
+        G = np.hstack([self.B, self.E])
+        gains = np.linalg.solve(np.diag(self._signs) + G.T @ X @ G, G.T @ X @ self.A)
+        return Policies(gains[:m], -gains[m:])
+
+    @property
+    def _signs(self) -> np.ndarray:
+        """The diagonal of W, (m + k,)."""
+        return np.repeat([1.0, -1.0], [self.B.shape[1], self.E.shape[1]])
+
+    def gain(self, X: np.ndarray) -> np.ndarray:
+        """K of u = -K x in the user's coordinates, (m, n)."""
+        return np.linalg.solve(self.root.T, self.policies(X).K @ self.T)
+
+    def disturbance_gain(self, X: np.ndarray) -> np.ndarray:
+        """L of the worst w = L x in the user's coordinates, (k, n)."""
+        return self.policies(X).L @ self.T / self.delta
+
+    def newton_step(self, X: np.ndarray) -> NewtonStep:
+        """The step at X; its residual is computed with twice the digits, as in continuous time."""
+        from scipy.linalg import solve_discrete_lyapunov
+
+        gains = self.policies(X)
+        G = np.hstack([self.B, self.E])
+        both = np.vstack([gains.K, -gains.L])
+        F = add((self.A, self.low), product(exact(-G), exact(both)))
+        paid = product(exact(both.T * self._signs), exact(both))
+        total = add(add(exact(self.Q), exact(-X)), paid)
+        total = add(total, product(transposed(F), product(exact(X), F)))
+        residual = np.asarray(total[0])
+        with warnings.catch_warnings(action="ignore"):  # near the unit circle; the result is judged
+            Z = solve_discrete_lyapunov(F[0].T, (residual + residual.T) / 2.0)
+        return NewtonStep(residual, np.asarray(Z + Z.T) / 2.0)
+
+    def refined(self, X: np.ndarray) -> np.ndarray:
+        """X after Newton steps, until they are rounding."""
+        for _ in range(REFINEMENTS):
+            correction = self.newton_step(X).correction
+            X = X + correction
+            if float(largest(correction)) <= ROUNDING * float(largest(X)):
+                break
+        return X
+
+
+def _size(form: NormalForm) -> float:
+    """Of the Hamiltonian, rad/s; 1 where it is 0."""
+    return float(np.linalg.norm(form.hamiltonian)) or 1.0
+
+
+def _of_rates_near_one(form: NormalForm) -> NormalForm:
+    """The game in another unit of time, a power of four: of fast sampling rates are tiny."""
+    root = 2.0 ** -round(math.log(_size(form), 4.0))
+    return replace(
+        form,
+        A=form.A * root**2,
+        inputs=form.inputs * root,
+        disturbance=form.disturbance * root,
+        Q=form.Q * root**2,
+    )
