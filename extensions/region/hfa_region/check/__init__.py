@@ -1,0 +1,1 @@
+"""What decides whether a region is proved; it takes nothing of the search but numbers."""

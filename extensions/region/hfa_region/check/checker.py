@@ -1,0 +1,138 @@
+"""Checks a region: reads what is claimed and what shall prove it, and proves it in balls.
+
+The theorem. S = {V <= rho} is compact: it lies in the open unit ball of y. On each part of S, where
+every input is free or at a limit, V' < 0 but at the equilibrium; the parts cover S. The rates are
+Lipschitz on the ball, so that a trajectory exists while it is in S; V falls along it, so that it
+never leaves; and it converges to the only point of S where V' = 0 (LaSalle). V > 0 elsewhere in S
+follows. The search is not trusted: with it the checker shares the model and the arithmetic.
+
+    statement.py  what is claimed        witness.py      what proves it
+    loop.py       loop, equilibrium      positivity.py   sums of squares
+    taylor.py     Taylor polynomials     polynomial.py   polynomials of balls
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+
+from flint import arb, ctx
+
+from hfa_region.check.loop import FREE, HIGHEST, LOWEST, RegionLoop
+from hfa_region.check.polynomial import Polynomial, power_of_length
+from hfa_region.check.positivity import Evidence, check_positive
+from hfa_region.check.statement import RegionStatement
+from hfa_region.check.witness import ANY, BALL, LEVEL, OUTSIDE, Part, RegionWitness
+from hfa_support.progress import Progress, told
+from verification.proof.arithmetic.balls import exact
+from verification.proof.checker.covering import covering
+from verification.proof.checker.reading import Rejected
+
+#: Bits of a midpoint.
+PRECISION = 192
+#: The commands at which an input does what it does, 0 its lowest and 1 its highest value: ends.
+_ENDS = {LOWEST: (-1.0, 0.0), FREE: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (-1.0, 2.0)}
+
+
+@ctx.workprec(PRECISION)
+def check_region(
+    statement: RegionStatement, witness: RegionWitness, progress: Progress | None = None
+) -> int:
+    """Number of parts on which V' < 0 is proved; Rejected unless the statement is proved."""
+    loop = RegionLoop(statement, witness.T, witness.order)
+    one = Polynomial.constant(arb(1))
+    length = power_of_length(loop.n, 2)
+    inside = {LEVEL: one - loop.V, BALL: one - length}
+    outside = {OUTSIDE: length - one}
+    _require_constant(witness.inside, "inside")
+    check_positive("inside", loop.V - one, outside, witness.inside, loop.n)
+    _check_extents(loop, witness.extents, inside)
+    check_covered(loop, [part.inputs for part in (*witness.parts, *witness.empty)])
+    nothing = Polynomial.constant(arb(-1))
+    for part in witness.empty:
+        what = f"empty {_named(part)}"
+        _require_constant(part.evidence, what)
+        constraints = inside | limits_of(loop, part.inputs)
+        check_positive(what, nothing, constraints, part.evidence, loop.n)
+    for part in told(list(witness.parts), progress):
+        degree = min(2 * part.evidence.main.high, loop.order + 1)
+        lowest = loop.decrease(part.inputs).lowest(loop.n, degree - degree % 2)
+        constraints = inside | limits_of(loop, part.inputs)
+        check_positive(f"decrease {_named(part)}", lowest, constraints, part.evidence, loop.n)
+    return len(witness.parts)
+
+
+def combinations(loop: RegionLoop) -> Iterator[dict[str, str]]:
+    """What the inputs can do together on the unit ball, as far as each can for itself."""
+    choices = []
+    for name in loop.statement.loop.inputs:
+        low, high = loop.reaches(name)
+        choices.append([FREE] + [LOWEST] * low + [HIGHEST] * high)
+    for done in product(*choices):
+        yield dict(zip(loop.statement.loop.inputs, done, strict=True))
+
+
+def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
+    """Rejected unless the parts hold every combination of inputs that are free or at a limit."""
+    stated = []
+    for name in loop.statement.loop.inputs:
+        low, high = loop.reaches(name)
+        stated.append((_ENDS[LOWEST if low else FREE][0], _ENDS[HIGHEST if high else FREE][1]))
+
+    def box_of(part: Mapping[str, str]) -> list[tuple[float, float]]:
+        return [_ENDS[what] for what in part.values()]
+
+    covering("the parts of the set", stated, parts, box_of)
+
+
+def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomial]:
+    """The constraints that make a part: not negative exactly where its inputs do what they do."""
+    constraints = {}
+    for name, what in inputs.items():
+        for side, limit in zip((LOWEST, HIGHEST), loop.sides(name), strict=True):
+            if limit is None or what == ANY:
+                continue
+            if what == FREE:
+                constraints[f"{name} {side}"] = limit
+            elif what == side:
+                constraints[f"{name} {side}"] = -limit
+    return constraints
+
+
+def _check_extents(
+    loop: RegionLoop,
+    extents: Mapping[str, tuple[Evidence, Evidence]],
+    inside: Mapping[str, Polynomial],
+) -> None:
+    """Rejected unless every state stays within its extent, and with it within its limits."""
+    statement = loop.statement
+    for index, (name, extent) in enumerate(statement.extents.items()):
+        reach = exact(extent)
+        if not loop.reach(index) <= reach:
+            if name not in extents:
+                raise Rejected(f"the set may be larger in {name} than is claimed")
+            deviation = loop.deviation(index)
+            room = Polynomial.constant(reach)
+            low, high = extents[name]
+            _require_constant(low, name)
+            _require_constant(high, name)
+            check_positive(f"{name} low", room + deviation, inside, low, loop.n)
+            check_positive(f"{name} high", room - deviation, inside, high, loop.n)
+        least, most = statement.loop.limits.get(name, (-float("inf"), float("inf")))
+        at = loop.equilibrium.x[index]
+        if not (exact(least) <= at - reach and at + reach <= exact(most)):
+            raise Rejected(f"{name} may leave its limits in the set")
+    for name, value in statement.loop.held.items():
+        least, most = statement.loop.limits.get(name, (-float("inf"), float("inf")))
+        if not least <= value <= most:
+            raise Rejected(f"{name} is held beyond its limits")
+
+
+def _require_constant(evidence: Evidence, what: str) -> None:
+    """Rejected unless it proves the claim at y = 0 too."""
+    if evidence.main.low != 0:
+        raise Rejected(f"{what}: the monomials do not begin at degree 0")
+
+
+def _named(part: Part) -> str:
+    return ", ".join(part.inputs.values())

@@ -1,0 +1,288 @@
+"""The loop of a statement about its equilibrium, which is enclosed: V', the parts of the set that
+its saturated inputs make, and all limits, in coordinates y with z = T y."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from flint import arb, arb_mat
+
+from hfa_region.check.polynomial import Key, Polynomial, key_of
+from hfa_region.check.statement import RegionStatement, SaturatedLoop
+from hfa_region.check.taylor import Taylor
+from verification.proof.arithmetic.ball_function import BallFunction
+from verification.proof.arithmetic.balls import TaylorModel, exact, matrix, norm
+from verification.proof.checker.reading import Rejected
+from verification.proof.checker.statement import SAME_TRIM
+from verification.proof.checker.trims import root_offsets
+
+#: Newton's method from a trim in doubles reaches the precision of the balls in this many steps.
+_STEPS = 8
+#: Radius within which the equilibrium is enclosed, in nominal values.
+_RADIUS = 1e-25
+#: What an input can do on a part of the set.
+FREE = "free"
+LOWEST = "low"
+HIGHEST = "high"
+
+
+class Equilibrium:
+    """Where the loop rests: F(x) = f(x, u0 - K (x - x0)) = 0.
+
+    x: (n,), balls
+    u: (m,), balls, strictly between the limits
+    """
+
+    def __init__(self, loop: SaturatedLoop) -> None:
+        self.loop = loop
+        self._rates = BallFunction(_function(loop, ()), loop.model.name)
+        self._slopes = BallFunction(_slopes(loop), loop.model.name)
+        self._x0 = [exact(value) for value in loop.trim.values()]
+        self._u0 = [exact(value) for value in loop.inputs.values()]
+        self._K = matrix(loop.K)
+        self.x = self._enclosed()
+        self.u = self._inputs(self.x)
+        self._check_near()
+
+    def room(self, name: str) -> tuple[arb | None, arb | None]:
+        """How far an input is above its lowest and below its highest value; None without limit."""
+        low, high = self.loop.limits.get(name, (-np.inf, np.inf))
+        value = self.u[list(self.loop.inputs).index(name)]
+        below = value - exact(low) if np.isfinite(low) else None
+        above = exact(high) - value if np.isfinite(high) else None
+        return below, above
+
+    def _inputs(self, x: Sequence[Any]) -> list[Any]:
+        """u0 - K (x - x0)."""
+        deviations = arb_mat([[value - at] for value, at in zip(x, self._x0, strict=True)])
+        commands = (self._K * deviations).entries()
+        return [at - command for at, command in zip(self._u0, commands, strict=True)]
+
+    def _enclosed(self) -> list[arb]:
+        """The one equilibrium near x0; Rejected unless it is proved to be there."""
+        n = len(self._x0)
+        x = list(self._x0)
+        for _ in range(_STEPS):
+            step = self._jacobian(x).mid().solve(self._residual(x).mid())
+            x = [(value - change).mid() for value, change in zip(x, step.entries(), strict=True)]
+        signals = self.loop.model.signals
+        radii = [exact(signals[name].nominal) * _RADIUS for name in self.loop.states]
+        around = [x[i] + arb(0, 1) * radii[i] for i in range(n)]
+        jacobian = TaylorModel(self._jacobian(around))
+        offsets = root_offsets(TaylorModel(self._residual(x)), jacobian, radii).entries()
+        return [value + offset for value, offset in zip(x, offsets, strict=True)]
+
+    def _residual(self, x: Sequence[arb]) -> arb_mat:
+        """F, a column."""
+        (rates,) = self._rates(x, self._inputs(x))
+        return arb_mat([[rate] for rate in rates])
+
+    def _jacobian(self, x: Sequence[arb]) -> arb_mat:
+        """F' = f_x - f_u K."""
+        by_state, by_input = self._slopes(x, self._inputs(x))
+        n = len(self._x0)
+        m = len(self._u0)
+        A = arb_mat(n, n, by_state).transpose()
+        B = arb_mat(m, n, by_input).transpose()
+        return A - B * self._K
+
+    def _check_near(self) -> None:
+        """Rejected unless it is the stated trim, with all inputs strictly within their limits."""
+        signals = self.loop.model.signals
+        for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
+            if not abs(value - stated) <= exact(signals[name].nominal) * SAME_TRIM:
+                raise Rejected(f"the equilibrium has another {name} than is stated")
+        for name in self.loop.inputs:
+            for room in self.room(name):
+                if room is not None and not room > 0:
+                    raise Rejected(f"{name} may be at its limit at the trim")
+
+
+class RegionLoop:
+    """The loop of a statement in y, z = T y.
+
+    statement: V, rho and the loop
+    T: (n, n), invertible
+    order: D of all Taylor polynomials
+    """
+
+    def __init__(self, statement: RegionStatement, T: np.ndarray, order: int) -> None:
+        self.statement = statement
+        self.order = order
+        self.equilibrium = Equilibrium(statement.loop)
+        self.n = len(T)
+        self.T = matrix(T)
+        if not _is_invertible(self.T):
+            raise Rejected("the coordinates are not proved invertible")
+        self._gains = matrix(statement.loop.K) * self.T
+        loop = statement.loop
+        outputs = tuple(name for name in loop.model.outputs if name in loop.limits)
+        self._limited_outputs = outputs
+        self._function = BallFunction(_function(loop, outputs), loop.model.name)
+
+    @cached_property
+    def _substitution(self) -> _Substitution:
+        return _Substitution([self.T.table()[i] for i in range(self.n)])
+
+    @cached_property
+    def V(self) -> Polynomial:
+        """V(T y) / rho."""
+        total = Polynomial([{}])
+        for coefficient, exponents in self.statement.terms:
+            total += self._substitution(exponents).scaled(exact(coefficient))
+        return total.scaled(1 / exact(self.statement.rho))
+
+    @cached_property
+    def gradient(self) -> list[Taylor]:
+        """∂V/∂z_i at z = T y, over rho."""
+        slopes = []
+        for i in range(self.n):
+            slope = Polynomial([{}])
+            for coefficient, exponents in self.statement.terms:
+                if exponents[i]:
+                    lowered = [power - (j == i) for j, power in enumerate(exponents)]
+                    factor = exact(coefficient) * exponents[i]
+                    slope += self._substitution(tuple(lowered)).scaled(factor)
+            scaled = slope.scaled(1 / exact(self.statement.rho))
+            slopes.append(self._taylor(scaled))
+        return slopes
+
+    def deviation(self, index: int) -> Polynomial:
+        """z_i = Σ T_ij y_j."""
+        return Polynomial.linear(self.T.table()[index])
+
+    def reach(self, index: int) -> arb:
+        """Largest |z_i| on the unit ball."""
+        return norm(self.T.table()[index]).upper()
+
+    def command(self, index: int) -> Polynomial:
+        """u_j - u_e of an input that is free, -K_j T y."""
+        return -Polynomial.linear(self._gains.table()[index])
+
+    def reaches(self, name: str) -> tuple[bool, bool]:
+        """Whether an input may reach its lowest and its highest value on the unit ball."""
+        index = list(self.statement.loop.inputs).index(name)
+        most = norm(self._gains.table()[index])
+        low, high = self.equilibrium.room(name)
+        return (
+            low is not None and not most < low,
+            high is not None and not most < high,
+        )
+
+    def sides(self, name: str) -> tuple[Polynomial | None, Polynomial | None]:
+        """1 - command / room below and above: positive where a limit of the input does not bind."""
+        index = list(self.statement.loop.inputs).index(name)
+        low, high = self.equilibrium.room(name)
+        one = Polynomial.constant(arb(1))
+        below = None if low is None else one + self.command(index).scaled(1 / low)
+        above = None if high is None else one - self.command(index).scaled(1 / high)
+        return below, above
+
+    def decrease(self, part: Mapping[str, str]) -> Taylor:
+        """-V' / rho where each input is free or at its limit.
+
+        part: input -> `FREE`, `LOWEST` or `HIGHEST`
+
+        Rejected where an output may leave its limits.
+        """
+        total = self._taylor(Polynomial([{}]))
+        for slope, rate in zip(self.gradient, self.rates(part), strict=True):
+            total = total - slope * rate
+        return total
+
+    def rates(self, part: Mapping[str, str]) -> list[Taylor]:
+        """z' where each input is free or at its limit; Rejected where an output may leave its
+        limits."""
+        rates, outputs = self._run(part)
+        self._check_outputs(outputs)
+        if all(what == FREE for what in part.values()):
+            return [_without_center(rate) for rate in rates]
+        return rates
+
+    def _run(self, part: Mapping[str, str]) -> tuple[list[Taylor], list[Taylor]]:
+        """Rates and limited outputs on the unit ball."""
+        x = [
+            self._taylor(Polynomial.constant(at) + self.deviation(i))
+            for i, at in enumerate(self.equilibrium.x)
+        ]
+        u = []
+        for index, (name, what) in enumerate(part.items()):
+            if what == FREE:
+                value = Polynomial.constant(self.equilibrium.u[index]) + self.command(index)
+            else:
+                low, high = self.statement.loop.limits[name]
+                value = Polynomial.constant(exact(low if what == LOWEST else high))
+            u.append(self._taylor(value))
+        results = self._function(x, u)
+        zero = self._taylor(Polynomial([{}]))
+        rates, *outputs = ([value + zero for value in values] for values in results)
+        return rates, outputs[0] if outputs else []
+
+    def _check_outputs(self, values: Sequence[Taylor]) -> None:
+        """Rejected unless each is proved to lie within its limits on the whole unit ball."""
+        for name, value in zip(self._limited_outputs, values, strict=True):
+            low, high = self.statement.loop.limits[name]
+            ball = value.range()
+            if not ((low == -np.inf or ball >= exact(low)) and (high == np.inf or ball <= high)):
+                raise Rejected(f"{name} may leave its limits in the set")
+
+    def _taylor(self, polynomial: Polynomial) -> Taylor:
+        return Taylor(self.order, polynomial, arb(0))
+
+
+class _Substitution:
+    """Monomials of z = T y as polynomials in y, each made once."""
+
+    def __init__(self, rows: Sequence[Sequence[arb]]) -> None:
+        self._linear = [Polynomial.linear(row) for row in rows]
+        self._known: dict[Key, Polynomial] = {0: Polynomial.constant(arb(1))}
+
+    def __call__(self, exponents: Sequence[int]) -> Polynomial:
+        """z^exponents."""
+        key = key_of(exponents)
+        if key not in self._known:
+            last = max(i for i, power in enumerate(exponents) if power)
+            lowered = [power - (i == last) for i, power in enumerate(exponents)]
+            self._known[key] = self(lowered).times(self._linear[last])
+        return self._known[key]
+
+
+def _without_center(rate: Taylor) -> Taylor:
+    """A rate that is known to be 0 at the equilibrium."""
+    return Taylor(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
+
+
+def _is_invertible(T: arb_mat) -> bool:
+    determinant = T.det()
+    return bool(determinant > 0 or determinant < 0)
+
+
+def _symbols(loop: SaturatedLoop) -> tuple[ca.SX, ca.SX, list[Any]]:
+    """The moving states, the inputs, and the vectors that the equations take."""
+    x = ca.SX.sym("x", len(loop.states))
+    u = ca.SX.sym("u", len(loop.inputs))
+    values = dict(loop.held) | dict(zip(loop.states, ca.vertsplit(x), strict=True))
+    states = [values[name] for name in loop.model.states]
+    return x, u, [states, ca.vertsplit(u), list(loop.parameters.values())]
+
+
+def _function(loop: SaturatedLoop, outputs: tuple[str, ...]) -> ca.Function:
+    """(x, u) -> the rates of the moving states, the outputs."""
+    x, u, vectors = _symbols(loop)
+    f, y = loop.model.layout.expressions(vectors, outputs)
+    rows = [list(loop.model.states).index(name) for name in loop.states]
+    results = [ca.densify(f[rows])] + ([ca.densify(y)] if outputs else [])
+    return ca.Function("rates", [x, u], results)
+
+
+def _slopes(loop: SaturatedLoop) -> ca.Function:
+    """(x, u) -> f_x, f_u of the moving states."""
+    x, u, vectors = _symbols(loop)
+    f, _ = loop.model.layout.expressions(vectors, ())
+    rows = [list(loop.model.states).index(name) for name in loop.states]
+    f = f[rows]
+    return ca.Function("slopes", [x, u], [ca.densify(ca.jacobian(f, v)) for v in (x, u)])

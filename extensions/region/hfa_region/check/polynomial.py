@@ -1,0 +1,154 @@
+"""Polynomials in n variables whose coefficients are balls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from itertools import combinations_with_replacement
+from math import factorial
+
+from flint import arb, fmpq
+
+#: Bits of the exponent of one variable in a key.
+_BITS = 8
+#: The exponents of a monomial in one number, Σ α_i 256^i: keys of a product are the sums of those
+#: of its factors.
+Key = int
+
+
+def key_of(exponents: Sequence[int]) -> Key:
+    """The key of y_1^α_1 .. y_n^α_n."""
+    return sum(exponent << (_BITS * i) for i, exponent in enumerate(exponents))
+
+
+def exponents_of(key: Key) -> list[int]:
+    """The exponents of a key, without zeros at the end."""
+    exponents = []
+    while key:
+        exponents.append(key & (2**_BITS - 1))
+        key >>= _BITS
+    return exponents
+
+
+@lru_cache(maxsize=64)
+def monomials(variables: int, low: int, high: int) -> tuple[Key, ...]:
+    """The keys of all monomials of degree low to high, by degree."""
+    keys = []
+    for degree in range(low, high + 1):
+        for chosen in combinations_with_replacement(range(variables), degree):
+            keys.append(sum(1 << (_BITS * i) for i in chosen))
+    return tuple(keys)
+
+
+@lru_cache(maxsize=None)
+def _weight(key: Key) -> fmpq:
+    """α! / |α|!: the weight of a squared coefficient in the norm of a homogeneous polynomial."""
+    exponents = exponents_of(key)
+    product = 1
+    for exponent in exponents:
+        product *= factorial(exponent)
+    return fmpq(product, factorial(sum(exponents)))
+
+
+class Polynomial:
+    """Σ c_α y^α; parts[k] has the coefficients of degree k by key, missing ones are exactly 0."""
+
+    def __init__(self, parts: list[dict[Key, arb]]) -> None:
+        self.parts = parts
+
+    @classmethod
+    def constant(cls, value: arb) -> Polynomial:
+        """A number."""
+        return cls([{0: value}])
+
+    @classmethod
+    def linear(cls, slopes: Sequence[arb]) -> Polynomial:
+        """Σ slope_i y_i."""
+        return cls([{}, {1 << (_BITS * i): slope for i, slope in enumerate(slopes)}])
+
+    @classmethod
+    def of_terms(cls, terms: Iterator[tuple[Key, int, arb]]) -> Polynomial:
+        """The sum of coefficients, each with its key and degree."""
+        parts: list[dict[Key, arb]] = []
+        for key, degree, coefficient in terms:
+            while len(parts) <= degree:
+                parts.append({})
+            part = parts[degree]
+            part[key] = part[key] + coefficient if key in part else coefficient
+        return cls(parts)
+
+    @property
+    def degree(self) -> int:
+        """Of the highest part."""
+        return len(self.parts) - 1
+
+    def terms(self) -> Iterator[tuple[Key, int, arb]]:
+        """Key, degree and coefficient of every term."""
+        for degree, part in enumerate(self.parts):
+            for key, coefficient in part.items():
+                yield key, degree, coefficient
+
+    def __add__(self, other: Polynomial) -> Polynomial:
+        longer, shorter = self.parts, other.parts
+        if len(longer) < len(shorter):
+            longer, shorter = shorter, longer
+        parts = [dict(part) for part in longer]
+        for part, more in zip(parts, shorter, strict=False):
+            for key, coefficient in more.items():
+                part[key] = part[key] + coefficient if key in part else coefficient
+        return Polynomial(parts)
+
+    def __neg__(self) -> Polynomial:
+        return self.scaled(arb(-1))
+
+    def __sub__(self, other: Polynomial) -> Polynomial:
+        return self + -other
+
+    def scaled(self, factor: arb) -> Polynomial:
+        """The polynomial times a number."""
+        return Polynomial(
+            [{key: factor * value for key, value in part.items()} for part in self.parts]
+        )
+
+    def times(self, other: Polynomial, highest: int | None = None) -> Polynomial:
+        """The product, or its terms up to a degree."""
+        degree = self.degree + other.degree
+        if highest is not None:
+            degree = min(degree, highest)
+        parts: list[dict[Key, arb]] = [{} for _ in range(degree + 1)]
+        for i, first in enumerate(self.parts[: degree + 1]):
+            for j, second in enumerate(other.parts[: degree + 1 - i]):
+                part = parts[i + j]
+                for key, value in first.items():
+                    for other_key, other_value in second.items():
+                        together = key + other_key
+                        product = value * other_value
+                        known = part.get(together)
+                        part[together] = product if known is None else known + product
+        return Polynomial(parts)
+
+    def norms(self) -> list[arb]:
+        """For each part h of degree k a number with |h(y)| <= number |y|^k at every y.
+
+        The norm of Bombieri, sqrt(Σ c_α² α!/k!): h(y) is the product of a symmetric tensor of this
+        Frobenius norm with y ⊗ .. ⊗ y. That of a product is at most the product of the norms."""
+        results = []
+        for part in self.parts:
+            square = arb(0)
+            for key, value in part.items():
+                square += abs(value).upper() ** 2 * _weight(key)
+            results.append(square.sqrt().upper() if part else arb(0))
+        return results
+
+
+@lru_cache(maxsize=64)
+def power_of_length(variables: int, degree: int) -> Polynomial:
+    """|y|^degree for an even degree."""
+    half = degree // 2
+    part = {}
+    for key in monomials(variables, half, half):
+        count = factorial(half)
+        for exponent in exponents_of(key):
+            count //= factorial(exponent)
+        part[2 * key] = arb(count)
+    return Polynomial([*({} for _ in range(degree)), part])

@@ -1,0 +1,145 @@
+"""Whether a polynomial is positive where others are not negative: sums of squares, in balls.
+
+    target = Σ_k σ_k g_k + m'Q m,  σ_k = m_k'Q_k m_k,
+
+with Q, Q_k positive definite and m, m_k vectors of monomials: wherever every g_k >= 0 and some
+monomial of m is not 0, target > 0. The numbers of Q are doubles of a solver, for which the identity
+holds about; what is missing is added to entries of Q, as balls, and Q with it is positive definite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from flint import arb, arb_mat
+
+from hfa_region.check.polynomial import Key, Polynomial, monomials
+from verification.proof.arithmetic.balls import is_positive_definite, matrix
+from verification.proof.checker.reading import Fields, Rejected, require
+
+#: Highest degree of the monomials of a Gram matrix.
+_HIGHEST = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Square:
+    """m'Q m, m all monomials of degree low to high, in the order of `monomials`.
+
+    Q: symmetric
+    """
+
+    low: int
+    high: int
+    Q: np.ndarray
+
+    @classmethod
+    def read(cls, entries: Fields, variables: int) -> Square:
+        """The entries `degrees` and `gram`; others may follow."""
+        low, high = entries.pair("degrees", least=0.0)
+        require(low == int(low) and high == int(high) <= _HIGHEST, entries.where, [low, high])
+        size = len(monomials(variables, int(low), int(high)))
+        return cls(int(low), int(high), entries.symmetric("gram", size))
+
+    def check_definite(self, what: str) -> None:
+        """Rejected unless Q is proved positive definite."""
+        if not is_positive_definite(matrix(self.Q)):
+            raise Rejected(f"{what}: a Gram matrix is not proved positive definite")
+
+    def polynomial(self, variables: int) -> Polynomial:
+        """m'Q m."""
+        keys = monomials(variables, self.low, self.high)
+        degrees = _degrees(variables, self.low, self.high)
+        rows = self.Q.tolist()
+
+        def terms() -> object:
+            for i, key in enumerate(keys):
+                row = rows[i]
+                yield 2 * key, 2 * degrees[i], arb(row[i])
+                for j in range(i):
+                    yield key + keys[j], degrees[i] + degrees[j], arb(2.0 * row[j])
+
+        return Polynomial.of_terms(terms())  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What proves that a polynomial is positive.
+
+    main: m'Q m
+    multipliers: name of g_k -> σ_k
+    """
+
+    main: Square
+    multipliers: Mapping[str, Square]
+
+    @classmethod
+    def read(cls, entries: Fields, variables: int, constraints: tuple[str, ...]) -> Evidence:
+        """With multipliers of the constraints, some or all."""
+        main = Square.read(entries, variables)
+        stated = entries.fields("multipliers")
+        multipliers = {}
+        for name in constraints:
+            if stated.has(name):
+                square = stated.fields(name)
+                multipliers[name] = Square.read(square, variables)
+                square.close()
+        stated.close()
+        entries.close()
+        return cls(main, multipliers)
+
+
+def check_positive(
+    what: str,
+    target: Polynomial,
+    constraints: Mapping[str, Polynomial],
+    evidence: Evidence,
+    variables: int,
+) -> None:
+    """Rejected unless target > 0 is proved at every y other than 0 where all constraints are >= 0.
+
+    what: name of the claim in messages
+    target: the polynomial
+    constraints: name -> g_k; those without a multiplier are not used
+    evidence: Gram matrices
+    variables: n
+
+    Where the monomials of `main` begin at degree 0 it is proved at y = 0 too."""
+    residual = target
+    for name, square in evidence.multipliers.items():
+        square.check_definite(what)
+        residual = residual - square.polynomial(variables).times(constraints[name])
+    _check_gram(what, residual, evidence.main, variables)
+
+
+def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -> None:
+    """Rejected unless residual = m'Q̃ m for a Q̃ near Q that is positive definite."""
+    keys = monomials(variables, main.low, main.high)
+    size = len(keys)
+    places: dict[Key, list[tuple[int, int]]] = {}
+    for i in range(size):
+        for j in range(i + 1):
+            places.setdefault(keys[i] + keys[j], []).append((i, j))
+    rows = [[arb(entry) for entry in row] for row in main.Q.tolist()]
+    missing = residual - main.polynomial(variables)
+    for key, _, coefficient in missing.terms():
+        if key not in places:
+            if coefficient != 0:
+                raise Rejected(f"{what}: the squares have no such term as the polynomial")
+            continue
+        shares = places[key]
+        count = sum(1 if i == j else 2 for i, j in shares)
+        share = coefficient / count
+        for i, j in shares:
+            rows[i][j] += share
+    if not is_positive_definite(arb_mat(rows)):
+        raise Rejected(f"{what}: the sum of squares is not proved positive")
+
+
+def _degrees(variables: int, low: int, high: int) -> list[int]:
+    """The degree of each of `monomials`."""
+    degrees: list[int] = []
+    for degree in range(low, high + 1):
+        degrees += [degree] * len(monomials(variables, degree, degree))
+    return degrees

@@ -1,0 +1,219 @@
+"""What is claimed of a region. Every field is interpreted by the checker or refused; all of it is in
+the digest, and a report shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+import hfa_model
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, shown
+from verification.proof.checker.reading import Fields, require
+from verification.proof.checker.statement import facts_of
+
+#: The equations of the paper's aircraft, which a certificate names without a file.
+_DYNAMICS = ("published", "newton", "unsteady")
+#: Highest degree of V.
+HIGHEST_DEGREE = 6
+
+Limits = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class SaturatedLoop:
+    """x' = f(x, u), u = sat(u0 - K (x - x0)): a model, a gain and where both are about.
+
+    model: the equations; of its states, those of its linear model move
+    parameters: every parameter of the model -> value
+    trim: moving state -> value, x0
+    inputs: input -> value, u0
+    held: each other state -> the value that it keeps
+    K: (m, n), in the order of the inputs and the moving states
+    limits: signal -> (lowest, highest); between those of an input it is saturated, a state or an
+        output stays between its own. Of every signal that the model limits, within its limits
+    """
+
+    model: Model
+    parameters: Mapping[str, float]
+    trim: Mapping[str, float]
+    inputs: Mapping[str, float]
+    held: Mapping[str, float]
+    K: np.ndarray
+    limits: Limits
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The moving states, in order."""
+        return tuple(self.model.linear)
+
+
+@dataclass(frozen=True, eq=False)
+class RegionStatement:
+    """Every trajectory of the loop that begins in {V(z) <= rho} exists for all time, stays there
+    and within all limits, and converges to the equilibrium; z: deviations from that.
+
+    The equilibrium is the one within `SAME_TRIM` of x0, in nominal values of the states.
+    loop: the model with its saturated inputs
+    terms: V = Σ coefficient z^exponents, of degrees 2 to `HIGHEST_DEGREE`
+    rho: level of V
+    extents: moving state -> largest |deviation| in the set, at most
+    """
+
+    loop: SaturatedLoop
+    terms: tuple[tuple[float, tuple[int, ...]], ...]
+    rho: float
+    extents: Mapping[str, float]
+
+    @classmethod
+    def read(cls, content: Any, own: Model | None) -> RegionStatement:
+        """The statement of a certificate.
+
+        content: of its entry `statement`
+        own: the user's model, where it is about one
+
+        Malformed names the first entry that cannot be; BadInputError another model.
+        """
+        entries = Fields("statement", content)
+        model = _model_of(content.get("dynamics"), content.get("source"), own)
+        for name, fact in _facts(model).items():
+            entries.same(name, fact)
+        states = tuple(model.linear)
+        held = tuple(name for name in model.states if name not in states)
+        loop = SaturatedLoop(
+            model,
+            _all_numbers(entries, "parameters", tuple(model.parameters)),
+            _all_numbers(entries, "trim", states),
+            _all_numbers(entries, "inputs", tuple(model.inputs)),
+            _all_numbers(entries, "held", held),
+            entries.array("K", len(model.inputs), len(states)),
+            _read_limits(entries, model),
+        )
+        terms = _read_terms(entries, len(states))
+        rho = entries.number("rho", above=0.0)
+        extents = _all_numbers(entries, "extents", states)
+        require(all(extent > 0.0 for extent in extents.values()), "extents", extents)
+        entries.close()
+        _check_limits(loop)
+        return cls(loop, terms, rho, extents)
+
+    def content(self) -> dict[str, Any]:
+        """The statement as a file has it; `read` reads it back."""
+        loop = self.loop
+        return {
+            **_facts(loop.model),
+            "parameters": dict(loop.parameters),
+            "trim": dict(loop.trim),
+            "inputs": dict(loop.inputs),
+            "held": dict(loop.held),
+            "K": loop.K.tolist(),
+            "limits": {name: _pair(pair) for name, pair in loop.limits.items()},
+            "terms": [[coefficient, list(exponents)] for coefficient, exponents in self.terms],
+            "rho": self.rho,
+            "extents": dict(self.extents),
+        }
+
+
+def model_limits(
+    model: Model, states: Mapping[str, float], parameters: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of every state, input and output that has one: min and max of its
+    declaration, and within what the model says of flights about this trim.
+
+    states: all of them, at the trim
+    parameters: name -> value
+    """
+    limits = {}
+    for name in (*model.states, *model.inputs, *model.outputs):
+        signal = model.signals[name]
+        limits[name] = (signal.min, signal.max)
+    if model.envelope is not None:
+        x = model.layout.record("x", [states[name] for name in model.states])
+        p = model.layout.record("p", [parameters[name] for name in model.parameters])
+        limits |= model.envelope(x, p)
+    return {name: pair for name, pair in limits.items() if np.isfinite(pair).any()}
+
+
+def _facts(model: Model) -> dict[str, Any]:
+    """Which model it is, the order of its states and inputs, and the units of all numbers."""
+    facts = facts_of(model)
+    names = ("dynamics", "source", "state_units", "input_units")
+    return {name: facts[name] for name in names} | {"states": list(model.linear)}
+
+
+def _model_of(name: Any, source: Any, own: Model | None) -> Model:
+    """The model that a statement is about: the user's own, which must be the same, or the HFA's."""
+    require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
+    if own is not None:
+        if (own.name, own.source[1]) != (name, source):
+            raise BadInputError(
+                f"the certificate is about {shown(name)} of another file than that of {own.name}"
+            )
+        return own
+    if source or name not in _DYNAMICS:
+        raise BadInputError(
+            f"the certificate is about {shown(name)}; name its file by --aircraft FILE.py:NAME"
+        )
+    return _own_aircraft(name)
+
+
+@cache
+def _own_aircraft(dynamics: str) -> Model:
+    return hfa_model.aircraft(dynamics)
+
+
+def _all_numbers(entries: Fields, name: str, names: tuple[str, ...]) -> dict[str, float]:
+    """A number for each of the names, in their order."""
+    numbers = entries.numbers(name, names)
+    require(set(numbers) == set(names), name, sorted(numbers))
+    return {each: numbers[each] for each in names}
+
+
+def _read_terms(entries: Fields, variables: int) -> tuple[tuple[float, tuple[int, ...]], ...]:
+    """Terms of V, each monomial at most once."""
+    rows = entries.value("terms", lambda value: isinstance(value, list) and bool(value))
+    terms = []
+    for row in rows:
+        require(isinstance(row, list) and len(row) == 2, "terms", row)
+        term = Fields("terms", {"coefficient": row[0], "exponents": row[1]})
+        coefficient = term.number("coefficient")
+        exponents = tuple(int(entry) for entry in term.array("exponents", variables).tolist())
+        require(list(exponents) == row[1] and min(exponents) >= 0, "terms", row)
+        require(2 <= sum(exponents) <= HIGHEST_DEGREE, "terms", row)
+        terms.append((coefficient, exponents))
+    require(len({exponents for _, exponents in terms}) == len(terms), "terms")
+    return tuple(terms)
+
+
+def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
+    """The limits by signal; a limit that is not there is null."""
+    stated = entries.value("limits", lambda value: isinstance(value, dict))
+    limits = {}
+    for name, pair in stated.items():
+        where = f"limits: {name}"
+        require(name in (*model.states, *model.inputs, *model.outputs), where)
+        require(isinstance(pair, list) and len(pair) == 2, where, pair)
+        ends = Fields(where, {"low": pair[0], "high": pair[1]})
+        low = -np.inf if pair[0] is None else ends.number("low")
+        high = np.inf if pair[1] is None else ends.number("high")
+        require(low < high, where, pair)
+        limits[name] = (low, high)
+    return limits
+
+
+def _pair(limits: tuple[float, float]) -> list[float | None]:
+    """As a file has it."""
+    return [end if np.isfinite(end) else None for end in limits]
+
+
+def _check_limits(loop: SaturatedLoop) -> None:
+    """Malformed where a limit of the model is missing or widened."""
+    states = {**loop.trim, **loop.held}
+    for name, (least, most) in model_limits(loop.model, states, loop.parameters).items():
+        require(name in loop.limits, f"limits: {name}: missing entry")
+        low, high = loop.limits[name]
+        require(least <= low and high <= most, f"limits: {name} beyond the model's", [low, high])

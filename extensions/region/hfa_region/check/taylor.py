@@ -1,0 +1,127 @@
+"""Taylor polynomials of many variables on the unit ball, with a bound of what they leave out.
+
+Every operation keeps the inclusion: whatever function the operands stand for, the result stands for
+the function that the operation makes of it, at every |y| <= 1. Source: Makino and Berz, Taylor
+models and other validated functional inclusion methods, IJPAM 4 (2003); the remainder is scaled by
+|y|^(D+1), so that a function that vanishes at 0 keeps its order there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from flint import arb, arb_series
+
+from hfa_region.check.polynomial import Polynomial, power_of_length
+from verification.proof.arithmetic.ball_function import Undecided
+
+
+class Taylor:
+    """A function g with |g(y) - polynomial(y)| <= remainder |y|^(order + 1) at every |y| <= 1.
+
+    order: D, the highest degree of the polynomial
+    polynomial: its coefficients, balls
+    remainder: a number that is not negative
+
+    In sums and products a number or a ball counts as a constant. `BallFunction` runs on these."""
+
+    def __init__(self, order: int, polynomial: Polynomial, remainder: arb) -> None:
+        self.order = order
+        self.polynomial = polynomial
+        self.remainder = remainder
+
+    def _of(self, value: Any) -> Taylor:
+        """A Taylor polynomial itself; any other value as the constant."""
+        if isinstance(value, Taylor):
+            return value
+        return Taylor(self.order, Polynomial.constant(arb(value)), arb(0))
+
+    def __add__(self, other: Any) -> Taylor:
+        other = self._of(other)
+        remainder = (self.remainder + other.remainder).upper()
+        return Taylor(self.order, self.polynomial + other.polynomial, remainder)
+
+    def __neg__(self) -> Taylor:
+        return Taylor(self.order, -self.polynomial, self.remainder)
+
+    def __sub__(self, other: Any) -> Taylor:
+        return self + -self._of(other)
+
+    def __mul__(self, other: Any) -> Taylor:
+        if not isinstance(other, Taylor):
+            factor = arb(other)
+            remainder = (self.remainder * abs(factor).upper()).upper()
+            return Taylor(self.order, self.polynomial.scaled(factor), remainder)
+        product = self.polynomial.times(other.polynomial, self.order)
+        first = self.polynomial.norms()
+        second = other.polynomial.norms()
+        remainder = self.remainder * (sum(second, arb(0)) + other.remainder)
+        remainder += sum(first, arb(0)) * other.remainder
+        for i, norm in enumerate(first):
+            remainder += norm * sum(second[max(0, self.order + 1 - i) :], arb(0))
+        return Taylor(self.order, product, remainder.upper())
+
+    def __truediv__(self, other: Any) -> Taylor:
+        if not isinstance(other, Taylor):
+            return self * (1 / arb(other))
+        return self * other.through(lambda series: 1 / series)
+
+    def __radd__(self, other: Any) -> Taylor:
+        return self + other
+
+    def __rsub__(self, other: Any) -> Taylor:
+        return self._of(other) - self
+
+    def __rmul__(self, other: Any) -> Taylor:
+        return self * other
+
+    def __rtruediv__(self, other: Any) -> Taylor:
+        return self.through(lambda series: 1 / series) * other
+
+    @property
+    def center(self) -> arb:
+        """The value at y = 0."""
+        parts = self.polynomial.parts
+        return parts[0].get(0, arb(0)) if parts else arb(0)
+
+    def reach(self) -> arb:
+        """m with |g(y) - g(0)| <= m |y|, at every |y| <= 1."""
+        return (sum(self.polynomial.norms()[1:], arb(0)) + self.remainder).upper()
+
+    def range(self) -> arb:
+        """A ball that holds every value on the unit ball."""
+        return self.center + arb(0, 1) * self.reach()
+
+    def through(self, function: Callable[[arb_series], arb_series]) -> Taylor:
+        """f(c + δ) = Σ_k f_k(c) δ^k + f_(D+1)(ξ) δ^(D+1), k <= D, ξ in the range, |δ| <= m |y|.
+
+        Undecided where f is not smooth on all of the range."""
+        order = self.order
+        near = function(arb_series([self.center, 1], prec=order + 1))
+        far = function(arb_series([self.range(), 1], prec=order + 2))
+        slopes = [near[k] for k in range(order + 1)]
+        last = far[order + 1]
+        if not (last.is_finite() and all(slope.is_finite() for slope in slopes)):
+            raise Undecided("a function may not be smooth on all of the set")
+        delta = Taylor(order, Polynomial([{}, *self.polynomial.parts[1:]]), self.remainder)
+        total = self._of(slopes[order])
+        for slope in reversed(slopes[:order]):
+            total = total * delta + slope
+        rest = (abs(last) * self.reach() ** (order + 1)).upper()
+        return Taylor(order, total.polynomial, (total.remainder + rest).upper())
+
+    def lowest(self, variables: int, degree: int) -> Polynomial:
+        """A polynomial of an even degree, at most order + 1, below g at every |y| <= 1.
+
+        What is of a higher degree k is at least -norm |y|^k >= -norm |y|^degree."""
+        if degree % 2 or degree > self.order + 1:
+            raise ValueError(f"{degree} is odd or above {self.order + 1}")
+        norms = self.polynomial.norms()
+        rest = sum(norms[degree + 1 :], arb(0)) + self.remainder
+        kept = Polynomial(self.polynomial.parts[: degree + 1])
+        return kept - power_of_length(variables, degree).scaled(rest.upper())
+
+
+for _name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan"):
+    setattr(Taylor, _name, lambda self, _name=_name: self.through(getattr(arb_series, _name)))

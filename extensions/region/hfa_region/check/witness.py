@@ -1,0 +1,102 @@
+"""What proves a region. A wrong entry here makes a check fail; none of it is part of the claim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_region.check.loop import FREE, HIGHEST, LOWEST
+from hfa_region.check.positivity import Evidence
+from hfa_region.check.statement import RegionStatement
+from verification.proof.checker.reading import Fields, require
+
+#: In place of what an input does: whatever it does.
+ANY = "any"
+#: Names of constraints: V <= rho, |y| <= 1, |y| >= 1.
+LEVEL = "level"
+BALL = "ball"
+OUTSIDE = "outside"
+#: Highest order of the Taylor polynomials.
+_HIGHEST_ORDER = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Where each input is free or at a limit.
+
+    inputs: input -> `FREE`, `LOWEST`, `HIGHEST`; where there is nothing of the set also `ANY`
+    evidence: V' < 0 there, or there is nothing of the set
+    """
+
+    inputs: Mapping[str, str]
+    evidence: Evidence
+
+
+@dataclass(frozen=True, eq=False)
+class RegionWitness:
+    """Gram matrices in coordinates y, z = T y.
+
+    T: (n, n)
+    order: of the Taylor polynomials
+    inside: {V <= rho} lies in the open unit ball
+    parts: V' < 0 on each
+    empty: nothing of the set is in these
+    extents: state -> evidence of its lowest and of its highest deviation; where there is none the
+        unit ball is within the extent
+    """
+
+    T: np.ndarray
+    order: int
+    inside: Evidence
+    parts: tuple[Part, ...]
+    empty: tuple[Part, ...]
+    extents: Mapping[str, tuple[Evidence, Evidence]]
+
+    @classmethod
+    def read(cls, entries: Fields, statement: RegionStatement) -> RegionWitness:
+        """Sizes are those of the statement."""
+        loop = statement.loop
+        n = len(loop.states)
+        T = entries.array("T", n, n)
+        order = entries.count("order", _HIGHEST_ORDER)
+        degree = max(sum(exponents) for _, exponents in statement.terms)
+        require(order >= degree, "order", order)
+        inside = Evidence.read(entries.fields("inside"), n, (OUTSIDE,))
+        parts = _read_parts(entries, "parts", statement, (FREE, LOWEST, HIGHEST))
+        empty = _read_parts(entries, "empty", statement, (FREE, LOWEST, HIGHEST, ANY))
+        stated = entries.fields("extents")
+        extents = {}
+        for name in loop.states:
+            if stated.has(name):
+                pair = stated.fields(name)
+                low, high = (
+                    Evidence.read(pair.fields(side), n, (LEVEL, BALL)) for side in (LOWEST, HIGHEST)
+                )
+                pair.close()
+                extents[name] = (low, high)
+        stated.close()
+        entries.close()
+        return cls(T, order, inside, parts, empty, extents)
+
+
+def limit_names(inputs: Mapping[str, str]) -> tuple[str, ...]:
+    """Names of the constraints of the limits of inputs."""
+    return tuple(f"{name} {side}" for name in inputs for side in (LOWEST, HIGHEST))
+
+
+def _read_parts(
+    entries: Fields, name: str, statement: RegionStatement, allowed: tuple[str, ...]
+) -> tuple[Part, ...]:
+    """A list of parts, whose inputs do what is allowed."""
+    loop = statement.loop
+    names = (LEVEL, BALL, *limit_names(loop.inputs))
+    parts = []
+    for part in entries.items(name):
+        done = part.texts("inputs", allowed)
+        require(len(done) == len(loop.inputs), f"{part.where}: inputs", list(done))
+        evidence = Evidence.read(part.fields("evidence"), len(loop.states), names)
+        part.close()
+        parts.append(Part(dict(zip(loop.inputs, done, strict=True)), evidence))
+    return tuple(parts)

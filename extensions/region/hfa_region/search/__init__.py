@@ -1,0 +1,1 @@
+"""How large a region and its proof are found; nothing here is believed."""

@@ -1,0 +1,296 @@
+"""The largest level of a given V that is proved, with its evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import nnls
+
+from hfa_region.check.checker import check_region, limits_of
+from hfa_region.check.loop import FREE, HIGHEST, LOWEST, RegionLoop
+from hfa_region.check.statement import RegionStatement, SaturatedLoop
+from hfa_region.check.witness import ANY, BALL, LEVEL, OUTSIDE, RegionWitness
+from hfa_region.search.squares import Terms, positive
+from hfa_support.errors import NoSolutionError
+from verification.proof.checker.reading import Fields
+
+#: Least margin of a sum of squares, relative to the largest coefficient: the check adds errors of
+#: the solver, 1e-8 or so, to the Gram matrices.
+MARGIN = 2e-7
+#: How much larger than the set the ball is, and extents than what they hold.
+_SLACK = 1e-7
+#: Steps of the bisection.
+_STEPS = 7
+Term = tuple[float, tuple[int, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """How a proof is tried.
+
+    order: of the Taylor polynomials
+    half: highest degree of the monomials of the Gram matrices of V'
+    """
+
+    order: int
+    half: int
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedLevel:
+    """A statement and its witness, accepted by the check.
+
+    statement: V and rho
+    witness: as a certificate has it
+    parts: where inputs are free or at a limit
+    """
+
+    statement: RegionStatement
+    witness: dict[str, Any]
+    parts: int
+
+
+def quadratic_terms(P: np.ndarray) -> tuple[Term, ...]:
+    """z'P z as terms."""
+    n = len(P)
+    terms = []
+    for i in range(n):
+        for j in range(i, n):
+            exponents = [0] * n
+            exponents[i] += 1
+            exponents[j] += 1
+            terms.append((float(P[i, j]) * (1 if i == j else 2), tuple(exponents)))
+    return tuple(terms)
+
+
+def ball_of(P: np.ndarray, rho: float) -> np.ndarray:
+    """T with {z'P z <= rho} in the unit ball of y, z = T y, and hardly larger."""
+    L = np.linalg.cholesky(P)
+    return np.asarray(np.sqrt(rho) * np.linalg.inv(L).T * (1.0 + _SLACK))
+
+
+class LevelSearch:
+    """Levels of one V in one ball.
+
+    loop: the saturated loop
+    terms: V
+    rho: level whose set the ball holds
+    T: coordinates of the ball
+    setting: degrees
+    """
+
+    def __init__(
+        self,
+        loop: SaturatedLoop,
+        terms: Sequence[Term],
+        rho: float,
+        T: np.ndarray,
+        setting: Setting,
+    ) -> None:
+        self.T = T
+        self.setting = setting
+        self.terms = tuple(terms)
+        self.rho = rho
+        extents = np.linalg.norm(T, axis=1) * (1.0 + _SLACK)
+        named = dict(zip(loop.states, extents.tolist(), strict=True))
+        self.statement = RegionStatement(loop, self.terms, rho, named)
+        self.ball = RegionLoop(self.statement, T, setting.order)
+        self.parts, self.empty = split(self.ball)
+        self._V = Terms.of(self.ball.V)
+        self._targets: dict[tuple[str, ...], Terms] = {}
+
+    def target(self, part: Mapping[str, str]) -> Terms:
+        """A lower bound of -V' on a part."""
+        key = tuple(part.values())
+        if key not in self._targets:
+            lowest = self.ball.decrease(part).lowest(self.ball.n, 2 * self.setting.half)
+            self._targets[key] = Terms.of(lowest)
+        return self._targets[key]
+
+    def decrease(self, part: Mapping[str, str], share: float) -> dict[str, Any] | None:
+        """Evidence that V' < 0 on a part of {V <= share rho}; None where none is found."""
+        low = 1 if all(what == FREE for what in part.values()) else 0
+        half = self.setting.half
+        degree = max(sum(exponents) for _, exponents in self.terms)
+        one = Terms(np.zeros(1, dtype=np.int64), np.array([share]))
+        level = one + self._V.scaled(-1.0)
+        constraints = [(LEVEL, level, (low, (2 * half - degree) // 2))]
+        for name, polynomial in limits_of(self.ball, part).items():
+            constraints.append((name, Terms.of(polynomial), (low, half - 1)))
+        found = positive(self.target(part), constraints, (low, half), self.ball.n)
+        if found is None or found[0] < MARGIN:
+            return None
+        return found[1]
+
+    def holds(self, share: float) -> bool:
+        """Whether V' < 0 is found on every part of {V <= share rho}; the part that refused last is
+        tried first."""
+        for index, part in enumerate(self.parts):
+            if self.decrease(part, share) is None:
+                self.parts.insert(0, self.parts.pop(index))
+                return False
+        return True
+
+    def largest(self, least: float = 1e-3) -> float:
+        """The largest share of rho that holds, by bisection; 0 where `least` does not."""
+        if self.holds(1.0):
+            return 1.0
+        low, high = 0.0, 1.0
+        for _ in range(_STEPS):
+            middle = np.sqrt(max(low, least**2) * high) if low == 0.0 else (low + high) / 2
+            if self.holds(middle):
+                low = middle
+            else:
+                high = middle
+            if high < least or (low > 0.0 and high - low < 0.01 * high):
+                break
+        return float(low)
+
+    def evidence(self) -> dict[str, Any] | None:
+        """The whole witness of {V <= rho}; None where a part is not found."""
+        parts = []
+        for part in self.parts:
+            found = self.decrease(part, 1.0)
+            if found is None:
+                return None
+            parts.append({"inputs": list(part.values()), "evidence": found})
+        empty = []
+        for part in self.empty:
+            found = nothing_of(self.ball, part)
+            if found is None:
+                return None
+            empty.append({"inputs": list(part.values()), "evidence": found})
+        inside = self._inside()
+        if inside is None:
+            return None
+        return {
+            "T": self.T.tolist(),
+            "order": self.setting.order,
+            "inside": inside,
+            "parts": parts,
+            "empty": empty,
+            "extents": {},
+        }
+
+    def _inside(self) -> dict[str, Any] | None:
+        """Evidence that {V <= rho} lies in the ball."""
+        n = self.ball.n
+        half = (max(sum(exponents) for _, exponents in self.terms) + 1) // 2
+        one = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
+        target = self._V + one.scaled(-1.0)
+        outside = _length(n) + one.scaled(-1.0)
+        found = positive(target, [(OUTSIDE, outside, (0, half - 1))], (0, half), n)
+        if found is None:
+            return None
+        return found[1]
+
+
+def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
+    """What the inputs do on the unit ball: parts that it meets, and sets of parts that it does
+    not."""
+    names = list(ball.statement.loop.inputs)
+    met: list[dict[str, str]] = []
+    empty: list[dict[str, str]] = []
+
+    def descend(done: dict[str, str]) -> None:
+        if not _meets(ball, done):
+            empty.append(done | {name: ANY for name in names if name not in done})
+            return
+        if len(done) == len(names):
+            met.append(done)
+            return
+        name = names[len(done)]
+        low, high = ball.reaches(name)
+        for what in [FREE] + [LOWEST] * low + [HIGHEST] * high:
+            descend(done | {name: what})
+
+    descend({})
+    return met, empty
+
+
+def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
+    """Whether a point of the unit ball is in a part: the shortest y with G y >= h, by non-negative
+    least squares (Lawson and Hanson, Solving Least Squares Problems, chapter 23)."""
+    rows = []
+    sides = []
+    for polynomial in limits_of(ball, done).values():
+        parts = polynomial.parts
+        slopes = np.zeros(ball.n)
+        for i in range(ball.n):
+            slopes[i] = float(parts[1].get(1 << (8 * i), 0))
+        rows.append(slopes)
+        sides.append(-float(parts[0].get(0, 0)))
+    if not rows:
+        return True
+    stacked = np.vstack([np.array(rows).T, np.array(sides)])
+    wanted = np.zeros(ball.n + 1)
+    wanted[-1] = 1.0
+    weights, _ = nnls(stacked, wanted)
+    residual = stacked @ weights - wanted
+    if np.linalg.norm(residual) < 1e-9:
+        return False
+    shortest = -residual[:-1] / residual[-1]
+    return bool(np.linalg.norm(shortest) < 1.0 + 1e-6)
+
+
+def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | None:
+    """Evidence that a part has no point of the unit ball."""
+    minus_one = Terms(np.zeros(1, dtype=np.int64), -np.ones(1))
+    within = _length(ball.n).scaled(-1.0) + minus_one.scaled(-1.0)
+    constraints = [(BALL, within, (0, 0))]
+    for name, polynomial in limits_of(ball, part).items():
+        constraints.append((name, Terms.of(polynomial), (0, 0)))
+    found = positive(minus_one, constraints, (0, 1), ball.n)
+    return None if found is None or found[0] < MARGIN else found[1]
+
+
+def _length(variables: int) -> Terms:
+    """|y|²."""
+    keys = np.array([2 * 16**i for i in range(variables)], dtype=np.int64)
+    return Terms(keys, np.ones(variables))
+
+
+def proved_level(
+    loop: SaturatedLoop, P: np.ndarray, rho: float, setting: Setting
+) -> ProvedLevel | None:
+    """The largest level of z'P z up to rho that is found and passes the check; None where none
+    does.
+
+    loop: the saturated loop
+    P: (n, n), positive definite
+    rho: no larger level is tried
+    setting: degrees
+    """
+    terms = quadratic_terms(P)
+    share = 0.0
+    for _ in range(8):
+        try:
+            share = LevelSearch(loop, terms, rho, ball_of(P, rho), setting).largest()
+            break
+        except NoSolutionError:  # the equations or outputs on so large a ball
+            rho /= 2.0
+    for _ in range(6):
+        if share == 0.0:
+            return None
+        tried = LevelSearch(loop, terms, share * rho, ball_of(P, share * rho), setting)
+        proved = accepted(tried)
+        if proved is not None:
+            return proved
+        share *= 0.99
+    return None
+
+
+def accepted(tried: LevelSearch) -> ProvedLevel | None:
+    """The level with its evidence where the check accepts it."""
+    evidence = tried.evidence()
+    if evidence is None:
+        return None
+    witness = RegionWitness.read(Fields("witness", evidence), tried.statement)
+    try:
+        parts = check_region(tried.statement, witness)
+    except NoSolutionError:
+        return None
+    return ProvedLevel(tried.statement, evidence, parts)

@@ -1,0 +1,210 @@
+"""The saturated loop in numbers: rates of many states at once, samples and simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from hfa_region.check.statement import SaturatedLoop, model_limits
+from trim.linear.linear_model import LinearModel
+
+#: A value V of many deviations (N, n), and its slope there (N, n).
+ValueOf = Callable[[np.ndarray], np.ndarray]
+
+
+def saturated_loop(linear: LinearModel, K: np.ndarray) -> SaturatedLoop:
+    """The loop of a gain about the trim of a linear model."""
+    model = linear.point.model
+    states = {name: float(value) for name, value in linear.point.states._asdict().items()}
+    parameters = {name: signal.start for name, signal in model.parameters.items()}
+    held = {name: value for name, value in states.items() if name not in model.linear}
+    return SaturatedLoop(
+        model,
+        parameters,
+        {name: states[name] for name in model.linear},
+        {name: float(value) for name, value in linear.point.inputs._asdict().items()},
+        held,
+        np.array(K, dtype=float),
+        model_limits(model, states, parameters),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """The loop in deviations z from its trim.
+
+    loop: with its limits
+    """
+
+    loop: SaturatedLoop
+
+    @cached_property
+    def nominal(self) -> np.ndarray:
+        """(n,), typical sizes of the states."""
+        signals = self.loop.model.signals
+        return np.array([signals[name].nominal for name in self.loop.states])
+
+    @cached_property
+    def input_ends(self) -> np.ndarray:
+        """(m, 2), lowest and highest command less that of the trim."""
+        pairs = [self.loop.limits.get(name, (-np.inf, np.inf)) for name in self.loop.inputs]
+        at = np.array(list(self.loop.inputs.values()))
+        return np.array(pairs) - at[:, None]
+
+    @cached_property
+    def state_room(self) -> np.ndarray:
+        """(n,), the largest deviation to both sides that the limits of a state allow."""
+        room = []
+        for name, at in self.loop.trim.items():
+            low, high = self.loop.limits.get(name, (-np.inf, np.inf))
+            room.append(min(at - low, high - at))
+        return np.array(room)
+
+    @cached_property
+    def _function(self) -> ca.Function:
+        loop = self.loop
+        z = ca.SX.sym("z", len(loop.states))
+        v = ca.SX.sym("v", len(loop.inputs))
+        moving = zip(loop.trim.items(), ca.vertsplit(z), strict=True)
+        values = dict(loop.held) | {name: at + part for (name, at), part in moving}
+        states = [values[name] for name in loop.model.states]
+        at_trim = loop.inputs.values()
+        inputs = [at + part for at, part in zip(at_trim, ca.vertsplit(v), strict=True)]
+        parameters = list(loop.parameters.values())
+        f, _ = loop.model.layout.expressions((states, inputs, parameters), ())
+        rows = [list(loop.model.states).index(name) for name in loop.states]
+        f = f[rows]
+        command = -ca.DM(loop.K) @ z
+        low, high = ca.DM(self.input_ends[:, 0]), ca.DM(self.input_ends[:, 1])
+        held = ca.fmin(ca.fmax(command, low), high)
+        closed = ca.substitute(f, v, held)
+        slopes = [ca.substitute(ca.jacobian(f, part), v, command) for part in (z, v)]
+        return ca.Function("loop", [z], [closed, *slopes])
+
+    @cached_property
+    def _rates(self) -> ca.Function:
+        z = ca.SX.sym("z", len(self.loop.states))
+        return ca.Function("rates", [z], [self._function(z)[0]])
+
+    def rates(self, z: np.ndarray) -> np.ndarray:
+        """z' of many deviations (N, n)."""
+        return np.array(self._rates(z.T)).T
+
+    @cached_property
+    def closed_matrix(self) -> np.ndarray:
+        """A - B K at the trim."""
+        _, A, B = self._function(np.zeros(len(self.loop.states)))
+        return np.array(A) - np.array(B) @ self.loop.K
+
+
+def first_rise(
+    plant: Plant, V: ValueOf, slope: ValueOf, T: np.ndarray, seed: int = 0
+) -> tuple[float, np.ndarray]:
+    """The lowest V found where V' >= 0, and where; inf and zeros where there is none in the ball.
+
+    plant: the loop
+    V, slope: of deviations (N, n)
+    T: z = T y; samples lie in the unit ball of y
+    seed: of the samples
+    """
+    n = len(T)
+    radii = np.linspace(0.05, 1.0, 40)
+    generator = np.random.default_rng(seed)
+    directions = _unit(generator.normal(size=(1500, n)))
+    best = np.inf
+    place = np.zeros(n)
+    spread = 0.5
+    for _ in range(14):
+        found = _along(plant, slope, directions @ T.T, radii)
+        values = np.where(np.isfinite(found), found, 1.0)
+        points = (directions * values[:, None]) @ T.T
+        levels = np.where(np.isfinite(found), V(points), np.inf)
+        order = np.argsort(levels)[:12]
+        if levels[order[0]] < best:
+            best = float(levels[order[0]])
+            place = points[order[0]]
+        if not np.isfinite(best):
+            directions = _unit(generator.normal(size=(1500, n)))
+            continue
+        near = directions[order[np.isfinite(levels[order])]]
+        tried = np.repeat(near, 30, axis=0)
+        directions = _unit(tried + spread * generator.normal(size=tried.shape) / np.sqrt(n))
+        directions = np.concatenate([near, directions])
+        spread *= 0.7
+    return best, place
+
+
+def _along(
+    plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray
+) -> np.ndarray:
+    """The smallest share of each ray (N, n) where V' >= 0 is found, refined; inf where none."""
+    count, n = rays.shape
+    points = (radii[:, None, None] * rays).reshape(-1, n)
+    rising = _rises(plant, slope, points).reshape(len(radii), count)
+    first = np.where(rising.any(axis=0), rising.argmax(axis=0), -1)
+    found = np.full(count, np.inf)
+    hit = first >= 0
+    high = radii[first[hit]]
+    low = np.where(first[hit] > 0, radii[first[hit] - 1], 0.0)
+    for _ in range(12):
+        middle = (low + high) / 2
+        up = _rises(plant, slope, middle[:, None] * rays[hit])
+        high = np.where(up, middle, high)
+        low = np.where(up, low, middle)
+    found[hit] = high
+    return found
+
+
+def _rises(plant: Plant, slope: ValueOf, points: np.ndarray) -> np.ndarray:
+    """Where V' >= 0, or where the rates are no numbers."""
+    falls = np.sum(slope(points) * plant.rates(points), axis=1) < 0.0
+    return ~falls
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / lengths)
+
+
+def lost(
+    plant: Plant, starts: np.ndarray, holds: Callable[[np.ndarray], np.ndarray], seconds: float
+) -> np.ndarray:
+    """Which of the starts (N, n) do not come into a proved set, (N,).
+
+    plant: the loop
+    starts: deviations
+    holds: whether each of (N, n) is in the proved set
+    seconds: how long each is followed
+
+    A trajectory is followed by the classical method of Runge and Kutta, 30 steps to a radian of the
+    fastest mode; one that leaves the limits of a state is lost.
+    """
+    fastest = float(np.max(np.abs(np.linalg.eigvals(plant.closed_matrix))))
+    step = 1.0 / (30.0 * fastest)
+    z = np.array(starts, dtype=float)
+    result = np.zeros(len(z), dtype=bool)
+    flying = np.arange(len(z))
+    for count in range(int(np.ceil(seconds / step))):
+        if count % 8 == 0:
+            now = z[flying]
+            gone = ~(np.abs(now) <= plant.state_room).all(axis=1)
+            result[flying[gone]] = True
+            flying = flying[~(gone | holds(now))]
+            if not len(flying):
+                return result
+        z[flying] = _advanced(plant, z[flying], step)
+    result[flying] = True
+    return result
+
+
+def _advanced(plant: Plant, z: np.ndarray, step: float) -> np.ndarray:
+    """One step of Runge and Kutta."""
+    k1 = plant.rates(z)
+    k2 = plant.rates(z + step / 2 * k1)
+    k3 = plant.rates(z + step / 2 * k2)
+    k4 = plant.rates(z + step * k3)
+    return z + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
