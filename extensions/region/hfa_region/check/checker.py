@@ -106,26 +106,38 @@ def _check_extents(
 ) -> None:
     """Rejected unless every state stays within its extent, and with it within its limits."""
     statement = loop.statement
-    for index, (name, extent) in enumerate(statement.extents.items()):
-        reach = exact(extent)
-        if not loop.reach(index) <= reach:
+    for index, (name, (lowest, highest)) in enumerate(statement.extents.items()):
+        reach = loop.reach(index)
+        low, high = exact(lowest), exact(highest)
+        if not (low <= -reach and reach <= high):
             if name not in extents:
                 raise Rejected(f"the set may be larger in {name} than is claimed")
-            deviation = loop.deviation(index)
-            room = Polynomial.constant(reach)
-            low, high = extents[name]
-            _require_constant(low, name)
-            _require_constant(high, name)
-            check_positive(f"{name} low", room + deviation, inside, low, loop.n)
-            check_positive(f"{name} high", room - deviation, inside, high, loop.n)
+            _check_deviation(loop, index, (low, high), extents[name], inside)
         least, most = statement.loop.limits.get(name, (-float("inf"), float("inf")))
         at = loop.equilibrium.x[index]
-        if not (exact(least) <= at - reach and at + reach <= exact(most)):
+        if not (exact(least) <= at + low and at + high <= exact(most)):
             raise Rejected(f"{name} may leave its limits in the set")
     for name, value in statement.loop.held.items():
         least, most = statement.loop.limits.get(name, (-float("inf"), float("inf")))
         if not least <= value <= most:
             raise Rejected(f"{name} is held beyond its limits")
+
+
+def _check_deviation(
+    loop: RegionLoop,
+    index: int,
+    ends: tuple[arb, arb],
+    evidence: tuple[Evidence, Evidence],
+    inside: Mapping[str, Polynomial],
+) -> None:
+    """Rejected unless a state's deviation in the set is proved to lie between the ends."""
+    name = loop.statement.loop.states[index]
+    deviation = loop.deviation(index)
+    from_low = deviation - Polynomial.constant(ends[0])
+    to_high = Polynomial.constant(ends[1]) - deviation
+    for side, room, proof in zip((LOWEST, HIGHEST), (from_low, to_high), evidence, strict=True):
+        _require_constant(proof, name)
+        check_positive(f"{name} {side}", room, inside, proof, loop.n)
 
 
 def _require_constant(evidence: Evidence, what: str) -> None:

@@ -61,13 +61,13 @@ class RegionStatement:
     loop: the model with its saturated inputs
     terms: V = Σ coefficient z^exponents, of degrees 2 to `HIGHEST_DEGREE`
     rho: level of V
-    extents: moving state -> largest |deviation| in the set, at most
+    extents: moving state -> lowest and highest deviation in the set, or beyond
     """
 
     loop: SaturatedLoop
     terms: tuple[tuple[float, tuple[int, ...]], ...]
     rho: float
-    extents: Mapping[str, float]
+    extents: Mapping[str, tuple[float, float]]
 
     @classmethod
     def read(cls, content: Any, own: Model | None) -> RegionStatement:
@@ -95,8 +95,10 @@ class RegionStatement:
         )
         terms = _read_terms(entries, len(states))
         rho = entries.number("rho", above=0.0)
-        extents = _all_numbers(entries, "extents", states)
-        require(all(extent > 0.0 for extent in extents.values()), "extents", extents)
+        stated = entries.fields("extents")
+        extents = {name: stated.pair(name) for name in states}
+        stated.close()
+        require(all(low < 0.0 < high for low, high in extents.values()), "extents", extents)
         entries.close()
         _check_limits(loop)
         return cls(loop, terms, rho, extents)
@@ -114,7 +116,7 @@ class RegionStatement:
             "limits": {name: _pair(pair) for name, pair in loop.limits.items()},
             "terms": [[coefficient, list(exponents)] for coefficient, exponents in self.terms],
             "rho": self.rho,
-            "extents": dict(self.extents),
+            "extents": {name: list(pair) for name, pair in self.extents.items()},
         }
 
 

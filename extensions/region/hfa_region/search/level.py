@@ -13,6 +13,7 @@ from hfa_region.check.checker import check_region, limits_of
 from hfa_region.check.loop import FREE, HIGHEST, LOWEST, RegionLoop
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.witness import ANY, BALL, LEVEL, OUTSIDE, RegionWitness
+from hfa_region.search.function import PolynomialFunction, edge_points, ellipsoid
 from hfa_region.search.squares import Terms, positive
 from hfa_support.errors import NoSolutionError
 from verification.proof.checker.reading import Fields
@@ -24,7 +25,8 @@ MARGIN = 2e-7
 _SLACK = 1e-7
 #: Steps of the bisection.
 _STEPS = 7
-Term = tuple[float, tuple[int, ...]]
+#: How much larger than a set of points an ellipsoid is tried, one after the other.
+_INFLATIONS = (1.001, 1.01, 1.03, 1.07, 1.15, 1.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +35,12 @@ class Setting:
 
     order: of the Taylor polynomials
     half: highest degree of the monomials of the Gram matrices of V'
+    degree: highest degree that V may have
     """
 
     order: int
     half: int
+    degree: int = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,19 +57,6 @@ class ProvedLevel:
     parts: int
 
 
-def quadratic_terms(P: np.ndarray) -> tuple[Term, ...]:
-    """z'P z as terms."""
-    n = len(P)
-    terms = []
-    for i in range(n):
-        for j in range(i, n):
-            exponents = [0] * n
-            exponents[i] += 1
-            exponents[j] += 1
-            terms.append((float(P[i, j]) * (1 if i == j else 2), tuple(exponents)))
-    return tuple(terms)
-
-
 def ball_of(P: np.ndarray, rho: float) -> np.ndarray:
     """T with {z'P z <= rho} in the unit ball of y, z = T y, and hardly larger."""
     L = np.linalg.cholesky(P)
@@ -76,7 +67,7 @@ class LevelSearch:
     """Levels of one V in one ball.
 
     loop: the saturated loop
-    terms: V
+    V: the function
     rho: level whose set the ball holds
     T: coordinates of the ball
     setting: degrees
@@ -85,21 +76,24 @@ class LevelSearch:
     def __init__(
         self,
         loop: SaturatedLoop,
-        terms: Sequence[Term],
+        V: PolynomialFunction,
         rho: float,
         T: np.ndarray,
         setting: Setting,
     ) -> None:
         self.T = T
         self.setting = setting
-        self.terms = tuple(terms)
+        self.V = V
         self.rho = rho
         extents = np.linalg.norm(T, axis=1) * (1.0 + _SLACK)
-        named = dict(zip(loop.states, extents.tolist(), strict=True))
-        self.statement = RegionStatement(loop, self.terms, rho, named)
+        named = {
+            name: (-extent, extent)
+            for name, extent in zip(loop.states, extents.tolist(), strict=True)
+        }
+        self.statement = RegionStatement(loop, V.terms, rho, named)
         self.ball = RegionLoop(self.statement, T, setting.order)
         self.parts, self.empty = split(self.ball)
-        self._V = Terms.of(self.ball.V)
+        self.V_terms = Terms.of(self.ball.V)
         self._targets: dict[tuple[str, ...], Terms] = {}
 
     def target(self, part: Mapping[str, str]) -> Terms:
@@ -114,10 +108,11 @@ class LevelSearch:
         """Evidence that V' < 0 on a part of {V <= share rho}; None where none is found."""
         low = 1 if all(what == FREE for what in part.values()) else 0
         half = self.setting.half
-        degree = max(sum(exponents) for _, exponents in self.terms)
         one = Terms(np.zeros(1, dtype=np.int64), np.array([share]))
-        level = one + self._V.scaled(-1.0)
-        constraints = [(LEVEL, level, (low, (2 * half - degree) // 2))]
+        level = one + self.V_terms.scaled(-1.0)
+        constraints = [(LEVEL, level, (low, half - self.setting.degree // 2))]
+        if self.setting.degree > 2:
+            constraints.append((BALL, _within(self.ball.n), (low, half - 1)))
         for name, polynomial in limits_of(self.ball, part).items():
             constraints.append((name, Terms.of(polynomial), (low, half - 1)))
         found = positive(self.target(part), constraints, (low, half), self.ball.n)
@@ -163,29 +158,17 @@ class LevelSearch:
             if found is None:
                 return None
             empty.append({"inputs": list(part.values()), "evidence": found})
-        inside = self._inside()
-        if inside is None:
+        held = _inside(self.V_terms, self.V.degree, self.ball.n)
+        if held is None:
             return None
         return {
             "T": self.T.tolist(),
             "order": self.setting.order,
-            "inside": inside,
+            "inside": held,
             "parts": parts,
             "empty": empty,
             "extents": {},
         }
-
-    def _inside(self) -> dict[str, Any] | None:
-        """Evidence that {V <= rho} lies in the ball."""
-        n = self.ball.n
-        half = (max(sum(exponents) for _, exponents in self.terms) + 1) // 2
-        one = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
-        target = self._V + one.scaled(-1.0)
-        outside = _length(n) + one.scaled(-1.0)
-        found = positive(target, [(OUTSIDE, outside, (0, half - 1))], (0, half), n)
-        if found is None:
-            return None
-        return found[1]
 
 
 def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
@@ -239,12 +222,16 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
 def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | None:
     """Evidence that a part has no point of the unit ball."""
     minus_one = Terms(np.zeros(1, dtype=np.int64), -np.ones(1))
-    within = _length(ball.n).scaled(-1.0) + minus_one.scaled(-1.0)
-    constraints = [(BALL, within, (0, 0))]
+    constraints = [(BALL, _within(ball.n), (0, 0))]
     for name, polynomial in limits_of(ball, part).items():
         constraints.append((name, Terms.of(polynomial), (0, 0)))
     found = positive(minus_one, constraints, (0, 1), ball.n)
     return None if found is None or found[0] < MARGIN else found[1]
+
+
+def _within(variables: int) -> Terms:
+    """1 - |y|²."""
+    return Terms(np.zeros(1, dtype=np.int64), np.ones(1)) + _length(variables).scaled(-1.0)
 
 
 def _length(variables: int) -> Terms:
@@ -253,29 +240,72 @@ def _length(variables: int) -> Terms:
     return Terms(keys, np.ones(variables))
 
 
+def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
+    """Evidence that {V <= 1} lies in the open unit ball; None where none is found.
+
+    V: over rho, in y
+    degree: of V
+    n: number of states
+    """
+    one = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
+    target = V + one.scaled(-1.0)
+    outside = _length(n) + one.scaled(-1.0)
+    half = degree // 2
+    found = positive(target, [(OUTSIDE, outside, (0, half - 1))], (0, half), n)
+    return None if found is None or found[0] <= 0.0 else found[1]
+
+
+def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray | None:
+    """T with {V <= rho} in the unit ball of y, z = T y, proved in floating point; None where none
+    is found.
+
+    V: the function
+    rho: its level
+    T: coordinates in which the set is measured
+    """
+    if V.degree == 2:
+        return ball_of(V.matrix(), rho)
+    points = edge_points(V, T, rho)
+    if not len(points):
+        return None
+    P = ellipsoid(points)
+    n = len(T)
+    for inflation in _INFLATIONS:
+        held = T @ np.linalg.inv(np.linalg.cholesky(P)).T * inflation
+        level = V.substituted(held).scaled(1.0 / rho)
+        if _inside(Terms.packed(level), V.degree, n) is not None:
+            return np.asarray(held)
+    return None
+
+
 def proved_level(
-    loop: SaturatedLoop, P: np.ndarray, rho: float, setting: Setting
+    loop: SaturatedLoop, V: PolynomialFunction, rho: float, setting: Setting, T: np.ndarray
 ) -> ProvedLevel | None:
-    """The largest level of z'P z up to rho that is found and passes the check; None where none
-    does.
+    """The largest level of V up to rho that is found and passes the check; None where none does.
 
     loop: the saturated loop
-    P: (n, n), positive definite
+    V: the function
     rho: no larger level is tried
     setting: degrees
+    T: coordinates in which {V <= rho} can be measured
     """
-    terms = quadratic_terms(P)
     share = 0.0
     for _ in range(8):
+        held = holding_ball(V, rho, T)
+        if held is None:
+            return None
         try:
-            share = LevelSearch(loop, terms, rho, ball_of(P, rho), setting).largest()
+            share = LevelSearch(loop, V, rho, held, setting).largest()
             break
         except NoSolutionError:  # the equations or outputs on so large a ball
             rho /= 2.0
     for _ in range(6):
         if share == 0.0:
             return None
-        tried = LevelSearch(loop, terms, share * rho, ball_of(P, share * rho), setting)
+        held = holding_ball(V, share * rho, held)
+        if held is None:
+            return None
+        tried = LevelSearch(loop, V, share * rho, held, setting)
         proved = accepted(tried)
         if proved is not None:
             return proved

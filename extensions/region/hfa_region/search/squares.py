@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hfa_region.check.polynomial import Polynomial, exponents_of, monomials
+from hfa_region.search.function import PolynomialFunction
 
 #: Base of the exponents in one whole number.
 _BASE = 16
@@ -40,6 +41,12 @@ class Terms:
             keys.append(_packed(key))
             values.append(float(coefficient.mid()))
         return cls(np.array(keys, dtype=np.int64), np.array(values, dtype=float))
+
+    @classmethod
+    def packed(cls, V: PolynomialFunction) -> Terms:
+        """A polynomial of exponents in rows."""
+        base = _BASE ** np.arange(V.exponents.shape[1], dtype=np.int64)
+        return cls(V.exponents.astype(np.int64) @ base, V.coefficients)
 
     def __add__(self, other: Terms) -> Terms:
         keys = np.concatenate([self.keys, other.keys])

@@ -1,0 +1,170 @@
+"""V as a polynomial in the deviations, in numbers: values, slopes, and the ellipsoid about a set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Directions in which a set is measured.
+_DIRECTIONS = 3000
+#: Steps of the ellipsoid's iteration, and how near to the smallest it is left.
+_ITERATIONS = 2000
+_NEAR = 1e-3
+Term = tuple[float, tuple[int, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialFunction:
+    """V(z) = Σ coefficient z^exponents.
+
+    coefficients: (k,)
+    exponents: (k, n)
+    """
+
+    coefficients: np.ndarray
+    exponents: np.ndarray
+
+    @classmethod
+    def quadratic(cls, P: np.ndarray) -> PolynomialFunction:
+        """z'P z."""
+        n = len(P)
+        rows, columns = np.triu_indices(n)
+        exponents = np.eye(n, dtype=int)[rows] + np.eye(n, dtype=int)[columns]
+        weights = np.where(rows == columns, 1.0, 2.0)
+        return cls(P[rows, columns] * weights, exponents)
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """As a statement has them."""
+        pairs = zip(self.coefficients.tolist(), self.exponents.tolist(), strict=True)
+        return tuple((coefficient, tuple(powers)) for coefficient, powers in pairs)
+
+    @property
+    def degree(self) -> int:
+        """Of the highest term."""
+        return int(self.exponents.sum(axis=1).max())
+
+    def matrix(self) -> np.ndarray:
+        """P of its quadratic part."""
+        n = self.exponents.shape[1]
+        P = np.zeros((n, n))
+        for coefficient, powers in zip(self.coefficients, self.exponents, strict=True):
+            if powers.sum() == 2:
+                i, j = np.repeat(np.arange(n), powers)
+                P[i, j] += coefficient / 2
+                P[j, i] += coefficient / 2
+        return P
+
+    def scaled(self, factor: float) -> PolynomialFunction:
+        """V times a number."""
+        return PolynomialFunction(self.coefficients * factor, self.exponents)
+
+    def __call__(self, z: np.ndarray) -> np.ndarray:
+        """V of many deviations (N, n)."""
+        return np.asarray(_powers(z, self.exponents) @ self.coefficients)
+
+    def slope(self, z: np.ndarray) -> np.ndarray:
+        """∂V/∂z of many deviations, (N, n)."""
+        slopes = np.empty_like(z)
+        for i in range(z.shape[1]):
+            powers = self.exponents[:, i]
+            kept = powers > 0
+            lowered = self.exponents[kept].copy()
+            lowered[:, i] -= 1
+            slopes[:, i] = _powers(z, lowered) @ (self.coefficients[kept] * powers[kept])
+        return slopes
+
+    def substituted(self, M: np.ndarray) -> PolynomialFunction:
+        """V(M y) as a polynomial in y."""
+        known: dict[tuple[int, ...], dict[tuple[int, ...], float]] = {}
+        total: dict[tuple[int, ...], float] = {}
+        for coefficient, powers in self.terms:
+            for key, value in _monomial(powers, M, known).items():
+                total[key] = total.get(key, 0.0) + coefficient * value
+        return PolynomialFunction(np.array(list(total.values())), np.array(list(total)))
+
+    def edge(self, rays: np.ndarray, level: float) -> np.ndarray:
+        """The first share of each ray (N, n) at which V reaches a level; inf where it does not.
+
+        The coefficients of V along a ray are those of a polynomial in the share."""
+        degrees = self.exponents.sum(axis=1)
+        values = _powers(rays, self.exponents) * self.coefficients
+        shares = np.linspace(0.0, 2.0, 201)[1:]
+        along = np.zeros((len(rays), len(shares)))
+        by_degree = {}
+        for degree in np.unique(degrees).tolist():
+            by_degree[degree] = values[:, degrees == degree].sum(axis=1)
+            along += by_degree[degree][:, None] * shares**degree
+        beyond = along >= level
+        first = beyond.argmax(axis=1)
+        high = shares[first]
+        low = high - shares[0]
+        for _ in range(40):
+            middle = (low + high) / 2
+            there = sum(part * middle**degree for degree, part in by_degree.items())
+            high = np.where(there >= level, middle, high)
+            low = np.where(there >= level, low, middle)
+        return np.asarray(np.where(beyond.any(axis=1), high, np.inf))
+
+
+def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 0) -> np.ndarray:
+    """Points of {V = level}, first along rays from the trim, in coordinates y, z = T y."""
+    generator = np.random.default_rng(seed)
+    directions = generator.normal(size=(_DIRECTIONS, len(T)))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    shares = V.edge(directions @ T.T, level)
+    found = np.isfinite(shares)
+    return np.asarray(directions[found] * shares[found, None])
+
+
+def ellipsoid(points: np.ndarray) -> np.ndarray:
+    """P of the smallest {y'P y <= 1} that holds the points (N, n), nearly.
+
+    The weights of the points of largest determinant (Khachiyan, Mathematics of Operations Research
+    21 (1996) 307), scaled so that no point lies outside."""
+    count, n = points.shape
+    weights = np.full(count, 1.0 / count)
+    for _ in range(_ITERATIONS):
+        inverse = np.linalg.inv(points.T @ (weights[:, None] * points))
+        sizes = np.einsum("ki,ij,kj->k", points, inverse, points)
+        farthest = int(sizes.argmax())
+        excess = sizes[farthest]
+        if excess < n * (1.0 + _NEAR):
+            break
+        step = (excess - n) / (n * (excess - 1.0))
+        weights *= 1.0 - step
+        weights[farthest] += step
+    inverse = np.linalg.inv(points.T @ (weights[:, None] * points))
+    sizes = np.einsum("ki,ij,kj->k", points, inverse, points)
+    return np.asarray(inverse / sizes.max())
+
+
+def _powers(z: np.ndarray, exponents: np.ndarray) -> np.ndarray:
+    """(N, k), each monomial of each row."""
+    result = np.ones((len(z), len(exponents)))
+    for i in range(z.shape[1]):
+        highest = int(exponents[:, i].max(initial=0))
+        table = z[:, i, None] ** np.arange(highest + 1)
+        result *= table[:, exponents[:, i]]
+    return result
+
+
+def _monomial(
+    powers: tuple[int, ...],
+    M: np.ndarray,
+    known: dict[tuple[int, ...], dict[tuple[int, ...], float]],
+) -> dict[tuple[int, ...], float]:
+    """(M y)^powers; `known` keeps what was made."""
+    if not any(powers):
+        return {tuple([0] * M.shape[1]): 1.0}
+    if powers not in known:
+        i = next(index for index, power in enumerate(powers) if power)
+        lowered = tuple(power - (index == i) for index, power in enumerate(powers))
+        product: dict[tuple[int, ...], float] = {}
+        for key, value in _monomial(lowered, M, known).items():
+            for j, slope in enumerate(M[i].tolist()):
+                raised = (*key[:j], key[j] + 1, *key[j + 1 :])
+                product[raised] = product.get(raised, 0.0) + value * slope
+        known[powers] = product
+    return known[powers]

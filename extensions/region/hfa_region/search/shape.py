@@ -1,0 +1,198 @@
+"""A better V: with the multipliers of the level fixed, the V whose mean over the set is smallest.
+
+V and multipliers take turns (Jarvis-Wloszek, Lyapunov based analysis and controller synthesis for
+polynomial systems using sum-of-squares optimization, 2003); each turn keeps the set of the last one
+nearly and reaches farther where V' < 0 allows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import prod
+
+import numpy as np
+
+from hfa_region.check.checker import limits_of
+from hfa_region.check.loop import FREE
+from hfa_region.check.polynomial import exponents_of, monomials
+from hfa_region.check.witness import LEVEL
+from hfa_region.search.function import PolynomialFunction
+from hfa_region.search.level import LevelSearch
+from hfa_region.search.squares import Identity, Squares, Terms
+
+#: Margin of every Gram matrix of a step, relative to the largest coefficient of its target.
+_MARGIN = 1e-6
+#: How far beyond the ball the set of the next V may reach.
+_REACH = 1.35
+#: V is at least this much of |y|².
+_LEAST = 1e-3
+#: Longest time of a step, s.
+_SECONDS = 120.0
+
+
+def better(search: LevelSearch, share: float, room: np.ndarray) -> PolynomialFunction | None:
+    """A V, its level 1, whose set is larger than {V <= share rho}; None where none is found.
+
+    search: of the V at hand, whose level has been found
+    share: the level, of `rho`
+    room: (n, 2), lowest and highest deviation of each state that its limits allow
+    """
+    return _Step(search, share).solved(room)
+
+
+class _Step:
+    """One problem for V = Σ θ_α y^α in the coordinates of a search."""
+
+    def __init__(self, search: LevelSearch, share: float) -> None:
+        self.search = search
+        self.share = share
+        n = search.ball.n
+        self.n = n
+        self.problem = Squares(n)
+        keys = monomials(n, 2, search.setting.degree)
+        self.exponents = np.array([_padded(exponents_of(key), n) for key in keys])
+        self.keys = _packed(self.exponents)
+        self.theta = self.problem.free(len(keys))
+
+    def solved(self, room: np.ndarray) -> PolynomialFunction | None:
+        """The next V in z, its level 1."""
+        for part in self.search.parts:
+            if not self._decrease(part):
+                return None
+        self._positive()
+        self._bounded(Terms.packed(_ball(self.n, _REACH)), 1)
+        for index, (low, high) in enumerate(room.tolist()):
+            if np.isfinite(low) or np.isfinite(high):
+                self._bounded(self._beyond(index, low, high), 1)
+        self.problem.cost(self.theta, _means(self.exponents))
+        solution = self.problem.solve(margin=_MARGIN, seconds=_SECONDS)
+        if solution is None:
+            return None
+        coefficients = solution.x[self.theta]
+        in_y = PolynomialFunction(coefficients, self.exponents)
+        return in_y.substituted(np.linalg.inv(self.search.T))
+
+    def _decrease(self, part: Mapping[str, str]) -> bool:
+        """-V' - σ (1 - V) - .. is a sum of squares, σ that of the V at hand; False where that has
+        none."""
+        search = self.search
+        half = search.setting.half
+        evidence = search.decrease(part, self.share)
+        if evidence is None:
+            return False
+        problem = self.problem
+        scale = 1.0 / search.target(part).size
+        identity = problem.identity(Terms(np.zeros(0, dtype=np.int64), np.zeros(0)))
+        keys, rates = self._rates(part, 2 * half)
+        for i in range(self.n):
+            kept = self.exponents[:, i] > 0
+            lowered = self.keys[kept] - 16**i
+            slopes = -self.exponents[kept, i] * scale
+            for key, rate in zip(keys.tolist(), rates[i].tolist(), strict=True):
+                within = _degrees(lowered + key) <= 2 * half
+                columns = self.theta[kept][within]
+                problem.add(identity, lowered[within] + key, columns, slopes[within] * rate)
+        low = 1 if all(what == FREE for what in part.values()) else 0
+        multiplier = evidence["multipliers"][LEVEL]
+        sigma = _square(self.n, low, multiplier["degrees"][1], np.array(multiplier["gram"]))
+        sigma = sigma.scaled(scale)
+        identity.constants.append(sigma.scaled(-1.0))
+        for key, value in zip(sigma.keys.tolist(), sigma.values.tolist(), strict=True):
+            problem.add(identity, self.keys + key, self.theta, np.full(len(self.keys), value))
+        problem.subtract(identity, problem.gram(low, half))
+        if search.setting.degree > 2:
+            within = Terms.packed(_ball(self.n, _REACH)).scaled(-1.0)
+            problem.subtract(identity, problem.gram(low, half - 1), within)
+        for polynomial in limits_of(search.ball, part).values():
+            problem.subtract(identity, problem.gram(low, half - 1), Terms.of(polynomial))
+        return True
+
+    def _rates(self, part: Mapping[str, str], highest: int) -> tuple[np.ndarray, np.ndarray]:
+        """Keys and coefficients (n, k) of y' = T⁻¹ z' up to a degree."""
+        polynomials = [Terms.of(rate.polynomial) for rate in self.search.ball.rates(part)]
+        keys = np.unique(np.concatenate([terms.keys for terms in polynomials]))
+        keys = keys[_degrees(keys) < highest]
+        values = np.zeros((self.n, len(keys)))
+        for row, terms in zip(values, polynomials, strict=True):
+            kept = np.isin(terms.keys, keys)
+            np.add.at(row, np.searchsorted(keys, terms.keys[kept]), terms.values[kept])
+        return keys, np.linalg.solve(self.search.T, values)
+
+    def _positive(self) -> None:
+        """V - least |y|² is a sum of squares."""
+        problem = self.problem
+        identity = problem.identity(Terms.packed(_ball(self.n, 1.0)).scaled(-_LEAST))
+        problem.add(identity, self.keys, self.theta, np.ones(len(self.keys)))
+        problem.subtract(identity, problem.gram(1, self.search.setting.degree // 2))
+
+    def _bounded(self, beyond: Terms, degree: int) -> None:
+        """V > 1 wherever a polynomial of degree 2, negative at 0, is not negative."""
+        problem = self.problem
+        half = self.search.setting.degree // 2
+        identity: Identity = problem.identity(Terms(np.zeros(1, dtype=np.int64), -np.ones(1)))
+        problem.add(identity, self.keys, self.theta, np.ones(len(self.keys)))
+        problem.subtract(identity, problem.gram(0, half))
+        problem.subtract(identity, problem.gram(0, half - degree), beyond)
+
+    def _beyond(self, index: int, low: float, high: float) -> Terms:
+        """(z_i - low) (z_i - high) / |low high| in y; with one end that end twice."""
+        low = -high if not np.isfinite(low) else low
+        high = -low if not np.isfinite(high) else high
+        single = [int(i == index) for i in range(self.n)]
+        exponents = np.array([[0] * self.n, single, [2 * power for power in single]])
+        coefficients = np.array([low * high, -(low + high), 1.0]) / abs(low * high)
+        in_z = PolynomialFunction(coefficients, exponents)
+        return Terms.packed(in_z.substituted(self.search.T))
+
+
+def _ball(n: int, radius: float) -> PolynomialFunction:
+    """|y|² / radius² - 1; for a radius of 1 without the constant."""
+    exponents = np.concatenate([2 * np.eye(n, dtype=int), np.zeros((1, n), dtype=int)])
+    constant = 0.0 if radius == 1.0 else -1.0
+    return PolynomialFunction(np.array([radius**-2.0] * n + [constant]), exponents)
+
+
+def _means(exponents: np.ndarray) -> np.ndarray:
+    """The mean of each monomial over the unit ball of y.
+
+    n / (n + k) of that over the sphere, Π (α_i - 1)!! / (n (n + 2) .. (n + k - 2)), k even."""
+    n = exponents.shape[1]
+    means = []
+    for powers in exponents.tolist():
+        degree = sum(powers)
+        if any(power % 2 for power in powers):
+            means.append(0.0)
+            continue
+        top = prod(prod(range(1, power, 2)) for power in powers)
+        bottom = prod(range(n, n + degree, 2))
+        means.append(top / bottom * n / (n + degree))
+    return np.array(means)
+
+
+def _square(n: int, low: int, high: int, Q: np.ndarray) -> Terms:
+    """m'Q m."""
+    powers = np.array([_padded(exponents_of(key), n) for key in monomials(n, low, high)])
+    keys = _packed(powers)
+    sums = (keys[:, None] + keys[None, :]).ravel()
+    known, place = np.unique(sums, return_inverse=True)
+    values = np.zeros(len(known))
+    np.add.at(values, place, Q.ravel())
+    return Terms(known, values)
+
+
+def _padded(exponents: list[int], n: int) -> list[int]:
+    return exponents + [0] * (n - len(exponents))
+
+
+def _packed(exponents: np.ndarray) -> np.ndarray:
+    return np.asarray(exponents.astype(np.int64) @ (16 ** np.arange(exponents.shape[1], dtype=np.int64)))
+
+
+def _degrees(keys: np.ndarray) -> np.ndarray:
+    """The degrees of packed keys."""
+    total = np.zeros_like(keys)
+    rest = keys.copy()
+    while np.any(rest):
+        total += rest % 16
+        rest //= 16
+    return total
