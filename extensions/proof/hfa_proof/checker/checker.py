@@ -103,7 +103,7 @@ def check_certificate(
 
     BadInputError when the file is none or was edited; Rejected names entries that are not
     understood or not proved."""
-    content, written = _read(path)
+    content, written = read_sealed(path)
     try:
         entries = Fields("", content)
         for name in ("schema", "toolchain", *_CLOSING):
@@ -126,7 +126,13 @@ def check_certificate(
     return Verified(statement, boxes, written)
 
 
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+def kind_of(path: Path) -> str:
+    """The kind of certificate that a file is; BadInputError where it is none or was edited."""
+    content, _ = read_sealed(path)
+    return str(content.get("kind"))
+
+
+def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
     """The content of a file that was not edited, and which run wrote it."""
     try:
         content = read_json(path)

@@ -54,13 +54,17 @@ def prove(request: CheckRequest) -> int:
     Exit 0: proved. Exit 1: not proved, or not about what the other options name. Needs
     python-flint (`pip install .[proof]`)."""
     from hfa_proof.arithmetic import flint_or_refusal
-    from hfa_proof.checker.checker import check_certificate
+    from hfa_proof.checker.checker import check_certificate, kind_of
     from hfa_proof.search.report import checked_report
 
     flint_or_refusal()
     if request.check is None:
         known = ", ".join(words_after("prove"))
         raise BadInputError(f"say what to prove, hfa prove and one of {known}, or --check FILE")
+    if kind_of(request.check) == "region":
+        from hfa_region.commands.region import check
+
+        return check(request, request.check)
     own = request.model if request.own else None
     verified = check_certificate(request.check, ProgressLine("check"), own)
     _require_same(verified, request)

@@ -18,15 +18,15 @@ from itertools import product
 
 from flint import arb, ctx
 
+from hfa_proof.arithmetic.balls import exact
+from hfa_proof.checker.covering import covering
+from hfa_proof.checker.reading import Rejected
 from hfa_region.check.loop import FREE, HIGHEST, LOWEST, RegionLoop
 from hfa_region.check.polynomial import Polynomial, power_of_length
 from hfa_region.check.positivity import Evidence, check_positive
 from hfa_region.check.statement import RegionStatement
 from hfa_region.check.witness import ANY, BALL, LEVEL, OUTSIDE, Part, RegionWitness
 from hfa_support.progress import Progress, told
-from verification.proof.arithmetic.balls import exact
-from verification.proof.checker.covering import covering
-from verification.proof.checker.reading import Rejected
 
 #: Bits of a midpoint.
 PRECISION = 192
@@ -74,13 +74,13 @@ def combinations(loop: RegionLoop) -> Iterator[dict[str, str]]:
 
 def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
     """Rejected unless the parts hold every combination of inputs that are free or at a limit."""
-    stated = []
+    stated = [_ENDS[FREE]]  # a coordinate that every part has, for a loop without inputs
     for name in loop.statement.loop.inputs:
         low, high = loop.reaches(name)
         stated.append((_ENDS[LOWEST if low else FREE][0], _ENDS[HIGHEST if high else FREE][1]))
 
     def box_of(part: Mapping[str, str]) -> list[tuple[float, float]]:
-        return [_ENDS[what] for what in part.values()]
+        return [_ENDS[FREE], *(_ENDS[what] for what in part.values())]
 
     covering("the parts of the set", stated, parts, box_of)
 

@@ -11,14 +11,14 @@ import casadi as ca
 import numpy as np
 from flint import arb, arb_mat
 
+from hfa_proof.arithmetic.ball_function import BallFunction
+from hfa_proof.arithmetic.balls import TaylorModel, exact, matrix, norm
+from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.statement import SAME_TRIM
+from hfa_proof.checker.trims import root_offsets
 from hfa_region.check.polynomial import Key, Polynomial, key_of
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.taylor import Taylor
-from verification.proof.arithmetic.ball_function import BallFunction
-from verification.proof.arithmetic.balls import TaylorModel, exact, matrix, norm
-from verification.proof.checker.reading import Rejected
-from verification.proof.checker.statement import SAME_TRIM
-from verification.proof.checker.trims import root_offsets
 
 #: Newton's method from a trim in doubles reaches the precision of the balls in this many steps.
 _STEPS = 8

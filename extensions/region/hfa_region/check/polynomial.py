@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import combinations_with_replacement
 from math import factorial
 
@@ -40,7 +40,7 @@ def monomials(variables: int, low: int, high: int) -> tuple[Key, ...]:
     return tuple(keys)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _weight(key: Key) -> fmpq:
     """α! / |α|!: the weight of a squared coefficient in the norm of a homogeneous polynomial."""
     exponents = exponents_of(key)

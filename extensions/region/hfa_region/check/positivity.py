@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_mat
 
+from hfa_proof.arithmetic.balls import is_positive_definite, matrix
+from hfa_proof.checker.reading import Fields, Rejected, require
 from hfa_region.check.polynomial import Key, Polynomial, monomials
-from verification.proof.arithmetic.balls import is_positive_definite, matrix
-from verification.proof.checker.reading import Fields, Rejected, require
 
 #: Highest degree of the monomials of a Gram matrix.
 _HIGHEST = 12

@@ -1,5 +1,5 @@
-"""What is claimed of a region. Every field is interpreted by the checker or refused; all of it is in
-the digest, and a report shows it."""
+"""What is claimed of a region. Every field is interpreted by the checker or refused; all of it is
+in the digest, and a report shows it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ import numpy as np
 
 import hfa_model
 from hfa_aircraft.model import Model
+from hfa_proof.checker.reading import Fields, require
 from hfa_support.errors import BadInputError, shown
-from verification.proof.checker.reading import Fields, require
-from verification.proof.checker.statement import facts_of
 
 #: The equations of the paper's aircraft, which a certificate names without a file.
 _DYNAMICS = ("published", "newton", "unsteady")
@@ -142,9 +141,13 @@ def model_limits(
 
 def _facts(model: Model) -> dict[str, Any]:
     """Which model it is, the order of its states and inputs, and the units of all numbers."""
-    facts = facts_of(model)
-    names = ("dynamics", "source", "state_units", "input_units")
-    return {name: facts[name] for name in names} | {"states": list(model.linear)}
+    return {
+        "dynamics": model.name,
+        "source": model.source[1],
+        "states": list(model.linear),
+        "state_units": list(model.units(model.linear)),
+        "input_units": list(model.units(tuple(model.inputs))),
+    }
 
 
 def _model_of(name: Any, source: Any, own: Model | None) -> Model:

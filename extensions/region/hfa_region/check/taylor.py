@@ -13,8 +13,8 @@ from typing import Any
 
 from flint import arb, arb_series
 
+from hfa_proof.arithmetic.ball_function import Undecided
 from hfa_region.check.polynomial import Polynomial, power_of_length
-from verification.proof.arithmetic.ball_function import Undecided
 
 
 class Taylor:

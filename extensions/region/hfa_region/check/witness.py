@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from hfa_proof.checker.reading import Fields, require
 from hfa_region.check.loop import FREE, HIGHEST, LOWEST
 from hfa_region.check.positivity import Evidence
 from hfa_region.check.statement import RegionStatement
-from verification.proof.checker.reading import Fields, require
 
 #: In place of what an input does: whatever it does.
 ANY = "any"
@@ -81,7 +81,7 @@ class RegionWitness:
         return cls(T, order, inside, parts, empty, extents)
 
 
-def limit_names(inputs: Mapping[str, str]) -> tuple[str, ...]:
+def limit_names(inputs: Iterable[str]) -> tuple[str, ...]:
     """Names of the constraints of the limits of inputs."""
     return tuple(f"{name} {side}" for name in inputs for side in (LOWEST, HIGHEST))
 

@@ -1,7 +1,8 @@
-"""V as a polynomial in the deviations, in numbers: values, slopes, and the ellipsoid about a set."""
+"""V as a polynomial in the deviations, in numbers: values, slopes, the ellipsoid about a set."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,14 @@ class PolynomialFunction:
         exponents = np.eye(n, dtype=int)[rows] + np.eye(n, dtype=int)[columns]
         weights = np.where(rows == columns, 1.0, 2.0)
         return cls(P[rows, columns] * weights, exponents)
+
+    @classmethod
+    def of_terms(cls, terms: Sequence[Term]) -> PolynomialFunction:
+        """The function of a statement."""
+        return cls(
+            np.array([coefficient for coefficient, _ in terms]),
+            np.array([exponents for _, exponents in terms]),
+        )
 
     @property
     def terms(self) -> tuple[Term, ...]:

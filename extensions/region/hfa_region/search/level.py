@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
 
+from hfa_proof.checker.reading import Fields
 from hfa_region.check.checker import check_region, limits_of
 from hfa_region.check.loop import FREE, HIGHEST, LOWEST, RegionLoop
+from hfa_region.check.polynomial import power_of_length
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.witness import ANY, BALL, LEVEL, OUTSIDE, RegionWitness
 from hfa_region.search.function import PolynomialFunction, edge_points, ellipsoid
 from hfa_region.search.squares import Terms, positive
 from hfa_support.errors import NoSolutionError
-from verification.proof.checker.reading import Fields
 
 #: Least margin of a sum of squares, relative to the largest coefficient: the check adds errors of
 #: the solver, 1e-8 or so, to the Gram matrices.
@@ -104,6 +105,14 @@ class LevelSearch:
             self._targets[key] = Terms.of(lowest)
         return self._targets[key]
 
+    def rest(self, part: Mapping[str, str]) -> Terms:
+        """What the lower bound of -V' takes off for all that is left out, of the highest degree."""
+        degree = 2 * self.setting.half
+        whole = self.ball.decrease(part)
+        norms = whole.polynomial.norms()
+        rest = sum((float(norm) for norm in norms[degree + 1 :]), float(whole.remainder))
+        return Terms.of(power_of_length(self.ball.n, degree)).scaled(rest)
+
     def decrease(self, part: Mapping[str, str], share: float) -> dict[str, Any] | None:
         """Evidence that V' < 0 on a part of {V <= share rho}; None where none is found."""
         low = 1 if all(what == FREE for what in part.values()) else 0
@@ -161,14 +170,54 @@ class LevelSearch:
         held = _inside(self.V_terms, self.V.degree, self.ball.n)
         if held is None:
             return None
+        extents = self._extents()
         return {
             "T": self.T.tolist(),
             "order": self.setting.order,
             "inside": held,
             "parts": parts,
             "empty": empty,
-            "extents": {},
+            "extents": extents,
         }
+
+    def _extents(self) -> dict[str, Any]:
+        """Evidence of the extents of the set of a V of degree 4 or 6, measured along rays, which
+        become those of the statement; where none is found those of the ball stay."""
+        if self.V.degree == 2:
+            return {}
+        points = edge_points(self.V, self.T, self.rho)
+        measured = points @ self.T.T
+        found = {}
+        extents = dict(self.statement.extents)
+        for index, name in enumerate(extents):
+            ends = (measured[:, index].min(), measured[:, index].max())
+            for larger in (1.01, 1.03, 1.1):
+                low, high = (float(end) * larger for end in ends)
+                pair = self._extent(index, low, high)
+                if pair is not None:
+                    found[name] = pair
+                    extents[name] = (low, high)
+                    break
+        self.statement = replace(self.statement, extents=extents)
+        return found
+
+    def _extent(self, index: int, low: float, high: float) -> dict[str, Any] | None:
+        """Evidence that a deviation lies between two values in the set."""
+        half = self.V.degree // 2
+        deviation = Terms.of(self.ball.deviation(index))
+        one = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
+        level = one + self.V_terms.scaled(-1.0)
+        constraints = [(LEVEL, level, (0, 0)), (BALL, _within(self.ball.n), (0, half - 1))]
+        pair = {}
+        for side, room in (
+            (LOWEST, deviation + one.scaled(-low)),
+            (HIGHEST, one.scaled(high) + deviation.scaled(-1.0)),
+        ):
+            found = positive(room, constraints, (0, half), self.ball.n)
+            if found is None or found[0] < MARGIN:
+                return None
+            pair[side] = found[1]
+        return pair
 
 
 def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
@@ -302,10 +351,10 @@ def proved_level(
     for _ in range(6):
         if share == 0.0:
             return None
-        held = holding_ball(V, share * rho, held)
-        if held is None:
+        last = holding_ball(V, share * rho, T)
+        if last is None:
             return None
-        tried = LevelSearch(loop, V, share * rho, held, setting)
+        tried = LevelSearch(loop, V, share * rho, last, setting)
         proved = accepted(tried)
         if proved is not None:
             return proved

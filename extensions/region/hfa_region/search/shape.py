@@ -22,29 +22,31 @@ from hfa_region.search.squares import Identity, Squares, Terms
 
 #: Margin of every Gram matrix of a step, relative to the largest coefficient of its target.
 _MARGIN = 1e-6
-#: How far beyond the ball the set of the next V may reach.
-_REACH = 1.35
 #: V is at least this much of |y|².
 _LEAST = 1e-3
 #: Longest time of a step, s.
 _SECONDS = 120.0
 
 
-def better(search: LevelSearch, share: float, room: np.ndarray) -> PolynomialFunction | None:
+def better(
+    search: LevelSearch, share: float, room: np.ndarray, reach: float
+) -> PolynomialFunction | None:
     """A V, its level 1, whose set is larger than {V <= share rho}; None where none is found.
 
     search: of the V at hand, whose level has been found
     share: the level, of `rho`
     room: (n, 2), lowest and highest deviation of each state that its limits allow
+    reach: how far beyond the ball the set of the next V may reach, above 1
     """
-    return _Step(search, share).solved(room)
+    return _Step(search, share, reach).solved(room)
 
 
 class _Step:
     """One problem for V = Σ θ_α y^α in the coordinates of a search."""
 
-    def __init__(self, search: LevelSearch, share: float) -> None:
+    def __init__(self, search: LevelSearch, share: float, reach: float) -> None:
         self.search = search
+        self.reach = reach
         self.share = share
         n = search.ball.n
         self.n = n
@@ -60,7 +62,7 @@ class _Step:
             if not self._decrease(part):
                 return None
         self._positive()
-        self._bounded(Terms.packed(_ball(self.n, _REACH)), 1)
+        self._bounded(Terms.packed(_ball(self.n, self.reach)), 1)
         for index, (low, high) in enumerate(room.tolist()):
             if np.isfinite(low) or np.isfinite(high):
                 self._bounded(self._beyond(index, low, high), 1)
@@ -96,13 +98,13 @@ class _Step:
         multiplier = evidence["multipliers"][LEVEL]
         sigma = _square(self.n, low, multiplier["degrees"][1], np.array(multiplier["gram"]))
         sigma = sigma.scaled(scale)
-        identity.constants.append(sigma.scaled(-1.0))
+        identity.constants += [sigma.scaled(-1.0), search.rest(part).scaled(-scale)]
         for key, value in zip(sigma.keys.tolist(), sigma.values.tolist(), strict=True):
             problem.add(identity, self.keys + key, self.theta, np.full(len(self.keys), value))
         problem.subtract(identity, problem.gram(low, half))
         if search.setting.degree > 2:
-            within = Terms.packed(_ball(self.n, _REACH)).scaled(-1.0)
-            problem.subtract(identity, problem.gram(low, half - 1), within)
+            in_ball = Terms.packed(_ball(self.n, self.reach)).scaled(-1.0)
+            problem.subtract(identity, problem.gram(low, half - 1), in_ball)
         for polynomial in limits_of(search.ball, part).values():
             problem.subtract(identity, problem.gram(low, half - 1), Terms.of(polynomial))
         return True
@@ -185,7 +187,9 @@ def _padded(exponents: list[int], n: int) -> list[int]:
 
 
 def _packed(exponents: np.ndarray) -> np.ndarray:
-    return np.asarray(exponents.astype(np.int64) @ (16 ** np.arange(exponents.shape[1], dtype=np.int64)))
+    return np.asarray(
+        exponents.astype(np.int64) @ (16 ** np.arange(exponents.shape[1], dtype=np.int64))
+    )
 
 
 def _degrees(keys: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -62,7 +62,7 @@ class Terms:
         return float(np.max(np.abs(self.values), initial=0.0))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _packed(key: int) -> int:
     return sum(power * _BASE**i for i, power in enumerate(exponents_of(key)))
 

@@ -1,0 +1,95 @@
+"""The file of a proved region: what it claims is read, and proved again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hfa_aircraft.model import Model
+from hfa_proof.checker.checker import SCHEMA, read_sealed, sealed
+from hfa_proof.checker.reading import Fields, Rejected
+from hfa_region.check.checker import check_region
+from hfa_region.check.statement import RegionStatement
+from hfa_region.check.witness import RegionWitness
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.files import write_text
+from hfa_support.jsonable import jsonable
+from hfa_support.progress import Progress
+from hfa_support.version import VERSION
+
+#: What kind of certificate it is, beside those of `hfa prove`.
+KIND = "region"
+
+
+@dataclass(frozen=True, eq=False)
+class VerifiedRegion:
+    """A region that is proved.
+
+    statement: what is proved, every field of which the checker has interpreted
+    parts: on how many parts of the set V' < 0 is proved
+    written: version, command and date in the file, which nothing verifies
+    """
+
+    statement: RegionStatement
+    parts: int
+    written: dict[str, str]
+
+
+def check_certificate(
+    path: Path, progress: Progress | None = None, model: Model | None = None
+) -> VerifiedRegion:
+    """What the file proves.
+
+    path: the certificate
+    progress: told of each part
+    model: that of a certificate about a user's own aircraft
+
+    BadInputError when the file is none or was edited, or is about another model; Rejected when its
+    entries are not understood or do not prove what it states.
+    """
+    content, written = read_sealed(path)
+    try:
+        statement, witness = read_content(content, model)
+        parts = check_region(statement, witness, progress)
+    except BadInputError as error:
+        raise BadInputError(f"{path}: {error}") from error
+    except (
+        NoSolutionError,
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        ArithmeticError,
+    ) as error:
+        raise Rejected(f"{path}: not proved: {error or type(error).__name__}") from error
+    return VerifiedRegion(statement, parts, written)
+
+
+def read_content(
+    content: dict[str, Any], model: Model | None
+) -> tuple[RegionStatement, RegionWitness]:
+    """Statement and witness of a certificate's content; Malformed names what it cannot hold."""
+    entries = Fields("", content)
+    for name in ("schema", "toolchain", "digest", "provenance", "checksum"):
+        entries.value(name, lambda value: True)
+    entries.same("kind", KIND)
+    statement = RegionStatement.read(entries.value("statement", lambda value: True), model)
+    witness = RegionWitness.read(entries.fields("witness"), statement)
+    entries.close()
+    return statement, witness
+
+
+def write_certificate(
+    path: Path, statement: RegionStatement, witness: dict[str, Any], origin: dict[str, Any]
+) -> None:
+    """Write a certificate; of which run it is is not in its digest."""
+    content = {
+        "schema": SCHEMA,
+        "kind": KIND,
+        "toolchain": VERSION,
+        "statement": statement.content(),
+        "witness": witness,
+    }
+    write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))

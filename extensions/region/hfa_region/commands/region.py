@@ -1,0 +1,180 @@
+"""The command `hfa prove region`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa.options.argument_types import input_file, one_of, positive
+from hfa.options.command import command
+from hfa.options.games import PlantOptions
+from hfa.options.request import option
+from hfa.options.trims import OutputOptions, picture_option
+from hfa.output import ProgressLine, print_report, show
+from hfa_support.errors import BadInputError, NoSolutionError, said_of
+from hfa_support.files import MATRIX_FILES, forget_read
+from trim.linear.linear_model import LinearModel, linearize
+
+if TYPE_CHECKING:
+    from hfa_proof.commands.check import CheckRequest
+    from hfa_region.check.statement import SaturatedLoop
+    from hfa_region.search.function import PolynomialFunction
+
+#: What a check takes beside the certificate.
+_OF_A_CHECK = ("check", "aircraft", "output", "json", "quiet")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RegionRequest(PlantOptions, OutputOptions):
+    """A loop whose region is to be proved, or a certificate to be checked."""
+
+    weights: Path | None = option(
+        f"the policy: K, or P or W it follows from ({' '.join(MATRIX_FILES)}); default: the exact "
+        "game's",
+        "FILE",
+        input_file(*MATRIX_FILES),
+    )
+    check: Path | None = option(
+        "verify a certificate instead of proving", "FILE", input_file(".json")
+    )
+    degree: int = option(
+        "highest degree of V: 2, 4 or 6; default 4", "N", lambda text: _degree(text), default=4
+    )
+    seconds: float = option(
+        "no new turn of the search begins after this; default 60", "S", positive, default=60.0
+    )
+    resume: bool = option("go on from the V of the certificate that -o names", rare=True)
+    picture: Path | None = picture_option(
+        "cuts through the proved set in each pair of states, with the starts that were lost"
+    )
+
+
+def _degree(text: str) -> int:
+    return int(one_of("2", "4", "6")(text))
+
+
+@command(RegionRequest)
+def region(request: RegionRequest) -> int:
+    """From which states the nonlinear loop with saturated inputs returns to its trim: a set that is
+    proved, not sampled.
+
+    Every trajectory that begins in {V(z) <= rho}, z the deviation from the trim, stays there and
+    within all limits of the model, and converges to the trim; u = sat(u0 - K z), K of the exact
+    game or of --weights. Printed beside it: where V' >= 0 was found, a start that was lost, the
+    limits that bind. -o FILE.json writes a certificate; --check FILE verifies one. Exit 0: proved.
+    Not covered: tables and kinks, networks, sampling, actuators, delays, and a linearization that
+    is not Hurwitz. Needs `pip install .[proof]`."""
+    from hfa_proof.arithmetic import flint_or_refusal
+
+    flint_or_refusal()
+    request.refuse(("plant",), "is linear: its region has no edge; name an --aircraft")
+    if request.check is not None:
+        return check(request, request.check)
+    if request.output is not None and request.output.suffix.lower() != ".json":
+        raise BadInputError(f"{request.output}: a certificate is a .json file; name one")
+    if request.resume and request.output is None:
+        raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
+    return _prove(request)
+
+
+def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
+    """Verify the certificate of a region, for `hfa prove --check` too; the exit code."""
+    from hfa_region.check.certificate import check_certificate
+    from hfa_region.report import checked_report
+
+    others = sorted(request.typed - set(_OF_A_CHECK))
+    request.refuse(others, "does not go with --check: the certificate says all of it")
+    own = request.model if request.own else None
+    verified = check_certificate(certificate, ProgressLine("check"), own)
+    show(checked_report(verified), request)
+    return 0
+
+
+def _prove(request: RegionRequest) -> int:
+    from hfa_region.check.certificate import write_certificate
+    from hfa_region.report import region_report
+    from hfa_region.search.level import ProvedLevel
+    from hfa_region.search.plant import saturated_loop
+    from hfa_region.search.region import RegionSearch
+
+    linear, K, P = _loop(request)
+    loop = saturated_loop(linear, K)
+    known = _known(request, loop)
+    origin = request.provenance.to_dict()
+
+    def save(proved: ProvedLevel) -> None:
+        if request.output is not None:
+            write_certificate(request.output, proved.statement, proved.witness, origin)
+
+    search = RegionSearch(
+        loop,
+        P,
+        seconds=request.seconds,
+        degree=request.degree,
+        progress=ProgressLine("region"),
+        save=save,
+    )
+    found = search.found(known)
+    if request.picture is not None:
+        from hfa_region.picture import region_figure
+        from hfa_support.reporting.figure import save as save_figure
+
+        save_figure(region_figure(found), request.picture, request.provenance.text())
+    print_report(region_report(found), request)
+    return 0
+
+
+def _loop(request: RegionRequest) -> tuple[LinearModel, np.ndarray, np.ndarray | None]:
+    """The linear model at the trim, K, and P of the game where it has been solved."""
+    if not request.model.inputs:
+        aircraft = request.flown_aircraft()
+        linear = linearize(aircraft, request.operating_point(aircraft))
+        return linear, np.zeros((0, len(linear.states))), None
+    named = request.game()
+    assert named.linear is not None
+    if request.weights is not None:
+        from controller.critic.critic_file import critic_in
+
+        with said_of(request.weights):
+            critic = critic_in(request.weights, named.game)
+            if not critic.linear:
+                raise BadInputError("its policy is not linear; give K, P or quadratic weights W")
+        return named.linear, critic.K, critic.P
+    from controller.riccati.gare import solve_game
+
+    try:
+        solution = solve_game(named.game)
+    except NoSolutionError as error:
+        raise NoSolutionError(
+            f"the game of the linear model has no solution ({error}), so that there is no loop;"
+            " an equilibrium whose linearization is not Hurwitz is not covered"
+        ) from error
+    return named.linear, solution.K, solution.P
+
+
+def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:
+    """V of the certificate that an earlier run left, its proved level 1; verified, so that nothing
+    in the file is believed. BadInputError where it is of another loop."""
+    if not request.resume:
+        return None
+    from hfa_region.check.certificate import check_certificate
+    from hfa_region.search.function import PolynomialFunction
+
+    path = request.output
+    assert path is not None
+    own = request.model if request.own else None
+    statement = check_certificate(path, model=own).statement
+    forget_read(path)
+    if _subject(statement.loop) != _subject(loop):
+        raise BadInputError(f"{path}: is of another loop; write to another file")
+    return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
+
+
+def _subject(loop: SaturatedLoop) -> str:
+    """What decides whether two loops are one."""
+    parts: list[Any] = [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), loop.K.tolist()]
+    return json.dumps(parts)

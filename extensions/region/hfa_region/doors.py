@@ -1,0 +1,10 @@
+"""What this extension offers to the command `hfa`."""
+
+from hfa.doors import CommandEntry
+
+REGION = CommandEntry(
+    "proof",
+    "from which states a nonlinear loop with saturated inputs returns to its trim",
+    "hfa_region.commands.region:region",
+    install=".[proof]",
+)

@@ -1,0 +1,68 @@
+"""Cuts through a proved set."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hfa_region.search.function import PolynomialFunction
+from hfa_region.search.region import Region
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Pairs of states that are drawn at most, and rays of each.
+_MOST_PAIRS = 6
+_RAYS = 361
+
+
+def region_figure(region: Region) -> Figure:
+    """The set where all deviations but two are 0, for the first pairs of states: what is proved,
+    where V' >= 0 was found first, and the level of the nearest start that was lost."""
+    from matplotlib.figure import Figure
+
+    states = region.plant.loop.states
+    pairs = [(i, j) for i in range(len(states)) for j in range(i + 1, len(states))][:_MOST_PAIRS]
+    columns = min(3, len(pairs))
+    rows = -(-len(pairs) // columns)
+    figure = Figure(figsize=(4.2 * columns, 3.8 * rows), layout="constrained")
+    for index, (i, j) in enumerate(pairs):
+        axes = figure.add_subplot(rows, columns, index + 1)
+        _draw(axes, region, i, j)
+        axes.set_xlabel(f"{states[i]}, {region.plant.loop.model.unit(states[i])}")
+        axes.set_ylabel(f"{states[j]}, {region.plant.loop.model.unit(states[j])}")
+        if index == 0:
+            axes.legend(loc="upper right", fontsize="small")
+    return figure
+
+
+def _draw(axes: object, region: Region, i: int, j: int) -> None:
+    """The levels of one cut."""
+    levels = [("proved", region.rho, "C0", "-")]
+    for name, (level, place), color in (
+        ("V' >= 0 found", region.bounds.rises, "C1"),
+        ("start lost", region.bounds.lost, "C3"),
+    ):
+        if place is not None:
+            levels.append((name, level, color, "--"))
+    for name, level, color, style in levels:
+        x, y = _cut(region.V, level, region.T, i, j)
+        axes.plot(x, y, style, color=color, label=name)  # type: ignore[attr-defined]
+        if name == "proved":
+            axes.fill(x, y, color=color, alpha=0.2)  # type: ignore[attr-defined]
+    axes.plot(0.0, 0.0, "k+")  # type: ignore[attr-defined]
+
+
+def _cut(
+    V: PolynomialFunction, level: float, T: np.ndarray, i: int, j: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The edge of {V <= level} where all deviations but i and j are 0."""
+    angles = np.linspace(0.0, 2.0 * np.pi, _RAYS)
+    rays = np.zeros((_RAYS, len(T)))
+    extents = 2.0 * np.linalg.norm(T, axis=1)
+    rays[:, i] = np.cos(angles) * extents[i]
+    rays[:, j] = np.sin(angles) * extents[j]
+    shares = V.edge(rays, level)
+    shares[~np.isfinite(shares)] = np.nan
+    return shares * rays[:, i], shares * rays[:, j]

@@ -1,0 +1,177 @@
+"""A region in words, tables and data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_region.check.certificate import VerifiedRegion
+from hfa_region.check.statement import RegionStatement
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
+
+if TYPE_CHECKING:
+    from hfa_region.search.region import Region
+
+_NOT_COVERED = (
+    "Not covered: sampling, actuators, delays, gusts, errors of the model; the loop is that of the "
+    "model as it is, its inputs saturated at their limits."
+)
+
+
+def region_report(region: Region) -> Report:
+    """What is proved, and what bounds it.
+
+    region: proved"""
+    statement = region.proved.statement
+    bounds = region.bounds
+    rows = [("proved", f"{statement.rho:.6g}", "1", "")]
+    for name, (level, place) in (
+        ("V' >= 0 found", bounds.rises),
+        ("start lost", bounds.lost),
+    ):
+        if place is None:
+            rows.append((name, "none found", "", ""))
+            continue
+        share = np.sqrt(level / statement.rho)
+        rows.append((name, f"{level:.6g}", f"{share:.3g}", _described(statement, place)))
+    table = Table(("level", "V", "linearly", "at"), rows)
+    binding = ", ".join(bounds.limits) or "none"
+    parts = (
+        _sentence(statement),
+        _extents(statement),
+        table,
+        f"Limits that bind: {binding}. V is {region.origin}, of degree {_degree(statement)}; "
+        f"V' < 0 is proved on {region.proved.parts} parts of the set, by what each input does.",
+        _NOT_COVERED,
+    )
+    data = _data(statement) | {
+        "origin": region.origin,
+        "parts": region.proved.parts,
+        "decrease_fails_at": _place(statement, bounds.rises),
+        "lost_at": _place(statement, bounds.lost),
+        "limits_that_bind": list(bounds.limits),
+    }
+    return Report(_title(statement), parts, data=data)
+
+
+def checked_report(verified: VerifiedRegion) -> Report:
+    """What a certificate proves, as the checker has read it."""
+    statement = verified.statement
+    loop = statement.loop
+    gains = Table(
+        ("K", *loop.states),
+        [
+            (name, *(f"{entry:.6g}" for entry in row))
+            for name, row in zip(loop.inputs, loop.K.tolist(), strict=True)
+        ],
+    )
+    trim = Table(
+        ("trim", "value", "lowest", "highest"),
+        [
+            (name, loop.model.describe(name, value), *_limits(statement, name))
+            for name, value in {**loop.trim, **loop.inputs, **loop.held}.items()
+        ],
+    )
+    parts = (
+        _sentence(statement),
+        _extents(statement),
+        trim,
+        gains,
+        f"V' < 0 is proved on {verified.parts} parts of the set. V of degree {_degree(statement)},"
+        f" {len(statement.terms)} terms: with --json.",
+        _NOT_COVERED,
+    )
+    data = _data(statement) | {"parts": verified.parts, "written": verified.written}
+    return Report(f"{_title(statement)}, checked", parts, data=data)
+
+
+def _title(statement: RegionStatement) -> str:
+    return f"Region of attraction of {statement.loop.model.title}: proved"
+
+
+def _sentence(statement: RegionStatement) -> str:
+    saturated = ", ".join(statement.loop.inputs) or "no input"
+    held = statement.loop.held
+    kept = f" {', '.join(held)} held at the trim's." if held else ""
+    return (
+        f"Every trajectory that begins in V(z) <= {statement.rho:.6g} stays there and within all "
+        f"limits, and converges to the trim; inputs saturated: {saturated}.{kept}"
+    )
+
+
+def _extents(statement: RegionStatement) -> Table:
+    model = statement.loop.model
+    rows = []
+    for name, (low, high) in statement.extents.items():
+        at = statement.loop.trim[name]
+        rows.append(
+            (
+                name,
+                model.describe(name, low),
+                model.describe(name, high),
+                model.describe(name, at),
+                *_limits(statement, name),
+            )
+        )
+    header = ("the set reaches", "from", "to", "about", "lowest", "highest")
+    return Table(header, rows)
+
+
+def _limits(statement: RegionStatement, name: str) -> list[str]:
+    """Lowest and highest value of a signal, in words."""
+    ends = statement.loop.limits.get(name, (-np.inf, np.inf))
+    model = statement.loop.model
+    return [model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
+
+
+def _degree(statement: RegionStatement) -> int:
+    return max(sum(exponents) for _, exponents in statement.terms)
+
+
+def _described(statement: RegionStatement, place: Sequence[float] | np.ndarray) -> str:
+    model = statement.loop.model
+    pairs = zip(statement.loop.states, np.asarray(place).tolist(), strict=True)
+    return ", ".join(f"{name} {model.describe(name, value)}" for name, value in pairs)
+
+
+def _place(
+    statement: RegionStatement, found: tuple[float, np.ndarray | None]
+) -> Mapping[str, Any] | None:
+    """A level and the deviations there; None where nothing was found."""
+    level, place = found
+    if place is None:
+        return None
+    return {"V": level, "z": dict(zip(statement.loop.states, place.tolist(), strict=True))}
+
+
+def _data(statement: RegionStatement) -> dict[str, Any]:
+    """The statement as JSON has it."""
+    loop = statement.loop
+    data: dict[str, Any] = {
+        "proved": True,
+        "rho": statement.rho,
+        "states": list(loop.states),
+        "state_units": list(loop.model.units(loop.states)),
+        "trim": {**loop.trim, **loop.inputs, **loop.held},
+        "K": loop.K,
+        "limits": {name: list(pair) for name, pair in loop.limits.items()},
+        "extents": {name: max(-low, high) for name, (low, high) in statement.extents.items()},
+        "terms": [[coefficient, list(exponents)] for coefficient, exponents in statement.terms],
+    }
+    if _degree(statement) == 2:
+        data["P"] = _matrix(statement)
+    return data
+
+
+def _matrix(statement: RegionStatement) -> np.ndarray:
+    """P of V = z'P z."""
+    n = len(statement.loop.states)
+    P = np.zeros((n, n))
+    for coefficient, exponents in statement.terms:
+        i, j = np.repeat(np.arange(n), exponents)
+        P[i, j] += coefficient / 2
+        P[j, i] += coefficient / 2
+    return P

@@ -1,0 +1,364 @@
+"""The largest region that is found: the best V, its largest level, and what bounds both."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from hfa_region.check.loop import Equilibrium
+from hfa_region.check.statement import SaturatedLoop
+from hfa_region.search.function import PolynomialFunction, edge_points
+from hfa_region.search.level import LevelSearch, ProvedLevel, Setting, holding_ball, proved_level
+from hfa_region.search.plant import Plant, first_rise, lost
+from hfa_region.search.shape import better
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+
+#: How far beyond its ball the set of the next V may reach, one after the other.
+_REACHES = (1.35, 1.1)
+#: A turn that makes the set larger by less than this, linearly, is the last of its reach.
+_GAIN = 1.004
+#: The level of a new V that is tried, that of its step being 1.
+_GROWTH = 1.1
+#: Lyapunov matrices of the loop that are tried.
+_CANDIDATES = 10
+#: Rays on which starts are followed, how many on each, and how many times as far as the set.
+_RAYS = 80
+_SHELLS = 10
+_FARTHEST = 20.0
+#: A state that reaches this share of the room to its limit touches it.
+_TOUCHES = 0.97
+#: Where no state has a limit: nominal deviations that are searched.
+_WIDEST = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """What bounds a proved set.
+
+    rises: the lowest V where V' >= 0 was found, and where; inf and no place for none
+    lost: the lowest V of a start that was lost, and which; likewise
+    limits: signals whose limits the set touches, nearly
+    """
+
+    rises: tuple[float, np.ndarray | None]
+    lost: tuple[float, np.ndarray | None]
+    limits: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A proved region, and what is known about it.
+
+    proved: statement and witness
+    V: its function
+    origin: what V is
+    bounds: what bounds it
+    plant: the loop in numbers
+    T: coordinates about the set
+    """
+
+    proved: ProvedLevel
+    V: PolynomialFunction
+    origin: str
+    bounds: Bounds
+    plant: Plant
+    T: np.ndarray
+
+    @property
+    def rho(self) -> float:
+        """The proved level."""
+        return self.proved.statement.rho
+
+
+class RegionSearch:
+    """What is found in a given time.
+
+    loop: the saturated loop
+    P: of the game, tried first
+    seconds: time after which no new turn begins
+    degree: highest degree of V
+    progress: told what is done
+    save: called with every region that is proved and larger than the last
+    """
+
+    def __init__(
+        self,
+        loop: SaturatedLoop,
+        P: np.ndarray | None,
+        *,
+        seconds: float,
+        degree: int,
+        progress: Progress | None = None,
+        save: Callable[[ProvedLevel], None] | None = None,
+    ) -> None:
+        self.loop = loop
+        self.plant = Plant(loop)
+        self._P = P
+        self._begin = time.monotonic()
+        self._seconds = seconds
+        self._degree = degree
+        self._progress = progress
+        self._save = save
+        self.best: ProvedLevel | None = None
+        self.origin = ""
+        self._size = 0.0
+        self._room = np.array([self._ends(name) for name in loop.states])
+
+    def found(self, known: PolynomialFunction | None = None) -> Region:
+        """The largest region; NoSolutionError where none is proved.
+
+        known: V of an earlier run, from which the search goes on
+        """
+        eigenvalues = np.linalg.eigvals(self.plant.closed_matrix)
+        if not np.all(eigenvalues.real < 0.0):
+            raise NoSolutionError(
+                "the loop's linearization is not Hurwitz (an eigenvalue with real part "
+                f"{eigenvalues.real.max():.3g}); such equilibria are not covered"
+            )
+        Equilibrium(self.loop)  # refuses equations that a proof does not take
+        quadratic, origin = self._best_quadratic()
+        V = known or quadratic
+        self._prove(V, 1.0, "V of the certificate" if known else origin, settings_of(self._n)[0])
+        for setting in settings_of(self._n):
+            if setting.degree <= self._degree and self._left() > 0.0:
+                V = self._climb(V, setting)
+        if self.best is None:
+            raise NoSolutionError(
+                "no region is proved: of every V tried no level was large enough for the search"
+            )
+        return self._region()
+
+    @property
+    def _n(self) -> int:
+        return len(self.loop.states)
+
+    def _left(self) -> float:
+        return self._seconds - (time.monotonic() - self._begin)
+
+    def _tell(self, what: str) -> None:
+        if self._progress is not None:
+            done = min(self._seconds, time.monotonic() - self._begin)
+            self._progress(done, self._seconds, what)
+
+    def _ends(self, name: str) -> list[float]:
+        """Lowest and highest deviation of a state within its limits."""
+        low, high = self.loop.limits.get(name, (-np.inf, np.inf))
+        at = self.loop.trim[name]
+        return [low - at, high - at]
+
+    def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
+        """Positive definite matrices that may be a Lyapunov function of the loop."""
+        if self._P is not None and np.all(np.linalg.eigvalsh((self._P + self._P.T) / 2) > 0.0):
+            yield "P of the game", (self._P + self._P.T) / 2
+        A = self.plant.closed_matrix
+        units = 1.0 / self.plant.nominal
+        generator = np.random.default_rng(0)
+        for count in range(_CANDIDATES):
+            weights = units * 10.0 ** (generator.uniform(-1.0, 1.0, self._n) * (count > 0))
+            P = scipy.linalg.solve_continuous_lyapunov(A.T, -np.diag(weights**2))
+            if np.all(np.linalg.eigvalsh(P) > 0.0):
+                yield "a Lyapunov matrix of the loop", P
+
+    def _best_quadratic(self) -> tuple[PolynomialFunction, str]:
+        """The candidate of the largest sampled set, its level 1, and what it is."""
+        best: tuple[float, PolynomialFunction, str] | None = None
+        for origin, P in self._candidates():
+            level, T = self._limit_of(P)
+            V = PolynomialFunction.quadratic(P)
+            rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
+            level = min(level, rises)
+            size = level ** (self._n / 2) / np.sqrt(np.linalg.det(P))
+            if best is None or size > best[0]:
+                best = (size, V.scaled(1.0 / level), origin)
+        assert best is not None
+        return best[1], best[2]
+
+    def _limit_of(self, P: np.ndarray) -> tuple[float, np.ndarray]:
+        """The largest level of z'P z within the limits of the states, and T of its ball."""
+        widths = np.diag(np.linalg.inv(P))
+        room = np.min(np.abs(self._room), axis=1)
+        room = np.minimum(room, _WIDEST * self.plant.nominal)
+        level = float(np.min(room**2 / widths)) * (1.0 - 1e-9)
+        return level, np.sqrt(level) * np.linalg.inv(np.linalg.cholesky(P)).T
+
+    def _prove(self, V: PolynomialFunction, rho: float, origin: str, setting: Setting) -> float:
+        """Prove the largest level up to rho and keep it where its set is the largest; its size, 0
+        where nothing is proved."""
+        self._tell(f"proving {origin}")
+        T = self._T_of(V)
+        proved = proved_level(self.loop, V, rho, setting, T)
+        if proved is None:
+            return 0.0
+        size = measured(V, proved.statement.rho, T)
+        if size > self._size:
+            self.best = proved
+            self.origin = origin
+            self._size = size
+            if self._save is not None:
+                self._save(proved)
+        return size
+
+    def _climb(self, V: PolynomialFunction, setting: Setting) -> PolynomialFunction:
+        """V after turns of multipliers and V, its level 1, proved."""
+        turn = self._turn(V, setting)
+        if turn is None:
+            return V
+        for reach in _REACHES:
+            while self._left() > 0.0:
+                found = better(turn.search, turn.share, self._room, reach)
+                after = None if found is None else self._turn(found, setting)
+                grown = 0.0 if after is None else after.size / turn.size
+                if after is not None and grown > 1.0:
+                    turn = after
+                if grown < _GAIN:
+                    break
+        best = turn.V.scaled(1.0 / (turn.share * turn.search.rho))
+        self._prove(best, self._within_limits(best), f"V of degree {best.degree}", setting)
+        return best
+
+    def _turn(self, V: PolynomialFunction, setting: Setting) -> _Turn | None:
+        """The largest level of V near 1, in floating point; None where none is found."""
+        rho = self._within_limits(V)
+        held = holding_ball(V, rho, self._T_of(V))
+        if held is None:
+            return None
+        try:
+            search = LevelSearch(self.loop, V, rho, held, setting)
+            share = search.largest(least=0.05)
+        except NoSolutionError:  # the equations on so large a ball
+            return None
+        if share == 0.0:
+            return None
+        size = measured(V, share * rho, held)
+        self._tell(f"V of degree {setting.degree}, size {size:.4g}")
+        return _Turn(V, search, share, size)
+
+    def _within_limits(self, V: PolynomialFunction) -> float:
+        """A level a little above 1 where the set is within all limits of the states, else 1."""
+        T = self._T_of(V)
+        points = edge_points(V, T, _GROWTH) @ T.T
+        if not len(points):
+            return 1.0
+        low, high = self._room.T
+        within = np.all(points.min(axis=0) >= low) and np.all(points.max(axis=0) <= high)
+        return _GROWTH if within else 1.0
+
+    def _T_of(self, V: PolynomialFunction) -> np.ndarray:
+        """Coordinates in which {V <= 1} has about the size of the unit ball."""
+        return np.asarray(1.5 * np.linalg.inv(np.linalg.cholesky(V.matrix())).T)
+
+    def _region(self) -> Region:
+        """What is proved, and what bounds it."""
+        proved = self.best
+        assert proved is not None
+        statement = proved.statement
+        V = PolynomialFunction.of_terms(statement.terms)
+        T = np.array(proved.witness["T"])
+        self._tell("what bounds it")
+        rises = first_rise(self.plant, V, V.slope, 2.0 * T)
+        return Region(
+            proved,
+            V,
+            self.origin,
+            Bounds(rises, self._lost(V, statement.rho, T), self._binding()),
+            self.plant,
+            T,
+        )
+
+    def _lost(
+        self, V: PolynomialFunction, rho: float, T: np.ndarray
+    ) -> tuple[float, np.ndarray | None]:
+        """The lowest V of a start that is lost, among starts on rays from the trim."""
+        generator = np.random.default_rng(1)
+        directions = generator.normal(size=(_RAYS, self._n))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        rays = directions @ T.T
+        rates = np.linalg.eigvals(self.plant.closed_matrix).real
+        seconds = 6.0 / float(np.min(np.abs(rates)))
+
+        def holds(z: np.ndarray) -> np.ndarray:
+            inside = np.linalg.norm(np.linalg.solve(T, z.T), axis=0) <= 1.0
+            return np.asarray(inside & (V(z) <= rho))
+
+        low = np.minimum(V.edge(rays, rho), 1.0)
+        high = low * _FARTHEST
+        for _ in range(2):
+            shells = low + (high - low) * np.linspace(0.0, 1.0, _SHELLS + 1)[1:, None] ** 2
+            starts = (shells[:, :, None] * rays).reshape(-1, self._n)
+            gone = lost(self.plant, starts, holds, seconds).reshape(shells.shape)
+            rays, low, high = _first_lost(rays, low, shells, gone)
+            if not len(rays):
+                return np.inf, None
+        starts = high[:, None] * rays
+        values = V(starts)
+        return float(values.min()), starts[values.argmin()]
+
+    def _binding(self) -> tuple[str, ...]:
+        """Names of states that come near a limit in the proved set."""
+        assert self.best is not None
+        extents = self.best.statement.extents.values()
+        names = []
+        for name, pair, room in zip(self.loop.states, extents, self._room, strict=True):
+            if pair[0] <= _TOUCHES * room[0] or pair[1] >= _TOUCHES * room[1]:
+                names.append(name)
+        return tuple(names)
+
+
+@dataclass(frozen=True, eq=False)
+class _Turn:
+    """A level of V in floating point.
+
+    V: the function
+    search: in the ball that holds it
+    share: of the level of the search
+    size: of its set
+    """
+
+    V: PolynomialFunction
+    search: LevelSearch
+    share: float
+    size: float
+
+
+def _first_lost(
+    rays: np.ndarray, low: np.ndarray, shells: np.ndarray, gone: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The rays on which a start is lost, and the shares of each between which it begins.
+
+    rays: (N, n)
+    low: (N,), shares that return
+    shells: (k, N), increasing shares
+    gone: (k, N), which are lost
+    """
+    hit = gone.any(axis=0)
+    first = gone.argmax(axis=0)[hit]
+    columns = np.flatnonzero(hit)
+    before = np.vstack([low, shells])[first, columns]
+    return rays[hit], before, shells[first, columns]
+
+
+def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
+    """The n-th root of the volume of {V <= rho} over that of the unit ball.
+
+    T: z = T y, coordinates in which its edge is sampled
+    """
+    n = len(T)
+    points = edge_points(V, T, rho)
+    if not len(points):
+        return 0.0
+    volume = float(np.mean(np.linalg.norm(points, axis=1) ** n))
+    return float((volume * abs(np.linalg.det(T))) ** (1.0 / n))
+
+
+def settings_of(n: int) -> list[Setting]:
+    """How V of each degree is tried, by the number of states: what a minute or so allows."""
+    if n <= 2:
+        return [Setting(7, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
+    if n <= 4:
+        return [Setting(5, 3, 2), Setting(7, 4, 2), Setting(7, 4, 4)]
+    return [Setting(3, 2, 2), Setting(5, 3, 2)]

@@ -1,0 +1,219 @@
+"""Certificates of regions that claim too much, or prove too little."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+Content = dict[str, Any]
+Forgery = Callable[[Content, np.random.Generator], None]
+
+
+def forgeries(content: Content, count: int, seed: int = 0) -> Iterator[tuple[str, Content]]:
+    """Name and content of so many forgeries of a certificate, each kind in turn."""
+    generator = np.random.default_rng(seed)
+    kinds = list(KINDS.items())
+    for number in range(count):
+        name, forge = kinds[number % len(kinds)]
+        forged = copy.deepcopy(content)
+        forge(forged, generator)
+        if forged != content:
+            yield name, forged
+
+
+def _level_beyond(content: Content, generator: np.random.Generator) -> None:
+    content["statement"]["rho"] *= generator.uniform(1.03, 5.0)
+
+
+def _scaled(content: Content, generator: np.random.Generator) -> None:
+    factor = generator.uniform(0.2, 0.97)
+    for term in content["statement"]["terms"]:
+        term[0] *= factor
+
+
+def _shifted(content: Content, generator: np.random.Generator) -> None:
+    terms = content["statement"]["terms"]
+    term = terms[generator.integers(len(terms))]
+    term[0] -= generator.uniform(0.1, 1.0) * max(abs(other[0]) for other in terms)
+
+
+def _exchanged(content: Content, generator: np.random.Generator) -> None:
+    terms = content["statement"]["terms"]
+    order = generator.permutation(len(terms))
+    coefficients = [terms[index][0] for index in order]
+    for term, coefficient in zip(terms, coefficients, strict=True):
+        term[0] = coefficient
+
+
+def _linear_term(content: Content, generator: np.random.Generator) -> None:
+    n = len(content["statement"]["states"])
+    content["statement"]["terms"].append([float(generator.normal()), [1] + [0] * (n - 1)])
+
+
+def _gain(content: Content, generator: np.random.Generator) -> None:
+    K = content["statement"]["K"]
+    if not K:
+        content["statement"]["rho"] *= 2.0
+        return
+    row = generator.integers(len(K))
+    K[row] = [-entry * generator.uniform(0.3, 2.0) for entry in K[row]]
+
+
+def _widened(content: Content, generator: np.random.Generator) -> None:
+    limits = content["statement"]["limits"]
+    if not limits:
+        content["statement"]["rho"] *= 2.0
+        return
+    name = sorted(limits)[generator.integers(len(limits))]
+    limits[name] = [
+        None if end is None else end * generator.uniform(1.01, 3.0) for end in limits[name]
+    ]
+    if all(end in (None, 0.0) for end in limits[name]):
+        del limits[name]
+
+
+def _limit_left_out(content: Content, generator: np.random.Generator) -> None:
+    limits = content["statement"]["limits"]
+    if limits:
+        del limits[sorted(limits)[generator.integers(len(limits))]]
+    else:
+        content["statement"]["rho"] *= 3.0
+
+
+def _trim_moved(content: Content, generator: np.random.Generator) -> None:
+    trim = content["statement"]["trim"]
+    name = sorted(trim)[generator.integers(len(trim))]
+    trim[name] += generator.choice([-1.0, 1.0]) * 10.0 ** generator.uniform(-4.0, 0.0)
+
+
+def _extent(content: Content, generator: np.random.Generator) -> None:
+    extents = content["statement"]["extents"]
+    name = sorted(extents)[generator.integers(len(extents))]
+    factor = generator.uniform(0.3, 0.95)
+    extents[name] = [end * factor for end in extents[name]]
+
+
+def _grams(content: Content) -> list[Content]:
+    """Every square of the witness."""
+    found: list[Content] = []
+
+    def walk(value: Any) -> None:
+        if isinstance(value, dict):
+            if "gram" in value:
+                found.append(value)
+            for entry in value.values():
+                walk(entry)
+        elif isinstance(value, list):
+            for entry in value:
+                walk(entry)
+
+    walk(content["witness"]["parts"])
+    walk(content["witness"]["inside"])
+    return found
+
+
+def _some_gram(content: Content, generator: np.random.Generator) -> Content:
+    squares = _grams(content)
+    return squares[generator.integers(len(squares))]
+
+
+def _gram_missing(content: Content, generator: np.random.Generator) -> None:
+    _some_gram(content, generator)["gram"] = []
+
+
+def _gram_gone(content: Content, generator: np.random.Generator) -> None:
+    del _some_gram(content, generator)["gram"]
+
+
+def _gram_negated(content: Content, generator: np.random.Generator) -> None:
+    square = _some_gram(content, generator)
+    square["gram"] = (-np.array(square["gram"])).tolist()
+
+
+def _gram_permuted(content: Content, generator: np.random.Generator) -> None:
+    part = content["witness"]["parts"][generator.integers(len(content["witness"]["parts"]))]
+    square = part["evidence"]
+    values = np.array(square["gram"])
+    order = generator.permutation(len(values))
+    if (order == np.arange(len(values))).all():
+        order = order[::-1]
+    square["gram"] = values[np.ix_(order, order)].tolist()
+
+
+def _gram_scaled(content: Content, generator: np.random.Generator) -> None:
+    part = content["witness"]["parts"][generator.integers(len(content["witness"]["parts"]))]
+    for square in part["evidence"]["multipliers"].values():
+        square["gram"] = (np.array(square["gram"]) * generator.uniform(10.0, 100.0)).tolist()
+
+
+def _multipliers_gone(content: Content, generator: np.random.Generator) -> None:
+    for part in content["witness"]["parts"]:
+        part["evidence"]["multipliers"] = {}
+
+
+def _part_left_out(content: Content, generator: np.random.Generator) -> None:
+    parts = content["witness"]["parts"]
+    parts.pop(generator.integers(len(parts)))
+
+
+def _no_parts(content: Content, generator: np.random.Generator) -> None:
+    content["witness"]["parts"] = []
+
+
+def _part_said_empty(content: Content, generator: np.random.Generator) -> None:
+    parts = content["witness"]["parts"]
+    content["witness"]["empty"].append(parts.pop(generator.integers(len(parts))))
+
+
+def _small_ball(content: Content, generator: np.random.Generator) -> None:
+    factor = generator.uniform(0.1, 0.99)
+    content["witness"]["T"] = (np.array(content["witness"]["T"]) * factor).tolist()
+
+
+def _flat_ball(content: Content, generator: np.random.Generator) -> None:
+    content["witness"]["T"][0] = list(content["witness"]["T"][-1])
+
+
+def _low_order(content: Content, generator: np.random.Generator) -> None:
+    content["witness"]["order"] = int(generator.integers(0, 3))
+
+
+def _not_a_number(content: Content, generator: np.random.Generator) -> None:
+    value = [float("nan"), float("inf"), "1", None, True][generator.integers(5)]
+    content["statement"]["rho"] = value
+
+
+def _unknown_entry(content: Content, generator: np.random.Generator) -> None:
+    place = ["statement", "witness"][generator.integers(2)]
+    content[place]["note"] = "true"
+
+
+KINDS: dict[str, Forgery] = {
+    "rho beyond": _level_beyond,
+    "V scaled": _scaled,
+    "V shifted": _shifted,
+    "V exchanged": _exchanged,
+    "V with a slope at 0": _linear_term,
+    "another gain": _gain,
+    "limits widened": _widened,
+    "a limit left out": _limit_left_out,
+    "trim moved": _trim_moved,
+    "extents smaller": _extent,
+    "Gram matrix empty": _gram_missing,
+    "Gram matrix gone": _gram_gone,
+    "Gram matrix negated": _gram_negated,
+    "Gram matrix permuted": _gram_permuted,
+    "multipliers larger": _gram_scaled,
+    "multipliers gone": _multipliers_gone,
+    "part left out": _part_left_out,
+    "no parts": _no_parts,
+    "part said to be empty": _part_said_empty,
+    "ball too small": _small_ball,
+    "ball flat": _flat_ball,
+    "order too low": _low_order,
+    "not a number": _not_a_number,
+    "unknown entry": _unknown_entry,
+}

@@ -1,0 +1,259 @@
+"""Regions of small loops: proved, checked, forged, flown."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from collections import Counter
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from flint import arb
+from forged_regions import KINDS, forgeries
+
+from hfa.main import main
+from hfa_aircraft.loading import load_model
+from hfa_aircraft.model import Model
+from hfa_proof.arithmetic.ball_function import BallFunction, Undecided
+from hfa_proof.checker.reading import Rejected
+from hfa_region.check.certificate import check_certificate, read_content
+from hfa_region.check.checker import check_region
+from hfa_region.check.polynomial import Polynomial, exponents_of
+from hfa_region.check.statement import RegionStatement
+from hfa_region.check.taylor import Taylor
+from hfa_region.search.function import PolynomialFunction
+from hfa_region.search.plant import Plant, lost
+from hfa_support.errors import NoSolutionError
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
+
+
+def run(*words: str) -> int:
+    return main(["prove", "region", *words])
+
+
+@pytest.fixture(scope="module")
+def folder_of_the_proof(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With the certificate of the pendulum, V of degree 2, its picture and what was printed."""
+    folder = tmp_path_factory.mktemp("region")
+    words = ("--aircraft", PENDULUM, "--degree", "2", "--seconds", "0.1", "-q", "--json")
+    files = ("-o", str(folder / "pendulum.json"), "--picture", str(folder / "pendulum.png"))
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert run(*words, *files) == 0
+    (folder / "printed.json").write_text(printed.getvalue())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def certificate(folder_of_the_proof: Path) -> Path:
+    return folder_of_the_proof / "pendulum.json"
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return load_model(PENDULUM)
+
+
+def accepted(content: dict, model: Model) -> bool:
+    """Whether the checker accepts content, a digest set aside."""
+    try:
+        statement, witness = read_content(content, model)
+        check_region(statement, witness)
+    except (NoSolutionError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
+        return False
+    return True
+
+
+# Taylor polynomials.
+
+
+def test_taylor_polynomials_enclose_a_function_of_every_operation() -> None:
+    y = ca.SX.sym("y", 2)
+    a, b = 2 + 0.3 * y[0] + 0.1 * y[1], 0.3 * y[0] - 0.2 * y[1]
+    expressions = [
+        *(ca.sqrt(a) / (a + b**2), ca.sin(b) * ca.cos(a), ca.exp(b) - ca.log(a), ca.tan(b) * a**3),
+        *(ca.atan2(b, a), ca.asin(b) + ca.acos(b), ca.atan(b) - 1 / a, -2 * a + a**1.5),
+    ]
+    function = ca.Function("f", [y], [ca.vertcat(*expressions)])
+    order = 4
+    variables = [
+        Taylor(order, Polynomial.linear([arb(i == 0), arb(i == 1)]), arb(0)) for i in range(2)
+    ]
+    (models,) = BallFunction(function)(variables)
+    generator = np.random.default_rng(0)
+    points = generator.normal(size=(200, 2))
+    points *= (generator.uniform(size=200) / np.linalg.norm(points, axis=1))[:, None]
+    values = np.array(function(points.T)).T
+    for column, taylor in zip(values.T, models, strict=True):
+        lowest = taylor.lowest(2, 4)
+        for point, value in zip(points, column, strict=True):
+            length = np.linalg.norm(point)
+            error = abs(value - _at(taylor.polynomial, point))
+            assert error <= float(taylor.remainder) * length ** (order + 1) + 1e-14
+            assert taylor.range().overlaps(arb(value))
+            assert _at(lowest, point) <= value + 1e-14
+        assert float(taylor.remainder) < 1.0
+
+
+def _at(polynomial: Polynomial, point: np.ndarray) -> float:
+    total = 0.0
+    for key, _, coefficient in polynomial.terms():
+        exponents = exponents_of(key) + [0] * len(point)
+        total += float(coefficient) * np.prod(point ** np.array(exponents[: len(point)]))
+    return total
+
+
+def test_a_function_that_is_not_smooth_on_the_ball_is_undecided() -> None:
+    y = ca.SX.sym("y")
+    variable = Taylor(3, Polynomial.linear([arb(1)]), arb(0))
+    for expression in (1 / y, ca.sqrt(0.5 + y), ca.log(y + 0.9), ca.fmax(y, 0)):
+        with pytest.raises(Undecided):
+            BallFunction(ca.Function("f", [y], [expression]))([variable])
+
+
+# The pendulum.
+
+
+def test_what_is_proved_is_said_and_bounded_by_what_was_found(folder_of_the_proof: Path) -> None:
+    data = json.loads((folder_of_the_proof / "printed.json").read_text())
+    assert (folder_of_the_proof / "pendulum.png").stat().st_size > 10_000
+    assert data["proved"] is True
+    assert data["states"] == ["angle", "rate"]
+    assert np.array(data["P"]).shape == (2, 2)
+    # V' >= 0 was found beyond the level that is proved, and not far beyond it.
+    fails_at = data["decrease_fails_at"]["V"]
+    assert data["rho"] < fails_at < 1.06 * data["rho"]
+    assert data["lost_at"]["V"] > data["rho"]
+    assert data["limits_that_bind"] == []
+    assert set(data["extents"]) == {"angle", "rate"}
+
+
+def test_a_certificate_is_checked_and_drawn(
+    certificate: Path, model: Model, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verified = check_certificate(certificate, model=model)
+    assert verified.parts == 3
+    assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
+    shown = capsys.readouterr().out
+    assert "proved, checked" in shown
+    assert "-0.7 N m" in shown
+
+
+def test_an_edited_certificate_is_refused(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edited = tmp_path / "edited.json"
+    edited.write_text(certificate.read_text().replace('"rho": 0', '"rho": 1', 1))
+    assert run("--aircraft", PENDULUM, "--check", str(edited)) == 2
+    assert "was edited" in capsys.readouterr().err
+
+
+def test_a_certificate_of_another_aircraft_is_refused(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = PENDULUM.replace(":PENDULUM", ":VAN_DER_POL")
+    assert run("--aircraft", other, "--check", str(certificate)) == 2
+    assert run("--check", str(certificate)) == 2
+    assert "--aircraft" in capsys.readouterr().err
+
+
+def test_forgeries_are_refused(certificate: Path, model: Model) -> None:
+    content = json.loads(certificate.read_text())
+    assert accepted(content, model)
+    tried: Counter[str] = Counter()
+    for name, forged in forgeries(content, 3 * len(KINDS)):
+        tried[name] += 1
+        assert not accepted(forged, model), name
+    assert set(tried) == set(KINDS)
+
+
+def test_starts_in_the_proved_set_return(certificate: Path, model: Model) -> None:
+    statement = check_certificate(certificate, model=model).statement
+    V = PolynomialFunction.of_terms(statement.terms)
+    assert not _lost_starts(statement, V, 400).any()
+    # Not so four times as far out: the simulation does tell.
+    assert _lost_starts(statement, V, 200, farther=4.0).any()
+
+
+def _lost_starts(
+    statement: RegionStatement, V: PolynomialFunction, count: int, farther: float = 1.0
+) -> np.ndarray:
+    generator = np.random.default_rng(3)
+    L = np.linalg.cholesky(V.matrix())
+    directions = generator.normal(size=(count, len(L)))
+    rays = np.linalg.solve(L.T, directions.T).T
+    starts = rays * np.sqrt(statement.rho / V(rays))[:, None]
+    starts *= farther * generator.uniform(0.0, 1.0, (count, 1)) ** (1 / len(L))
+
+    def near(z: np.ndarray) -> np.ndarray:
+        return V(z) <= 1e-4 * statement.rho
+
+    return lost(Plant(statement.loop), starts, near, 20.0)
+
+
+def test_a_set_beyond_the_limits_of_a_state_is_refused(certificate: Path, model: Model) -> None:
+    content = json.loads(certificate.read_text())
+    content["statement"]["limits"]["angle"] = [-0.1, 0.1]
+    with pytest.raises(Rejected, match="angle may leave its limits"):
+        check_region(*read_content(content, model))
+
+
+@pytest.mark.slow
+def test_a_search_goes_on_from_its_certificate(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = tmp_path / "again.json"
+    again.write_text(certificate.read_text())
+    words = ("--aircraft", PENDULUM, "--degree", "2", "--seconds", "0.1", "--json", "--resume")
+    assert run(*words, "-o", str(again)) == 0
+    assert json.loads(capsys.readouterr().out)["origin"] == "V of the certificate"
+    assert run(*words, "--Q", "5,5", "-o", str(again)) == 2
+    assert "another loop" in capsys.readouterr().err
+
+
+# Other loops.
+
+
+def test_a_loop_without_inputs(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--degree", "2", "--seconds", "0.1", "--json")
+    assert run("--aircraft", PENDULUM.replace(":PENDULUM", ":VAN_DER_POL"), *words) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["rho"] < data["decrease_fails_at"]["V"] < 1.06 * data["rho"]
+
+
+def test_what_is_not_covered_is_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("--aircraft", PENDULUM.replace(":PENDULUM", ":STAR")) == 1
+    assert "not Hurwitz" in capsys.readouterr().err
+    kinked = tmp_path / "kinked.py"
+    kinked.write_text(_KINKED)
+    for name, word in (("TABLE", "use lt"), ("KINK", "fabs")):
+        assert run("--aircraft", f"{kinked}:{name}") == 2
+        assert word in capsys.readouterr().err
+
+
+_KINKED = """
+import casadi as ca
+from hfa import Model, Signal
+
+def table(x, u, p, w):
+    return {"a": u.b - x.a * ca.if_else(x.a > 1, 2, 1)}, {}
+
+def kink(x, u, p, w):
+    return {"a": u.b - x.a + ca.fabs(x.a - 1)}, {}
+
+TABLE = Model("table", {"a": Signal(max=3, min=-3)}, {"b": Signal()}, table, trim={"a": 0.0})
+KINK = Model("kink", {"a": Signal(max=3, min=-3)}, {"b": Signal()}, kink, trim={"a": 0.0})
+"""
+
+
+@pytest.mark.slow
+def test_two_thousand_forgeries_are_refused(certificate: Path, model: Model) -> None:
+    content = json.loads(certificate.read_text())
+    wrong = [name for name, forged in forgeries(content, 2000, seed=1) if accepted(forged, model)]
+    assert wrong == []
