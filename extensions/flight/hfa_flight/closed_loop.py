@@ -160,6 +160,7 @@ class Expressions(NamedTuple):
     winds: disturbances of the model that are not 0, in the order of `wind_names`
     angle: (1,), deviation of alpha through the air, or (0,) where it is alpha
     command: (m,), of the policy
+    measured: (n,), the states of the plant, with the noise of the sensors
     """
 
     rate: ca.SX
@@ -168,6 +169,7 @@ class Expressions(NamedTuple):
     winds: ca.SX
     angle: ca.SX
     command: ca.SX
+    measured: ca.SX
 
 
 class StateParts(NamedTuple):
@@ -291,6 +293,7 @@ class ClosedLoop:
             winds=ca.vertcat(ca.SX(0, 1), *winds.values()),
             angle=plant.through_air(state.plant, winds),
             command=command,
+            measured=self._measured(state.plant, measurements.states),
         )
 
     def _reference(self, t: ca.SX) -> Any:
@@ -322,6 +325,11 @@ class ClosedLoop:
             rates = actuators.rates(state.actuators)
         updraft = ca.SX(winds.get(UPDRAFT, ca.SX(0, 1)))
         return Measurements(states - self._reference(t), states, positions, rates, updraft)
+
+    def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
+        """All states, those of the linear model as they are measured."""
+        chosen = ca.DM(self.plant.chosen)
+        return plant + ca.mtimes(chosen.T, of_linear - ca.mtimes(chosen, plant))
 
     @property
     def wind_names(self) -> tuple[str, ...]:

@@ -55,6 +55,7 @@ _FAULT = "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
 _IN_PLACE = {
     "controller": ("law", "set", "weights", "delta", "Q", "R"),
     "weights": ("law", "delta", "Q"),
+    "policy": ("law", "set", "weights", "controller", "delta", "Q", "R", "delay", "command"),
 }
 
 
@@ -106,6 +107,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
     )
     weights: Path | None = None
     controller: Path | None = None
+    policy: Path | None = None
     turbulence: tuple[float, float] | None = None
     samples: int | None = None
 
@@ -319,6 +321,9 @@ class FlightOptions(ScenarioOptions):
     law: str = law_option(NONE, "exact")
     weights: Path | None = weights_option()
     controller: Path | None = controller_option()
+    policy: Path | None = option(
+        "the card of a policy, sampled and held as it is deployed", "CARD.toml", input_file(".toml")
+    )
     command: Mapping[str, list[tuple[float, float]]] = option(
         f"steps to follow, s and degrees off trim; with --law {NONE} steps of inputs; repeatable",
         _COMMAND,
@@ -337,7 +342,13 @@ class FlightOptions(ScenarioOptions):
         scenario = self.scenario(point)
         steps = _steps_of(self.command)
         reference: Any = None
-        if self.controller is not None:
+        if self.policy is not None:
+            from hfa_policy.flown import flown_card, sampled_scenario
+
+            deployed = flown_card(self.policy, model, point)
+            scenario = sampled_scenario(deployed, scenario, point)
+            policy: Policy = deployed
+        elif self.controller is not None:
             policy, reference = self._controller_policy(model, point, steps)
         elif self.law == NONE:
             policy = open_loop(steps, tuple(model.inputs), scenario.tick, scenario.ticks)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -83,6 +83,11 @@ class Policy(Shown):
         """The held inputs in a tick, (h,)."""
         row: np.ndarray = self.held[min(tick, len(self.held) - 1)]
         return row
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray] | None:
+        """Of a policy that samples: (tick, measured) -> its held inputs (h,) in that tick, with a
+        memory of one flight; None of another. measured: (n,), the states off trim, with noise."""
+        return None
 
     def data(self, model: Model) -> dict[str, Any]:
         """What JSON says of the policy of a flight of this model."""

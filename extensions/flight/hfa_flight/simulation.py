@@ -48,6 +48,7 @@ class CompiledLoop:
         )
         self._ends = np.cumsum([column.numel() for column in observed[:-1]]).tolist()
         self._command = ca.Function("command", [*arguments], [ca.densify(now.command)])
+        self._measured = ca.Function("measured", [*arguments], [ca.densify(now.measured)])
         self._alpha = -1
         if now.angle.numel():
             self._alpha = list(loop.plant.point.model.states).index(ALPHA)
@@ -78,6 +79,7 @@ class CompiledLoop:
         now, held = self._tick.inputs
         after, observed = (result.reshape(steps, -1) for result in self._tick.results)
         held[:] = 0.0
+        sampler = loop.policy.sampler()
         if parameters is not None:
             held[loop.held_slices.parameters] = parameters
         # Only what is written takes memory.
@@ -94,6 +96,9 @@ class CompiledLoop:
                 now[0] = done * loop.scenario.step
                 now[1:] = rows[done]
                 loop.hold(tick, held)
+                if sampler is not None:
+                    measured = np.array(self._measured(now[0], now[1:], held)).ravel()
+                    held[loop.held_slices.policy] = sampler(tick, measured)
                 if loop.scenario.delayed_ticks:
                     commands.append(np.array(self._command(now[0], now[1:], held)).ravel())
                     held[loop.held_slices.delay] = self._delayed(tick, now[0], commands)

@@ -29,8 +29,8 @@ from hfa_policy.sampled_loop import chain_of
 if TYPE_CHECKING:
     from hfa_policy.assessment import AssessedPoint, Assessor
 
-#: Part of the starts from which on a card flies well enough.
-_WELL = 0.8
+#: Part of the starts from which on a card flies well enough: right ones may be as narrow.
+_WELL = 0.45
 #: How many times more starts a repair must bring back, and which part of all at least.
 _CLEARLY = 1.25
 _MANY = 0.7
@@ -94,6 +94,7 @@ class _Trial:
         self.card = assessor.deployed.deployment
         order = sorted(assessed, key=lambda point: point.flights.returned)  # type: ignore[union-attr]
         self.places = [point.place for point in order[:_PLACES]]
+        self.holds_somewhere = any(point.holds for point in assessed)
         self.k = len(self.card.observation)
         self.m = len(self.card.action)
 
@@ -110,7 +111,7 @@ class _Trial:
             baseline = max(card, lowered) if repair.scales else card
             if share >= max(_MANY, _CLEARLY * baseline) and (best is None or share > best[0]):
                 best = (share, repair)
-        if best is None:
+        if best is None and not self.holds_somewhere:
             best = self._best_rate(card, lowered)
         if best is not None:
             share, repair = best
@@ -167,7 +168,8 @@ class _Trial:
     def _rest(self, repair: Repair, deployed: Deployed, place: Place) -> Place | None:
         """Where the repaired policy rests; of one whose actions are scaled alone the trim."""
         dt, delay = repair.deployment.dt, self.card.delay
-        if np.all(np.abs(repair.sign) == 1.0):
+        is_changed = repair.deployment is not self.card
+        if is_changed:
             search = RestSearch(deployed, place.point)
             point = place.point
             rest = search.from_point(np.array(point.states), np.array(point.inputs))

@@ -1,0 +1,111 @@
+"""A card as a policy of `hfa fly`: sampled and held as it is deployed."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.policies import Measurements, Policy
+from hfa_flight.scenario import Scenario
+from hfa_policy.deployed import Deployed
+from hfa_policy.deployment import Deployment
+from hfa_policy.held_step import parts_of_a_sample
+from hfa_support.errors import BadInputError
+from trim.point.operating_point import OperatingPoint
+
+#: Longest step of a flight through moving air or behind actuators, s.
+_FINE = 0.001
+#: Seconds of which sample time and delay are whole numbers.
+_CLOCK = 1e-6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DeployedPolicy(Policy):
+    """u = the input that a deployment holds.
+
+    deployed: the policy on its aircraft.
+    point: the trim about which it flies.
+    """
+
+    deployed: Deployed
+    point: OperatingPoint
+
+    @property
+    def tick(self) -> float:
+        """s: the longest time of which the sample time and the delay are whole numbers."""
+        deployment = self.deployed.deployment
+        dt = round(deployment.dt / _CLOCK)
+        delay = round(deployment.delay / _CLOCK)
+        for name, value, whole in (("dt", deployment.dt, dt), ("delay", deployment.delay, delay)):
+            if not math.isclose(value, whole * _CLOCK, abs_tol=1e-12):
+                raise BadInputError(
+                    f"{deployment.origin}: timing.{name} is {value:g} s; to fly, give whole "
+                    "microseconds"
+                )
+        return math.gcd(dt, delay) * _CLOCK
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """The held input."""
+        return held
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+        """Samples every dt; each command acts from the delay after its sample on."""
+        deployment = self.deployed.deployment
+        trim = self.deployed.trim_vector(self.point)
+        states = np.array(self.point.states)
+        inputs = np.array(self.point.inputs)
+        ticks = round(deployment.dt / self.tick)
+        late = round(deployment.delay / self.tick)
+        waiting: list[tuple[int, np.ndarray]] = []
+        acting = [inputs]
+
+        def arrived(tick: int) -> np.ndarray:
+            while waiting and waiting[0][0] <= tick:
+                acting[0] = waiting.pop(0)[1]
+            return acting[0]
+
+        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
+            if tick % ticks == 0:
+                # What acts just before the sample; a command that arrives now comes after it.
+                before = arrived(tick - 1)
+                U = self.deployed.command(states + measured, before, trim)
+                waiting.append((tick + late, np.array(U).ravel()))
+            return np.asarray(arrived(tick) - inputs)
+
+        return sample
+
+    def data(self, model: Model) -> dict[str, Any]:
+        """With the card and its network."""
+        deployment = self.deployed.deployment
+        return {"law": self.name, "card": deployment.origin, "network": deployment.actor.chain}
+
+
+def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:
+    """The policy of a card about a trim."""
+    deployed = Deployment.load(path).on(model)
+    text = deployed.command.serialize()
+    identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
+    held = np.zeros((1, len(model.inputs)))
+    return DeployedPolicy(f"of {path}", deployed, point, held=held, identity=identity)
+
+
+def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: OperatingPoint) -> Scenario:
+    """The scenario with the ticks of a policy; its steps are those of `hfa assess` where nothing
+    else moves."""
+    dt = policy.deployed.deployment.dt
+    parts = parts_of_a_sample([point], dt)
+    steps = max(1, math.ceil(parts * policy.tick / dt - 1e-9))
+    if scenario.moving_air or scenario.actuators is not None:
+        steps = max(steps, math.ceil(policy.tick / _FINE - 1e-9))
+    count = max(1, round(scenario.duration / policy.tick))
+    return replace(
+        scenario, duration=count * policy.tick, tick=policy.tick, step=policy.tick / steps
+    )
