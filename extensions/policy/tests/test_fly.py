@@ -1,0 +1,50 @@
+"""`hfa fly --policy` flies what `hfa assess` judges."""
+
+import numpy as np
+import pytest
+from policy_cases import FOLDER, aircraft, card, trims
+
+from hfa_flight.envelope import flight_envelope
+from hfa_flight.nonlinear_flight import fly
+from hfa_flight.scenario import Scenario
+from hfa_policy.deployment import Deployment
+from hfa_policy.flights import SampledFlight
+from hfa_policy.flown import DeployedPolicy, flown_card, sampled_scenario
+from hfa_policy.held_step import parts_of_a_sample
+from hfa_support.errors import BadInputError
+
+START = np.array([2.0, 0.03, 0.1, -0.05])
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.03, 0.05])
+def test_the_flight_is_that_of_the_assessment(tmp_path, delay):
+    text = (FOLDER / "ppo_gtm.toml").read_text()
+    text = text.replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
+    path = tmp_path / "card.toml"
+    path.write_text(text.replace("dt = 0.02", f"dt = 0.02\ndelay = {delay}"))
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[0]
+    policy = flown_card(path, model, point)
+    scenario = Scenario(duration=4.0, initial=START).on(model)
+    scenario = sampled_scenario(policy, scenario, point)
+    flown = fly(model, point, policy, scenario, flight_envelope(model, point), predict=False)
+    deployed = Deployment.load(path).on(model)
+    flight = SampledFlight(deployed, 0.02, delay, parts_of_a_sample([point], 0.02))
+    trim = deployed.trim_vector(point)
+    starts = (np.array(point.states) + START)[None]
+    row = flight.rows(starts, trim[None], np.zeros((1, 4)))[0]
+    path_of_rows = np.array(flight.sample().mapaccum(200)(row)).T[:, flight.slices[0]]
+    every_sample = round(0.02 / scenario.step)
+    assert len(flown.states) == 200 * every_sample + 1
+    np.testing.assert_allclose(flown.states[every_sample::every_sample], path_of_rows, rtol=1e-9)
+    if delay == 0.0:
+        differences = flown.states[every_sample::every_sample] - path_of_rows
+        assert np.abs(differences).max() < 1e-12 * np.abs(path_of_rows).max()
+
+
+def test_a_sample_time_of_parts_of_a_microsecond_is_refused():
+    name = "ppo_gtm"
+    odd = card(name).changed(timing={"dt": 0.0123456789})
+    deployed = odd.on(aircraft(name))
+    policy = DeployedPolicy("odd", deployed, trims(name)[0], held=np.zeros((1, 2)))
+    with pytest.raises(BadInputError, match="whole microseconds"):
+        sampled_scenario(policy, Scenario(), trims(name)[0])
