@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,16 +14,53 @@ from hfa_policy.deployed import Deployed
 from hfa_policy.mistakes import Mistake
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, short_number, shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SCHEMA = "hfa.assessment/1"
 #: What may be asked for, with its unit.
 NEEDS = {"delay": "s", "margin": "disk margin", "cost": "percent over the optimum"}
 #: A rest off trim by less than this part of the box of starts is at the trim.
 _AT_TRIM = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class AssessmentData(Result):
+    """A policy assessed as it is deployed.
+
+    dynamics: name of the model.
+    card: the file of the deployment.
+    first_line: for who reads one line.
+    holds: whether it holds at every trim and the files prove no mistake.
+    dt: s, sample time.
+    delay: s, of the deployment.
+    network: its layers in words.
+    commanded: the inputs that it moves, the rows of K.
+    states: the linear states, the columns of K.
+    mistakes: of the deployment: kind, proved, text.
+    points: what it does at each trim: the value of the scheduling variable, holds, spectral_radius,
+        delay_limit (s, the first whole number of samples that is lost), disk_margin, rest, K
+        (-du/dx at rest), cost_lost (percent over the optimum: worst, mean, sampled_worst), flights
+        (starts, returned, lost, worst_start), disturbed, findings.
+    unmet: what of the needs is not met."""
+
+    schema = "hfa.assessment/1"
+    made_by = "hfa assess"
+
+    dynamics: str
+    card: str
+    first_line: str
+    holds: bool
+    dt: float
+    delay: float
+    network: str
+    commanded: Sequence[str]
+    states: Sequence[str]
+    mistakes: Sequence[Mapping[str, Any]]
+    points: Sequence[Mapping[str, Any]]
+    unmet: Sequence[str] | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -237,20 +274,19 @@ class Assessment(Reported):
         """The assessment as data."""
         deployment = self.deployed.deployment
         model = self.deployed.model
-        return {
-            "schema": SCHEMA,
-            "dynamics": model.name,
-            "card": deployment.origin,
-            "first_line": self.first_line(),
-            "holds": self.holds,
-            "dt": deployment.dt,
-            "delay": deployment.delay,
-            "network": deployment.actor.chain,
-            "commanded": list(self.deployed.commanded),
-            "states": list(model.linear),
-            "mistakes": [mistake._asdict() for mistake in self.mistakes],
-            "points": [point.to_dict() for point in self.points],
-        }
+        return AssessmentData(
+            dynamics=model.name,
+            card=deployment.origin,
+            first_line=self.first_line(),
+            holds=self.holds,
+            dt=deployment.dt,
+            delay=deployment.delay,
+            network=deployment.actor.chain,
+            commanded=self.deployed.commanded,
+            states=model.linear,
+            mistakes=[mistake._asdict() for mistake in self.mistakes],
+            points=[point.to_dict() for point in self.points],
+        ).to_dict()
 
     def figure(self) -> Figure:
         """Radius over delay, and what becomes of the starts, over the trims."""

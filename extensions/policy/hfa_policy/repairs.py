@@ -30,10 +30,12 @@ if TYPE_CHECKING:
     from hfa_policy.assessment import AssessedPoint, Assessor
 
 #: Part of the starts from which on a card flies well enough: right ones may be as narrow.
-_WELL = 0.45
+_WELL = 0.5
 #: How many times more starts a repair must bring back, and which part of all at least.
 _CLEARLY = 1.25
 _MANY = 0.7
+#: The same of a card whose loops are all stable at rest, as those of right and narrow ones are.
+_NEARLY_ALL = 0.95
 #: Flights of each repair at each of so many trims, and their seconds.
 _STARTS = 24
 _PLACES = 2
@@ -94,6 +96,8 @@ class _Trial:
         self.card = assessor.deployed.deployment
         order = sorted(assessed, key=lambda point: point.flights.returned)  # type: ignore[union-attr]
         self.places = [point.place for point in order[:_PLACES]]
+        is_stable = all(point.radius < 1.0 for point in assessed)
+        self.many = _NEARLY_ALL if is_stable else _MANY
         self.holds_somewhere = any(point.holds for point in assessed)
         self.k = len(self.card.observation)
         self.m = len(self.card.action)
@@ -109,7 +113,7 @@ class _Trial:
         best: tuple[float, Repair] | None = None
         for repair, share in zip(repairs, returned[1 + len(lower) :], strict=True):
             baseline = max(card, lowered) if repair.scales else card
-            if share >= max(_MANY, _CLEARLY * baseline) and (best is None or share > best[0]):
+            if share >= max(self.many, _CLEARLY * baseline) and (best is None or share > best[0]):
                 best = (share, repair)
         if best is None and not self.holds_somewhere:
             best = self._best_rate(card, lowered)
@@ -294,7 +298,7 @@ class _Trial:
                 parts=max(1, round(part * self.assessor.flight().parts)),
             )
             (share,) = self._returned([repair], flight)
-            clearly = share >= max(_MANY, _CLEARLY * max(card, lowered))
+            clearly = share >= max(self.many, _CLEARLY * max(card, lowered))
             if clearly and (best is None or share > best[0]):
                 best = (share, repair)
         return best

@@ -1,0 +1,10 @@
+"""What this extension offers to the command `hfa`."""
+
+from hfa.doors import CommandEntry
+
+ASSESS = CommandEntry(
+    "critic",
+    "whether a policy flies as it is deployed: sampled, normalized, late",
+    "hfa_policy.commands.assess:assess",
+    results=("hfa_policy.assessment_report:AssessmentData",),
+)
