@@ -45,7 +45,7 @@ TESTS_OF_P = {
     "positive_semidefinite": (
         ">=",
         -INDEFINITENESS,
-        "P is indefinite (smallest eigenvalue {:.3g} of the largest entry)",
+        "the computed P is indefinite (smallest eigenvalue {:.3g} of the largest entry)",
     ),
     "game_loop_abscissa": ("<", 0.0, "A - S P is not Hurwitz (abscissa {:+.3g} 1/s)"),
     "control_loop_abscissa": ("<", 0.0, "A - B K is not Hurwitz (abscissa {:+.3g} 1/s)"),

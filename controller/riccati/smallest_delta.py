@@ -27,9 +27,10 @@ CLOSE = 0.01
 #: An unstable mode that the input reaches by less than this part is named where the game is
 #: refused.
 BARELY = 1e-5
-#: A mode that rounding may have moved off the axis by this part of |A| is looked for on the axis
-#: too.
+#: Rounding moves no eigenvalue of interest by more than this part of |A|.
 _NEAR_AXIS = 1e-6
+#: A mode that a change of entries by this part of each makes unreachable is not reached.
+ENTRIES = 1e-10
 
 
 class DeltaMin(NamedTuple):
@@ -141,9 +142,8 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
         return cause.sentence
     advice = "check the scaling of A, B, Q, R"
     if cause.reach <= BARELY:
-        advice = (
-            f"the inputs reach the {cause.mode} by only {cause.reach:.2g} of their size; change B"
-        )
+        part = f"only {cause.reach:.2g}" if cause.reach > RANK else f"less than {RANK:g}"
+        advice = f"the inputs reach the {cause.mode} by {part} of their size; change B"
     return f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
 
 
@@ -175,38 +175,75 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
     sentence = ""
     least_reach = 1.0
     least_mode = ""
-    for eigenvalue in np.linalg.eigvals(form.A):
+    for eigenvalue, error in _eigenvalues(form.A, size):
         candidates = {eigenvalue}
-        if abs(eigenvalue.real) <= _NEAR_AXIS * size:
+        if abs(eigenvalue.real) <= error:
             candidates.add(1j * eigenvalue.imag)
         for value in candidates:
-            mode = _mode_text(value, size)
-            if value.real >= -RANK * size:
+            mode = _mode_text(value, error)
+            if value.real >= 0.0:
                 reach = dependence(form.A, value, form.B.T, size)
                 if (reach, mode) < (least_reach, least_mode):
                     least_reach = reach
                     least_mode = mode
-                if reach <= RANK and not sentence:
+                if not sentence and is_dependent(form.A, value, form.B.T, size):
                     sentence = unreached.format(mode)
             is_undamped = abs(value.real) <= RANK * size
-            if is_undamped and dependence(form.A.T, value, form.Q, size) <= RANK and not sentence:
+            if is_undamped and not sentence and is_dependent(form.A.T, value, form.Q, size):
                 sentence = hidden.format(mode)
     return Obstacle(sentence, least_reach, least_mode)
 
 
-def _mode_text(eigenvalue: complex, size: float) -> str:
-    """For a message: mode with eigenvalue 0.5 ± 1i; rounding beside the size of A is 0."""
-    real = float(f"{eigenvalue.real / size:.12f}") * size + 0.0
-    imag = float(f"{abs(eigenvalue.imag) / size:.12f}") * size + 0.0
+def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
+    """Each eigenvalue of A, with what rounding of the entries of A may move it by, to first order.
+
+    That is y'|D|x / |y'x| for a change D of the entries by rounding; at most `_NEAR_AXIS` of the
+    size of A, also where A is defective. Source: Golub and Van Loan, Section 7.2.2."""
+    values, right = np.linalg.eig(A)
+    most = _NEAR_AXIS * size
+    try:
+        left = np.linalg.inv(right)
+        moved = np.einsum("ij,jk,ki->i", np.abs(left), np.abs(A), np.abs(right))
+        errors = np.minimum(8.0 * len(A) * np.finfo(float).eps * moved, most)
+    except np.linalg.LinAlgError:
+        errors = np.full(len(A), most)
+    return list(zip(values.tolist(), errors.tolist(), strict=True))
+
+
+def _mode_text(eigenvalue: complex, error: float) -> str:
+    """For a message: mode with eigenvalue 0.5 ± 1i; a part up to the error is 0."""
+    real = eigenvalue.real if abs(eigenvalue.real) > error else 0.0
     text = f"mode with eigenvalue {real:.4g}"
-    if imag > 0.0:
-        text += f" ± {imag:.4g}i"
+    if abs(eigenvalue.imag) > error:
+        text += f" ± {abs(eigenvalue.imag):.4g}i"
     return text
+
+
+def is_dependent(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> bool:
+    """Whether [A' - λI; rows] is shown to have no full column rank: a change of its entries by
+    `ENTRIES` of each makes it so.
+
+    A singular value of rounding alone does not show it: fast states beside slow ones make one where
+    every mode is reached. Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem
+    7.3 (Oettli and Prager)."""
+    if dependence(A, value, rows, size) > RANK:
+        return False
+    vector = np.linalg.svd(_stacked(A, value, rows, size))[2][-1].conj()
+    vector[np.abs(vector) <= ENTRIES * np.abs(vector).max()] = 0.0
+    parts = np.abs(vector)
+    left_by_A = np.abs(A.T @ vector - value * vector)
+    of_A = np.abs(A.T) @ parts + abs(value) * parts
+    is_kept = np.all(left_by_A <= ENTRIES * of_A)
+    return bool(is_kept and np.all(np.abs(rows @ vector) <= ENTRIES * (np.abs(rows) @ parts)))
 
 
 def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> float:
     """Smallest singular value of [A' - λI; rows], relative, the rows brought to the size of A
     first: 0 or rounding where it has no full column rank."""
-    scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
-    stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
+    stacked = _stacked(A, value, rows, size)
     return float(np.linalg.svd(stacked, compute_uv=False)[-1]) / size
+
+
+def _stacked(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> np.ndarray:
+    scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
+    return np.vstack([A.T - value * np.eye(len(A)), scaled])
