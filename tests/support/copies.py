@@ -1,5 +1,6 @@
 """Copies of a problem that differ by what no verdict may depend on: the last bits of its numbers,
-the order of its states, their units (powers of two), an orthogonal change of them.
+the order of its states, their units (powers of two), an orthogonal change of them in units in which
+they are comparable: turned in others, what is small beside the largest is lost in its rounding.
 
 Of any dataclass with the matrices of a game, a game in discrete time or a generalized plant, and of
 the matrices of a critic beside it."""
@@ -11,6 +12,9 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import matrix_balance
+
+from hfa_support import BadInputError
 
 KINDS = ("bits", "order", "units", "turn")
 #: Matrices with a row a state, and with a column a state, in the state y = T z: T M and M T⁻¹.
@@ -23,6 +27,8 @@ CROSS_WEIGHTS = {"N"}
 SYMMETRIC = {"Q", "P", "R"}
 #: Units of states differ by up to this power of two.
 LARGEST_POWER = 12
+#: A copy is drawn again up to so often where rounding makes it no problem of its kind.
+MOST_DRAWS = 20
 
 
 class Copy(NamedTuple):
@@ -38,14 +44,20 @@ def copies(
 ) -> Iterator[Copy]:
     """So many copies, of each kind in turn; critic: matrices P, K or L of the same states."""
     rng = np.random.default_rng([seed, 44])
-    n = len(problem.step.A if hasattr(problem, "step") else problem.A)
+    A = problem.step.A if hasattr(problem, "step") else problem.A
     for index in range(count):
         kind = KINDS[index % len(KINDS)]
-        change = _change(kind, n, rng)
+        for _ in range(MOST_DRAWS):
+            change = _change(kind, A, rng)
+            try:
+                copy = _copy(problem, change, rng)
+            except BadInputError:  # rounding has made a semidefinite Q indefinite
+                continue
+            break
         matrices = {
             name: _changed(name, matrix, change, rng) for name, matrix in (critic or {}).items()
         }
-        yield Copy(kind, _copy(problem, change, rng), matrices)
+        yield Copy(kind, copy, matrices)
 
 
 class _Change(NamedTuple):
@@ -55,7 +67,8 @@ class _Change(NamedTuple):
     inverse: np.ndarray | None
 
 
-def _change(kind: str, n: int, rng: np.random.Generator) -> _Change:
+def _change(kind: str, A: np.ndarray, rng: np.random.Generator) -> _Change:
+    n = len(A)
     if kind == "bits":
         return _Change(None, None)
     if kind == "order":
@@ -64,8 +77,9 @@ def _change(kind: str, n: int, rng: np.random.Generator) -> _Change:
     if kind == "units":
         units = np.exp2(rng.integers(-LARGEST_POWER, LARGEST_POWER + 1, n).astype(float))
         return _Change(np.diag(units), np.diag(1.0 / units))
-    T = np.linalg.qr(rng.standard_normal((n, n)))[0]
-    return _Change(T, T.T)
+    _, (units, _) = matrix_balance(A, permute=False, separate=True)  # powers of two
+    turn = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    return _Change(turn / units, units[:, None] * turn.T)
 
 
 def _copy(problem: Any, change: _Change, rng: np.random.Generator) -> Any:

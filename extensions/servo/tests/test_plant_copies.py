@@ -1,0 +1,133 @@
+"""delta_min of ordinary mixed-sensitivity plants: the same of every copy, and that of slycot."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import control
+import numpy as np
+import pytest
+from copies import copies
+from numpy.random import Generator
+from plant_references import gain_of, of_slycot
+
+from controller.riccati.smallest_delta import DeltaMin
+from hfa_servo.generalized_plant import GeneralizedPlant, conditions
+from verification import solve_plant
+
+pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning")
+#: A search ends within 2.5e-7, SB10AD's own where its loop still keeps the gain that it states.
+AGREES = 5e-6
+
+
+def decade(rng: Generator, low: float, high: float) -> float:
+    return float(10.0 ** rng.uniform(low, high))
+
+
+def signed(rng: Generator) -> float:
+    """Three of four are stable."""
+    return 1.0 if rng.random() < 0.75 else -1.0
+
+
+def random_transfer(rng: Generator) -> tuple[np.ndarray, np.ndarray]:
+    """One to three poles from 0.1 to 10 rad/s, fewer zeros."""
+    order = int(rng.integers(1, 4))
+    denominator = np.ones(1)
+    while len(denominator) <= order:
+        if len(denominator) < order and rng.random() < 0.5:
+            frequency = decade(rng, -1.0, 1.0)
+            damping = rng.uniform(0.01, 1.0)
+            factor = [1.0, 2.0 * damping * frequency, frequency**2]
+        else:
+            factor = [1.0, signed(rng) * decade(rng, -1.0, 1.0)]
+        denominator = np.convolve(denominator, factor)
+    numerator = np.array([decade(rng, -1.0, 1.0)])
+    for _ in range(int(rng.integers(0, order))):
+        numerator = np.convolve(numerator, [1.0, signed(rng) * decade(rng, -1.0, 1.0)])
+    return numerator, denominator
+
+
+def mixed_sensitivity(seed: int) -> GeneralizedPlant:
+    """S weighted by an integrator but for 1e-4 to 0.1 of the bandwidth, K S by a gain or by a lead
+    to 1000 rad/s, T by nothing or beyond 1 to 100 rad/s."""
+    rng = np.random.default_rng([44, seed])
+    transfer = random_transfer(rng)
+    peak = rng.uniform(1.2, 3.0)
+    bandwidth = decade(rng, -1.0, 1.0)
+    of_error = ([1.0 / peak, bandwidth], [1.0, bandwidth * decade(rng, -4.0, -1.0)])
+    size = decade(rng, -2.0, 0.0)
+    of_effort = ([size], [1.0]) if rng.random() < 0.7 else ([size, 0.1 * size], [1e-3, 1.0])
+    weights = [of_error, of_effort]
+    if rng.random() < 0.5:
+        noisy = decade(rng, 0.0, 2.0)
+        weights.append(([1.0, noisy / 2.0], [decade(rng, -3.0, -1.0), noisy]))
+    systems = [control.ss(control.tf(*each)) for each in (transfer, *weights)]
+    return GeneralizedPlant.from_control(control.augw(*systems, *[None] * (4 - len(systems))), 1, 1)
+
+
+def agree(one: DeltaMin, other: DeltaMin) -> bool:
+    """Whether some delta_min lies in both brackets: neither refuses what the other has shown."""
+    most = (1.0 + AGREES) * min(one.value, other.value)
+    return max(one.refused, other.refused) <= most
+
+
+def test_the_smallest_delta_is_that_of_slycot_and_of_every_copy() -> None:
+    """One whose delta_min rounding once decided, one with poles from 0.1 to 25,000 rad/s: turned, it is open to rounding how far down delta may go, and said to be."""
+    for seed in (9, 98):
+        plant = mixed_sensitivity(seed)
+        smallest = plant.minimum_delta()
+        assert smallest.refused < smallest.value <= smallest.refused * (1.0 + AGREES)
+        assert of_slycot(plant)[0] == pytest.approx(smallest.value, rel=AGREES)
+        for copy in copies(plant, seed, 4):
+            found = copy.problem.minimum_delta()
+            assert agree(found, smallest), (seed, copy.kind)
+            if copy.kind != "turn":
+                assert found.value == pytest.approx(smallest.value, rel=AGREES), (seed, copy.kind)
+
+
+def test_what_holds_above_the_smallest_delta_and_not_below_holds_of_every_copy() -> None:
+    found: Counter[str] = Counter()
+    for seed in range(8):
+        plant = mixed_sensitivity(seed)
+        smallest = plant.minimum_delta().value
+        for share in (1e-2, -1e-2):
+            delta = smallest * (1.0 + share)
+            for copy in copies(plant, seed, 8):
+                answer = conditions(copy.problem, delta).exists
+                found["copies"] += 1
+                found["changed"] += answer is (share < 0.0)
+                found["open"] += answer is None
+    assert found["copies"] == 128
+    assert (found["changed"], found["open"]) == (0, 0)
+
+
+def test_the_loop_keeps_a_gain_near_the_smallest() -> None:
+    plant = mixed_sensitivity(9)
+    smallest = plant.minimum_delta().value
+    assert gain_of(plant, solve_plant(plant, 1.01 * smallest)) < 1.01 * smallest
+
+
+@pytest.mark.slow
+def test_the_smallest_delta_of_many_plants_is_that_of_slycot_and_of_every_copy() -> None:
+    """Nothing is refused that slycot attains, nor stated that it does not."""
+    changed = []
+    opened: Counter[str] = Counter()
+    asked = 0
+    for seed in range(171):
+        plant = mixed_sensitivity(seed)
+        smallest = plant.minimum_delta()
+        for copy in copies(plant, seed, 4):
+            found = copy.problem.minimum_delta()
+            asked += 1
+            if not agree(found, smallest):
+                changed.append((seed, copy.kind, smallest, found))
+            opened[copy.kind] += found.value > found.refused * (1.0 + AGREES)
+        stated, reached = of_slycot(plant)
+        if reached <= stated * (1.0 + AGREES):
+            slycot = DeltaMin(stated * (1.0 + AGREES), 0.0)
+            assert agree(slycot, smallest), (seed, stated, smallest)
+        assert smallest.value <= stated * (1.0 + 1e-3), (seed, stated, smallest)
+    assert asked == 684
+    assert changed == []
+    assert opened["bits"] + opened["order"] + opened["units"] <= 10  # of 513
+    assert opened["turn"] <= 50  # of 171

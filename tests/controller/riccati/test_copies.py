@@ -1,0 +1,134 @@
+"""No verdict depends on the last bits, the order of the states, their units (powers of two), an
+orthogonal change of them, or the number of threads."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from copies import KINDS, copies
+from game_samples import game_models, random_game
+
+from controller import Game
+from controller.riccati.existence import existence
+from controller.riccati.normal_form import NormalForm
+from hfa_support import NoSolutionError
+from verification import minimum_delta, solve_game
+
+#: Above and below delta_min, relative: far, and so near that a wrong digit shows.
+NEAR = (1e-1, 1e-4, -1e-4, -1e-1)
+
+
+def random_games(number: int) -> Iterator[Game]:
+    for seed in range(number):
+        rng = np.random.default_rng([4, seed])
+        yield random_game(rng, scaled=seed % 2 == 0)
+
+
+def verdict(game: Game) -> bool | None:
+    """Whether a game has a value; None where that is open."""
+    return existence(NormalForm.of(game)).exists
+
+
+def is_solved(game: Game) -> bool:
+    try:
+        return solve_game(game).certificate.ok
+    except NoSolutionError:
+        return False
+
+
+def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
+    """How many copies there were, how many verdicts were the opposite, how many became open."""
+    found: Counter[str] = Counter()
+    for seed, game in enumerate(games):
+        smallest = minimum_delta(game)
+        assert not smallest.uncertain
+        for share in NEAR:
+            at = game.with_delta(smallest.value * (1.0 + share))
+            expected = share > 0.0
+            assert verdict(at) is expected
+            for copy in copies(at, seed, count):
+                answer = verdict(copy.problem)
+                found["copies"] += 1
+                found["changed"] += answer is (not expected)
+                found["open"] += answer is None
+    return found
+
+
+def test_whether_a_game_has_a_value_is_the_same_of_every_copy() -> None:
+    """A ten-thousandth from delta_min too, of games in units that differ by up to 1e8."""
+    found = changed_verdicts(random_games(8), 4)
+    assert found["copies"] == 128
+    assert (found["changed"], found["open"]) == (0, 0)
+
+
+@pytest.mark.slow
+def test_whether_a_game_has_a_value_is_the_same_of_ten_thousand_copies() -> None:
+    found = changed_verdicts(random_games(250), 20)
+    assert found["copies"] == 20_000
+    assert found["changed"] == 0
+    assert found["open"] <= 20  # a thousandth: where rounding decides
+
+
+@pytest.mark.parametrize(
+    "name", ["published-5", pytest.param("published-15", marks=pytest.mark.slow)]
+)
+def test_the_solution_and_its_smallest_delta_are_the_same_of_every_copy(name: str) -> None:
+    game = game_models()[name]
+    smallest = minimum_delta(game)
+    for copy in copies(game, 1, 8):
+        found = minimum_delta(copy.problem)
+        # The tolerance of the search, 1e-6, once for each.
+        assert found.value == pytest.approx(smallest.value, rel=2e-6), copy.kind
+        assert is_solved(copy.problem.with_delta(1.001 * smallest.value)), copy.kind
+        assert not is_solved(copy.problem.with_delta(0.999 * smallest.value)), copy.kind
+
+
+def test_a_copy_is_of_its_kind() -> None:
+    """What the copies are: a helper that changes nothing would pass every test above."""
+    game = game_models()["published-15"]
+    P = solve_game(game).P
+    for copy in copies(game, 0, 8, {"P": P}):
+        assert not np.array_equal(copy.problem.A, game.A), copy.kind
+        assert is_solved(copy.problem)
+        # Two floating-point routes to P: the condition of the game, about 1e4, times rounding.
+        error = np.abs(solve_game(copy.problem).P - copy.critic["P"])
+        assert error.max() <= 1e-10 * np.abs(copy.critic["P"]).max(), copy.kind
+    assert {copy.kind for copy in copies(game, 0, 4)} == set(KINDS)
+
+
+IN_ONE_THREAD = """
+import json, os, sys
+if sys.argv[1] == "one":
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+import numpy as np
+from controller import Game
+from verification import minimum_delta
+rng = np.random.default_rng(7)
+found = []
+for n in (6, 40):
+    A, C = rng.standard_normal((2, n, n))
+    B = rng.standard_normal((n, 3))
+    game = Game(A, B, np.eye(n), C.T @ C, np.eye(3), 1.0)
+    found.append(minimum_delta(game).value)
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processors cannot be chosen")
+def test_the_smallest_delta_is_the_same_with_one_thread() -> None:
+    """BLAS starts a thread for each processor that it may use."""
+    values = []
+    for threads in ("one", "all"):
+        command = [sys.executable, "-c", IN_ONE_THREAD, threads]
+        run = subprocess.run(command, capture_output=True, text=True, check=True)
+        values.append(json.loads(run.stdout))
+    # The tolerance of the search, 1e-6, once for each.
+    assert values[0] == pytest.approx(values[1], rel=2e-6)
