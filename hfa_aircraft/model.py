@@ -302,12 +302,20 @@ class Model:
     # Parameters.
 
     def with_parameters(self, **values: float) -> Model:
-        """The same model with other values of parameters."""
+        """The same model with other values of parameters. BadInputError beyond their limits."""
         changed = dict(self.parameters)
         native_values = {}
         for name, value in values.items():
             refuse_unknown(f"{self.name} has no parameter", name, tuple(self.parameters))
-            changed[name] = self.parameters[name]._replace(start=float(value))
+            signal = self.parameters[name]
+            if not signal.min <= value <= signal.max:
+                limit = (
+                    f"at most {signal.max:g}" if value > signal.max else f"at least {signal.min:g}"
+                )
+                raise BadInputError(
+                    f"{name} is {value:g} {signal.unit}; it is {limit} {signal.unit}"
+                )
+            changed[name] = signal._replace(start=float(value))
             if self.native is not None:
                 native_values[name] = float(value) / si_factor(self.native.unit(name))
         native = None if self.native is None else self.native.with_parameters(**native_values)

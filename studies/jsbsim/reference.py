@@ -8,6 +8,7 @@ package jsbsim is needed.
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import subprocess
@@ -180,20 +181,79 @@ def _simulator(name: str, root: str | None) -> Any:
 
 def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, float]) -> None:
     """Set state and commands; engines run, levers for mixture and propeller as in the model."""
+    wind = [commands.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down")]
     for name, full_name in _INITIAL.items():
         simulator[full_name] = state.get(name, 0.0)
+    if any(wind):
+        for name, value in zip(("u", "v", "w"), _over_ground(state, wind), strict=True):
+            simulator[f"ic/{name}-fps"] = value
     _run(simulator.run_ic, simulator)
+    for axis, value in zip(("north", "east", "down"), wind, strict=True):
+        simulator[f"atmosphere/wind-{axis}-fps"] = value
     for name, full_name in _COMMANDS.items():
         simulator[full_name] = commands.get(name, 0.0)
     propulsion = simulator.get_propulsion()
     for number in range(propulsion.get_num_engines()):
         propulsion.get_engine(number).init_running()
         index = f"[{number}]" if number else ""
-        simulator[f"fcs/throttle-cmd-norm{index}"] = commands.get("throttle", 0.0)
+        own_throttle = commands.get(f"throttle{number}", commands.get("throttle", 0.0))
+        simulator[f"fcs/throttle-cmd-norm{index}"] = own_throttle
         simulator[f"fcs/advance-cmd-norm{index}"] = commands.get("advance", 1.0)
+        simulator[f"fcs/feather-cmd-norm{index}"] = commands.get(f"feather{number}", 0.0)
         simulator[f"fcs/mixture-cmd-norm{index}"] = (
             commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
         )
+    _load(simulator, commands)
+
+
+def _fail(simulator: Any, commands: Mapping[str, float]) -> None:
+    """Let engines run for some seconds, then cut those that are out."""
+    out = [name for name, value in commands.items() if name.startswith("engine") and value == 0.0]
+    for _ in range(5 * _RATE if out else 0):
+        _run(simulator.run, simulator)
+    for name in out:
+        _stop(simulator, int(name.removeprefix("engine")))
+
+
+def _stop(simulator: Any, number: int) -> None:
+    """Cut the fuel and the spark of an engine."""
+    index = f"[{number}]" if number else ""
+    simulator["propulsion/active_engine"] = number
+    for name, value in (("cutoff_cmd", 1), ("magneto_cmd", 0)):
+        if simulator.query_property_catalog(f"propulsion/{name}"):
+            simulator[f"propulsion/{name}"] = value
+    simulator["propulsion/active_engine"] = -1
+    simulator[f"propulsion/engine{index}/set-running"] = 0
+
+
+def _over_ground(state: Mapping[str, float], wind: Sequence[float]) -> list[float]:
+    """Velocity over ground in body axes of a state relative to a wind along north, east, down."""
+    roll, pitch, yaw, alpha, beta = (
+        state.get(name, 0.0) for name in ("roll", "pitch", "yaw", "alpha", "beta")
+    )
+    north, east, down = wind
+    along = math.cos(yaw) * north + math.sin(yaw) * east
+    across = math.cos(yaw) * east - math.sin(yaw) * north
+    forward = math.cos(pitch) * along - math.sin(pitch) * down
+    below = math.sin(pitch) * along + math.cos(pitch) * down
+    speed = state["speed"]
+    return [
+        speed * math.cos(alpha) * math.cos(beta) + forward,
+        speed * math.sin(beta) + math.cos(roll) * across + math.sin(roll) * below,
+        speed * math.sin(alpha) * math.cos(beta) - math.sin(roll) * across + math.cos(roll) * below,
+    ]
+
+
+def _load(simulator: Any, commands: Mapping[str, float]) -> None:
+    """Set tanks, point masses and the wind."""
+    for name, value in commands.items():
+        kind = name.rstrip("0123456789")
+        index = name.removeprefix(kind)
+        place = f"[{index}]" if index != "0" else ""
+        if kind == "tank":
+            simulator[f"propulsion/tank{place}/contents-lbs"] = value
+        elif kind == "pointmass":
+            simulator[f"inertia/pointmass-weight-lbs{place}"] = value
 
 
 def _run(step: Callable[[], Any], simulator: Any) -> None:
@@ -224,6 +284,7 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     simulator["propulsion/fuel_freeze"] = 0 if point.get("burn") else 1
     for name, value in point.get("override", {}).items():
         simulator[name] = value
+    _fail(simulator, commands)
     speeds = _propeller_speeds(simulator)
     steady = 0
     for second in range(_LONGEST):

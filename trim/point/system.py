@@ -370,6 +370,7 @@ def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]
     declares, or at those that belong to what is imposed."""
     values = {name: model.signals[name].start for name in model.variables}
     if model.begin is not None:
-        begun = model.begin(imposed)
+        held = {name: signal.start for name, signal in model.parameters.items()}
+        begun = model.begin({**held, **imposed})
         values |= {name: float(begun[name]) for name in begun if name in values}
     return values

@@ -23,6 +23,8 @@ _FT_TO_M = 0.3048
 _IN3_TO_M3 = (_FT_TO_M / 12.0) ** 3
 _STANDARD_PRESSURE = 101320.73
 _GAS_CONSTANT = 287.3
+#: Speed of a piston that rests, ft/s.
+_SLOWEST = 1e-4
 _MIXTURE = (
     np.array(
         [
@@ -107,7 +109,7 @@ class _Breathing:
     def pressure_ratio(self, throttle: Any, piston_speed: Any) -> Any:
         """Pressure behind the throttle, relative to that of the ram air; it goes on rising beyond
         full throttle, so that a search for more finds a direction."""
-        impedance = self.peak_speed / piston_speed
+        impedance = self.peak_speed / ca.fmax(piston_speed, _SLOWEST)
         closed = (1.0 - throttle) * ca.fabs(1.0 - throttle)
         return impedance / (impedance + self.air_box + closed * self.throttle)
 

@@ -11,6 +11,7 @@ from hfa_jsbsim.engines import (
     Effect,
     EngineFile,
     Surroundings,
+    engine_rpm,
     internal_table,
     orientation,
     placed,
@@ -27,11 +28,12 @@ _FEATHERING = 1.0 / (300.0 * STEP)
 def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
     """Thrust, torque and moments of a propeller that an engine drives with a power, ft lb/s.
 
-    C_T and C_P are tables over J = V / (n D) and the blade angle; thrust C_T rho n^2 D^4, power
-    needed C_P rho n^3 D^5.
+    A propeller that rests takes no power (`FGPiston::Calculate`). C_T and C_P are tables over
+    J = V / (n D) and the blade angle; thrust C_T rho n^2 D^4, power needed C_P rho n^3 D^5.
     """
     prop = file.thruster
     number = file.number
+    power = ca.if_else(engine_rpm(file, around) > 0.1, power, ca.fmax(power, 0.0))
     motion = around.motion
     turned = orientation(file, around.properties)
     place = placed(file, around)
@@ -58,6 +60,9 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
     location = _acting_location(file, place, local, induced, sense)
     force, moment = pushed(file, around, thrust, location, own_moment)
     speed_rate = (power - needed) / omega / inertia * 30.0 / math.pi
+    rpm = getattr(around.states, f"rpm{number}")
+    # it does not turn backwards: at rest a braking torque is balanced
+    speed_rate = ca.if_else(rpm + speed_rate * STEP > 0.0, speed_rate, -rpm / STEP)
     return Effect(
         force,
         moment,

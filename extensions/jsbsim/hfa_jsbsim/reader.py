@@ -69,6 +69,8 @@ ALIASES = {
 _ADVANCE_RATIO = 0.72
 #: Where the throttles but the first of several are held by default.
 _HALF = 0.5
+#: Speeds of a propeller among which that of a dead engine is looked for.
+_SPEEDS_TRIED = 41
 #: Nodes of expressions in which common ones are no longer looked for: a table of that size.
 _LARGE = 200_000
 _MODES = {
@@ -339,6 +341,34 @@ class _Declaration:
             signals[name] = Signal("rad", 0.1)
         return signals
 
+    def _of_dead_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
+        """Speed and blade angle at which the propellers of engines that are out come to rest, from
+        high speed on: where the air drives them as much as friction brakes, or not at all."""
+        dead = [file for file in self.parts.engines if values.get(f"engine{file.number}") == 0.0]
+        ends: dict[str, float] = {}
+        for file in dead:
+            if not file.has_propeller or np.size(values["speed"]) > 1:
+                continue
+            rpm_name = f"rpm{file.number}"
+            blade = {}
+            if file.governed:
+                end = "maxpitch" if values.get(f"feather{file.number}") else "minpitch"
+                blade[f"blade{file.number}"] = file.thruster.value_of(end, 0.0)
+            ends |= blade
+            ends[rpm_name] = 0.0
+            for rpm in np.linspace(_rpm(file, True).start, 0.0, _SPEEDS_TRIED):
+                if self._rate(rpm_name, {**values, **blade, rpm_name: rpm}) >= 0.0:
+                    ends[rpm_name] = float(rpm)
+                    break
+        return ends
+
+    def _rate(self, name: str, values: Mapping[str, Any]) -> float:
+        """The rate of a state; what has no value is where the declaration begins."""
+        signals = (self._states(), self._inputs(), self._parameters())
+        columns = [[values.get(key, each[key].start) for key in each] for each in signals]
+        rates = self._still(*columns)[0]
+        return float(rates[list(self.equations.rates).index(name)])
+
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
         """The equations in still and in moving air."""
 
@@ -349,8 +379,8 @@ class _Declaration:
                 equations.outputs[name] = ca.SX(value)
             return self._function(equations, outputs, list(equations.gusts.values()))
 
-        still = self._function(self.equations, outputs)
-        return EquationsOfMotion(still, gusty, list(self.equations.rates), outputs)
+        self._still = self._function(self.equations, outputs)
+        return EquationsOfMotion(self._still, gusty, list(self.equations.rates), outputs)
 
     def _function(
         self, equations: Equations, outputs: list[str], gusts: list[ca.SX] | None = None
@@ -423,7 +453,8 @@ class _Declaration:
         def begin(imposed: Mapping[str, Any]) -> dict[str, Any]:
             """Starting values by name; {} where no altitude or no positive speed is imposed.
 
-            imposed: values by name: speed (ft/s), mach or kcas, altitude (ft), gamma (rad)
+            imposed: values by name: speed (ft/s), mach or kcas, altitude (ft), gamma (rad), and
+                parameters
             """
             altitude = imposed.get("altitude")
             if altitude is None:
@@ -437,7 +468,7 @@ class _Declaration:
             for name, diameter, usual_rpm in propellers:
                 rpm = 60.0 * speed / (_ADVANCE_RATIO * diameter)
                 values[name] = np.clip(rpm, 0.5 * usual_rpm, 1.1 * usual_rpm)
-            return values
+            return values | self._of_dead_engines({**imposed, **values})
 
         return begin
 
@@ -503,7 +534,7 @@ def _rpm(file: EngineFile, is_alone: bool) -> Signal:
     prop = file.thruster
     ratio = max(prop.value_of("gearratio", 1.0), 0.001)
     usual = prop.value_of("maxrpm", 0.0)
-    lowest = 10.0
+    lowest = 10.0 if is_alone else 0.0
     if file.kind == "piston_engine":
         if is_alone:
             lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / ratio

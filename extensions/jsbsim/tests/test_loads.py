@@ -1,0 +1,121 @@
+"""Fuel, payload, wind and engines that are out, and filters as states, against JSBSim."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from small_aircraft import CONTROL, LIFT, REST, force, glider, slope, written
+
+from hfa_aircraft.loading import load_model
+from hfa_jsbsim.reader import read_model
+from hfa_support import BadInputError
+from studies.jsbsim.reference import GRAVITY, RADIUS, answered
+from trim import find_operating_point, linearize
+from trim.point.condition import release, usual_condition
+
+needs_jsbsim = pytest.mark.skipif(
+    importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
+)
+WIND = {"wind_north": 30.0, "wind_east": -20.0, "wind_down": 4.0}
+JET = {"kcas": 250.0, "altitude": 5000.0}
+LIGHT = {"kcas": 90.0, "altitude": 3000.0}
+
+
+def residual(name, held, parameters, free=()):
+    """The largest acceleration that JSBSim has at our trim, and the weights of both."""
+    gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
+    model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity, **parameters)
+    condition = release(usual_condition(model), hold=held, free=free)
+    point = find_operating_point(model, condition)
+    commands = point.inputs._asdict() | parameters
+    point_of_jsbsim = {"state": point.states._asdict(), "commands": commands}
+    (answer,) = answered([{"aircraft": name, "point": point_of_jsbsim}])
+    axes = ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")
+    weight = model.outputs_at(point.states, point.inputs, ["weight"])["weight"]
+    return max(abs(answer[axis]) for axis in axes), weight, answer["weight"]
+
+
+@needs_jsbsim
+@pytest.mark.parametrize(
+    ("name", "held", "parameters", "free"),
+    [
+        ("737", JET, {"tank0": 300.0, **WIND}, ()),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                ("737", JET, {"engine1": 0.0}, ()),
+                ("A320", JET, {"tank0": 300.0}, ()),
+                ("f15", JET, {"tank0": 300.0}, ()),
+                ("c172p", LIGHT, {"pointmass0": 120.0, "tank0": 60.0}, ()),
+                ("c182", LIGHT, {"pointmass0": 120.0}, ()),
+                ("pa28", LIGHT, {"pointmass0": 120.0}, ()),
+                ("J3Cub", {"kcas": 60.0, "altitude": 3000.0}, {"pointmass0": 120.0}, ()),
+                ("c172p", LIGHT, WIND, ()),
+                ("sgs126", {"kcas": 60.0, "altitude": 3000.0}, WIND, ()),
+                ("f15", JET, WIND, ()),
+                ("B747", JET, {"engine1": 0.0}, ()),
+                ("T38", JET, {"engine1": 0.0}, ()),
+                ("F4N", JET, {"engine1": 0.0}, ()),
+                ("c310", {**LIGHT, "kcas": 110.0, "throttle": 1.0}, {"engine1": 0.0}, ("gamma",)),
+            )
+        ),
+    ],
+)
+def test_loads_wind_and_dead_engines_leave_nothing_in_jsbsim(name, held, parameters, free):
+    acceleration, weight, weight_in_jsbsim = residual(name, held, parameters, free)
+    assert acceleration < 1e-9
+    assert weight == pytest.approx(weight_in_jsbsim, rel=1e-14)
+
+
+@needs_jsbsim
+def test_more_fuel_than_a_tank_takes_is_refused():
+    with pytest.raises(BadInputError, match="tank0 is 1e[+]06 lbf; it is at most 185 lbf"):
+        read_model("jsbsim:c172p").with_parameters(tank0=1e6)
+
+
+def test_a_steady_wind_carries_the_path_and_a_gust_changes_the_flow(tmp_path):
+    model = load_model(written(tmp_path, glider()))
+    x = [120.0, 0.1, *[0.0] * 7, 1000.0]
+    u = [0.0] * len(model.inputs)
+    still = model.rates_at(x, u)
+    sinking = model.with_parameters(wind_down=5.0).rates_at(x, u)
+    assert sinking["altitude"] == pytest.approx(still["altitude"] - 5.0)
+    assert sinking["pitch_rate"] == pytest.approx(still["pitch_rate"], rel=1e-12)
+    by_gust = model.at(x, u, disturbances=("updraft", "gust_east")).E
+    by_alpha = model.at(x, u).A[:, 1]
+    rates = list(model.states)
+    lift = rates.index("pitch_rate")
+    assert by_gust[lift, 0] == pytest.approx(by_alpha[lift] * np.cos(0.1) / 120.0, rel=0.05)
+    assert by_gust[rates.index("yaw_rate"), 1] != 0.0
+
+
+WASHOUT = (
+    '<washout_filter name="yaw damper"> <input>velocities/r-rad_sec</input> <c1>0.5</c1>'
+    " <output>fcs/damper</output> </washout_filter>"
+)
+
+
+def test_a_washout_is_a_state_where_that_is_asked(tmp_path):
+    control = CONTROL.replace(" </channel>", f"{WASHOUT} </channel>")
+    damper = force("YAW", slope(-9.0, "fcs/damper"), slope(0.1, "aero/beta-rad"))
+    path = written(tmp_path, glider(LIFT + REST + damper, control))
+    steady = load_model(path)
+    assert any("yaw damper: it is 0, as for a steady input" in note for note in steady.notes)
+    model = load_model(f"{path}?filters=states")
+    assert list(model.states)[-1] == "yaw_damper"
+    condition = release(usual_condition(model), hold={"speed": 120.0})
+    linear = linearize(model, find_operating_point(model, condition))
+    names = list(model.linear)
+    state = names.index("yaw_damper")
+    rate = names.index("yaw_rate")
+    assert linear.A[state, rate] == pytest.approx(0.5)
+    assert linear.A[state, state] == pytest.approx(-0.5)
+    assert linear.A[rate, state] > 0.0
+    point = find_operating_point(steady, release(usual_condition(steady), hold={"speed": 120.0}))
+    at_once = linearize(steady, point).A[rate, rate] - linear.A[rate, state]
+    assert linear.A[rate, rate] == pytest.approx(at_once)
+
+
+def test_a_choice_that_there_is_not_is_refused(tmp_path):
+    with pytest.raises(BadInputError, match="lags=on is no choice of an aircraft; use filters="):
+        load_model(f"{written(tmp_path, glider())}?lags=on")
