@@ -309,12 +309,9 @@ class Model:
             refuse_unknown(f"{self.name} has no parameter", name, tuple(self.parameters))
             signal = self.parameters[name]
             if not signal.min <= value <= signal.max:
-                limit = (
-                    f"at most {signal.max:g}" if value > signal.max else f"at least {signal.min:g}"
-                )
-                raise BadInputError(
-                    f"{name} is {value:g} {signal.unit}; it is {limit} {signal.unit}"
-                )
+                which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
+                text = f"{name} is {value:g} {signal.unit}"
+                raise BadInputError(f"{text}; it is at {which} {limit:g} {signal.unit}")
             changed[name] = signal._replace(start=float(value))
             if self.native is not None:
                 native_values[name] = float(value) / si_factor(self.native.unit(name))

@@ -69,7 +69,7 @@ def test_loads_wind_and_dead_engines_leave_nothing_in_jsbsim(name, held, paramet
 
 @needs_jsbsim
 def test_more_fuel_than_a_tank_takes_is_refused():
-    with pytest.raises(BadInputError, match="tank0 is 1e[+]06 lbf; it is at most 185 lbf"):
+    with pytest.raises(BadInputError, match=r"tank0 is 1e[+]06 lbf; it is at most 185 lbf"):
         read_model("jsbsim:c172p").with_parameters(tank0=1e6)
 
 
