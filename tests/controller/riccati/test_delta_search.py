@@ -1,0 +1,146 @@
+"""The search of a smallest delta on answers that are wrong or open, and what shows a no."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from game_samples import game_models, random_game
+from reference_riccati import reference_solution
+
+from controller import Game
+from controller.riccati.delta_search import Answer, smallest_delta
+from controller.riccati.existence import existence, shown_gain
+from controller.riccati.normal_form import NormalForm
+from hfa_support import NoSolutionError
+from verification import minimum_delta, solve_game
+
+EXACT = 0.6823938
+
+
+def truth(delta: float) -> Answer:
+    return Answer(True) if delta > EXACT else Answer(False, "shown", "of it")
+
+
+def test_the_bracket_of_sure_answers_is_as_narrow_as_asked() -> None:
+    for begin in (0.1, 1.0, 3e5):
+        value, refused, ending = smallest_delta(truth, begin, 1e-6)
+        assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
+        assert (ending.exists, ending.condition) == (False, "of it")
+
+
+def test_a_solution_below_a_refused_delta_ends_the_refusal() -> None:
+    """A planted refusal from 8 to 11.38, as rounding once made it, which the bisection meets."""
+
+    def ask(delta: float) -> Answer:
+        return Answer(False, "rounding") if 8.0 < delta < 11.379426 else truth(delta)
+
+    value, refused, _ = smallest_delta(ask, 20.0, 1e-6)
+    assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
+
+
+def test_what_is_open_is_neither_refused_nor_called_good() -> None:
+    def ask(delta: float) -> Answer:
+        return Answer(None, "rounding") if 0.4 < delta < 2.0 else truth(delta)
+
+    value, refused, ending = smallest_delta(ask, 20.0, 1e-6)
+    assert 2.0 <= value <= 2.0 * (1.0 + 1e-6)
+    assert 0.4 * (1.0 - 1e-6) <= refused <= 0.4
+    assert ending == Answer(None, "rounding")
+
+
+def test_a_solution_within_what_is_open_is_found() -> None:
+    def ask(delta: float) -> Answer:
+        return Answer(None, "rounding") if 1.0 < delta < 9.0 else truth(delta)
+
+    value, refused, _ = smallest_delta(ask, 20.0, 1e-6)
+    assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
+
+
+def test_all_good_is_0_and_none_good_says_which_it_is() -> None:
+    assert smallest_delta(lambda _: Answer(True), 1.0, 1e-6)[:2] == (0.0, 0.0)
+    with pytest.raises(NoSolutionError, match=r"^no delta up to 2\.749e\+11 will do: shown$"):
+        smallest_delta(lambda _: Answer(False, "shown"), 1.0, 1e-6)
+    with pytest.raises(
+        NoSolutionError, match=r"^rounding leaves open whether any delta up to 2\.7"
+    ):
+        smallest_delta(lambda _: Answer(None, "near the axis"), 1.0, 1e-6)
+
+
+def test_the_gain_that_is_shown_is_attained_below_delta_min_and_refuses_every_delta_up_to_it() -> (
+    None
+):
+    """Against the reference of 60 digits."""
+    rng = np.random.default_rng(3)
+    shown = 0
+    for number in range(3):
+        game = random_game(rng, scaled=number % 2 == 0)
+        smallest = minimum_delta(game)
+        gain, frequency = shown_gain(NormalForm.of(game.with_delta(0.9 * smallest.value)))
+        assert gain <= smallest.value
+        assert frequency >= 0.0
+        if gain > 0.0:
+            assert not reference_solution(game.with_delta(gain * (1.0 - 1e-9))).exists
+            shown += 1
+    assert shown >= 2
+
+
+def test_a_refusal_names_what_shows_it() -> None:
+    game = game_models()["published-15"]
+    low = existence(NormalForm.of(game.with_delta(80.0)))
+    near = existence(NormalForm.of(game.with_delta(113.55)))
+    assert low.exists is False
+    assert "against every input the disturbance gains at least 113.306" in low.reason
+    assert near == Answer(False, "P is indefinite by more than rounding")
+
+
+def chain(rates: list[float], coupling: float) -> Game:
+    """States of these rates, each driven by the one before, the first by the input: every mode is
+    reached."""
+    n = len(rates)
+    A = np.diag(rates) + np.diag([coupling] * (n - 1), -1)
+    return Game(A, np.eye(n)[:, :1], np.eye(n), np.eye(n), np.eye(1), math.inf)
+
+
+@pytest.mark.parametrize(
+    ("rates", "coupling"),
+    [([-1e8, 1e-2, -3.0], 1e-6), ([-1e7, -2.0, 1e-3], 1e-4), ([-1e9, 1e-4], 1e-8)],
+)
+def test_a_stiff_plant_whose_modes_are_reached_is_not_told_that_they_are_not(
+    rates: list[float], coupling: float
+) -> None:
+    """Solved, or refused for rounding: no mode is called unreached, none 0 that is not."""
+    game = chain(rates, coupling)
+    said = refusal_of(lambda: solve_game(game)) + refusal_of(lambda: minimum_delta(game))
+    assert "is not stabilizable" not in said
+    assert not re.search(r"eigenvalue 0\b(?!\.)", said)
+    assert "no delta" not in said
+
+
+def refusal_of(solve: Callable[[], object]) -> str:
+    """The line of a refusal, "" where there is none."""
+    try:
+        solve()
+    except NoSolutionError as refusal:
+        return f"{refusal}\n"
+    return ""
+
+
+def test_a_mode_that_nothing_reaches_is_named_whatever_the_axes_and_units() -> None:
+    """Also beside fast states."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        units = np.exp2(rng.integers(-8, 9, 3).astype(float))
+        T = units[:, None] * turn
+        back = turn.T / units
+        A = T @ np.diag([0.5, -1.0, -200.0]) @ back
+        B = T @ np.array([[0.0], [1.0], [1.0]])
+        game = Game(A, B, np.eye(3), np.eye(3), np.eye(1), math.inf)
+        with pytest.raises(
+            NoSolutionError, match=r"no input reaches the mode with eigenvalue 0\.5;"
+        ):
+            solve_game(game)
