@@ -247,8 +247,15 @@ class Model:
     def refuse_unheld(self, meaning: str, name: str, also: Sequence[str] = ()) -> None:
         """BadInputError unless a trim can impose the name: `holdable`, the rate of a state, or one
         of the others."""
-        if name not in self.rates:
-            refuse_unknown(meaning, name, dict.fromkeys((*self.holdable, *also)))
+        if name in self.rates or name in also:
+            return
+        if name in self.parameters:
+            raise BadInputError(
+                f"{meaning} {name!r}: it is a parameter; hold it (--hold {name}=VALUE, or"
+                f" with_parameters({name}=VALUE))"
+            )
+        known = (*self.holdable, *also, *self.parameters)
+        refuse_unknown(meaning, name, dict.fromkeys(known))
 
     @cached_property
     def limits(self) -> dict[str, tuple[float, float]]:

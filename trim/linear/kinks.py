@@ -19,6 +19,8 @@ _ROUNDING = {ca.OP_FLOOR, ca.OP_CEIL}
 _STEP = 1e-6
 #: How far slopes may differ, of 1 + |derivative|, in scaled units.
 _APART = 1e-4
+#: As a share of that: a difference in a column where another entry is at a kink.
+_FELT = 1e-2
 #: Points at which slopes are compared, the first of those near a switch.
 _MOST = 1_000
 
@@ -190,6 +192,9 @@ def _correct(
     across = np.abs(slopes[2] + slopes[3] - below - above)
     jumps = smooth_below & smooth_above & (across > 2 * np.abs(above - below) + allowed)
     kinks = smooth_below & smooth_above & differs & ~jumps
+    # What one rate feels of a kink the others do too, even where it is small to them.
+    felt = np.abs(above - below) > _FELT * allowed
+    kinks |= kinks.any(axis=0) & smooth_below & smooth_above & felt & ~jumps
     notes = []
     for j, i in np.argwhere((kinks | jumps).T).tolist():
         column = int(columns[j])
