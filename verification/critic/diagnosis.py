@@ -73,15 +73,21 @@ class Demands(NamedTuple):
     left: what was fitted (`Hypothesis.fitted`) -> the part of the error that may be left. Noise in
         tens of entries cannot be explained by a few numbers.
     least: a smaller error asks as much as `_EXACT`.
+    entry: so far an entry may be from what the hypothesis says (`View.entry_errors`). A norm is
+        that of the few largest entries.
+    share: of so many entries, as a part of those that tell anything. A network that is right but
+        for its noise has no digit of what hardly counts in its box.
     """
 
     left: Mapping[str, float]
     least: float = 0.0
+    entry: float = 0.01
+    share: float = 1.0
 
 
 _EXACT = Demands({"": 1e-3, "factor": 1e-3, "scales": 1e-4})
-_WITH_NOISE = Demands({"": 0.15, "factor": 0.01, "scales": 1e-4}, least=0.03)
-_OF_NETWORKS = Demands({"": 0.15, "factor": 0.01, "scales": 0.03}, least=0.03)
+_WITH_NOISE = Demands({"": 0.15, "factor": 0.01, "scales": 1e-4}, 0.03, 0.5)
+_OF_NETWORKS = Demands({"": 0.15, "factor": 0.01, "scales": 0.03}, 0.03, 0.3, 0.6)
 #: A cause is named before later ones that leave up to so many times less.
 _AS_GOOD = 10.0
 #: A cause that leaves less of what it may needs no search among other games.
@@ -119,6 +125,8 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
         strictness = demands.left[""] / _EXACT.left[""]
     causes = []
     for hypothesis in hypotheses:
+        if not is_confirmed(view, hypothesis, demands):
+            continue
         error = error_of(view, hypothesis.undo)
         share = error / before / demands.left[hypothesis.fitted] * strictness
         causes.append(Cause(share, error, hypothesis.says))
@@ -127,6 +135,13 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
         return _NO_CAUSE
     good = min(_AS_GOOD * min(errors), before * _WITH_NOISE.left[""])
     return next(cause for cause in causes if cause.error <= max(good, ROUNDING))
+
+
+def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
+    """Whether the entries, and not their norm alone, are about what the hypothesis says."""
+    errors = view.entry_errors(hypothesis)
+    right = np.count_nonzero(errors <= demands.entry)
+    return right >= demands.share * len(errors)
 
 
 def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
@@ -264,8 +279,16 @@ def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[Vi
     inputs = np.outer(np.sqrt(np.diag(game.R)), units)
     value = None
     if critic.P is not None:
-        value = View("P", critic.P, P, np.outer(units, units))
-    return value, View("K", critic.K, K, inputs)
+        value = View("P", critic.P, P, np.outer(units, units), alike(P, units))
+    return value, View("K", critic.K, K, inputs, alike(P, units))
+
+
+def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """1 / √P_ii of the exact P, (n,); the units of a state that costs nothing."""
+    diagonal = np.diag(P)
+    costs = diagonal * units**2
+    known = costs > SMALL * costs.max()
+    return np.where(known, 1.0 / np.sqrt(np.where(known, diagonal, 1.0)), units)
 
 
 def _beyond_quadratic(critic: Critic) -> str:
@@ -368,11 +391,12 @@ def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray
         sizes = np.linalg.norm(matrix * box, axis=1, keepdims=True)
         return box / np.maximum(sizes, SMALL * sizes.max())
 
+    units = alike(exact.P, box)
     views = []
     if answer.P is not None:
         weights = np.outer(box, box) if "V" in critic.network else by_row(exact.P)
-        views.append(View("P", answer.P, exact.P, weights))
-    views.append(View("K", answer.K, exact.K, by_row(exact.K)))
+        views.append(View("P", answer.P, exact.P, weights, units))
+    views.append(View("K", answer.K, exact.K, by_row(exact.K), units))
     return views
 
 

@@ -22,6 +22,8 @@ REDUNDANT = 2
 _NEAR = 0.05
 #: An entry below this part of the largest is compared with that part.
 _SMALL = 1e-5
+#: An entry above this part of what it could be tells something (`View.entry_errors`).
+_TOLD = 0.1
 _DEGREE = math.pi / 180.0
 #: A scale is one of degrees within this factor, as a logarithm.
 _DEGREE_BAND = 1.5
@@ -37,11 +39,14 @@ class Hypothesis(NamedTuple):
     undo: P (n, n) or K (m, n) without it.
     fitted: what was fitted to the critic: "" for nothing, "factor" for one of all entries, "scales"
         for one of each state or input. What is fitted must explain more.
+    answer: of another game, which the critic is taken for; None where it is the exact one but for
+        a mistake.
     """
 
     says: str
     undo: np.ndarray
     fitted: str = ""
+    answer: np.ndarray | None = None
 
 
 class View(NamedTuple):
@@ -51,12 +56,14 @@ class View(NamedTuple):
     judged: (k, n), of the critic.
     exact: (k, n).
     weights: (k, n), of the entries in an error.
+    units: (n,), of the states, in which each adds about as much to the exact value: 1 / √P_ii.
     """
 
     kind: str
     judged: np.ndarray
     exact: np.ndarray
     weights: np.ndarray
+    units: np.ndarray
 
     @property
     def noun(self) -> str:
@@ -68,6 +75,32 @@ class View(NamedTuple):
         """How many numbers the critic has to match."""
         return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
 
+    def entry_errors(self, hypothesis: Hypothesis) -> np.ndarray:
+        """(entries,), how far each entry is from what the hypothesis says, in units that make them
+        alike: of P relative to √(P_ii P_jj), of K to the norm of its row in units of the states.
+
+        The critic without the mistake is compared with the exact one, and a critic that is taken
+        for the answer of another game with that answer, in the sizes of that answer. Entries that
+        are small in both tell nothing and are left out.
+        """
+        tested = hypothesis.undo
+        right = self.exact
+        if hypothesis.answer is not None:
+            tested = self.judged
+            right = hypothesis.answer
+        if self.kind == "P":
+            diagonal = np.sqrt(np.abs(np.diag(right)))
+            least = _SMALL * np.max(diagonal * self.units) / self.units
+            diagonal = np.maximum(diagonal, least)
+            sizes = np.outer(diagonal, diagonal)
+        else:
+            rows = np.linalg.norm(right * self.units, axis=1, keepdims=True)
+            sizes = np.maximum(rows, _SMALL * rows.max()) / self.units
+        with np.errstate(all="ignore"):
+            errors = np.abs(tested - right) / sizes
+            told = np.maximum(np.abs(tested), np.abs(right)) / sizes > _TOLD
+        return np.asarray(np.where(np.isnan(errors), np.inf, errors)[told])
+
     def relative(self) -> View:
         """The same with every entry counted relative to its exact value, or to a small part of the
         largest."""
@@ -77,7 +110,7 @@ class View(NamedTuple):
 
     def transposed(self) -> View:
         """The same with rows for columns."""
-        return View(self.kind, self.judged.T, self.exact.T, self.weights.T)
+        return self._replace(judged=self.judged.T, exact=self.exact.T, weights=self.weights.T)
 
 
 def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[Hypothesis]:

@@ -37,6 +37,11 @@ _NO_GAME = 1e3
 #: A search must take the difference down to this part of the best start's, or to rounding.
 _REACHED = 0.1
 ROUNDING = 1e-9
+#: A discount is at most so many times the fastest rate of the plant, 1/s; a step is at least
+#: and at most so many times its inverse.
+_FASTER = 10.0
+_SHORTEST_STEP = 1e-4
+_LONGEST_STEP = 10.0
 #: Entries of Q and R that differ by less, relative, are the game's.
 _SAME_WEIGHT = 1e-3
 
@@ -79,12 +84,22 @@ class Family(NamedTuple):
     answer: x -> the answer; NoSolutionError where there is none.
     starts: where a search of x begins; none for one game alone.
     is_lqr: whether it is the game without disturbance.
+    plausible: the least and the largest x that somebody would choose on this plant; None for any
+        between the starts or as far beyond them.
     """
 
     says: Callable[[str, float], str]
     answer: Callable[[float], Answer]
     starts: tuple[float, ...] = ()
     is_lqr: bool = False
+    plausible: tuple[float, float] | None = None
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Of x in a search."""
+        lowest = min(self.starts)
+        highest = max(self.starts)
+        return self.plausible or (2.0 * lowest - highest, 2.0 * highest - lowest)
 
 
 def families(game: Game, nearby: Nearby) -> list[Family]:
@@ -112,8 +127,10 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
     members += [
         _along_log("with Q", "times as large", lambda x: replace(game, Q=x * game.Q)),
         _along_log("with R", "times as large", lambda x: replace(game, R=x * game.R)),
-        _along_log("with a discount of", "1/s", lambda x: discounted(game, x)),
     ]
+    rate = fastest_rate(game)
+    discount = _along_log("with a discount of", "1/s", lambda x: discounted(game, x))
+    members.append(discount._replace(plausible=(-math.inf, math.log(_FASTER * rate))))
     members.append(
         Family(
             lambda noun, _: (
@@ -122,9 +139,9 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
             lambda _: Answer(*quick_discrete(DiscreteGame(game))),
         )
     )
-    members += _in_steps("of another game", game)
+    members += _in_steps("of another game", game, rate)
     if is_game:
-        members += _in_steps("of the LQR", lqr)
+        members += _in_steps("of the LQR", lqr, rate)
     return members
 
 
@@ -163,21 +180,29 @@ def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family
     )
 
 
-def _in_steps(whose: str, game: Game) -> Iterator[Family]:
+def fastest_rate(game: Game) -> float:
+    """The largest |eigenvalue| of A and of A - B K, rad/s: what the plant does faster is not worth
+    a discount or a step of time."""
+    loops = [game.A]
+    with contextlib.suppress(NoSolutionError):
+        loops.append(game.A - game.B @ solved(game).K)
+    return max(float(np.abs(np.linalg.eigvals(loop)).max()) for loop in loops) or 1.0
+
+
+def _in_steps(whose: str, game: Game, rate: float) -> Iterator[Family]:
     """A game in discrete time, by its step exp(x) s: held, with its whole cost, or by Euler's
     rule."""
     starts = tuple(math.log(time) for time in _TIMES)
+    plausible = (math.log(_SHORTEST_STEP / rate), math.log(_LONGEST_STEP / rate))
     for how, answer in _STEPPED.items():
-        yield _stepped(f"{whose}, in discrete time", how, partial(answer, game), starts)
+        stepped = _stepped(f"{whose}, in discrete time", how, partial(answer, game))
+        yield stepped._replace(starts=starts, plausible=plausible)
 
 
-def _stepped(
-    whose: str, how: str, answer: Callable[[float], Answer], starts: tuple[float, ...]
-) -> Family:
+def _stepped(whose: str, how: str, answer: Callable[[float], Answer]) -> Family:
     return Family(
         lambda noun, x: f"this is the {noun} {whose}, a step of {math.exp(x):.4g} s{how}",
         lambda x: answer(math.exp(x)),
-        starts,
     )
 
 
@@ -226,7 +251,7 @@ def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
     that."""
     matrix = answer.P if view.kind == "P" else answer.K
     assert matrix is not None
-    return Hypothesis(says, view.judged - matrix + view.exact)
+    return Hypothesis(says, view.judged - matrix + view.exact, answer=matrix)
 
 
 def answers(view: View, candidates: list[Family], explained: float) -> Iterator[Hypothesis]:
@@ -323,7 +348,9 @@ def _nearest(view: View, family: Family, explained: float) -> float | None:
         except (NoSolutionError, BadInputError, ValueError, ArithmeticError):  # no such game
             return None
 
-    tried = {start: difference(start) for start in family.starts}
+    lowest, highest = family.limits
+    starts = [start for start in family.starts if lowest < start < highest]
+    tried = {start: difference(start) for start in starts}
     sizes = {
         start: float(np.linalg.norm(away)) for start, away in tried.items() if away is not None
     }
@@ -336,12 +363,10 @@ def _nearest(view: View, family: Family, explained: float) -> float | None:
         away = difference(float(parameter[0]))
         return nowhere if away is None else away
 
-    lowest = min(family.starts)
-    highest = max(family.starts)
     end = least_squares(
         residuals,
         [begin],
-        bounds=(2.0 * lowest - highest, 2.0 * highest - lowest),
+        bounds=family.limits,
         ftol=0.1,
         xtol=1e-14,
         gtol=1e-15,

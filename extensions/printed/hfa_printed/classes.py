@@ -28,6 +28,8 @@ Class = Literal[
     "wrong",
 ]
 CLASSES: tuple[str, ...] = get_args(Class)
+#: One entry of a learned answer is wrong where it is off by so many times what others may hide.
+_STANDS_OUT = 10.0
 #: An answer this far off is of another problem, which the file does not name. A convention: those
 #: of 88 sources that nothing explains are off by less than 0.03 %, or by more than 80 %.
 _FAR = 0.5
@@ -76,7 +78,7 @@ def classify(file: PrintedFile) -> Classified:
             f"with {changes} every printed digit is right; as typed: {failure}"
         ) from failure
     comparison = compare(file, file.plant, P)
-    by_digits = _by_digits(file, comparison)
+    by_digits = _by_digits(file, P, comparison)
     if by_digits is not None:
         name, reason = by_digits
         return Classified(name, reason, comparison, P)
@@ -108,7 +110,9 @@ def fitting_time(file: PrintedFile) -> str:
     return ""
 
 
-def _by_digits(file: PrintedFile, comparison: Comparison) -> tuple[Class, str] | None:
+def _by_digits(
+    file: PrintedFile, P: np.ndarray, comparison: Comparison
+) -> tuple[Class, str] | None:
     """The class that needs no search; None where the digits alone do not say."""
     if not comparison.outside.any():
         return "as printed", f"all {len(comparison.printed)} entries"
@@ -120,9 +124,34 @@ def _by_digits(file: PrintedFile, comparison: Comparison) -> tuple[Class, str] |
     if asymmetric:
         return "cannot tell", f"{asymmetric} is not symmetric within its digits"
     wrong = comparison.wrong_positions
-    if len(wrong) == 1 and not comparison.outside.all():
-        return "one entry of the answer", _wrong_entry(file, comparison, wrong[0])
-    return None
+    if len(wrong) != 1 or comparison.outside.all():
+        return None
+    if file.learned and not _stands_out(comparison):
+        return None
+    if file.plant_rounded and rounding_used(file, P, comparison) <= 1.0:
+        return None
+    return "one entry of the answer", _wrong_entry(file, comparison, wrong[0])
+
+
+def _stands_out(comparison: Comparison) -> bool:
+    """Whether what is outside its digits is too far off for the noise of a learned answer.
+
+    Noise as large in the other entries, absolute or relative, would show there: it is beyond
+    `_STANDS_OUT` times the half unit of each of them.
+    """
+    outside = comparison.outside
+    error = np.abs(comparison.printed - comparison.exact)[outside].min()
+    relative = (np.abs(comparison.printed - comparison.exact) / _sizes(comparison))[outside].min()
+    hidden = comparison.half_units[~outside]
+    hidden_relative = (comparison.half_units / _sizes(comparison))[~outside]
+    return bool(
+        error > _STANDS_OUT * hidden.max() and relative > _STANDS_OUT * hidden_relative.max()
+    )
+
+
+def _sizes(comparison: Comparison) -> np.ndarray:
+    """|exact|, at least half a unit of its digits."""
+    return np.maximum(np.abs(comparison.exact), comparison.half_units)
 
 
 def _by_search(
@@ -253,7 +282,8 @@ def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> 
         return ""
     printed = comparison.printed[None, :]
     exact = comparison.exact[None, :]
-    return named_with_noise(View("", printed, exact, np.ones_like(exact)), hypotheses)
+    units = 1.0 / _sizes(comparison)
+    return named_with_noise(View("", printed, exact, np.ones_like(exact), units), hypotheses)
 
 
 def _mistaken_answers(

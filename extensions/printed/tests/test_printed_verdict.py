@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
+from printed_samples import printed_sample
 
+from hfa_printed.classes import _by_digits
+from hfa_printed.comparison import compare
 from hfa_printed.exact_answer import (
     Plant,
     answer_change,
@@ -366,3 +371,60 @@ def test_bad_input_names_the_block_and_the_row(tmp_path, old, new, message):
     path.write_text(small_case().replace(old, new, 1))
     with pytest.raises(BadInputError, match=re.escape(f"{path}: {message}")):
         load_printed(path)
+
+
+def quick_classes(folder: Path, files: Iterator[str]) -> list[str]:
+    """What the digits alone say of each; "" where they do not."""
+    classes = []
+    for text in files:
+        path = folder / "right.toml"
+        path.write_text(text)
+        file = load_printed(path)
+        P = certified_value(file.plant)
+        found = _by_digits(file, P, compare(file, file.plant, P))
+        classes.append("" if found is None else found[0])
+    return classes
+
+
+def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
+    """Right tables: learned ones with noise of 1e-6 to 1e-3, or of plants rounded to 3 digits."""
+    rng = np.random.default_rng(seed)
+    for index in range(count):
+        sample = printed_sample(index, rng)
+        if kind == "learned":
+            yield sample.noisy(10.0 ** rng.uniform(-6.0, -3.0), rng).file(learned=True)
+            continue
+        rounded = {
+            name: [[f"{float(text):.3g}" for text in row] for row in block]
+            for name, block in sample.texts.items()
+            if name in ("A", "B", "E")
+        }
+        text = sample._replace(texts=sample.texts | rounded).file()
+        yield text.replace("[plant]", "plant_rounded = true\n[plant]", 1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [
+        ("learned", 40),
+        pytest.param("learned", 200, marks=pytest.mark.slow),
+        pytest.param("rounded", 200, marks=pytest.mark.slow),
+    ],
+)
+def test_a_right_table_is_not_accused_of_one_entry(tmp_path: Path, kind: str, count: int) -> None:
+    """Noise or a rounded plant puts one entry beyond its digits, where it has the most of them."""
+    assert "one entry of the answer" not in quick_classes(tmp_path, right_files(kind, count, 5))
+
+
+def test_one_wrong_entry_of_a_learned_table_is_named(tmp_path: Path) -> None:
+    """A digit dropped from an entry whose error is beyond any noise of the others."""
+    rng = np.random.default_rng(5)
+    named = 0
+    for index in range(20):
+        sample = printed_sample(index, rng)
+        name = next(iter(sample.answer))
+        wrong = sample.answer[name].copy()
+        wrong[0, 0] *= 3.0
+        text = sample._replace(answer=sample.answer | {name: wrong}).file(learned=True)
+        named += quick_classes(tmp_path, iter([text])) == ["one entry of the answer"]
+    assert named >= 18

@@ -38,7 +38,7 @@ from verification import check_critic, from_gain, from_network, from_value, from
 from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import critic_errors
 from verification.critic.diagnosis import diagnose, diagnose_discrete
-from verification.critic.other_games import Nearby, Scheduled
+from verification.critic.other_games import Nearby, Scheduled, discounted
 from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
 
@@ -356,6 +356,40 @@ def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game, name: str
     )
     found = named(game, candidate, None, BOX)
     assert found.startswith("V is near and its policy off by") if name == "V" else found == ""
+
+
+def random_value(
+    rng: np.random.Generator, hidden: int, gain: float, is_square: bool
+) -> ca.Function:
+    """V of a network that has learned nothing: torch's first weights times a gain."""
+    z = ca.SX.sym("z", 6)
+    h = z
+    for width in (hidden, hidden, 1):
+        reach = gain / np.sqrt(h.numel())
+        W = rng.uniform(-reach, reach, (width, h.numel()))
+        h = ca.DM(W) @ h + ca.DM(rng.uniform(-reach, reach, width))
+        if width > 1:
+            h = ca.tanh(h)
+    return ca.Function("V", [z], [h**2 if is_square else h])
+
+
+@pytest.mark.parametrize("draws", [5, pytest.param(100, marks=SLOW)])
+def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) -> None:
+    """A norm over the box is that of its largest entry: one of 21 would be a factor, a discount of
+    1e5 1/s, a decimal slip."""
+    rng = np.random.default_rng(4)
+    said = []
+    for draw in range(draws):
+        V = random_value(rng, (8, 32)[draw % 2], (1.0, 3.0, 10.0)[draw % 3], draw % 4 == 3)
+        said.append(named(game, from_network(game, V), None, BOX))
+    assert said == [""] * draws
+
+
+def test_a_discount_and_a_step_are_plausible_beside_the_rates_of_the_plant(game: Game) -> None:
+    """P = Q / beta is nearly the solution with a discount beta of any size."""
+    assert named(game, from_value(game, game.Q / 5e4)) == ""
+    slow = discounted(game, 0.3)
+    assert "a discount of 0.3 1/s" in named(game, from_value(game, value(slow)))
 
 
 @pytest.mark.slow
