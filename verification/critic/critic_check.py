@@ -89,8 +89,8 @@ def check_critic(
     proof = None
     sections = [_flight_section(game, critic, exact, lost)]
     if critic.network:
+        from hfa_networks.judge.network_flights import InTime
         from hfa_networks.judge.network_search import STARTS, findings
-        from verification.critic.network_flights import InTime
 
         network = findings(InTime(game, exact), critic, exact, box.half_widths, limit, scope)
         errors += network.errors

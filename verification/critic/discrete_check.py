@@ -136,8 +136,8 @@ def _judged(
     states = 0
     proof = None
     if critic.network:
+        from hfa_networks.judge.network_flights import InSteps
         from hfa_networks.judge.network_search import STARTS, findings
-        from verification.critic.network_flights import InSteps
 
         network = findings(InSteps(exact), critic, exact, box.half_widths, limit, scope)
         errors += network.errors

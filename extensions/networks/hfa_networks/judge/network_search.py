@@ -17,9 +17,7 @@ import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
 from hfa_networks.judge.network_bound import Proof, prove
-from hfa_support.reporting.checks import Check
-from verification.critic.critic_errors import SMALL, Exact, error_check
-from verification.critic.network_flights import (
+from hfa_networks.judge.network_flights import (
     DOUBLINGS,
     FEW,
     Flown,
@@ -28,6 +26,8 @@ from verification.critic.network_flights import (
     rest_check,
     starts_in,
 )
+from hfa_support.reporting.checks import Check
+from verification.critic.critic_errors import SMALL, Exact, error_check
 from verification.critic.verdict import Section
 
 if TYPE_CHECKING:
