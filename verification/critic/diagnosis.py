@@ -141,7 +141,7 @@ def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
     """Whether the entries, and not their norm alone, are about what the hypothesis says."""
     errors = view.entry_errors(hypothesis)
     right = np.count_nonzero(errors <= demands.entry)
-    return right >= demands.share * len(errors)
+    return bool(right >= demands.share * len(errors))
 
 
 def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
