@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.io
-from hostile import damaged
+from hostile_files import damaged
 from scipy.sparse import csc_array, issparse
 
 from controller.game import array_file
