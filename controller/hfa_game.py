@@ -16,6 +16,7 @@ from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_aircraft.model import Model
 from hfa_model.printed_matrices import published_data
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.units import si_factor
 from trim.point.operating_point import at_scheduled
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 
 
+@checks_arguments
 def published_game(
     A: LinearModel | np.ndarray, B: np.ndarray | None = None, **changes: Any
 ) -> Game:
@@ -120,6 +122,7 @@ def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Ga
     return Game(A, B, names=names, **(parts | changes))
 
 
+@checks_arguments
 def load_game(path: str | Path, **changes: Any) -> Game:
     """The game of a plant's file, by `stored_game` with `paper_defaults`; notes become warnings.
 

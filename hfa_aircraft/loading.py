@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.local_sources import hash_of_sources
 from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import AIRCRAFT, loaded, offered
 from hfa_support.errors import BadInputError, shown
 from hfa_support.files import LARGEST_TEXT, regular_file
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 
+@checks_arguments
 def load_model(text: str) -> Model:
     """The Model of `FILE.py:NAME` or `package.module:NAME`, which is executed, or of a scheme or
     suffix that a package reads (`hfa_support.entry_points.AIRCRAFT`), as `jsbsim:NAME`.

@@ -6,6 +6,7 @@ from hfa_aircraft.model import Model
 from hfa_model.declaration import rigid_panels
 from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.variants import Variant, variant_named
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, is_finite, shown
 
 #: Parameters that no aircraft has below zero. Inertias are not among them: a fit to one printed
@@ -13,6 +14,7 @@ from hfa_support.errors import BadInputError, is_finite, shown
 _SIZES = ("panel_mass", "panel_span", "chord")
 
 
+@checks_arguments
 def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
     """The highly flexible aircraft as a `Model`.
 

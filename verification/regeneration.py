@@ -10,6 +10,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_model.printed_matrices import PublishedModel, published_models
+from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.checks import Check, Checked, at_most, checks_block, verdict_text
 from hfa_support.reporting.figure import new_figure
@@ -171,6 +172,7 @@ def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
     return figure
 
 
+@checks_arguments
 def regenerate_all(aircraft: Model) -> Regeneration:
     """Trim and linearize at both printed angles and compare the result with the print."""
     return Regeneration(

@@ -10,12 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, shape_text
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.fields import Shown
 
@@ -44,6 +46,10 @@ class Critic(Shown):
     implies_policy: whether the policy of the network follows from its V or ∂V/∂z.
     is_layer: whether it is the one layer of a network that acts on a basis.
     """
+
+    how_to_make: ClassVar[str] = (
+        "from_gain(game, K), from_value(game, P), from_weights(game, W) or from_network"
+    )
 
     K: np.ndarray
     P: np.ndarray | None
@@ -147,6 +153,7 @@ class Critic(Shown):
         return terms
 
 
+@checks_arguments
 def from_gain(game: Game, K: np.ndarray, time: float | None = None) -> Critic:
     """The policy u = -K z.
 
@@ -164,6 +171,7 @@ def from_gain(game: Game, K: np.ndarray, time: float | None = None) -> Critic:
     return Critic(game.checked_gain(K), None, "K", time=time)
 
 
+@checks_arguments
 def from_value(game: Game, P: np.ndarray, time: float | None = None) -> Critic:
     """V = z'Pz, u = -R⁻¹B'P z.
 
@@ -187,6 +195,7 @@ def from_value(game: Game, P: np.ndarray, time: float | None = None) -> Critic:
     return Critic(game.gain(P), P, "P", feedback=game.R_inverse_B_transposed, time=time)
 
 
+@checks_arguments
 def from_weights(
     game: Game,
     weights: np.ndarray,

@@ -21,6 +21,7 @@ from controller.game.discrete_game import DiscreteGame
 from controller.game.names import UNNAMED, PlantNames
 from controller.game.user_files import file_scales, found_in, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, said_of
 
 #: Suffixes of the files of networks.
@@ -100,6 +101,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         return (from_parts(game, parts, functions),)
 
 
+@checks_arguments
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
     """The one critic of a file, of a history the last row. BadInputError, one line."""
     return critics_in(path, game, reading)[-1]
@@ -136,6 +138,7 @@ def stored_parts(
         return _single_parts(entries, plant, functions)
 
 
+@checks_arguments
 def critics_over_time(
     game: Game, times: np.ndarray, functions: str = "quadratic", **parts: np.ndarray | None
 ) -> tuple[Critic, ...]:

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.fields import Shown
 
@@ -105,6 +106,7 @@ class Basis(Shown):
         return units
 
 
+@checks_arguments
 def basis(name: str, states: int) -> Basis:
     """The basis of that name on `states` channels.
 

@@ -13,6 +13,7 @@ from controller.game.names import PlantNames
 from controller.game.user_files import file_scales, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, checked_matrix
 from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, said_of
 from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.fields import Shown
@@ -23,6 +24,7 @@ _AT_THE_END = 1e-9
 _DIGITS = 10
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class GainSchedule(Shown):
     """u = -K(η) x, K linear in the scheduling variable η between breakpoints, constant beyond both

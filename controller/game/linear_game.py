@@ -9,13 +9,15 @@ import numpy as np
 
 from controller.game.names import names_of_linear
 from controller.game.zero_sum import Game
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown, shown
+from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
-    from trim.linear.linear_model import LinearModel
 
 
+@checks_arguments
 def game(
     linear: LinearModel,
     Q: np.ndarray | Mapping[str, float] | None = None,

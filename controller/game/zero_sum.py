@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -46,6 +46,8 @@ class Game(ByValue, Reported):
     >>> game.S.tolist()
     [[0.75]]
     """
+
+    how_to_make: ClassVar[str] = "hfa.game(linear, Q, R)"
 
     A: np.ndarray
     B: np.ndarray

@@ -29,6 +29,7 @@ from controller.learning.bellman_equations import (
 )
 from controller.learning.recording import Stack
 from controller.learning.ticks import Run, run, training_run
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -510,6 +511,7 @@ def certified_law(
     )
 
 
+@checks_arguments
 def learn(
     game: Game,
     law: str = "certified",

@@ -10,6 +10,7 @@ import numpy as np
 from controller.game.basis import Basis
 from controller.game.training_run import Excitation
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
 from hfa_support.reporting.fields import Shown
 
@@ -82,6 +83,7 @@ class Stack(Shown):
         return scales
 
 
+@checks_arguments
 def record(game: Game, states: np.ndarray) -> Stack:
     """The stack F_j = A z_j at given states (N, n): what noise-free derivatives of the plant
     give."""
@@ -93,6 +95,7 @@ def record(game: Game, states: np.ndarray) -> Stack:
     return Stack(states, states @ game.A.T)
 
 
+@checks_arguments
 def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | None = None) -> Stack:
     """`count` states drawn uniformly from a box, with their drifts; half_widths: (n,), by default
     `natural_spread`.

@@ -25,6 +25,7 @@ from controller.riccati.existence import existence
 from controller.riccati.normal_form import RANK
 from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, dependence
 from controller.riccati.step_form import NoValueError, StepForm
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least, at_most, below
@@ -97,6 +98,7 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
     return DiscreteGame(step, discount, A_low=A_low)
 
 
+@checks_arguments
 def solve_discounted(game: Game, discount: float, dt: float | None = None) -> DiscreteSolution:
     """`solve_discrete` of one step of time, or with dt (s) of a game in continuous time, which is
     `sampled`."""

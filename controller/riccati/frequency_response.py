@@ -13,6 +13,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import is_hurwitz, spectrum
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import Check, at_most, below
 
@@ -87,6 +88,7 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
     return float(np.linalg.norm(C @ responses(A, B, frequencies) + D, 2, axis=(1, 2)).max())
 
 
+@checks_arguments
 def bounded_real_gain(game: Game, K: np.ndarray) -> float:
     """L2 gain of the loop of u = -K z, as `system_gain`. K: (m, n)."""
     loop, E, C = closed_loop(game, K)

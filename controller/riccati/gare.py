@@ -22,6 +22,7 @@ from controller.riccati.certificate import (
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import smallest_delta_of
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress
@@ -110,6 +111,7 @@ class GameBatch(Shown):
     reasons: tuple[str, ...]
 
 
+@checks_arguments
 def solve_game(game: Game, progress: Progress | None = None) -> Solution:
     """The exact solution of a game, with its certificate (paper Section 3.1).
 
@@ -163,6 +165,7 @@ def solution_of(form: NormalForm, certified: Certified, names: PlantNames) -> So
     )
 
 
+@checks_arguments
 def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
     """`solve_game` of every plant (A (N, n, n), B (N, n, m)); E, Q, R, delta of `like`.
 
@@ -193,7 +196,12 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
 
 
 def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:
-    """BadInputError of the first model with a number that is none, or of the first one."""
+    """BadInputError of stacks that do not fit, of the first model with a number that is none, or of
+    the first one."""
+    if A.ndim != 3 or B.ndim != 3 or A.shape[:2] != B.shape[:2] or A.shape[1] != A.shape[2]:
+        raise BadInputError(
+            f"A is of shape {A.shape} and B of {B.shape}; give stacks (N, n, n) and (N, n, m)"
+        )
     sound = (np.abs(A) <= LARGEST).all(axis=(1, 2)) & (np.abs(B) <= LARGEST).all(axis=(1, 2))
     suspects = [*range(min(len(A), 1)), *np.flatnonzero(~sound)[:1]]
     for i in suspects:

@@ -16,6 +16,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.frequency_response import TOLERANCE, frequency_grid, responses
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 
 #: Peaks whose scaling is optimised one after another until none is left above; a loop has far
@@ -193,6 +194,7 @@ def _of_game(game: Game, K: np.ndarray) -> tuple[Response, np.ndarray]:
     return shifted_sensitivity(closed, game.B, -K), grid
 
 
+@checks_arguments
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     """α = 1 / max_ω μ(S(jω) - I/2), μ over independent complex factors, bounded above by D-scaling.
 

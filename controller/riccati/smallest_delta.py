@@ -14,6 +14,7 @@ from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.existence import existence
 from controller.riccati.frequency_response import square_root, swept_gain, system_gain
 from controller.riccati.normal_form import RANK, NormalForm
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -71,6 +72,7 @@ class DeltaMin(NamedTuple):
         return f"delta = {delta:.9g} is {where}; {what}"
 
 
+@checks_arguments
 def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
     """The smallest δ of a game, to 1e-6 relative; its own delta plays no part.
 

@@ -14,6 +14,7 @@ from controller.riccati.gare import Solution, certified, solution_of
 from controller.riccati.margins import DiskMargin, LoopMargin, disk_margin, disk_sizes, loop_margins
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress
@@ -43,6 +44,7 @@ class AnalysedGame(Shown):
     disk: DiskMargin
 
 
+@checks_arguments
 def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
     """The certified solution of a game, its smallest delta, what its policies cost, and margins.
 

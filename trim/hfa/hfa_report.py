@@ -11,6 +11,7 @@ from hfa_aircraft.native_units import in_units_of, native_values, unit_of
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.atmosphere import density, speed_of_sound
 from hfa_model.declaration import is_hfa
+from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, four_decimals, short_number, shown_unit
 from trim.point.condition import TrimCondition
@@ -39,6 +40,7 @@ PERFORMANCE: dict[str, tuple[str, str]] = {
 _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_moment_total")
 
 
+@checks_arguments
 def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
     """The report of a trim; of the paper's aircraft with its loads and performance in place of its
     outputs."""

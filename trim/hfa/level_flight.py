@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import hfa_model
+from hfa_support.arguments import checks_arguments
 from trim.point.condition import TrimCondition, usual_condition
 
 #: Shipped condition -> its file in this folder.
@@ -17,6 +18,7 @@ CONDITIONS = {
 LEVEL_FLIGHT = usual_condition(hfa_model.aircraft())
 
 
+@checks_arguments
 def level_flight(
     dihedral: float, *, limits: Mapping[str, tuple[float, float]] | None = None, **held: float
 ) -> TrimCondition:
@@ -36,6 +38,7 @@ def level_flight(
     return TrimCondition(model, imposed, limits=dict(limits or {}))
 
 
+@checks_arguments
 def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondition:
     """A shipped condition, by its name in `CONDITIONS`, or one from a file of the user's.
 

@@ -20,6 +20,7 @@ from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.printed_matrices import PublishedModel, published_models
 from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.reporting.by_value import ByValue
@@ -90,6 +91,7 @@ class EntryRow:
         }
 
 
+@checks_arguments
 def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
     """All 66 entries of A (6 x 6) and B (6 x 5), row by row.
 
@@ -115,6 +117,7 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
     )
 
 
+@checks_arguments
 def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
     """The linear model of an aircraft in the paper's trim at a printed dihedral angle.
 
@@ -324,6 +327,7 @@ def bands_known(parameters: ParameterSet) -> bool:
     return same and parameters.covariance.size > 0
 
 
+@checks_arguments
 def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
     """Bands of the entries of a six-state linear model, made with these parameters at a trim of
     this condition.

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 
 
@@ -23,6 +24,7 @@ class Along(NamedTuple):
     B: np.ndarray
 
 
+@checks_arguments
 def models_along(model: Model, states: np.ndarray, inputs: np.ndarray) -> Along:
     """Exact linear models at states (N, n) and inputs (N, m) that need not balance.
 

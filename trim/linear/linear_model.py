@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
@@ -58,6 +59,8 @@ class LinearModel(ByValue, Reported):
     disturbances: names w.
     kinks: notes on entries of A and B that are means of two slopes, or of rates that jump.
     """
+
+    how_to_make: ClassVar[str] = "linearize(model, point)"
 
     A: np.ndarray
     B: np.ndarray
@@ -499,6 +502,7 @@ def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...])
     return [known.index(name) for name in chosen]
 
 
+@checks_arguments
 def linearize(
     model: Model,
     point: OperatingPoint,
@@ -557,6 +561,7 @@ def linearize(
     return linear if full else linear.select(model.linear)
 
 
+@checks_arguments
 def level_model(model: Model, scheduled: float) -> LinearModel:
     """The linear model at the model's own trim, of the HFA the paper's level flight.
 

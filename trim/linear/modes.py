@@ -10,6 +10,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, eigenvalue_text
 
@@ -45,6 +47,7 @@ class Mode(Result):
     participation: dict[str, float]
 
 
+@checks_arguments
 def modes_of(
     A: np.ndarray,
     states: tuple[str, ...],
@@ -66,6 +69,12 @@ def modes_of(
     >>> round(mode.damping, 3)
     0.1
     """
+    A = np.asarray(A, dtype=float)
+    if A.shape != (len(states), len(states)) or not np.isfinite(A).all():
+        raise BadInputError(
+            f"A is of shape {A.shape}, with {len(states)} states; give a square matrix of finite "
+            "numbers with a row a state"
+        )
     eigenvalues, right = np.linalg.eig(A)
     inverse = np.linalg.pinv(right)
     eigenvalues = _without_rounding(eigenvalues, A, right, inverse)

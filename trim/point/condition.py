@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shown
 from hfa_support.linear_table import LinearTable
 from trim.limits import Limits
@@ -18,6 +19,7 @@ from trim.limits import Limits
 _ROUNDING = 1e-12
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class TrimCondition:
     """f(X, U) = rates, y(X, U) = values, with some of X, U and y imposed and the other X, U free
@@ -41,6 +43,8 @@ class TrimCondition:
     >>> TrimCondition(model, {**model.trim, "speed": 70.0}).free
     ('throttle', 'aileron_outer', 'elevator_center', 'elevator_outer')
     """
+
+    how_to_make: ClassVar[str] = "TrimCondition(model, {name: value}), or say hold={name: value}"
 
     model: Model = field(compare=False)
     imposed: Mapping[str, Any]
@@ -212,13 +216,7 @@ class TrimCondition:
 
 
 def refuse_unfit(condition: TrimCondition, model: Model) -> None:
-    """BadInputError for what is no condition, and when one of condition and model is in SI units
-    and the other is not."""
-    if not isinstance(condition, TrimCondition):
-        raise BadInputError(
-            f"the condition is {shown(condition)}; give a TrimCondition(model, {{name: value}}), or"
-            " hold={name: value}"
-        )
+    """BadInputError when one of condition and model is in SI units and the other is not."""
     if (condition.model.native is None) != (model.native is None):
         raise BadInputError(
             "the condition is not in the units of the model; make both of the same model"
@@ -231,6 +229,7 @@ def usual_condition(model: Model) -> TrimCondition:
     return TrimCondition(model, model.trim)
 
 
+@checks_arguments
 def release(
     condition: TrimCondition,
     *,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from hfa_aircraft.degrees import notes_on_degrees
 from hfa_aircraft.model import Model
@@ -98,6 +98,8 @@ class OperatingPoint(Reported):
     started: 0 when the search began at the usual point, else the number of the other point
         (`STARTS`) that led here.
     """
+
+    how_to_make: ClassVar[str] = "find_operating_point(model)"
 
     states: Any
     inputs: Any

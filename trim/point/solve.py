@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
 from trim.point.diagnosis import failure
@@ -41,6 +42,7 @@ class TrimError(NoSolutionError):
         return TrimError, (str(self), self.attempt)
 
 
+@checks_arguments
 def find_operating_point(
     model: Model,
     condition: TrimCondition | None = None,

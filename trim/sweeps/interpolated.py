@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from trim.sweeps.sweep import Sweep
 
@@ -30,6 +31,7 @@ class Interpolated(NamedTuple):
     B: np.ndarray
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False)
 class InterpolatedModel:
     """Trim, A and B over the grid of a sweep, linear in each of its variables (bilinear in two).

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from trim.point.condition import (
@@ -59,6 +60,7 @@ class Points(NamedTuple):
     one_by_one: np.ndarray
 
 
+@checks_arguments
 def trim_points(
     model: Model,
     variables: tuple[str, ...],

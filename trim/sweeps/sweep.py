@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.by_value import ByValue
@@ -483,6 +484,7 @@ def _mode_text(eigenvalues: np.ndarray) -> str:
     return ", ".join(words)
 
 
+@checks_arguments
 def sweep(
     model: Model,
     grid: Mapping[str, Sequence[float] | np.ndarray],

@@ -20,6 +20,7 @@ from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost
 from controller.riccati.gare import Solution, solve_game
 from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.normal_form import relative_residual, relative_residuals
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_least, at_most, below
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 SETTLED = 1e-9
 
 
+@checks_arguments
 def check_critic(
     game: Game,
     critic: Critic,
@@ -70,11 +72,6 @@ def check_critic(
     'every entry of K is 1.01 times the exact one'
     """
     refuse_unless_positive("limit", limit)
-    if not isinstance(critic, Critic):
-        raise BadInputError(
-            f"the critic is a {type(critic).__name__}; make a critic of it with from_gain(game, K),"
-            " from_value(game, P), from_weights(game, W) or from_network"
-        )
     scope = scope or Scope()
     exact = solve_game(game)
     box = scope.box or balanced_box(game)
@@ -127,6 +124,7 @@ def check_critic(
     )
 
 
+@checks_arguments
 def check_history(
     game: Game,
     critics: Sequence[Critic],

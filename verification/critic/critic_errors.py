@@ -19,6 +19,8 @@ from controller.critic.critic import Critic
 from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced_units
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import Check, at_most
 
 REACH = 10.0
@@ -67,15 +69,23 @@ def balanced_box(game: Game) -> Box:
     return Box(balanced_units(game), about)
 
 
+@checks_arguments
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite, or |exact| alone
-    is 0.
+    is 0. BadInputError where the two differ in shape.
 
     >>> import numpy as np
     >>> from verification import relative_error
     >>> relative_error(np.array([3.0, 4.5]), np.array([3.0, 4.0]))
     0.1
     """
+    value = np.asarray(value, dtype=float)
+    exact = np.asarray(exact, dtype=float)
+    if value.shape != exact.shape:
+        raise BadInputError(
+            f"the value is of shape {value.shape} and the exact one of {exact.shape}; compare like "
+            "with like"
+        )
     if not np.all(np.isfinite(value)):
         return math.inf
     with np.errstate(over="ignore"):  # then the error is inf

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 from verification.critic.critic_errors import Box
 
@@ -20,6 +21,7 @@ FLIGHTS = 100
 SECONDS = 20.0
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Scope:
     """What a critic is judged on beside its game.

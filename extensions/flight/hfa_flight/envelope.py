@@ -13,6 +13,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, limited_names
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_support.reporting.text import short_number, shown_unit
 from trim.limits import Limits
@@ -66,6 +67,7 @@ def limits_text(lowest: float, highest: float, unit: str) -> str:
     return f"{short_number(lowest, unit)} to {short_number(highest, unit)}"
 
 
+@checks_arguments
 def flight_envelope(
     model: Model,
     point: OperatingPoint,

@@ -9,6 +9,7 @@ import numpy as np
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
 from hfa_flight.envelope import limits_text
 from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
 
@@ -21,6 +22,7 @@ _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borde
 _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
 
 
+@checks_arguments
 def flight_figure(result: NonlinearFlight, title: str) -> Figure:
     """The picture of a flight over time: a panel a state, a panel of the inputs in each unit, and
     the updraft where there is one."""

@@ -25,6 +25,7 @@ from hfa_flight.nonlinear_flight import NonlinearFlight, fly_within
 from hfa_flight.policies import Policy
 from hfa_flight.scenario import Scenario, with_errors
 from hfa_flight.simulation import CompiledLoop
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
@@ -51,6 +52,7 @@ KEPT = {
 }
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class MonteCarlo(Shown):
     """N members, each a draw of one scenario. Two plans are equal when they give the same

@@ -13,6 +13,7 @@ from hfa_flight.monte_carlo import KEPT, MonteCarlo, fly_members
 from hfa_flight.nonlinear_flight import names_and_units
 from hfa_stores.workers import open_workers
 from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
+from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 
 #: Steps of a chunk: at 0.8 µs a step and more, half a second of work or more.
@@ -28,6 +29,7 @@ def chunk_of(plan: MonteCarlo) -> int:
     return min(-(-CHUNK_STEPS // steps), plan.members)
 
 
+@checks_arguments
 def run_monte_carlo(
     plan: MonteCarlo, workers: int | str = 1, progress: Progress | None = None
 ) -> Mapping[str, np.ndarray]:

@@ -27,6 +27,7 @@ from hfa_flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_flight.policies import GainPolicy, OpenLoop, Policy
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Part, Report, Reported
@@ -45,6 +46,7 @@ UNDISTURBED = (
 _STILL = 1e-6
 
 
+@checks_arguments
 def fly(
     model: Model,
     point: OperatingPoint,

@@ -24,6 +24,7 @@ from hfa_servo.loop_shaping import (
     robust_controller,
 )
 from hfa_servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController, identity
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress, told
@@ -63,6 +64,7 @@ class Feedback(NamedTuple):
     checks: tuple[Check, ...]
 
 
+@checks_arguments
 def design_controller(
     model: Model,
     design: Design,

@@ -18,6 +18,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.signals import COMMAND_FILTER
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
     BadInputError,
     refuse_unknown,
@@ -293,6 +294,7 @@ _FILE = {
 }
 
 
+@checks_arguments
 def load_design(name: str, model: Model) -> Design:
     """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its
     file, for a model.

@@ -14,6 +14,7 @@ from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
 from hfa_servo.design import Design, signal_unit
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.fields import Shown
 from trim.linear.linear_model import LinearModel, linearize
@@ -119,6 +120,7 @@ class DesignModel(Shown):
                 raise BadInputError(f"integrated output {name}: {why}; leave it out of integrals")
 
 
+@checks_arguments
 def design_model(model: Model, linear: LinearModel, design: Design) -> DesignModel:
     """x' = A x + B a + E w,  actuators from commands to a,  e' and y = C x + D a + F w,  y also a
     state of z.

@@ -35,6 +35,7 @@ from controller.riccati.frequency_response import (
 )
 from controller.riccati.normal_form import RANK, NormalForm
 from controller.riccati.smallest_delta import DeltaMin, obstacle
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -367,6 +368,7 @@ class StateFeedback(Shown):
     checks: tuple[Check, ...]
 
 
+@checks_arguments
 def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
     """The central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K. delta = inf: the H2
     optimal one (LQG).

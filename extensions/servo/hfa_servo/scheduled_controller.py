@@ -19,6 +19,7 @@ from controller.game.array_file import read_arrays
 from controller.game.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_aircraft.model import Model
 from hfa_servo.design import signal_unit
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shown
 from hfa_support.jsonable import jsonable
 from hfa_support.linear_table import LinearTable
@@ -294,6 +295,7 @@ def _stored(controller: ScheduledController) -> dict[str, Any]:
     return content
 
 
+@checks_arguments
 def save_controller(path: str | Path, controller: ScheduledController) -> None:
     """Write .npz, stacks (N, rows, columns) as in Python, or .mat, stacks (rows, columns, N); whole
     or not at all.
@@ -309,6 +311,7 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
     save_data(target, {"schema": SCHEMA, "about": about, **_stored(controller)}, Table((), ()))
 
 
+@checks_arguments
 def load_controller(path: str | Path, model: Model) -> ScheduledController:
     """The controller in a .npz file of `save_controller`, in the names of a model. BadInputError
     names the file and its fault."""

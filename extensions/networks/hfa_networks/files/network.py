@@ -16,12 +16,14 @@ from controller.game.zero_sum import Game
 from hfa_networks.files.activations import COMMON
 from hfa_networks.files.network_file import NetworkFile, network_in
 from hfa_networks.files.q_function import policy_of
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shortened
 
 #: What a network may compute of the state: V, dV/dz, u, or V and u one behind the other.
 OUTPUTS = ("V", "gradient", "policy", "V+policy")
 
 
+@checks_arguments
 def from_network(
     game: Game,
     source: str | Path | ca.Function,

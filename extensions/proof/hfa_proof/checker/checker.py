@@ -56,6 +56,7 @@ from hfa_proof.checker.witness import (
     SolutionBox,
     TrimBox,
 )
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line
 from hfa_support.files import read_json
 from hfa_support.progress import Progress, told
@@ -95,6 +96,7 @@ def sealed(head: str, origin: str) -> str:
     return f'{whole}, "checksum": "{checksum}"}}\n'
 
 
+@checks_arguments
 @ctx.workprec(_PRECISION)
 def check_certificate(
     path: Path, progress: Progress | None = None, model: Model | None = None

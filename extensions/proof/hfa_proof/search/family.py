@@ -27,6 +27,7 @@ from hfa_proof.checker.trims import (
     stacked,
 )
 from hfa_proof.checker.witness import PointTrim, TrimBox
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition, usual_condition
@@ -83,6 +84,7 @@ def bisected(
             yield box, proved
 
 
+@checks_arguments
 @dataclass(frozen=True)
 class Family:
     """Trims at any value of the scheduling variable.

@@ -35,6 +35,7 @@ from hfa_proof.search.family import Box, Family, TrimSearch, bisected
 from hfa_proof.search.lines import find_line
 from hfa_proof.search.report import breakpoint_data
 from hfa_proof.search.solution_proof import weights_of
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress, told
 
@@ -86,6 +87,7 @@ class Cell:
         return trim_content(self.linear.trim) | proof | {"H": box.line.H, "turn": box.line.turn}
 
 
+@checks_arguments
 def prove_models(
     family: Family, low: float, high: float, tolerance: float, *, progress: Progress | None = None
 ) -> Proof:

@@ -37,6 +37,7 @@ from hfa_proof.search.lines import find_line, lines_beside_the_axis
 from hfa_proof.search.loops import Loop, loop_of_schedule
 from hfa_proof.search.report import breakpoint_data, gaps, joined, schedule_data
 from hfa_proof.search.uncertain_loop import find_pieces
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, told
 
@@ -78,6 +79,7 @@ class ProvedBox:
         return Run(self.box.low, self.box.high, self.least, self.most)
 
 
+@checks_arguments
 def prove_schedule(
     family: Family,
     loop: Loop | GainSchedule,

@@ -47,6 +47,7 @@ from hfa_proof.search.certificate import Content, Proof
 from hfa_proof.search.family import Family, TrimSearch
 from hfa_proof.search.lines import bounds_of_modes, find_line
 from hfa_proof.search.report import SCHEMA
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 
@@ -294,6 +295,7 @@ def _tell(progress: Progress | None, what: str) -> None:
         progress(0, 1, what)
 
 
+@checks_arguments
 def prove_solution(
     game: Game,
     family: Family | None = None,
@@ -359,6 +361,7 @@ def prove_solution(
     return Proof(statement, witness, data)
 
 
+@checks_arguments
 def prove_critic(
     game: Game,
     critic: Critic,

@@ -1,0 +1,213 @@
+"""Arguments of public functions, compared with what their annotations name."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from numbers import Integral, Real
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, TypeVar, Union, cast, get_args, get_origin
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, shown
+
+Public = TypeVar("Public", bound=Callable[..., Any])
+#: Whole numbers are below this in size.
+_LARGEST = 2**63
+#: Whether a value is of a kind.
+_Test = Callable[[Any], bool]
+
+
+def checks_arguments(public: Public) -> Public:
+    """The function, which raises BadInputError for an argument that is not what its annotation
+    names: a class, or one of several, a number, a whole number, true or false, a text, an array of
+    numbers, a mapping, a sequence or a function. Of a class its constructor is checked.
+
+    What is in an array, a mapping or a sequence is for the function to say; so is an annotation of
+    another form. A class may say how to make one of it in `how_to_make`.
+
+    >>> import hfa
+    >>> hfa.linearize(hfa.aircraft(), None)
+    Traceback (most recent call last):
+    ...
+    hfa_support.errors.BadInputError: linearize: point is None; give an OperatingPoint, made by \
+find_operating_point(model)
+    """
+    if isinstance(public, type):
+        public.__init__ = _checked(public.__init__, public.__name__, 1)  # type: ignore[misc]
+        return public
+    return cast(Public, _checked(public, public.__name__, 0))
+
+
+def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..., Any]:
+    """The function with its arguments from the first on checked.
+
+    name: of the function or class in messages
+    """
+    tests: list[tuple[int, str, _Test, str]] = []
+    is_known = False
+
+    @wraps(function)
+    def checked(*arguments: Any, **named: Any) -> Any:
+        nonlocal is_known
+        if not is_known:  # annotations may name what is defined later in their module
+            tests.extend(_tests(function, first))
+            is_known = True
+        for place, parameter, holds, wanted in tests:
+            if place < len(arguments):
+                value = arguments[place]
+            elif parameter in named:
+                value = named[parameter]
+            else:
+                continue
+            if not holds(value):
+                raise BadInputError(f"{name}: {parameter} is {_said(value)}; give {wanted}")
+        return function(*arguments, **named)
+
+    return checked
+
+
+def _tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Test, str]]:
+    """Place, name, test and words of every parameter whose annotation can be compared."""
+    tests = []
+    for place, parameter in enumerate(inspect.signature(function).parameters.values()):
+        if place < first or parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
+            continue
+        if parameter.kind is parameter.KEYWORD_ONLY:
+            place = sys.maxsize
+        annotation = _evaluated(parameter.annotation, function)
+        kinds = [_kind(member) for member in _members(annotation)]
+        if parameter.default is None:
+            kinds.append((_is_none, ""))
+        if all(kind is not None for kind in kinds):
+            known = [kind for kind in kinds if kind is not None]
+            words = " or ".join(dict.fromkeys(word for _, word in known if word))
+            tests.append((place, parameter.name, _any_of([test for test, _ in known]), words))
+    return tests
+
+
+def _any_of(tests: Sequence[_Test]) -> _Test:
+    return lambda value: any(test(value) for test in tests)
+
+
+def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
+    """An annotation as an object; Any where it names what is there for type checkers alone."""
+    if annotation is inspect.Parameter.empty:
+        return Any
+    if not isinstance(annotation, str):
+        return annotation
+    try:
+        return eval(annotation, vars(sys.modules[function.__module__]))
+    except NameError:
+        return Any
+
+
+def _members(annotation: Any) -> tuple[Any, ...]:
+    """The kinds of a union, or the one that an annotation is."""
+    if get_origin(annotation) in (Union, UnionType):
+        return get_args(annotation)
+    return (annotation,)
+
+
+def _kind(annotation: Any) -> tuple[_Test, str] | None:
+    """The test of an annotation and how it is called; None where it is of another form."""
+    if annotation in _KINDS:
+        return _KINDS[annotation]
+    origin = get_origin(annotation)
+    if origin in _GENERIC:
+        return _of_members(_GENERIC[origin], get_args(annotation))
+    if annotation is Any:  # a class too, from Python 3.11 on
+        return None
+    if not isinstance(annotation, type) or getattr(annotation, "_is_protocol", False):
+        return None
+    name = annotation.__name__
+    article = "an" if name[0] in "AEIOU" else "a"
+    made = getattr(annotation, "how_to_make", "")
+    words = f"{article} {name}" + (f", made by {made}" if made else "")
+    return lambda value: isinstance(value, annotation), words
+
+
+def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_Test, str]:
+    """A sequence of one kind of classes or texts, X in `Sequence[X]` and `tuple[X, ...]`; of others
+    the whole alone."""
+    holds, words = whole
+    of_one_kind = len(arguments) == 1 or (len(arguments) == 2 and arguments[1] is Ellipsis)
+    member = arguments[0] if of_one_kind else Any
+    if not isinstance(member, type) or member in (Any, float, int, bool, np.ndarray):
+        return whole
+    known = _kind(member)
+    if known is None:
+        return whole
+    is_member, called = known
+    return (
+        lambda value: holds(value) and all(map(is_member, value)),
+        f"{words} in which each is {called}",
+    )
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, (bool, np.bool_))
+
+
+def _is_whole(value: Any) -> bool:
+    is_integer = isinstance(value, Integral) and not isinstance(value, (bool, np.bool_))
+    return is_integer and -_LARGEST <= value < _LARGEST
+
+
+def _is_flag(value: Any) -> bool:
+    return isinstance(value, (bool, np.bool_))
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_none(value: Any) -> bool:
+    return value is None
+
+
+def _is_array(value: Any) -> bool:
+    """Whether NumPy makes an array of real numbers of it."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
+        return True
+    try:
+        return np.asarray(value).dtype.kind in "fiu" or np.asarray(value).size == 0
+    except (TypeError, ValueError):
+        return False
+
+
+def _is_sequence(value: Any) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, (str, bytes))
+
+
+def _said(value: Any) -> str:
+    """A value in a message: itself where it is short, else what it is."""
+    if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
+        return shown(value)
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    name = type(value).__name__
+    return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
+
+
+_KINDS: dict[Any, tuple[_Test, str]] = {
+    float: (_is_number, "a number"),
+    int: (_is_whole, "a whole number"),
+    bool: (_is_flag, "True or False"),
+    str: (_is_text, "a text"),
+    Path: (lambda value: isinstance(value, Path), "a path"),
+    np.ndarray: (_is_array, "an array of numbers"),
+    NoneType: (_is_none, ""),
+    None: (_is_none, ""),
+}
+_GENERIC: dict[Any, tuple[_Test, str]] = {
+    Mapping: (lambda value: isinstance(value, Mapping), "a dictionary"),
+    Sequence: (_is_sequence, "a list or tuple"),
+    tuple: (_is_sequence, "a tuple"),
+    list: (_is_sequence, "a list"),
+    Callable: (callable, "a function"),
+}

@@ -1,0 +1,168 @@
+"""Public functions called with what does not belong there: a result, or one line that says what is
+wrong, never a traceback of what is inside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from project import ROOT
+
+import controller
+import hfa
+import trim
+import verification
+from hfa_support import BadInputError, NoSolutionError
+
+#: Public functions with arguments that they take; each argument is replaced in turn.
+Calls = Mapping[str, tuple[Callable[..., Any], dict[str, Any]]]
+
+
+@cache
+def right_calls() -> Calls:
+    model = hfa.aircraft()
+    condition = trim.level_flight(0.2)
+    point = hfa.find_operating_point(model, condition)
+    linear = hfa.linearize(model, point)
+    game = controller.published_game(linear)
+    exact = hfa.solve_game(game)
+    critic = hfa.from_gain(game, exact.K)
+    history = controller.critics_over_time(game, np.array([0.0, 1.0]), K=np.array([exact.K] * 2))
+    policy = controller.GainPolicy("exact", exact.K)
+    envelope = controller.flight_envelope(model, point)
+    scenario = controller.Scenario(duration=0.01)
+    x = ca.SX.sym("x", 6)
+    square = ca.Function("square", [x], [x.T @ x])
+    functions: dict[Callable[..., Any], dict[str, Any]] = {
+        hfa.aircraft: {"dynamics": "newton", "parameters": None},
+        hfa.load_model: {"text": f"{ROOT / 'examples' / 'navion.py'}:NAVION"},
+        hfa.find_operating_point: {"model": model, "condition": condition, "start": point},
+        hfa.linearize: {
+            "model": model,
+            "point": point,
+            "full": True,
+            "outputs": ("speed",),
+            "disturbances": ("updraft",),
+        },
+        hfa.sweep: {"model": model, "grid": {"dihedral": [0.1, 0.2]}, "condition": condition},
+        hfa.game: {"linear": linear, "Q": None, "R": None, "delta": 200.0, "E": None},
+        hfa.solve_game: {"game": game, "progress": None},
+        hfa.from_gain: {"game": game, "K": exact.K, "time": None},
+        hfa.from_value: {"game": game, "P": exact.P, "time": None},
+        hfa.from_weights: {
+            "game": game,
+            "weights": np.ones(21),
+            "functions": "quadratic",
+            "constant": 0.0,
+            "precision": "float64",
+        },
+        hfa.from_network: {"game": game, "source": square, "network": "V="},
+        hfa.check_critic: {"game": game, "critic": critic, "limit": 1e-6, "scope": None},
+        trim.level_flight: {"dihedral": 0.1, "limits": {}},
+        trim.level_model: {"model": model, "scheduled": 0.2},
+        trim.release: {"condition": condition, "free": ("speed",), "hold": {"throttle": 40.0}},
+        trim.trim_points: {
+            "model": model,
+            "variables": ("dihedral",),
+            "values": np.array([[0.1], [0.2]]),
+            "condition": condition,
+        },
+        trim.modes_of: {"A": linear.A, "states": linear.states},
+        trim.trim_report: {"model": model, "condition": condition, "point": point},
+        trim.TrimCondition: {"model": model, "imposed": dict(condition.imposed)},
+        controller.published_game: {"A": linear},
+        controller.flight_envelope: {"model": model, "point": point},
+        controller.fly: {
+            "model": model,
+            "point": point,
+            "policy": policy,
+            "scenario": scenario,
+            "envelope": envelope,
+            "predict": False,
+        },
+        controller.basis: {"name": "quadratic", "states": 6},
+        controller.GainSchedule: {
+            "breakpoints": np.array([0.1, 0.2]),
+            "gains": np.array([exact.K, exact.K]),
+            "model": model,
+        },
+        controller.load_design: {"name": "paper", "model": model},
+        controller.random_pool: {"game": game, "count": 3, "seed": 0},
+        verification.analyse_game: {"game": game},
+        verification.minimum_delta: {"game": game},
+        verification.bounded_real_gain: {"game": game, "K": exact.K},
+        verification.disk_margin: {"game": game, "K": exact.K},
+        verification.relative_error: {"value": exact.K, "exact": exact.K},
+        verification.solve_games: {"A": np.array([game.A]), "B": np.array([game.B]), "like": game},
+        verification.check_history: {"game": game, "critics": history},
+        verification.Scope: {"flights": 10, "seconds": 0.0},
+    }
+    return {function.__name__: (function, known) for function, known in functions.items()}
+
+
+@cache
+def wrong_values() -> list[Any]:
+    calls = right_calls()
+    known = {name: calls["trim_report"][1][name] for name in ("model", "condition", "point")} | {
+        "linear": calls["published_game"][1]["A"],
+        "game": calls["solve_game"][1]["game"],
+    }
+    plain = [None, True, 0, -1, 3.5, 1j, float("nan"), float("inf"), 10**400, "", "x", b"x"]
+    full = [[], {}, (), [1.0], {"x": 1.0}, ["x"], [None], [[1.0], [1.0, 2.0]], {1: 2}]
+    arrays = [np.zeros(0), np.zeros(3), np.eye(6), np.full((6, 6), np.nan), np.array(["a"])]
+    others = [object(), len, int, Path("x"), np.array([1j]), np.array([None]), ca.SX.sym("x")]
+    return [*plain, *full, *arrays, *others, *known.values()]
+
+
+def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
+    """What is wrong with how a function takes arguments; "" where nothing is."""
+    try:
+        function(**arguments)
+    except (BadInputError, NoSolutionError) as error:
+        return "" if "\n" not in str(error) else f"more than one line: {error}"
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+def faults(name: str) -> dict[str, str]:
+    """Of a function, one argument after the other replaced by every wrong value."""
+    function, known = right_calls()[name]
+    found = {}
+    for argument in known:
+        for number, value in enumerate(wrong_values()):
+            said = fault(function, known | {argument: value})
+            if said:
+                found[f"{argument} = {str(value)[:40]!r} ({number})"] = said[:200]
+    return found
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", ["linearize", "find_operating_point", "from_gain", "modes_of"])
+def test_a_wrong_argument_is_named(name: str) -> None:
+    function, known = right_calls()[name]
+    function(**known)
+    assert faults(name) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_every_wrong_argument_of_every_function_is_named() -> None:
+    count = 0
+    for name, (function, known) in right_calls().items():
+        function(**known)
+        assert faults(name) == {}, name
+        count += len(known) * len(wrong_values())
+    assert count > 3000
+
+
+def test_a_function_that_does_not_check_is_seen() -> None:
+    def unchecked(point: Any) -> Any:
+        return point.refuse_other()
+
+    assert "refuse_other" in fault(unchecked, {"point": None})

@@ -1,0 +1,119 @@
+"""Arguments compared with annotations: what each kind takes, and what it refuses in a line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+import pytest
+
+from hfa_support import BadInputError
+from hfa_support.arguments import checks_arguments
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+
+class Thing:
+    how_to_make: ClassVar[str] = "Thing()"
+
+
+@checks_arguments
+def public(
+    thing: Thing,
+    number: float = 0.0,
+    count: int = 0,
+    flag: bool = False,
+    word: str | Path = "",
+    names: tuple[str, ...] = (),
+    things: Sequence[Thing] = (),
+    table: Mapping[str, float] | None = None,
+    values: np.ndarray | None = None,
+    called: Callable[..., Any] | None = None,
+    anything: Any = 0,
+    unknown: Fraction | None = None,
+    *,
+    named: float = 1.0,
+) -> str:
+    return "done"
+
+
+RIGHT = [
+    {"number": 1},
+    {"number": np.float32(1.5), "named": 2},
+    {"number": float("inf")},
+    {"count": np.int64(3)},
+    {"flag": np.True_},
+    {"word": Path("a")},
+    {"names": ["a", "b"]},
+    {"things": [Thing(), Thing()]},
+    {"table": {"a": 1.0}},
+    {"table": None, "values": None, "called": None},
+    {"values": [[1, 2], [3.0, 4.0]]},
+    {"values": np.zeros((0, 3))},
+    {"called": len, "anything": object(), "unknown": "not compared"},
+]
+WRONG = [
+    ({"thing": None}, "public: thing is None; give a Thing, made by Thing()"),
+    ({"thing": np.eye(2)}, "public: thing is an array of shape (2, 2); give a Thing"),
+    ({"number": "1"}, "public: number is '1'; give a number"),
+    ({"number": True}, "public: number is True; give a number"),
+    ({"number": 1j}, "public: number is 1j; give a number"),
+    ({"number": np.zeros(2)}, "public: number is an array of shape (2,); give a number"),
+    ({"count": 1.0}, "public: count is 1.0; give a whole number"),
+    ({"count": 10**400}, "give a whole number"),
+    ({"flag": 1}, "public: flag is 1; give True or False"),
+    ({"word": b"a"}, "public: word is b'a'; give a text or a path"),
+    ({"names": "ab"}, "public: names is 'ab'; give a tuple in which each is a text"),
+    ({"names": ["a", 1]}, "public: names is a list; give a tuple in which each is a text"),
+    ({"things": [Thing(), None]}, "give a list or tuple in which each is a Thing"),
+    ({"table": [("a", 1.0)]}, "public: table is a list; give a dictionary"),
+    ({"values": ["a"]}, "public: values is a list; give an array of numbers"),
+    ({"values": [[1.0], [1.0, 2.0]]}, "give an array of numbers"),
+    ({"values": np.array([1j])}, "give an array of numbers"),
+    ({"called": 3}, "public: called is 3; give a function"),
+    ({"named": None}, "public: named is None; give a number"),
+]
+
+
+@pytest.mark.parametrize("arguments", RIGHT)
+def test_what_an_annotation_names_is_taken(arguments: dict[str, Any]) -> None:
+    assert public(**{"thing": Thing(), **arguments}) == "done"
+
+
+@pytest.mark.parametrize(("arguments", "message"), WRONG)
+def test_what_it_does_not_name_is_refused(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInputError) as refused:
+        public(**{"thing": Thing(), **arguments})
+    assert message in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_argument_by_its_place_is_checked_too() -> None:
+    with pytest.raises(BadInputError, match="number is 'x'"):
+        public(Thing(), "x")
+    with pytest.raises(TypeError, match="thing"):
+        public()
+
+
+def test_the_function_keeps_its_name_and_its_text() -> None:
+    assert public.__name__ == "public"
+    assert public.__wrapped__.__defaults__[0] == 0.0
+
+
+@checks_arguments
+@dataclass(frozen=True)
+class Declared:
+    thing: Thing
+    number: float = 1.0
+
+
+def test_of_a_class_the_constructor_is_checked() -> None:
+    assert Declared(Thing(), 2).number == 2
+    with pytest.raises(BadInputError, match="Declared: thing is 3; give a Thing, made by Thing"):
+        Declared(3)
+    with pytest.raises(BadInputError, match="Declared: number is 'x'; give a number"):
+        Declared(Thing(), number="x")
