@@ -13,9 +13,10 @@ from typing import Any, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, shown
+from hfa_support.errors import BadInputError, numbers_in, shown
 
 Public = TypeVar("Public", bound=Callable[..., Any])
+_NUMBERS = "an array of numbers"
 #: Whole numbers are below this in size.
 _LARGEST = 2**63
 #: Whether a value is of a kind.
@@ -65,6 +66,8 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
             else:
                 continue
             if not holds(value):
+                if wanted.endswith(_NUMBERS) and isinstance(value, (list, tuple, np.ndarray)):
+                    numbers_in(f"{name}: {parameter}", value)  # says which row is wrong
                 raise BadInputError(f"{name}: {parameter} is {_said(value)}; give {wanted}")
         return function(*arguments, **named)
 
@@ -143,6 +146,9 @@ def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_
     if known is None:
         return whole
     is_member, called = known
+    if member is str and whole == _GENERIC[Sequence]:  # a text is a sequence of texts
+        holds = _is_text_or_sequence
+        words = f"a text or {words}"
     return (
         lambda value: holds(value) and all(map(is_member, value)),
         f"{words} in which each is {called}",
@@ -184,6 +190,10 @@ def _is_sequence(value: Any) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, (str, bytes))
 
 
+def _is_text_or_sequence(value: Any) -> bool:
+    return _is_text(value) or _is_sequence(value)
+
+
 def _said(value: Any) -> str:
     """A value in a message: itself where it is short, else what it is."""
     if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
@@ -200,7 +210,7 @@ _KINDS: dict[Any, tuple[_Test, str]] = {
     bool: (_is_flag, "True or False"),
     str: (_is_text, "a text"),
     Path: (lambda value: isinstance(value, Path), "a path"),
-    np.ndarray: (_is_array, "an array of numbers"),
+    np.ndarray: (_is_array, _NUMBERS),
     NoneType: (_is_none, ""),
     None: (_is_none, ""),
 }

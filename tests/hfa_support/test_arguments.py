@@ -37,6 +37,7 @@ def public(
     unknown: Fraction | None = None,
     *,
     named: float = 1.0,
+    text_or_texts: Sequence[str] = (),
 ) -> str:
     return "done"
 
@@ -50,6 +51,8 @@ RIGHT = [
     {"word": Path("a")},
     {"names": ["a", "b"]},
     {"things": [Thing(), Thing()]},
+    {"text_or_texts": "ab"},
+    {"text_or_texts": ("a", "b")},
     {"table": {"a": 1.0}},
     {"table": None, "values": None, "called": None},
     {"values": [[1, 2], [3.0, 4.0]]},
@@ -71,9 +74,11 @@ WRONG = [
     ({"names": ["a", 1]}, "public: names is a list; give a tuple in which each is a text"),
     ({"things": [Thing(), None]}, "give a list or tuple in which each is a Thing"),
     ({"table": [("a", 1.0)]}, "public: table is a list; give a dictionary"),
-    ({"values": ["a"]}, "public: values is a list; give an array of numbers"),
-    ({"values": [[1.0], [1.0, 2.0]]}, "give an array of numbers"),
-    ({"values": np.array([1j])}, "give an array of numbers"),
+    ({"values": ["a"]}, "public: values does not consist of rows of real numbers"),
+    ({"values": [[1.0], [1.0, 2.0]]}, "row 2 has 2 numbers and row 1 has 1"),
+    ({"values": np.array([1j])}, "public: values does not consist of rows of real numbers"),
+    ({"values": "1 2"}, "public: values is '1 2'; give an array of numbers"),
+    ({"text_or_texts": 3}, "text_or_texts is 3; give a text or a list or tuple in which each is"),
     ({"called": 3}, "public: called is 3; give a function"),
     ({"named": None}, "public: named is None; give a number"),
 ]
