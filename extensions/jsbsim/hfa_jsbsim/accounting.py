@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from hfa_jsbsim.aircraft import Equations
-from hfa_jsbsim.catalog import access, without_numbers
+from hfa_jsbsim.catalog import access, of_component, without_numbers
 from hfa_jsbsim.control_system import KINDS
 from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.properties import Writer
@@ -108,8 +108,6 @@ def _reason(parent: Element, child: Element) -> str:
         raise child.error(f"<{shortened(name)}> in <{shortened(parent.name)}> is not read")
     if name in known["idle"]:
         return _NO_FORCE
-    if name in known.get("noted", {}):
-        return str(known["noted"][name])
     if name in known["read"]:
         raise child.error(
             f"<{shortened(name)}> in <{parent.name}> is not read; JSBSim's forces depend on it"
@@ -155,7 +153,7 @@ _MOST = 12
 def _refuse_readers(equations: Equations) -> None:
     """BadInputError where a force depends on a property of JSBSim's own that the reader lacks."""
     for name, where in equations.properties.unset.items():
-        if access(name) and not name.startswith(_STORED):
+        if access(name) and (of_component(name) or not name.startswith(_STORED)):
             raise BadInputError(
                 f"{where}: {shortened(name)} is JSBSim's own and is not read; use another property"
             )

@@ -75,6 +75,13 @@ _NUMBER = re.compile(r"\[\d+\]")
 #: Names that these small aircraft give themselves.
 _OWN = ("IdleThrust", "MilThrust", "push/")
 
+#: Ends of names that components give properties of their own: failures, limits that are reached.
+_OF_COMPONENTS = (
+    *("/malfunction/fail_zero", "/malfunction/fail_hardover", "/malfunction/fail_stuck"),
+    *("/malfunction/fail_low", "/malfunction/fail_high", "/saturated"),
+    "/initial-integrator-value",
+)
+
 
 @lru_cache
 def _properties() -> dict[str, str]:
@@ -86,7 +93,14 @@ def _properties() -> dict[str, str]:
 def access(name: str) -> str:
     """How JSBSim lets a property of its own be used, "R", "RW" or "W"; "" where it is none of
     JSBSim's. Engines, tanks and wheels of all numbers are alike."""
+    if of_component(name):
+        return "RW"
     return _properties().get(without_numbers(name), "")
+
+
+def of_component(name: str) -> bool:
+    """Whether a property is one that a component of the control system gives itself."""
+    return name.endswith(_OF_COMPONENTS)
 
 
 def without_numbers(name: str) -> str:

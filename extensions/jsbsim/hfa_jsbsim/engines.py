@@ -13,7 +13,7 @@ import numpy as np
 
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Mass, Tank, rotation
-from hfa_jsbsim.functions import Table, function_value, read_table, table_value
+from hfa_jsbsim.functions import function_value, read_table, table_value
 from hfa_jsbsim.properties import Properties, Writer
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
@@ -308,6 +308,11 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
         power = power * table_value(tables["EnginePowerVC"], around.properties, file.number)
     if engine.find("maxpower") is not None:
         power = ca.fmin(power, engine.value_of("maxpower", 0.0))
+    limiter = engine.find("ielumaxtorque")
+    if limiter is not None:
+        note = f"{limiter.where}: the limiter of torque is left out"
+        if note not in around.properties.notes:
+            around.properties.notes.append(note)
     dragged = ca.if_else(engine_rpm(file, around) > 5.0, -0.012, 0.0)
     return ca.if_else(running(file, around), power, dragged)
 
@@ -320,10 +325,11 @@ def electric_power(file: EngineFile, around: Surroundings) -> Any:
 
 def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -> Any:
     """A table that the engine itself gives the arguments; one of lower dimension takes the first
-    ones, one of rows and columns that gets a row takes its first column."""
+    ones. BadInputError where it is of more."""
     read = read_table(table)
-    if read.dimensions == 2 and len(arguments) == 1 and not read.parts:
-        read = Table(read.values[:, 0], read.breakpoints[:1])
+    if read.dimensions > len(arguments):
+        fault = f"the table has {read.dimensions} axes, the engine gives it {len(arguments)}"
+        raise table.error(f"{fault}; give a table of that many, or blades that move")
     return read.at(around.properties, arguments[: read.dimensions])
 
 

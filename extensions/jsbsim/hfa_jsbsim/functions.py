@@ -32,6 +32,12 @@ def _integer(value: Any) -> Any:
     return ca.if_else(value < 0, ca.ceil(value), ca.floor(value))
 
 
+def _rounded(value: Any) -> Any:
+    """The nearest whole number, a half away from zero."""
+    whole = ca.floor(ca.fabs(value) + 0.5)
+    return ca.if_else(value < 0, -whole, whole)
+
+
 def _switch(index: Any, *values: Any) -> Any:
     """The value whose number is the index, rounded; the last one beyond the end."""
     chosen = values[-1]
@@ -85,6 +91,7 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "ceil": (ca.ceil, 1, 1),
     "integer": (_integer, 1, 1),
     "fraction": (lambda value: value - _integer(value), 1, 1),
+    "roundmultiple": (lambda value, size=1.0: _rounded(value / size) * size, 1, 2),
     "sign": (lambda value: ca.if_else(value < 0, -1.0, 1.0), 1, 1),  # 0 counts as positive
     "toradians": (lambda value: value * (math.pi / 180.0), 1, 1),
     "todegrees": (lambda value: value * (180.0 / math.pi), 1, 1),

@@ -51,6 +51,40 @@ _GRAIN = (
     '<grain_config type="CYLINDRICAL"> <length unit="IN"> 60 </length>'
     ' <bore_diameter unit="IN"> 4 </bore_diameter> </grain_config> <radius unit="IN"> 10 </radius>'
 )
+_ONE = "0 0.11\n 0.5 0.09\n 1 0.05\n 2 -0.02"
+_TWO = "   10 30\n 0 0.1 0.14\n 0.5 0.09 0.13\n 1 0.05 0.1\n 2 -0.02 0.03"
+_PISTON = "<maxhp> 200 </maxhp> <displacement> 360 </displacement>"
+
+
+def _driven(
+    propeller: str = "", data: str = _ONE, engine: str = _PISTON, kind: str = "piston_engine"
+) -> dict[str, str]:
+    """A propeller in the place of the jet."""
+    tables = "".join(
+        f'<table name="{name}" type="internal"> <tableData> {data} </tableData> </table>'
+        for name in ("C_THRUST", "C_POWER")
+    )
+    blades = f'<ixx> 1 </ixx> <diameter unit="FT"> 6 </diameter> {propeller} {tables}'
+    return {
+        "engine_kind": f"<{kind}> {engine} </{kind}>",
+        "thruster": f'<propeller version="1.1"> {blades} </propeller>',
+    }
+
+
+_BLADES = (
+    "<minpitch> 10 </minpitch> <maxpitch> 30 </maxpitch> <minrpm> 900 </minrpm>"
+    " <maxrpm> 2500 </maxrpm> <constspeed> {} </constspeed>"
+)
+_POWER = (
+    '<maxpower unit="HP"> 300 </maxpower> <idlen1> 60 </idlen1> <maxn1> 100 </maxn1>'
+    ' <table name="EnginePowerRPM_N1" type="internal"> <tableData> 60 100\n 0 10 200\n'
+    " 3000 20 300 </tableData> </table>"
+    ' <table name="EnginePowerVC"> <independentVar>velocities/vc-kts</independentVar>'
+    " <tableData> 0 1\n 300 1.1 </tableData> </table>"
+    ' <table name="ITT_N1" type="internal"> <tableData> 0 1\n 0 1 1\n 1 1 1 </tableData> </table>'
+    ' <table name="CombustionEfficiency_N1" type="internal"> <tableData> 0 1\n 1 1 </tableData>'
+    " </table>"
+)
 _GEAR = (
     '<ground_reactions> <contact type="BOGEY" name="NOSE"> <location unit="IN"> <x> -50 </x>'
     " <y> 0 </y> <z> -40 </z> </location> <static_friction> 0.8 </static_friction>"
@@ -204,6 +238,51 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "electric engine, direct": {
         "engine_kind": '<electric_engine> <power unit="WATTS"> 90000 </power> </electric_engine>'
     },
+    "propeller": _driven(),
+    "propeller, factors": _driven("<ct_factor> 1.1 </ct_factor> <cp_factor> 0.9 </cp_factor>"),
+    "propeller, gear": _driven("<gearratio> 1.5 </gearratio>"),
+    "propeller, blades": _driven("<numblades> 3 </numblades>"),
+    "propeller, sense and P-factor in its file": _driven("<sense> -1 </sense>"),
+    "propeller, table of two, fixed": _driven("", _TWO),
+    "propeller, governed": _driven(_BLADES.format(1), _TWO),
+    "propeller, set by hand": _driven(_BLADES.format(0), _TWO),
+    "propeller, reverse pitch": _driven(
+        _BLADES.format(1) + "<reversepitch> -9 </reversepitch>", _TWO
+    ),
+    "propeller, Mach": _driven(
+        '<table name="CT_MACH" type="internal"> <tableData> 0 1\n 1 0.7 </tableData> </table>'
+    ),
+    "propeller, unknown child": _driven("<spinner> 1 </spinner>"),
+    "propeller, sense": _driven()
+    | {"thruster_place": SLOTS["thruster_place"] + "<sense> -1 </sense> <p_factor> 5 </p_factor>"},
+    "piston, lag of the manifold": _driven(
+        "", _ONE, f"{_PISTON} <man-press-lag> 0.2 </man-press-lag>"
+    ),
+    "piston, starter": _driven("", _ONE, f"{_PISTON} <starter-torque> 40 </starter-torque>"),
+    "piston, bore": _driven("", _ONE, f"{_PISTON} <bore> 5 </bore> <cylinders> 4 </cylinders>"),
+    "piston, consumption": _driven("", _ONE, f"{_PISTON} <bsfc> 0.5 </bsfc>"),
+    "piston, throttles": _driven(
+        "", _ONE, f"{_PISTON} <minthrottle> 0.2 </minthrottle> <maxthrottle> 0.9 </maxthrottle>"
+    ),
+    "piston, boost": _driven(
+        "",
+        _ONE,
+        f"{_PISTON} <numboostspeeds> 1 </numboostspeeds> <ratedboost1> 4 </ratedboost1>"
+        " <ratedpower1> 200 </ratedpower1> <ratedrpm1> 2500 </ratedrpm1>"
+        " <ratedaltitude1> 6000 </ratedaltitude1> <boost-loss-factor> 0.1 </boost-loss-factor>",
+    ),
+    "piston, unknown child": _driven("", _ONE, f"{_PISTON} <turbo> 1 </turbo>"),
+    "turboprop": _driven(_BLADES.format(1), _TWO, _POWER, "turboprop_engine"),
+    "turboprop, limiter of torque": _driven(
+        _BLADES.format(1), _TWO, f"{_POWER} <ielumaxtorque> 90 </ielumaxtorque>", "turboprop_engine"
+    ),
+    "turboprop, fuel": _driven(
+        _BLADES.format(1), _TWO, f"{_POWER} <psfc> 0.5 </psfc>", "turboprop_engine"
+    ),
+    "electric engine": _driven("", _ONE, '<power unit="WATTS"> 90000 </power>', "electric_engine"),
+    "planet": {"sections": "<planet> <J2> 0 </J2> </planet>"},
+    "function in mass": _mass('<function name="inertia/f"> <v>2</v> </function>')
+    | {"pitch": pitching("inertia/f")},
     "external force": _external(
         f'<force name="push" frame="BODY"> {_FORCE_PLACE} {_DIRECTION} </force>'
     ),

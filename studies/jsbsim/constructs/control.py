@@ -186,6 +186,14 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         '<distributor name="fcs/c" type="exclusive"> <case> <property value="0.3">fcs/probe'
         "</property> </case> </distributor>"
     ),
+    "actuator, failed": _of("actuator", "<lag>20</lag>")
+    | {"control": '<property value="1">fcs/c/malfunction/fail_zero</property>'},
+    "actuator, saturated": component(
+        f'<actuator name="fcs/c"> <input>{_STICK}</input> {_clip(-0.1, 0.1)} </actuator>'
+        f' <pure_gain name="d"> <input>fcs/c/saturated</input> {_OUT} </pure_gain>'
+    ),
+    "pid, begun": _of("pid", "<kp>0.5</kp> <ki>0.0001</ki>", _Q)
+    | {"control": '<property value="1">fcs/c/initial-integrator-value</property>'},
     "linear actuator": _of("linear_actuator", "<module>1</module> <gain>1</gain>"),
     "unknown component": _of("flux_capacitor", ""),
     "function": component(
