@@ -22,6 +22,7 @@ from hfa_networks.judge.relaxation import (
     _tanh_lines,
 )
 from verification import Scope, check_critic, from_network, solve_game
+from verification.critic.critic_errors import Box
 from verification.critic.verdict import Verdict
 from verification.hfa_box import ordinary_box
 
@@ -117,6 +118,7 @@ def test_every_node_is_between_its_lines_to_the_ends(kind: str) -> None:
         "relu": lambda t: np.maximum(t, 0.0),
         "square": lambda t: t * t,
         "product": lambda s, t: s * t,
+        "step": lambda t: np.heaviside(t, 0.5),
     }
     rng = np.random.default_rng(3)
     arguments = 2 if kind == "product" else 1
@@ -252,3 +254,64 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
     line = "FAIL: not exact (policy proved within 0.051 in the box), stabilizing"
     assert verdict.headline().startswith(line)
     assert 0.04 < verdict.value_of("searched_policy_error") < 0.051
+
+
+# Kinks and jumps: |t|, max and min, and their slopes.
+
+
+def with_hat(game: Game, of_abs: bool) -> Verdict:
+    """The exact V and a hat of three times its size, 1/250 of the box wide, between the samples."""
+    z = ca.SX.sym("z", 2)
+    P = solve_game(game).P
+
+    def slope(t: ca.SX) -> ca.SX:
+        away = ca.fabs(t) if of_abs else ca.fmax(t, -t)
+        return ca.fmax(1.0 - away / 0.004, 0.0)
+
+    hat = 3.0 * float(np.abs(P).sum()) * slope(z[0] - 0.611) * slope(z[1] - 0.611)
+    V = ca.Function("V", [z], [ca.bilin(ca.DM(P), z, z) + hat])
+    scope = Scope(Box(np.ones(2), "planted"), flights=2, seconds=10.0)
+    return check_critic(game, from_network(game, V, network="V"), scope=scope)
+
+
+@pytest.mark.parametrize("of_abs", [True, False])
+def test_a_narrow_hat_of_relu_or_abs_is_found_by_the_proof(of_abs: bool) -> None:
+    game = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
+    verdict = with_hat(game, of_abs)
+    assert not verdict.ok
+    assert verdict.value_of("searched_value_error") == pytest.approx(3.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["fabs", "sign", "fmax", "fmin", "slope of fmax", "comparison"])
+def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
+    """At random states of random boxes, and at the kink."""
+    y = ca.SX.sym("y", 2)
+    t = y[0] - 0.3 * y[1]
+    expression = {
+        "fabs": ca.fabs(t) * y[1],
+        "sign": ca.sign(t) + y[0],
+        "fmax": ca.fmax(t, y[1]) - y[0],
+        "fmin": ca.fmin(t, 0.2) * y[0],
+        "slope of fmax": ca.gradient(ca.fmax(t, 0.0) * y[1], y)[0],
+        "comparison": ca.if_else(t > 0.1, y[0], y[1]),
+    }[kind]
+    function = ca.Function("f", [y], [ca.densify(expression)])
+    relaxation = Relaxation(function)
+    rng = np.random.default_rng(0)
+    centres = rng.uniform(-1.0, 1.0, (40, 2))
+    centres[:5, 0] = 0.3 * centres[:5, 1]
+    halves = 10.0 ** rng.uniform(-3.0, 0.0, (40, 1)) * np.ones((1, 2))
+    bounds = relaxation.over(centres, halves)
+    states = centres[:, None] + halves[:, None] * rng.uniform(-1.0, 1.0, (40, 200, 2))
+    found = np.abs(np.array(function(states.reshape(-1, 2).T))).reshape(40, 200).max(axis=1)
+    found = np.maximum(found, np.abs(np.array(function(centres.T))).ravel())
+    assert np.all(found <= bounds.highest)
+    assert np.all(bounds.highest <= found + 8.0 * halves[:, 0] + 2.1 * (halves[:, 0] > 1e-9))
+
+
+def test_numbers_that_lose_underflows_are_not_bounded() -> None:
+    """1e-320 y is rounded by a part in a thousand; beside 1e300 that is 1e-3, not 0."""
+    y = ca.SX.sym("y", 2)
+    function = ca.Function("f", [y], [1e300 * (1e-320 * y[0] - 1e-320 * y[1])])
+    proof = prove("error", function, np.full(2, 1e300), 1e-6, 0.2)
+    assert proof is None or proof.fraction == 0.0

@@ -323,3 +323,11 @@ def test_wrong_state_dicts_are_refused() -> None:
         for name in ("script/data.pkl", "script/constants.pkl", "script/code/__torch__.py"):
             archive.writestr(name, b"")
     assert "it is TorchScript, a program; save state_dict" in refusal("script.pt")
+
+
+def test_a_pickle_that_numbers_more_objects_than_it_has_bytes_is_refused() -> None:
+    """LONG_BINPUT with a number of 4e9 makes Python's reader take 32 GB."""
+    content = b"\x80\x02}r" + (2**32 - 16).to_bytes(4, "little") + b"."
+    with zipfile.ZipFile("memo.pt", "w") as archive:
+        archive.writestr("critic/data.pkl", content)
+    assert "it numbers more objects than it has bytes" in refusal("memo.pt")

@@ -228,3 +228,93 @@ def test_without_the_package_onnx_its_files_alone_are_refused(
     Path("a.onnx").write_bytes(b"")
     assert "install hfa with the extra [networks]" in refusal("a.onnx")
     network_in(torch_file("a.pt", {"weight": np.zeros((5, 6))}), 6)
+
+
+_NORM = {
+    "scale": np.array([0.5, 2.0, 1.5], "float32"),
+    "bias": np.array([0.1, -0.2, 0.3], "float32"),
+}
+_THREE = ("Reshape", "x three", "h")
+_BACK = ("Reshape", "n flat", "y")
+_SHAPES = {"three": np.array([1, 3, 2]), "flat": np.array([1, 6])}
+#: Of which each operator is read as ONNX Runtime computes it: nodes, constants, outputs.
+GRAPHS: dict[str, tuple[list[tuple[Any, ...]], dict[str, Any], int]] = {
+    "Sign": ([("Sign", "x", "y")], {}, 6),
+    "Atan": ([("Atan", "x", "y")], {}, 6),
+    "ReduceL2": ([("ReduceL2", "x axes", "y")], {"axes": np.array([1])}, 1),
+    "Split": (
+        [("Split", "x sizes", "a b", {"axis": 1}), ("Concat", "b a", "y", {"axis": 1})],
+        {"sizes": np.array([2, 4])},
+        6,
+    ),
+    "Split in equal parts": (
+        [("Split", "x", "a b", {"axis": 1, "num_outputs": 2}), ("Mul", "a b", "y")],
+        {},
+        3,
+    ),
+    "Shape": (
+        [
+            ("Shape", "x", "s", {"start": 1, "end": 2}),
+            ("Cast", "s", "f", {"to": 1}),
+            ("Div", "x f", "y"),
+        ],
+        {},
+        6,
+    ),
+    "Einsum": (
+        [("Einsum", "x W", "y", {"equation": "bi,oi->bo"})],
+        {"W": RNG.normal(size=(4, 6)).astype("float32")},
+        4,
+    ),
+    "Cast": (
+        [("Greater", "x zero", "g"), ("Cast", "g", "f", {"to": 1}), ("Mul", "f x", "y")],
+        {"zero": np.array(0.0, "float32")},
+        6,
+    ),
+    "Cast to bool": (
+        [("Relu", "x", "r"), ("Cast", "r", "c", {"to": 9}), ("Where", "c x two", "y")],
+        {"two": np.array(2.0, "float32")},
+        6,
+    ),
+    "Transpose": ([("Transpose", "x", "t"), ("Reshape", "t flat", "y")], _SHAPES, 6),
+    "InstanceNormalization": (
+        [_THREE, ("InstanceNormalization", "h scale bias", "n", {"epsilon": 1e-3}), _BACK],
+        _NORM | _SHAPES,
+        6,
+    ),
+    "GroupNormalization": (
+        [_THREE, ("GroupNormalization", "h scale bias", "n", {"num_groups": 3}), _BACK],
+        _NORM | _SHAPES,
+        6,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", GRAPHS)
+def test_an_operator_is_that_of_onnx_runtime(name: str) -> None:
+    nodes, constants, outputs = GRAPHS[name]
+    single = {"one": np.array(1.0, "float32")}  # says the type of the graph
+    path = onnx_file("one.onnx", nodes, single | constants, outputs, opset=21)
+    assert_as_onnx_runtime(path, rel=1e-5, abs=1e-6)
+
+
+def test_an_attribute_that_is_not_read_is_said_so() -> None:
+    said = refusal(onnx_file("odd.onnx", [("Tanh", "x", "y", {"odd": 1})], {"P": np.eye(6)}))
+    assert "operator Tanh with 1 inputs and the attributes odd is not read" in said
+    assert "damaged" not in said
+
+
+def test_numbers_are_counted_before_they_are_made() -> None:
+    """A graph of 200 bytes that would take 2 GB, or more than there is."""
+    sizes = {"sizes": np.array([2**14, 2**14])}
+    tall = {"a": np.ones((2**12, 1), "float32"), "b": np.ones((1, 2**12), "float32")}
+    for nodes, constants in (
+        ([("ConstantOfShape", "sizes", "h")], sizes),
+        ([("Expand", "x sizes", "h")], {"sizes": np.array([2**20, 6])}),
+        ([("Mul", "a b", "h")], tall),
+        ([("MatMul", "a b", "h")], tall),
+        ([("Gather", "x places", "h", {"axis": 1})], {"places": np.zeros(2**19, int)}),
+    ):
+        graph = [*nodes, ("ReduceSum", "h", "y")]
+        said = refusal(onnx_file("large.onnx", graph, {"P": np.eye(6)} | constants))
+        assert "numbers, more than" in said

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import partial, reduce
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -90,12 +91,66 @@ def _clip(x: np.ndarray, low: Any = None, high: Any = None, **ends: float) -> np
 
 
 def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
-    is_integer = np.asarray(x).dtype.kind == "i"
-    if to not in (1, 7, 11) or (to == 7) != is_integer:  # float, int64, double
+    kind = np.asarray(x).dtype.kind
+    if to == _BOOL:
+        return x if kind == "b" else np.frompyfunc(lambda entry: entry != 0.0, 1, 1)(x)
+    if kind in "bi" and to in (_FLOAT, _DOUBLE):
+        return x.astype(float)
+    if kind in "bi" and to == _INT64:
+        return x.astype(int)
+    if to not in (_FLOAT, _DOUBLE):
         raise BadInputError(
-            "a Cast goes to another type than float and double; export the network without it"
+            "a Cast goes to another type than float, double and bool; export the network without it"
         )
     return x
+
+
+def _split(
+    x: np.ndarray, sizes: Any = None, axis: int = 0, num_outputs: int = 1, split: Any = None
+) -> tuple[np.ndarray, ...]:
+    """The parts of x along an axis; without sizes of equal length, the last may be shorter."""
+    sizes = split if sizes is None else sizes
+    if sizes is None:
+        length = -(-x.shape[axis] // num_outputs)
+        sizes = np.full(num_outputs, length)
+    ends = np.cumsum(np.asarray(sizes, dtype=int))[:-1]
+    return tuple(np.split(x, ends, axis=axis))
+
+
+def _shape(x: np.ndarray, start: int = 0, end: int | None = None) -> np.ndarray:
+    return np.array(x.shape[start:end], dtype=int)
+
+
+def _einsum(*arrays: np.ndarray, equation: str) -> np.ndarray:
+    letters = equation.partition("->")[0].replace(" ", "").split(",")
+    if "." in equation or len(letters) != len(arrays):
+        raise BadInputError(f"its Einsum {shortened(equation)!r} is not read; use MatMul")
+    lengths: dict[str, int] = {}
+    for word, array in zip(letters, arrays, strict=True):
+        lengths |= dict(zip(word, array.shape, strict=True))
+    _refuse_more(math.prod(lengths.values()), arrays)
+    return np.asarray(np.einsum(equation, *arrays))
+
+
+def _group_norm(
+    x: np.ndarray, scale: Any, bias: Any, num_groups: int, epsilon: float = 1e-5, **_: Any
+) -> np.ndarray:
+    channels = x.shape[1]
+    grouped = x.reshape(len(x), num_groups, -1)
+    scaled = normalized(grouped, (2,), epsilon).reshape(x.shape)
+    per_channel = (1, channels, *[1] * (x.ndim - 2))
+    factors = [
+        np.repeat(part, channels // len(part)).reshape(per_channel) for part in (scale, bias)
+    ]
+    return scaled * factors[0] + factors[1]
+
+
+def _instance_norm(x: np.ndarray, scale: Any, bias: Any, epsilon: float = 1e-5) -> np.ndarray:
+    return _group_norm(x, scale, bias, x.shape[1], epsilon)
+
+
+def _root_of_squares(x: np.ndarray, *axes: Any, **how: Any) -> np.ndarray:
+    return on_entries(ca.sqrt)(_reduced(np.sum, x**2, *axes, **how))
 
 
 def normalized(x: np.ndarray, axes: tuple[int, ...], epsilon: float) -> np.ndarray:
@@ -212,7 +267,14 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Concat": lambda *parts, axis: np.concatenate(parts, axis=axis),
     "Slice": _slice,
     "Gather": lambda x, places, axis=0: np.take(x, np.asarray(places, dtype=int), axis=axis),
-    "Shape": lambda x: np.array(x.shape),
+    "Shape": _shape,
+    "Split": _split,
+    "Einsum": _einsum,
+    "GroupNormalization": _group_norm,
+    "InstanceNormalization": _instance_norm,
+    "ReduceL2": _root_of_squares,
+    "Sign": on_entries(ca.sign),
+    "Atan": on_entries(ca.atan),
     "Identity": lambda a: a,
     "ConstantOfShape": lambda sizes, value=0.0: np.full(tuple(map(int, sizes)), value),
     "EyeLike": lambda x, k=0, **_: np.eye(len(x), x.shape[1], k),
@@ -223,7 +285,24 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
 }
 #: Operators that only arrange numbers, not shown in the chain of a network.
 _ARRANGING = {"Identity", "Reshape", "Flatten", "Squeeze", "Unsqueeze", "Constant", "Shape"}
-_ARRANGING |= {"Cast", "Dropout", "Transpose"}
+_ARRANGING |= {"Cast", "Dropout", "Transpose", "Split"}
+#: ONNX's numbers of types.
+_FLOAT = 1
+_INT64 = 7
+_BOOL = 9
+_DOUBLE = 11
+#: Operators whose result is not of the shape that their inputs have together -> its size.
+_SIZES: Mapping[str, Callable[..., int]] = {
+    "ConstantOfShape": lambda sizes, **_: math.prod(map(int, sizes)),
+    "Expand": lambda x, sizes: math.prod(np.broadcast_shapes(x.shape, tuple(map(int, sizes)))),
+    "Gather": lambda x, places, axis=0: x.size // max(x.shape[axis], 1) * np.size(places),
+    "EyeLike": lambda x, **_: np.size(x),
+}
+_PRODUCTS = ("MatMul", "Gemm")
+_ELEMENTWISE = (
+    *("Add", "Sub", "Mul", "Div", "Sum", "Pow", "Min", "Max", "Where", "PRelu"),
+    *("Greater", "GreaterOrEqual", "Equal", "Less", "LessOrEqual"),
+)
 
 
 def graph_functions(
@@ -271,20 +350,22 @@ def graph_functions(
     scalars = 0
     constants = 0
     for node in graph.node:
-        result, node_precision = _evaluated(onnx, operators, node, arrays)
-        if result.dtype == object:
-            scalars += result.size
+        results, node_precision = _evaluated(onnx, operators, node, arrays)
+        size = sum(result.size for result in results)
+        is_symbolic = any(result.dtype == object for result in results)
+        if is_symbolic:
+            scalars += size
         else:
-            constants += result.size
+            constants += size
         if scalars > _MOST_SCALARS or constants > LARGEST_NETWORK:
             raise BadInputError(
                 f"it computes more than {_MOST_SCALARS} numbers of one state, or more than "
                 f"{LARGEST_NETWORK} constants"
             )
-        arrays[node.output[0]] = result
+        arrays |= dict(zip(node.output, results, strict=False))
         precision = min(precision, node_precision)  # float32 before float64
-        if node.op_type not in _ARRANGING and result.dtype == object:
-            steps.append(f"{node.op_type} {result.size}")
+        if node.op_type not in _ARRANGING and is_symbolic:
+            steps.append(f"{node.op_type} {size}")
     return _outputs_of(graph, arrays, products, outputs), precision, " -> ".join(steps)
 
 
@@ -370,24 +451,74 @@ def _evaluated(
     operators: Mapping[str, Callable[..., Any]],
     node: Any,
     arrays: Mapping[str, Any],
-) -> tuple[np.ndarray, str]:
-    """The first output of a node, and the precision of a constant that it holds."""
+) -> tuple[list[np.ndarray], str]:
+    """The outputs of a node, of most operators the first, and the precision of a constant that it
+    holds."""
     name = node.op_type
     if node.domain not in ("", "ai.onnx"):
         name = f"{node.domain}.{name}"
     if name not in operators:
         raise BadInputError(f"operator {shortened(name)} is not known; use {', '.join(operators)}")
     attributes = {item.name: onnx.helper.get_attribute_value(item) for item in node.attribute}
-    if "approximate" in attributes:
-        attributes["approximate"] = attributes["approximate"].decode()
+    attributes = {
+        key: value.decode() if isinstance(value, bytes) else value
+        for key, value in attributes.items()
+    }
+    if name == "Split":
+        attributes.setdefault("num_outputs", len(node.output))
     precision = "float64"
     if name in ("Constant", "ConstantOfShape") and "value" in attributes:
         attributes, precision = _constants(onnx, attributes)
     inputs = [arrays[item] if item else None for item in node.input]
-    result = np.asarray(operators[name](*inputs, **attributes))
-    if result.dtype == object and not any(isinstance(entry, ca.SX) for entry in result.flat):
-        result = np.array(result.tolist())
-    return result, precision
+    _refuse_unread(name, operators[name], inputs, attributes)
+    _refuse_more(_size_of(name, inputs, attributes), inputs)
+    outputs = operators[name](*inputs, **attributes)
+    results = [np.asarray(part) for part in (outputs if isinstance(outputs, tuple) else [outputs])]
+    for index, result in enumerate(results):
+        if result.dtype == object and not any(isinstance(entry, ca.SX) for entry in result.flat):
+            results[index] = np.array(result.tolist())
+    return results, precision
+
+
+def _refuse_unread(
+    name: str, operator: Callable[..., Any], inputs: list[Any], attributes: Mapping[str, Any]
+) -> None:
+    """BadInputError where an operator has inputs or attributes that are not read."""
+    try:
+        rule = signature(getattr(operator, "pyfunc", operator))
+    except ValueError:  # of NumPy's own, which take arrays alone
+        return
+    try:
+        rule.bind(*inputs, **attributes)
+    except TypeError as error:
+        how = ", ".join(attributes) or "none"
+        raise BadInputError(
+            f"operator {name} with {len(inputs)} inputs and the attributes {shortened(how)} is not "
+            f"read ({error})"
+        ) from error
+
+
+def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int:
+    """How many numbers an operator gives, before they are made; of those that give no more than
+    they take, 0."""
+    if name in _SIZES:
+        return _SIZES[name](*inputs, **attributes)
+    shapes = [np.shape(array) for array in inputs if array is not None]
+    if name in _PRODUCTS:
+        first, second = shapes[:2]
+        summed = max(first[0] if attributes.get("transA") else first[-1], 1)
+        return (math.prod(first) // summed) * (math.prod(second) // summed)
+    if name in _ELEMENTWISE:
+        return math.prod(np.broadcast_shapes(*shapes))
+    return 0
+
+
+def _refuse_more(size: int, inputs: Any) -> None:
+    """BadInputError before more numbers are made than a network may have."""
+    is_symbolic = any(np.asarray(array).dtype == object for array in inputs if array is not None)
+    most = _MOST_SCALARS if is_symbolic else LARGEST_NETWORK
+    if size > most:
+        raise BadInputError(f"an operator of it gives {size:.3g} numbers, more than {most}")
 
 
 def _outputs_of(

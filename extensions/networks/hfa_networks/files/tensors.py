@@ -7,6 +7,7 @@ import io
 import json
 import math
 import pickle
+import pickletools
 import re
 import zipfile
 from collections import OrderedDict
@@ -36,6 +37,8 @@ _TYPES = {
 def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
     """Name -> array of a state dict, in the order of the file."""
     if suffix == ".npz":
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            _refuse_large(archive)
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
     if suffix == ".safetensors":
@@ -117,7 +120,17 @@ class _Restricted(pickle.Unpickler):
 
     def __init__(self, content: bytes, storages: Mapping[str, bytes]) -> None:
         super().__init__(io.BytesIO(content))
+        self._content = content
         self.storages = storages
+
+    def load(self) -> Any:
+        """The dictionaries and arrays; BadInputError where a number of the pickle is larger than
+        the pickle, which would be as much memory."""
+        size = len(self._content)
+        for opcode, argument, _ in pickletools.genops(self._content):
+            if "PUT" in opcode.name and isinstance(argument, int) and argument > size:
+                raise BadInputError("it is damaged: it numbers more objects than it has bytes")
+        return super().load()
 
     def find_class(self, module: str, name: str) -> Any:
         if module == "torch" and name.endswith("Storage"):
@@ -133,11 +146,16 @@ class _Restricted(pickle.Unpickler):
         return np.frombuffer(self.storages[f"data/{pid[2]}"], pid[1])
 
 
+def _refuse_large(archive: zipfile.ZipFile) -> None:
+    """BadInputError where the members are larger together than a file may be."""
+    if sum(member.file_size for member in archive.infolist()) > LARGEST_FILE:
+        raise BadInputError(f"it unpacks to more than {LARGEST_FILE} bytes")
+
+
 def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
     """What torch.save writes, or stable-baselines3, whose policy.pth is such a file."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        if sum(member.file_size for member in archive.infolist()) > LARGEST_FILE:
-            raise BadInputError(f"it unpacks to more than {LARGEST_FILE} bytes")
+        _refuse_large(archive)
         names = archive.namelist()
         if "policy.pth" in names:
             return _torch_zip(archive.read("policy.pth"))

@@ -34,7 +34,7 @@ class NotReadError(Exception):
 class Node(NamedTuple):
     """What is not affine.
 
-    kind: "tanh", "relu" (max(t, 0)), "square" or "product".
+    kind: "tanh", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), "square" or "product".
     rows: of its one or two arguments.
     level: 1 more than the highest of the nodes in its rows.
     """
@@ -49,7 +49,8 @@ def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
 
     Products of polynomials of the inputs, up to a degree, are combinations of monomials, each a
     node: what two polynomials have in common cancels. NotReadError where the function has
-    operations other than +, -, *, division by a constant, powers, tanh, min and max.
+    operations other than +, -, *, division by a constant, powers, tanh, min, max, |t|, sign and
+    comparisons. The expression is that which CasADi has simplified when it was built.
     """
     if function.n_instructions() > _INSTRUCTIONS:
         raise NotReadError
@@ -108,10 +109,22 @@ class _Reader:
             return _plus(last, self._relu(_plus(first, last, -_ONE)))
         if operation == ca.OP_FMIN:  # min(a, b) = b - max(b - a, 0)
             return _plus(last, self._relu(_plus(last, first, -_ONE)), -_ONE)
+        if operation == ca.OP_FABS:  # |t| = 2 max(t, 0) - t
+            return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
+        if operation == ca.OP_SIGN:  # 1 where t > 0, less 1 where -t > 0
+            return _plus(self._step(first), self._step(_plus({}, first, -_ONE)), -_ONE)
+        if operation in (ca.OP_LT, ca.OP_LE):  # of a and b; where a = b either is allowed
+            return self._step(_plus(last, first, -_ONE))
+        if operation == ca.OP_NOT:
+            return _plus({0: _ONE}, first, -_ONE)
         if operation in (ca.OP_MUL, ca.OP_SQ):
             return self._product(first, last)
         if operation == ca.OP_DIV and set(last) == {0}:
             return _plus({}, first, 1 / last[0])
+        if operation == ca.OP_DIV and self._has_both_sides(first, last):
+            return first  # slope of max: [t >= 0] / ([t >= 0] + [t <= 0]), which is 1/2 at 0
+        if operation == ca.OP_IF_ELSE_ZERO:
+            return self._product(first, last)
         if operation == ca.OP_CONSTPOW and set(last) == {0}:
             return self._power(first, last[0])
         raise NotReadError
@@ -122,6 +135,24 @@ class _Reader:
         if opposite is not None:
             return _plus(row, {opposite: _ONE})
         return {self._node("relu", row): _ONE}
+
+    def _step(self, row: Row) -> Row:
+        """1 where t > 0, 0 where t < 0, and any number between at 0."""
+        return {self._node("step", row): _ONE}
+
+    def _has_both_sides(self, step: Row, total: Row) -> bool:
+        """Whether a row is the step of some t, and another that and the step of -t."""
+        others = _plus(total, step, -_ONE)
+        arguments = []
+        for row in (step, others):
+            variables = [*row]
+            if len(variables) != 1 or row[variables[0]] != 1 or variables[0] < self._first_node:
+                return False
+            node = self.nodes[variables[0] - self._first_node]
+            if node.kind != "step":
+                return False
+            arguments.append(node.rows[0])
+        return not _plus(arguments[0], arguments[1])
 
     def _power(self, row: Row, power: Fraction) -> Row:
         if power.denominator != 1 or not 1 <= power <= _LARGEST_POWER:

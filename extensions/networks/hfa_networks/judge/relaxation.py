@@ -30,8 +30,10 @@ _TANH_ERROR = 1e-13
 _SATURATED = 20.0
 #: A few roundings of one number, relative.
 _ROUNDING = 1e-15
-#: More than all underflows together.
-_TINY = 1e-290
+#: What a node may bring into a row with the coefficient 1, at most: beyond it nothing is bounded.
+_LARGEST = 1e100
+#: More than all underflows together: each is below 1e-323, times `_LARGEST` and 1e9 terms.
+_TINY = 1e-200
 #: Numbers in the largest array, about; more do not fit into the cache.
 _LARGEST_ARRAY = 2**17
 _MOST_BOXES = 256
@@ -106,6 +108,13 @@ def _relu_lines(low: np.ndarray, high: np.ndarray) -> Lines:
     return Lines((slope,), half, half, np.maximum(high, 0.0))
 
 
+def _step_lines(low: np.ndarray, high: np.ndarray) -> Lines:
+    """1 for t > 0, 0 for t < 0, anything between where the range has 0 in it."""
+    is_open = (low <= 0.0) & (high >= 0.0)
+    constant = np.where(is_open, 0.5, low > 0.0)
+    return Lines((np.zeros_like(low),), constant, 0.5 * is_open, np.ones_like(low))
+
+
 def _square_lines(low: np.ndarray, high: np.ndarray) -> Lines:
     """t² = 2 m t - m² + (t - m)², for any m."""
     middle = 0.5 * (low + high)
@@ -132,6 +141,7 @@ def _product_lines(
 _LINES: Mapping[str, Callable[..., Lines]] = {
     "tanh": _tanh_lines,
     "relu": _relu_lines,
+    "step": _step_lines,
     "square": _square_lines,
     "product": _product_lines,
 }
@@ -230,6 +240,7 @@ class Relaxation:
             sizes.append((1.0 + self._gamma) * line.size)
         affine = self._back(self._rows, sizes, lines)
         middle, radius = self._range(affine, centres, half_widths)
+        radius = np.where(_sizes_of(self._rows, sizes) <= _LARGEST, radius, np.inf)
         boxes = np.arange(count)
         worst = np.argmax(np.abs(middle) + radius, axis=1)
         gaps = np.zeros_like(centres)
@@ -248,7 +259,8 @@ class Relaxation:
         rounding = np.abs(line.constant)
         for slope, argument in zip(line.slopes, group.arguments, strict=True):
             rounding = rounding + np.abs(slope) * _sizes_of(argument, sizes)
-        return line._replace(radius=line.radius + self._gamma * rounding + _TINY)
+        radius = line.radius + self._gamma * rounding + _TINY
+        return line._replace(radius=np.where(rounding <= _LARGEST, radius, np.inf))
 
     def _back(self, blocks: _Blocks, sizes: list[np.ndarray], lines: list[Lines]) -> _Affine:
         """Rows of the inputs alone, of rows of all variables."""

@@ -45,7 +45,9 @@ def onnx_file(
     )
     graph = onnx.helper.make_graph(
         [
-            onnx.helper.make_node(operator, inputs.split(), [output], **(more[0] if more else {}))
+            onnx.helper.make_node(
+                operator, inputs.split(), output.split(), **(more[0] if more else {})
+            )
             for operator, inputs, output, *more in nodes
         ],
         "critic",
