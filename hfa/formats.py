@@ -12,6 +12,7 @@ from importlib.resources import files
 from typing import Any, Literal
 
 from hfa.doors import commands
+from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.results import Result, json_schema, parts_of
 
@@ -25,10 +26,9 @@ RESULTS = (
     ("trim.point.trim_report", "TrimData"),
     ("trim.linear.linear_model", "LinearModelData"),
     ("trim.sweeps.sweep", "SweepData"),
-    ("hfa_stores.sweep_store", "StoredSweepData"),
 )
 #: Parts that only formats.toml refers to.
-PARTS = (("hfa_support.provenance", "Provenance"),)
+PARTS_OF_TABLES = (("hfa_support.provenance", "Provenance"),)
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,12 @@ def formats() -> dict[str, Any]:
     tables = declared["parts"] | declared["outputs"]
     definitions = {name: _value(text) for name, text in declared["types"].items()}
     definitions |= {name: _object(table, declared["keys"]) for name, table in tables.items()}
-    offered = (each.split(":") for entry in commands().values() for each in entry.results)
-    of_commands = [*RESULTS, *((module, name) for module, name in offered)]
+    of_others = (each.split(":") for entry in commands().values() for each in entry.results)
+    of_commands = [*RESULTS, *((module, name) for module, name in of_others)]
     results = [getattr(import_module(module), name) for module, name in of_commands]
-    parts = [getattr(import_module(module), name) for module, name in PARTS]
+    of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("result.")]
+    results += [loaded(entry) for entry in of_parts]
+    parts = [getattr(import_module(module), name) for module, name in PARTS_OF_TABLES]
     parts += [part for result in (*results, *parts) for part in parts_of(result)]
     for result in results:
         definitions[_name(result)] = _stamped(json_schema(result))

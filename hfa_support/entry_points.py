@@ -16,6 +16,11 @@ if TYPE_CHECKING:
 COMMANDS = "hfa.commands"
 #: Aircraft by scheme, "jsbsim" of jsbsim:NAME, or by suffix, ".xml": text -> Model.
 AIRCRAFT = "hfa.aircraft"
+#: Critics by suffix, ".onnx", or by the name of an array of theirs, "weight":
+#: (game, path, Reading) -> Critic. "nonlinear" and "nonlinear.steps" judge one that is no matrix.
+CRITICS = "hfa.critics"
+#: What a command of the core, or of another extension, does with this package and not without.
+PARTS = "hfa.parts"
 
 
 @cache
@@ -46,6 +51,16 @@ def loaded(entry: EntryPoint) -> Any:
             f"{_package(entry)} offers {entry.name}, which cannot be loaded ({reason}); update or"
             " remove the package"
         ) from error
+
+
+def part(door: str, name: str, what: str) -> Any:
+    """What is offered under a name at a door. BadInputError where nothing is; what: that needs it,
+    as the message says it."""
+    if name not in offered(door):
+        raise BadInputError(
+            f"{what} needs a package that offers {name!r} at {door}; install one that does"
+        )
+    return loaded(offered(door)[name])
 
 
 def _package(entry: EntryPoint) -> str:

@@ -5,4 +5,3 @@ from controller.critic.critic import (
     from_value as from_value,
     from_weights as from_weights,
 )
-from hfa_networks.files.network import from_network as from_network

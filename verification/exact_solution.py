@@ -11,7 +11,3 @@ from controller.riccati.gare import (
 from controller.riccati.margins import disk_margin as disk_margin
 from controller.riccati.smallest_delta import minimum_delta as minimum_delta
 from controller.riccati.solution_report import analyse_game as analyse_game
-from hfa_servo.generalized_plant import (
-    GeneralizedPlant as GeneralizedPlant,
-    solve_plant as solve_plant,
-)

@@ -22,10 +22,10 @@ from controller.game.names import UNNAMED, PlantNames
 from controller.game.user_files import file_scales, found_in, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
 from hfa_support.arguments import checks_arguments
+from hfa_support.entry_points import CRITICS, offered, part
 from hfa_support.errors import BadInputError, numbers_in, said_of
+from hfa_support.files import MATRIX_FILES
 
-#: Suffixes of the files of networks.
-NETWORK_FILES = (".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".zip")
 #: The parts of a critic -> their dimensions.
 _DIMENSIONS = {"W": 1, "P": 2, "K": 2}
 #: Other names of an entry.
@@ -72,17 +72,8 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     """
     reading = reading or Reading()
     if is_network(Path(path)):
-        from hfa_networks.files.network import from_network
-
-        functions = reading.functions(len(game.A), game.names.states)
-        critic = from_network(
-            game,
-            path,
-            network=reading.network,
-            activation=reading.activation,
-            scale=reading.scale,
-            features=functions,
-        )
+        read = part(CRITICS, _format_of(Path(path)), str(path))
+        critic: Critic = read(game, path, reading)
         return (critic,)
     entries = _entries(path)
     with said_of(path):
@@ -188,19 +179,34 @@ def critics_over_time(
     return tuple(critics)
 
 
+def critic_suffixes() -> tuple[str, ...]:
+    """Of all files that may hold a critic: those of matrices, and those that packages read."""
+    return (*MATRIX_FILES, *(name for name in offered(CRITICS) if name.startswith(".")))
+
+
 def is_network(path: Path) -> bool:
-    """Whether a file is one of a network: by its suffix, or an .npz or .json whose arrays are named
-    like layers."""
+    """Whether a package reads a file: by its suffix, or an .npz or .json by how its arrays are
+    named, like layers of a network."""
+    if path.suffix.lower() not in MATRIX_FILES:
+        return path.suffix.lower() in offered(CRITICS)
+    return _format_of(path) != ""
+
+
+def _format_of(path: Path) -> str:
+    """The name at the door `CRITICS` by which a file is read; "" for the arrays of this module."""
     suffix = path.suffix.lower()
+    names: list[str] = []
     try:
         if suffix == ".npz":
             with zipfile.ZipFile(path) as archive:
-                return any(re.search(r"(^|\.)weight\.npy$", name) for name in archive.namelist())
-        if suffix == ".json":
-            return any(re.search(r"(^|\.)weight$", name) for name in read_arrays(path))
+                names = [name.removesuffix(".npy") for name in archive.namelist()]
+        elif suffix == ".json":
+            names = [str(name) for name in read_arrays(path)]
     except Exception:  # damaged in whatever way: who reads its arrays names the fault
-        return False
-    return suffix in NETWORK_FILES
+        return ""
+    if suffix not in MATRIX_FILES:
+        return suffix
+    return "weight" if any(re.search(r"(^|\.)weight$", name) for name in names) else ""
 
 
 def _entries(path: str | Path) -> dict[str, Any]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.command import command
 from hfa.options.games import GameOptions, LearningOptions, NamedGame
 from hfa.options.trims import OutputOptions
 from hfa.output import ProgressLine, show
+from hfa_support.entry_points import PARTS, part
 
 if TYPE_CHECKING:
     from controller.game.discrete_game import DiscreteGame
@@ -39,7 +39,13 @@ def solve(request: GameRequest) -> int:
 
         arrays = read_arrays(request.plant)
         if has_all(arrays, "B2"):
-            return _solve_plant(request, request.plant, arrays)
+            request.refuse_of_the_aircraft()
+            request.refuse(("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")
+            report = part(PARTS, "solve.plant", f"{request.plant} has B2 and")(
+                request.plant, arrays, request.delta
+            )
+            show(report, request, notes=report.data["warnings"])
+            return 0
     named = request.game(arrays, may_be_discrete=True)
     if named.discrete is not None:
         from controller.riccati.discrete_report import analyse_discrete, discrete_report
@@ -52,20 +58,6 @@ def solve(request: GameRequest) -> int:
         analysed_game = analyse_game(named.game, ProgressLine("solve"))
     report = solution_report(analysed_game)
     show(report.with_data(**named.labels()), request, notes=named.warnings)
-    return 0
-
-
-def _solve_plant(request: GameRequest, file: Path, arrays: dict[str, Any]) -> int:
-    from hfa_servo.generalized_plant import stored_plant
-    from hfa_servo.plant_report import plant_report
-
-    request.refuse_of_the_aircraft()
-    request.refuse(("Q", "R"), "is in C1 and D12 of a generalized plant; leave it out")
-    plant, delta, notes = stored_plant(file, arrays)
-    if request.delta is not None:
-        delta = request.delta
-    report = plant_report(plant, delta, str(file)).with_data(warnings=list(notes))
-    show(report, request, notes=notes)
     return 0
 
 

@@ -28,6 +28,7 @@ from hfa.options.trims import (
     scheduled,
 )
 from hfa.output import ProgressLine, print_report, show
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
 from hfa_support.files import LARGEST_TEXT, regular_file
 from trim.point.condition import TrimCondition
@@ -152,11 +153,7 @@ def _in_memory(request: SweepRequest) -> int:
         notes.append(f"nothing to draw: {request.picture} is not written")
         figure = None
     if output is not None and output.suffix.lower() == UNIT:
-        from hfa_flight.export.exported_loop import interpolated_loop
-        from hfa_flight.export.fmu import write_fmu
-        from trim.sweeps.interpolated import InterpolatedModel
-
-        write_fmu(interpolated_loop(InterpolatedModel(result)), output, request.provenance)
+        part(PARTS, "sweep.fmu", f"-o FILE{UNIT}")(result, output, request.provenance)
         request = replace(request, output=None)
     # The notes go to standard error: the table on standard output stays a table.
     show(replace(report, notes=()), request, figure=figure, notes=notes)
@@ -164,20 +161,16 @@ def _in_memory(request: SweepRequest) -> int:
 
 
 def _in_store(request: SweepRequest) -> int:
-    from hfa_stores.sweep_store import stored_sweep_report, stream_sweep
-
-    plan = request.plan()
     target = request.output
     assert target is not None
-    store = stream_sweep(
-        plan,
+    report = part(PARTS, "sweep.zarr", f"-o FILE{STORE}")(
+        request.plan(),
         target,
         workers=request.workers,
         resume=request.resume,
         provenance=request.provenance.to_dict(),
         progress=ProgressLine("sweep"),
     )
-    report = stored_sweep_report(plan, store, target)
     print_report(replace(report, notes=()), request, notes=report.notes)
     return 0 if report.data["counts"]["trimmed"] else 1
 

@@ -11,16 +11,22 @@ from pathlib import Path
 from typing import Any
 
 from controller.critic.critic import from_weights
-from controller.critic.critic_file import NETWORK_FILES, critic_of_steps, critics_in, is_network
+from controller.critic.critic_file import (
+    critic_of_steps,
+    critic_suffixes,
+    critics_in,
+    is_network,
+)
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
-from hfa.options.argument_types import input_file, positive
+from hfa.options.argument_types import positive
 from hfa.options.command import command
-from hfa.options.critics import READING_SETTINGS, ReadingOptions
+from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
 from hfa.options.games import GameOptions, LearningOptions, NamedGame, setting_option
 from hfa.options.request import option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, show
+from hfa_aircraft.model import Model
 from hfa_model.printed_matrices import published_models
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
@@ -47,10 +53,10 @@ _SETTINGS: dict[str, Callable[[str], Any]] = {
 
 def _critics(text: str) -> list[Path]:
     """A file; of a folder those with a known suffix, in the order of the numbers in their names."""
-    suffixes = (*MATRIX_FILES, *NETWORK_FILES)
     folder = Path(text)
     if not folder.is_dir():
-        return [input_file(*suffixes)(text)]
+        return [critic_path(text)]
+    suffixes = critic_suffixes()
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in suffixes)
     note_read(folder)
     if not paths:
@@ -58,14 +64,22 @@ def _critics(text: str) -> list[Path]:
     return sorted(paths, key=lambda path: [int(part) for part in re.findall(r"\d+", path.name)])
 
 
+def _about_weights(_: Model) -> str:
+    """Help of --weights."""
+    others = [suffix for suffix in critic_suffixes() if suffix not in MATRIX_FILES]
+    return (
+        f"critics from elsewhere: W, P or K, with `time` also over time ({' '.join(MATRIX_FILES)})"
+        f", or a network of V, dV/dx or u ({' '.join(others)}); of several, or of a folder of"
+        " checkpoints, one table"
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions):
     """Critics to be judged."""
 
     weights: tuple[list[Path], ...] = option(
-        "critics from elsewhere: W, P or K, with `time` also over time "
-        f"({' '.join(MATRIX_FILES)}), or a network of V, dV/dx or u ({' '.join(NETWORK_FILES)}); "
-        "of several, or of a folder of checkpoints, one table",
+        _about_weights,
         "FILE",
         _critics,
         default=(),

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from controller.critic.critic_file import Reading
-from hfa.options.argument_types import number
+from controller.critic.critic_file import Reading, critic_suffixes
+from hfa.options.argument_types import input_file, number
 from hfa.options.request import Request, option
+from hfa_support.files import MATRIX_FILES
 
 #: What --set says of a file of --weights -> the kind of its value.
 READING_SETTINGS: dict[str, Callable[[str], Any]] = {
     "activation": str,
     "scale": lambda text: [number(entry) for entry in text.split(",")],
 }
+
+
+def critic_path(text: str) -> Path:
+    """The file of a critic, of whatever suffix is read."""
+    if Path(text).suffix.lower() in MATRIX_FILES:
+        return input_file(*MATRIX_FILES)(text)
+    return input_file(*critic_suffixes())(text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,6 +20,7 @@ from hfa.options.request import OfModel, Request, option
 from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption
 from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, NoSolutionError, said_of
 from hfa_support.files import MATRIX_FILES
 from trim.linear.linear_model import LinearModel, linearize
@@ -126,9 +127,7 @@ class LearningOptions(SeedOption):
 
 
 def _design(model: Model, name: str) -> Any:
-    from hfa_servo.design import load_design
-
-    return load_design(name, model)
+    return part(PARTS, "design", "--design")(name, model)
 
 
 def design_option(
@@ -186,9 +185,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
             warnings += (f"{' and '.join(missing)} not given; taken: {', '.join(taken)}",)
         if self.design is not None:
-            from hfa_servo.design_model import design_model
-
-            built = design_model(aircraft, linear, self.design)
+            built = part(PARTS, "design.model", "--design")(aircraft, linear, self.design)
             with said_of(f"design {built.design.name}"):
                 game = replace(built.game(), **self.changed_weights())
             of_design = f"design {built.design.name} of {plant_names(linear).origin}"

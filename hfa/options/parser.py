@@ -37,7 +37,7 @@ class Parser(argparse.ArgumentParser):
         self._options.update(options)
         for name, option in options.items():
             names = option.flags
-            how: dict[str, Any] = {"help": option.about}
+            how: dict[str, Any] = {"help": ""}
             if names[0].startswith("-"):
                 how |= {"dest": name, "default": argparse.SUPPRESS}
             if option.named:
@@ -62,6 +62,10 @@ class Parser(argparse.ArgumentParser):
         return self._options_help(more) + (f"\n{words}" if words else "")
 
     def _options_help(self, more: bool) -> str:
+        for action in self._actions:
+            if action.dest in self._options:
+                about = self._options[action.dest].about
+                action.help = about() if callable(about) else about
         if more:
             return super().format_help()
         rare = {name for name, option in self._options.items() if option.rare}

@@ -41,7 +41,7 @@ class Option:
 
     about, form, names and required may also be functions of the model that return these."""
 
-    about: str | Callable[[Model], str]
+    about: str | Callable[..., str]
     form: str | Callable[[Model], str] = ""
     kind: Callable[..., Any] | OfModel = str
     names: str | Callable[[Model], str] = ""
@@ -53,7 +53,8 @@ class Option:
     aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:
-        """This option for a model: whatever is a function of the model is replaced by its value.
+        """This option for a model: whatever is a function of the model is replaced by its value,
+        the help where it is shown.
 
         model: None for an option that does not depend on one
         name: of the field, from which the option has its name unless it declares another
@@ -61,7 +62,7 @@ class Option:
         kind = partial(self.kind.kind, model) if isinstance(self.kind, OfModel) else self.kind
         names = _resolved(self.names, model) or "--" + name.replace("_", "-")
         return Option(
-            about=_resolved(self.about, model),
+            about=partial(self.about, model) if callable(self.about) else self.about,
             form=_resolved(self.form, model),
             kind=kind,
             names=names,

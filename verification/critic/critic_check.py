@@ -21,6 +21,7 @@ from controller.riccati.gare import Solution, solve_game
 from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.normal_form import relative_residual, relative_residuals
 from hfa_support.arguments import checks_arguments
+from hfa_support.entry_points import CRITICS, part
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_least, at_most, below
@@ -86,13 +87,11 @@ def check_critic(
     proof = None
     sections = [_flight_section(game, critic, exact, lost)]
     if critic.network:
-        from hfa_networks.judge.network_flights import InTime
-        from hfa_networks.judge.network_search import STARTS, findings
-
-        network = findings(InTime(game, exact), critic, exact, box.half_widths, limit, scope)
+        judge = part(CRITICS, "nonlinear", "a critic that is no matrix")
+        network = judge(game, exact, critic, box.half_widths, limit, scope)
         errors += network.errors
         checks += network.checks
-        states = STARTS
+        states = network.states
         proof = network.proof
         cost_lost = max(cost_lost, network.flown.cost_lost_flown_percent)
         sections.append(network.section)

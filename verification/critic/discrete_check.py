@@ -17,6 +17,7 @@ from controller.riccati.discrete import (
     sampled,
     solve_discrete,
 )
+from hfa_support.entry_points import CRITICS, part
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_most, below
 from verification.critic.critic_errors import (
@@ -136,13 +137,11 @@ def _judged(
     states = 0
     proof = None
     if critic.network:
-        from hfa_networks.judge.network_flights import InSteps
-        from hfa_networks.judge.network_search import STARTS, findings
-
-        network = findings(InSteps(exact), critic, exact, box.half_widths, limit, scope)
+        judge = part(CRITICS, "nonlinear.steps", "a critic that is no matrix")
+        network = judge(exact, critic, box.half_widths, limit, scope)
         errors += network.errors
         checks += network.checks
-        states = STARTS
+        states = network.states
         proof = network.proof
         lost = max(lost, network.flown.cost_lost_flown_percent)
         where = f"Box of states: {box.about}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_t
 from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, entry_rows
 from verification.critic.critic_errors import Exact
-
-if TYPE_CHECKING:
-    from hfa_networks.judge.network_bound import Proof
 
 #: What is computed for each row of a table of critics, and the head of its column and curve.
 COLUMNS = {
@@ -38,6 +35,24 @@ _FAILURES = 6
 ROUNDING = 1e-9
 #: Columns of the first line of a report.
 _FIRST_LINE = 100
+
+
+class Proved(Protocol):
+    """What is proved of the errors of a critic that is no matrix.
+
+    error: none is larger, relative, ...
+    fraction: ... at any state of the box times this; 0 where nothing is proved.
+    is_of_all: whether it is of all errors that are compared.
+    where: the part of the box, in words."""
+
+    @property
+    def error(self) -> float: ...  # noqa: D102
+    @property
+    def fraction(self) -> float: ...  # noqa: D102
+    @property
+    def is_of_all(self) -> bool: ...  # noqa: D102
+    @property
+    def where(self) -> str: ...  # noqa: D102
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +149,7 @@ class Verdict(Checked, Reported):
     diagnosis: str = ""
     cost_lost: float = 0.0
     searched: int = 0
-    proof: Proof | None = None
+    proof: Proved | None = None
     problem: str = "game solution"
     schema: str = "hfa.critic-check/1"
     sections: tuple[Section, ...] = field(default_factory=tuple)

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controller.critic.critic_file import NETWORK_FILES
 from hfa.options.argument_types import input_file, number, numbers, quantity, span
-from hfa.options.critics import READING_SETTINGS, ReadingOptions
+from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
 from hfa.options.games import (
     DEFAULT_LAW,
     LearningOptions,
@@ -34,6 +33,7 @@ from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_flight.gusts import Dryden, Gust, OneMinusCosine
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import MATRIX_FILES
 from trim.limits import Limits
@@ -92,7 +92,7 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
 def weights_option() -> Any:
     """The field `weights`."""
     about = "use this gain K, critic W or P, or network, instead of a law"
-    return option(about, "FILE", input_file(*MATRIX_FILES, *NETWORK_FILES))
+    return option(about, "FILE", critic_path)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -368,11 +368,10 @@ class FlightOptions(ScenarioOptions):
         """The policy of --controller, and what it follows."""
         from controller.game.gain_schedule import GainSchedule
         from hfa_flight.scheduled_gains import scheduled_gains
-        from hfa_servo.scheduled_controller import load_controller_or_gains
-        from hfa_servo.servo_policy import servo_policy
 
         assert self.controller is not None
-        controller = load_controller_or_gains(self.controller, model)
+        controllers = part(PARTS, "controllers", "--controller")
+        controller = controllers.load_controller_or_gains(self.controller, model)
         if isinstance(controller, GainSchedule):
             name = f"gains of {self.controller}"
             condition = self.common_condition().at
@@ -381,7 +380,8 @@ class FlightOptions(ScenarioOptions):
         if self.actuators is None:
             raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
         steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
-        return servo_policy(controller, steps, model, point), CommandedStates(steps, model.linear)
+        policy = controllers.servo_policy(controller, steps, model, point)
+        return policy, CommandedStates(steps, model.linear)
 
 
 class Flight(NamedTuple):

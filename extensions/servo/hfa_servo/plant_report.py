@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from hfa_servo.generalized_plant import (
     StateFeedback,
     closed_plant,
     solve_plant,
+    stored_plant,
 )
 from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.checks import checks_block
@@ -24,6 +26,15 @@ SCHEMA = "hfa.plant-solution/1"
 #: delta / delta_min of a generalized plant that names no delta: nearer the controller gets ever
 #: faster poles.
 USUAL_MARGIN = 1.01
+
+
+def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Report:
+    """The report on the controller of a generalized plant, of the arrays of its file.
+
+    delta: what the gain is to be below; None: as the file says it."""
+    plant, stored_delta, notes = stored_plant(file, arrays)
+    bound = stored_delta if delta is None else delta
+    return plant_report(plant, bound, str(file)).with_data(warnings=list(notes))
 
 
 def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> Report:

@@ -62,6 +62,11 @@ def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
     return fill_store(job, path, **options)
 
 
+def reported_sweep(plan: SweepPlan, path: Path, **options: Any) -> Report:
+    """The report on `stream_sweep`, the part "sweep.zarr" of `hfa sweep`."""
+    return stored_sweep_report(plan, stream_sweep(plan, path, **options), path)
+
+
 def _template(plan: SweepPlan) -> Any:
     """The `xarray.Dataset` of a store that holds nothing yet."""
     model = plan.model

@@ -23,6 +23,7 @@ from hfa_flight.options import (
     noted_linear_model,
     weights_option,
 )
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
 from hfa_support.files import write_text, write_texts
 from hfa_support.reporting.report import Report
@@ -115,13 +116,12 @@ def _written(
     from hfa_flight.export.aircraft_c import c_model_texts
     from hfa_flight.export.exported_loop import exported_loop, following_a_reference
     from hfa_flight.export.fmu import write_fmu
-    from hfa_servo.controller_c import c_controller_texts, controller_steering
-    from hfa_servo.scheduled_controller import load_controller
 
     actuators = actuators_of(model, request.actuators)
     controller = None
     if request.controller is not None:
-        controller = load_controller(request.controller, model)
+        controllers = part(PARTS, "controllers", "--controller")
+        controller = controllers.load_controller(request.controller, model)
     linear = noted_linear_model(model, point)
     policy = None
     if controller is None and with_gain:
@@ -129,7 +129,7 @@ def _written(
     if request.output.suffix:
         steering = None
         if controller is not None:
-            steering = controller_steering(controller, model, point)
+            steering = controllers.controller_steering(controller, model, point)
         elif policy is not None:
             steering = following_a_reference(model, policy)
         loop = exported_loop(model, point, steering, actuators)
@@ -137,7 +137,7 @@ def _written(
         return [request.output]
     texts = c_model_texts(linear, policy, origin)
     if controller is not None:
-        texts |= c_controller_texts(controller, model, point, origin, actuators)
+        texts |= controllers.c_controller_texts(controller, model, point, origin, actuators)
     return write_texts(request.output, texts)
 
 

@@ -20,13 +20,15 @@ from xml.etree import ElementTree as xml
 import casadi as ca
 
 from hfa_flight.export.c_text import braced, comment_lines
-from hfa_flight.export.exported_loop import ExportedLoop
+from hfa_flight.export.exported_loop import ExportedLoop, interpolated_loop
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import temporary_folder, written_whole
 from hfa_support.jsonable import json_text
 from hfa_support.native.c_code import c_function
 from hfa_support.native.machine_code import c_compiler
 from hfa_support.provenance import Provenance
+from trim.sweeps.interpolated import InterpolatedModel
+from trim.sweeps.sweep import Sweep
 
 #: Of the library in the FMU.
 IDENTIFIER = "hfa_aircraft"
@@ -204,3 +206,8 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
                 f"{compiler} cannot compile the FMU ({said}); name another compiler by CC"
             )
         return (folder / "library").read_bytes()
+
+
+def write_sweep(sweep: Sweep, path: Path, provenance: Provenance) -> None:
+    """The models between the points of a sweep as an FMU: the part "sweep.fmu" of `hfa sweep`."""
+    write_fmu(interpolated_loop(InterpolatedModel(sweep)), path, provenance)

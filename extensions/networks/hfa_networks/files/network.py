@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic, from_functions, from_weights, symbols_for
+from controller.critic.critic_file import Reading
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
 from hfa_networks.files.activations import COMMON
@@ -79,6 +80,18 @@ def from_network(
                     mistake = f"the activation is {name}, not {activation}"
                     variants[mistake] = partial(read, activation=name)
         return _of_states(game, stored, scales, origin, variants)
+
+
+def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
+    """The critic that the network of a file is."""
+    return from_network(
+        game,
+        path,
+        network=reading.network,
+        activation=reading.activation,
+        scale=reading.scale,
+        features=reading.functions(len(game.A), game.names.states),
+    )
 
 
 def _of_states(

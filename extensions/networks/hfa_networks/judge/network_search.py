@@ -59,13 +59,15 @@ class Found(NamedTuple):
 
 
 class Findings(NamedTuple):
-    """errors: at the origin and in the box. checks: these, and that of the rest point."""
+    """errors: at the origin and in the box. checks: these, and that of the rest point. states: at
+    which the errors were computed at first."""
 
     errors: list[Check]
     checks: list[Check]
     proof: Proof | None
     flown: Flown
     section: Section
+    states: int = STARTS
 
 
 class Comparison(NamedTuple):

@@ -1,0 +1,32 @@
+"""What this extension offers to the judge of critics: findings about one that is a nonlinear
+function of the state."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hfa_networks.judge.network_flights import InSteps, InTime
+from hfa_networks.judge.network_search import Findings, findings
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from controller.critic.critic import Critic
+    from controller.game.zero_sum import Game
+    from controller.riccati.discrete import DiscreteSolution
+    from controller.riccati.gare import Solution
+    from verification.critic.scope import Scope
+
+
+def in_time(
+    game: Game, exact: Solution, critic: Critic, b: np.ndarray, limit: float, scope: Scope
+) -> Findings:
+    """In continuous time, over the box |z_i| <= b_i."""
+    return findings(InTime(game, exact), critic, exact, b, limit, scope)
+
+
+def in_steps(
+    exact: DiscreteSolution, critic: Critic, b: np.ndarray, limit: float, scope: Scope
+) -> Findings:
+    """In discrete time, over the box |z_i| <= b_i."""
+    return findings(InSteps(exact), critic, exact, b, limit, scope)
