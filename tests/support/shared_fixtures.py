@@ -1,4 +1,4 @@
-"""Fixtures of all rooms: cases that several test files use, made once."""
+"""Fixtures of the core: cases that several test files use, made once."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_models import FlownCase, case_at, exact_gain, game_at, model_at
+from known_models import exact_gain, game_at, model_at
 
 import hfa_model
 from controller import Game
@@ -58,14 +58,3 @@ def game() -> Game:
 @pytest.fixture(scope="session")
 def gain() -> np.ndarray:
     return exact_gain(15.0)
-
-
-@pytest.fixture(scope="session", params=["published", "newton"])
-def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
-    """The exact gain at 15 degrees, on each set of equations."""
-    return case_at(parameters, request.param, 15.0)
-
-
-@pytest.fixture(scope="session")
-def newton(parameters: Parameters) -> FlownCase:
-    return case_at(parameters, "newton", 15.0)

@@ -1,5 +1,6 @@
-"""The Monte Carlo that several test files fly."""
+"""The Monte Carlo and the cases that several test files fly."""
 
+from flown_cases import at_15, newton
 from member_plans import plan
 
-__all__ = ["plan"]
+__all__ = ["at_15", "newton", "plan"]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_models import SMALL, FlownCase, flown, signal
+from flown_cases import SMALL, FlownCase, flown, signal
 from random_points import STATE_SCALES
 from scipy.integrate import solve_ivp
 

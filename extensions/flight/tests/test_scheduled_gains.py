@@ -9,7 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from known_models import exact_gain, model_at, seen
+from flown_cases import seen
+from known_models import exact_gain, model_at
 
 from controller import CommandSteps, GainSchedule, Scenario, flight_envelope, fly
 from hfa_flight.nonlinear_flight import NonlinearFlight

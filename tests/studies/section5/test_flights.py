@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from known_models import SMALL, FlownCase
+from flown_cases import SMALL, FlownCase
 from linear_flight import simulate
 from project import ROOT
 

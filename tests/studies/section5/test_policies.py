@@ -11,8 +11,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from flown_cases import seen
 from game_samples import INITIAL, game_models
-from known_models import seen
 from linear_flight import LinearFlight, simulate
 from scipy.integrate import quad
 

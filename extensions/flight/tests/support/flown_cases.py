@@ -1,0 +1,75 @@
+"""Cases of flights that several test files use, made once: a trim with its game, gain and
+envelope."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import pytest
+from known_models import exact_gain, game_at, model_at
+
+import hfa_model
+from controller import (
+    GainPolicy,
+    Game,
+    Policy,
+    Scenario,
+    Waveform,
+    flight_envelope,
+    fly,
+)
+from hfa_aircraft import Model
+from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_flight.policies import Measurements
+from hfa_model import LINEAR_STATES, Parameters
+from trim import OperatingPoint
+from trim.limits import Limits
+
+N = len(LINEAR_STATES)
+SMALL = np.array([0.2, 0.01, 5.0, 0.01, 0.02, 0.03, 0.02])
+
+
+@dataclass(frozen=True, eq=False)
+class FlownCase:
+    """One trim with its game, exact gain and envelope."""
+
+    aircraft: Model
+    point: OperatingPoint
+    game: Game
+    law: Policy
+    envelope: Limits
+
+
+def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
+    point = model_at(degrees, dynamics).point
+    law = GainPolicy("exact", exact_gain(degrees, dynamics))
+    aircraft = hfa_model.aircraft(dynamics, parameters)
+    return FlownCase(
+        aircraft, point, game_at(degrees, dynamics), law, flight_envelope(aircraft, point)
+    )
+
+
+def flown(on: FlownCase, scenario: Scenario) -> NonlinearFlight:
+    return fly(on.aircraft, on.point, on.law, scenario, on.envelope)
+
+
+def seen(z: ca.SX) -> Measurements:
+    """An error z from a reference at rest, no actuators."""
+    return Measurements(z, z, ca.SX(0, 1), ca.SX(0, 1))
+
+
+def signal(**values: float) -> Waveform:
+    return Waveform(np.array([values.get(name, 0.0) for name in LINEAR_STATES]), np.zeros(N))
+
+
+@pytest.fixture(scope="session", params=["published", "newton"])
+def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
+    """The exact gain at 15 degrees, on each set of equations."""
+    return case_at(parameters, request.param, 15.0)
+
+
+@pytest.fixture(scope="session")
+def newton(parameters: Parameters) -> FlownCase:
+    return case_at(parameters, "newton", 15.0)

@@ -1,0 +1,46 @@
+"""The tests of the core where no extension is installed: `make test-core`.
+
+A new environment has the libraries of this one and the core's packages, and nothing of the folder
+extensions/: no module of it can be imported, and nothing is offered at the doors."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+METADATA = "Metadata-Version: 2.1\nName: hfa-toolchain\nVersion: 0\n"
+SCRIPT = "#!{python}\nimport sys\nfrom hfa.entry import main\nsys.exit(main())\n"
+
+
+def environment(folder: Path) -> Path:
+    """The interpreter of a new environment without extensions."""
+    venv.create(folder, symlinks=True)
+    (packages,) = folder.glob("lib/python*/site-packages")
+    libraries = [path for path in sys.path if Path(path).name == "site-packages"]
+    (packages / "core.pth").write_text("\n".join([*libraries, str(ROOT)]) + "\n")
+    # It hides what the same distribution offers in the environment of the libraries.
+    about = packages / "hfa_toolchain-0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text(METADATA)
+    python = folder / "bin" / "python"
+    script = folder / "bin" / "hfa"
+    script.write_text(SCRIPT.format(python=python))
+    script.chmod(0o755)
+    return python
+
+
+def main(words: list[str]) -> int:
+    """Run pytest with the words of the command line, by default on all tests of the core."""
+    with tempfile.TemporaryDirectory() as folder:
+        python = environment(Path(folder))
+        tests = words or ["-m", "not slow", "tests", "--ignore=tests/studies"]
+        command = [str(python), "-m", "pytest", "-p", "no:cacheprovider", *tests]
+        return subprocess.run(command, cwd=ROOT, check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

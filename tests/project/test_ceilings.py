@@ -1,0 +1,64 @@
+"""How much source a use of the tool loads, and how much there is: in tokens, without comments."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+import tokenize
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_models import exact_gain
+from project import FOLDERS, ROOT
+
+_LAYOUT = (tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
+#: Tokens of the project's own modules that a command loads. Wanted: 48,000 and 75,000. What is
+#: missing needs commands that need less: `verify` loads discrete games, other games and hypotheses
+#: about a mistake for a critic that is right.
+LOADED = {"trim --dihedral 10": 52_500, "verify --dihedral 15 --weights K.npz": 109_000}
+#: Of all packages of the core. Wanted: 150,000.
+CORE = 161_000
+_LIST = """
+import contextlib, io, json, sys
+from hfa.main import main
+with contextlib.redirect_stdout(io.StringIO()):
+    code = main(sys.argv[1:])
+files = [getattr(module, "__file__", None) for module in list(sys.modules.values())]
+print(json.dumps([code, [file for file in files if file]]))
+"""
+
+
+@cache
+def size(path: Path) -> int:
+    """The tokens of a file, without comments and layout."""
+    text = io.StringIO(path.read_text(encoding="utf-8"))
+    kinds = (token.type for token in tokenize.generate_tokens(text.readline))
+    return sum(kind not in (*_LAYOUT, tokenize.COMMENT) for kind in kinds)
+
+
+def own(path: Path) -> bool:
+    """Whether a file is a module of one of our packages."""
+    return path.suffix == ".py" and any(path.is_relative_to(each) for each in FOLDERS.values())
+
+
+@pytest.mark.parametrize("command", LOADED)
+def test_a_command_loads_no_more_than_its_ceiling(command: str, folder: Path) -> None:
+    np.savez("K.npz", K=exact_gain(15.0))
+    words = [sys.executable, "-c", _LIST, *command.split()]
+    done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=120)
+    code, files = json.loads(done.stdout)
+    paths = {Path(file).resolve() for file in files}
+    loaded = {path.relative_to(ROOT): size(path) for path in paths if own(path)}
+    assert code == 0
+    assert not any(path.parts[0] == "extensions" for path in loaded), "the core needs none"
+    assert 40_000 < sum(loaded.values()) <= LOADED[command]
+
+
+def test_the_core_is_no_larger_than_its_ceiling() -> None:
+    core = [folder for folder in FOLDERS.values() if folder.parent == ROOT]
+    tokens = sum(size(path) for folder in core for path in folder.rglob("*.py"))
+    assert 100_000 < tokens <= CORE

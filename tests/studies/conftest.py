@@ -1,0 +1,5 @@
+"""The cases that several studies fly."""
+
+from flown_cases import at_15, newton
+
+__all__ = ["at_15", "newton"]
