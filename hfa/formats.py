@@ -42,6 +42,17 @@ class Stamp(Result):
     provenance: Provenance | None = None
 
 
+def written_results() -> tuple[type[Result], ...]:
+    """The results that commands write: of the core, and of the packages that are installed."""
+    of_commands = (each.split(":") for entry in commands().values() for each in entry.results)
+    named = [*RESULTS, *((module, name) for module, name in of_commands)]
+    of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("result.")]
+    return (
+        *(getattr(import_module(module), name) for module, name in named),
+        *(loaded(entry) for entry in of_parts),
+    )
+
+
 @cache
 def formats() -> dict[str, Any]:
     """The schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
@@ -49,11 +60,7 @@ def formats() -> dict[str, Any]:
     tables = declared["parts"] | declared["outputs"]
     definitions = {name: _value(text) for name, text in declared["types"].items()}
     definitions |= {name: _object(table, declared["keys"]) for name, table in tables.items()}
-    of_others = (each.split(":") for entry in commands().values() for each in entry.results)
-    of_commands = [*RESULTS, *((module, name) for module, name in of_others)]
-    results = [getattr(import_module(module), name) for module, name in of_commands]
-    of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("result.")]
-    results += [loaded(entry) for entry in of_parts]
+    results = list(written_results())
     parts = [getattr(import_module(module), name) for module, name in PARTS_OF_TABLES]
     parts += [part for result in (*results, *parts) for part in parts_of(result)]
     for result in results:

@@ -343,10 +343,9 @@ class FlightOptions(ScenarioOptions):
         steps = _steps_of(self.command)
         reference: Any = None
         if self.policy is not None:
-            from hfa_policy.flown import flown_card, sampled_scenario
-
-            deployed = flown_card(self.policy, model, point)
-            scenario = sampled_scenario(deployed, scenario, point)
+            policies = part(PARTS, "policies", "--policy")
+            deployed = policies.flown_card(self.policy, model, point)
+            scenario = policies.sampled_scenario(deployed, scenario, point)
             policy: Policy = deployed
         elif self.controller is not None:
             policy, reference = self._controller_policy(model, point, steps)

@@ -20,6 +20,7 @@ from hfa.options.trims import AircraftOptions, OutputOptions, scheduled
 from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
 from hfa_proof.options import interval_of, loop_of_file
+from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.errors import BadInputError
 from hfa_support.files import MATRIX_FILES
 
@@ -61,10 +62,10 @@ def prove(request: CheckRequest) -> int:
     if request.check is None:
         known = ", ".join(words_after("prove"))
         raise BadInputError(f"say what to prove, hfa prove and one of {known}, or --check FILE")
-    if kind_of(request.check) == "region":
-        from hfa_region.commands.region import check
-
-        return check(request, request.check)
+    of_others = offered(PARTS).get(f"check.{kind_of(request.check)}")
+    if of_others is not None:
+        code: int = loaded(of_others)(request, request.check)
+        return code
     own = request.model if request.own else None
     verified = check_certificate(request.check, ProgressLine("check"), own)
     _require_same(verified, request)
