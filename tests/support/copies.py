@@ -18,8 +18,8 @@ from hfa_support import BadInputError
 
 KINDS = ("bits", "order", "units", "turn")
 #: Matrices with a row a state, and with a column a state, in the state y = T z: T M and M T⁻¹.
-OF_ROWS = {"A", "B", "E", "B1", "B2"}
-OF_COLUMNS = {"A", "C1", "C2", "K", "L"}
+OF_ROWS = {"A", "A_low", "B", "E", "B1", "B2"}
+OF_COLUMNS = {"A", "A_low", "C1", "C2", "K", "L"}
 #: Weights of states: T⁻ᵀ M T⁻¹; cross weights of states and inputs: T⁻ᵀ M.
 WEIGHTS = {"Q", "P"}
 CROSS_WEIGHTS = {"N"}
