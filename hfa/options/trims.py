@@ -6,6 +6,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -319,6 +320,10 @@ class TrimOptions(HfaOptions):
 
         BadInputError when a variable is named twice, or --condition is a list of points.
         """
+        return self._common
+
+    @cached_property
+    def _common(self) -> TrimCondition:
         self._refuse_doubles()
         model = self.model
         usual = self.condition or usual_condition(model)
@@ -372,6 +377,10 @@ class TrimOptions(HfaOptions):
 
     def trim_condition(self) -> TrimCondition:
         """The condition of the one trim that the options name."""
+        return self._single
+
+    @cached_property
+    def _single(self) -> TrimCondition:
         is_parameter = self.model.schedule in self.model.parameters
         return self.common_condition().at(None if is_parameter else self.at)
 

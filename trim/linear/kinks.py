@@ -11,6 +11,7 @@ import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
+from hfa_support.native.bound import RowFunction, cached_per_thread
 
 _ONE_ARGUMENT = {ca.OP_FABS, ca.OP_SIGN}
 _TWO_ARGUMENTS = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
@@ -80,10 +81,11 @@ def _near_switches(
     switches = _switches(model.layout)
     if switches is None:
         return np.zeros(0, dtype=int), everything
-    values, slopes = (np.array(part) for part in switches.map(len(x))(x.T, u.T, p.T))
-    # CasADi lays the slopes of the points side by side, (switches, points (n + m)).
-    sizes = np.abs(slopes.reshape(len(values), len(x), -1)) * _steps(model)
-    near = np.abs(values) <= 2 * sizes.sum(axis=2)
+    values, slopes = _rows_of(switches)(x, u, np.broadcast_to(p, (len(x), p.shape[1])))
+    # Of a point the columns of ∂s/∂(x, u) come one after the other.
+    by_column = slopes.reshape(len(x), -1, values.shape[1])
+    sizes = np.abs(by_column.transpose(2, 0, 1)) * _steps(model)
+    near = np.abs(values.T) <= 2 * sizes.sum(axis=2)
     points = np.flatnonzero(near.any(axis=0))[:_MOST]
     moving = sizes[near]
     if not moving.any(axis=1).all():  # a switch that moves in second order only
@@ -148,6 +150,11 @@ def _switches(layout: Layout) -> ca.Function | None:
         return None
     slopes = ca.jacobian(s, ca.vertcat(*vectors[:2]))
     return ca.Function("switches", vectors, [ca.densify(s), ca.densify(slopes)])
+
+
+@cached_per_thread(maxsize=16)
+def _rows_of(function: ca.Function) -> RowFunction:
+    return RowFunction(function)
 
 
 def _slopes(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray) -> np.ndarray:

@@ -495,11 +495,13 @@ def _blocks(model: LinearModel) -> list[Block]:
 def _positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
     """Where the names stand among the known ones; None names all."""
     chosen = known if names is None else names
-    for name in chosen:
-        refuse_unknown(f"unknown {what}", name, known)
-        if chosen.count(name) > 1:
+    positions = {name: index for index, name in enumerate(known)}
+    for index, name in enumerate(chosen):
+        if name not in positions:
+            refuse_unknown(f"unknown {what}", name, known)
+        if name in chosen[:index]:
             raise BadInputError(f"{what} {name} is named twice; name it once")
-    return [known.index(name) for name in chosen]
+    return [positions[name] for name in chosen]
 
 
 @checks_arguments

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from hfa_aircraft.degrees import notes_on_degrees
 from hfa_aircraft.model import Model
@@ -20,6 +20,9 @@ from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
+
+if TYPE_CHECKING:
+    from trim.point.problem import TrimProblem
 
 SCHEMA = "hfa.operating-point/1"
 #: An equation balances when its residual, in its scaled unit, is no larger.
@@ -97,6 +100,7 @@ class OperatingPoint(Reported):
     model: the model that was trimmed.
     started: 0 when the search began at the usual point, else the number of the other point
         (`STARTS`) that led here.
+    problem: that which the search solved; None of a point that was read or computed otherwise.
     """
 
     how_to_make: ClassVar[str] = "find_operating_point(model)"
@@ -107,6 +111,11 @@ class OperatingPoint(Reported):
     status: Status
     model: Model = field(compare=False)
     started: int = field(default=0, compare=False)
+    problem: TrimProblem | None = field(default=None, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the problem, which holds functions in memory."""
+        return {**self.__dict__, "problem": None}
 
     @property
     def scaled_residuals(self) -> dict[str, float]:

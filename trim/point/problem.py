@@ -40,6 +40,7 @@ class Evaluation(NamedTuple):
 class TrimProblem:
     """A condition in numbers, its equations, and the point where the search begins.
 
+    asked: the condition as it was given
     system: the equations; unknowns z are scaled
     c: (1, ..), the constants of the system
     free, idle: the unknowns, and the free variables that are in no equation
@@ -60,10 +61,12 @@ class TrimProblem:
             raise BadInputError(
                 f"the condition is one of {condition.model.name}, the aircraft is {model.name}"
             )
+        asked = condition
         if any(isinstance(value, LinearTable) for value in condition.imposed.values()):
             condition = condition.at()
         condition = condition.resolved()
         self.model = model
+        self.asked = asked
         self.condition = condition
         self.system = TrimSystem(model, condition, begin=None if start is None else start.values)
         self.free = self.system.equations.unknowns
@@ -164,4 +167,13 @@ class TrimProblem:
             status,
             self.model,
             started,
+            self,
         )
+
+    @classmethod
+    def of(cls, condition: TrimCondition, point: OperatingPoint) -> TrimProblem:
+        """The problem of a condition, searched from a point: its own where that has the
+        condition."""
+        if point.problem is not None and point.problem.asked is condition:
+            return point.problem
+        return cls(point.model, condition, point)

@@ -98,7 +98,7 @@ def other_trims(
     """Further solutions of the same condition, as many equations as unknowns, that Newton's method
     finds from where the declaration begins and from `STARTS` points between the limits: the back
     side of the power curve beside the front side. They may not be all."""
-    problem = TrimProblem(model, condition, point)
+    problem = TrimProblem.of(condition, point)
     trim = problem.unknowns(point.values)
     equations, unknowns = problem.count
     starts = [*problem.starts(trim)]

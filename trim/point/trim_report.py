@@ -202,7 +202,7 @@ def _search(
     model: Model, condition: TrimCondition, point: OperatingPoint
 ) -> tuple[dict[str, Any], list[str]]:
     """How the point was found, as data and in sentences: none about the usual case."""
-    problem = TrimProblem(model, condition, point)
+    problem = TrimProblem.of(condition, point)
     equations, unknowns = problem.count
     sentences = []
     others: list[OperatingPoint] = []

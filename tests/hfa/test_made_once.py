@@ -1,0 +1,35 @@
+"""What one command makes once: the equations of a trim, its condition."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from cli import answer
+
+from hfa.options import trims
+from trim.point.condition import release
+from trim.point.system import TrimSystem
+
+
+def _counted(make: Callable[..., Any], calls: list[str], name: str) -> Callable[..., Any]:
+    """The same, which also notes that it was called."""
+
+    def called(*arguments: Any, **options: Any) -> Any:
+        calls.append(name)
+        return make(*arguments, **options)
+
+    return called
+
+
+@pytest.mark.parametrize("options", [["--dihedral", "10"], ["--dihedral", "5", "--free", "gamma"]])
+def test_one_trim_makes_one_system_and_one_condition(
+    options: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[str] = []
+    begin = _counted(TrimSystem.__init__, calls, "system")
+    monkeypatch.setattr(TrimSystem, "__init__", begin)
+    monkeypatch.setattr(trims, "release", _counted(release, calls, "condition"))
+    assert answer("trim", *options)["status"] == "trimmed"
+    assert sorted(calls) == ["condition", "system"]
