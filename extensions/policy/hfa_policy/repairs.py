@@ -40,6 +40,10 @@ _NEARLY_ALL = 0.95
 _STARTS = 24
 _PLACES = 2
 _SECONDS = 40.0
+#: How many repairs are named that bring back as many as the best, less this part of the starts; the
+#: quickest first.
+_NAMED = 3
+_AS_GOOD = 0.05
 #: Part of the actions that shows whether a lower gain alone would do.
 _LOWER = (0.5, 0.2, 0.05)
 #: Sample times that are tried, as parts of that of the card.
@@ -64,6 +68,17 @@ class Repair(NamedTuple):
     P: np.ndarray
     sign: np.ndarray
     scales: bool = False
+
+
+class Back(NamedTuple):
+    """What a repair brings back.
+
+    share: of the starts.
+    seconds: mean time of the flights until they are back, or end.
+    """
+
+    share: float
+    seconds: float
 
 
 def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
@@ -109,19 +124,21 @@ class _Trial:
         repairs = [repair for repair in self._repairs() if self._fits(repair)]
         tried = [as_it_is, *lower, *repairs]
         returned = self._returned(tried, self._flight())
-        card, lowered = returned[0], max(returned[1 : 1 + len(lower)])
-        best: tuple[float, Repair] | None = None
-        for repair, share in zip(repairs, returned[1 + len(lower) :], strict=True):
+        card, lowered = returned[0].share, max(each.share for each in returned[1 : 1 + len(lower)])
+        better = []
+        for repair, back in zip(repairs, returned[1 + len(lower) :], strict=True):
             baseline = max(card, lowered) if repair.scales else card
-            if share >= max(self.many, _CLEARLY * baseline) and (best is None or share > best[0]):
-                best = (share, repair)
-        if best is None and not self.holds_somewhere:
-            best = self._best_rate(card, lowered)
-        if best is not None:
-            share, repair = best
+            if back.share >= max(self.many, _CLEARLY * baseline):
+                better.append((back, repair))
+        if not better and not self.holds_somewhere:
+            better = self._better_rates(max(card, lowered))
+        most = max((back.share for back, _ in better), default=0.0)
+        as_good = [pair for pair in better if pair[0].share >= most - _AS_GOOD]
+        as_good.sort(key=lambda pair: pair[0].seconds)
+        for back, repair in as_good[:_NAMED]:
             text = (
-                f"it would fly better if {repair.text}: {100 * share:.3g} % of the starts come "
-                f"back, as it is {100 * card:.3g} %"
+                f"it would fly better if {repair.text}: {100 * back.share:.3g} % of the starts "
+                f"come back, as it is {100 * card:.3g} %"
             )
             yield Mistake(repair.kind, False, text)
 
@@ -141,8 +158,8 @@ class _Trial:
         command = ca.Function("command", [X, U, trim, more], [ca.densify(U_new)])
         return replace(whole, extra=extra, command=command)
 
-    def _returned(self, repairs: Sequence[Repair], flight: SampledFlight) -> list[float]:
-        """Which part of the starts each brings back; 0 where its loop is not stable."""
+    def _returned(self, repairs: Sequence[Repair], flight: SampledFlight) -> list[Back]:
+        """What each brings back; nothing where its loop is not stable."""
         places: list[Place] = []
         rows = []
         owners: list[int] = []
@@ -160,14 +177,17 @@ class _Trial:
                 places.append(rest)
                 owners.append(number)
         shares = np.zeros(len(repairs))
+        seconds = np.zeros(len(repairs))
         if not rows:
-            return shares.tolist()
+            return [Back(0.0, _SECONDS) for _ in repairs]
         flown = FlownRows(flight, places, np.vstack(rows), np.arange(len(places)).repeat(_STARTS))
         flown.fly(_SECONDS, flight.window(len(flown.rows), _SECONDS))
         for owner, number in enumerate(owners):
             back = flown.outcome(owner, places[owner]).returned
             shares[number] += back / (_STARTS * len(self.places))
-        return [float(share) for share in shares]
+            mine = flown.owners == owner
+            seconds[number] += float(flown.times[mine].mean()) / len(self.places)
+        return [Back(*pair) for pair in zip(shares.tolist(), seconds.tolist(), strict=True)]
 
     def _rest(self, repair: Repair, deployed: Deployed, place: Place) -> Place | None:
         """Where the repaired policy rests; of one whose actions are scaled alone the trim."""
@@ -201,12 +221,13 @@ class _Trial:
     def _fits(self, repair: Repair) -> bool:
         """Whether what the normalizer has seen fits the changed observations no worse."""
         normalizer = self.card.normalizer
-        if normalizer is None or np.array_equal(repair.P, np.eye(self.k)):
+        if normalizer is None or repair.deployment.observation == self.card.observation:
             return True
         return self._misfit(repair.deployment) <= self._misfit(self.card) - np.log(1.5)
 
     def _misfit(self, deployment: Deployment) -> float:
-        """Σ |log(spread of the observations of the starts / deviation of the training)|."""
+        """Σ |log(spread of the observations of the starts / deviation of the training)|, and how
+        far the trim is off the mean of the training, beyond one deviation of it."""
         normalizer = deployment.normalizer
         assert normalizer is not None
         deployed = deployment.on(self.deployed.model)
@@ -217,8 +238,11 @@ class _Trial:
         seen = np.array(
             [np.array(deployed.observe(start, inputs, trim)).ravel() for start in starts]
         )
+        at_trim = np.array(deployed.observe(np.array(place.point.states), inputs, trim)).ravel()
+        deviation = np.maximum(normalizer.deviation, 1e-12)
         spread = np.maximum(seen.std(axis=0), 1e-12)
-        return float(np.abs(np.log(spread / np.maximum(normalizer.deviation, 1e-12))).sum())
+        off = np.maximum(np.abs(at_trim - normalizer.mean) / deviation - 1.0, 0.0)
+        return float(np.abs(np.log(spread / deviation)).sum() + np.log1p(off).sum())
 
     # The repairs.
 
@@ -256,7 +280,8 @@ class _Trial:
             }
             if observation != self.card.observation:
                 why = f"all observations were {text}"
-                yield self._made("about", why, observation, np.eye(self.k))
+                made = self._made("about", why, observation, np.eye(self.k))
+                yield made._replace(scales=True)  # a clip that it reaches lowers gains
 
     def _scales(self) -> Iterator[Repair]:
         angles = []
@@ -284,9 +309,9 @@ class _Trial:
             made = self._made(kind, text, observation, np.diag(multiplied))
             yield made._replace(scales=True)
 
-    def _best_rate(self, card: float, lowered: float) -> tuple[float, Repair] | None:
-        """The sample time that brings clearly more starts back than the card and a lower gain."""
-        best: tuple[float, Repair] | None = None
+    def _better_rates(self, baseline: float) -> list[tuple[Back, Repair]]:
+        """The sample times that bring clearly more starts back than the card and a lower gain."""
+        better = []
         for part in _RATES:
             timing = {**self.card.timing, "dt": part * self.card.dt}
             changed = self.card.changed(timing=timing)
@@ -297,8 +322,7 @@ class _Trial:
                 dt=changed.dt,
                 parts=max(1, round(part * self.assessor.flight().parts)),
             )
-            (share,) = self._returned([repair], flight)
-            clearly = share >= max(self.many, _CLEARLY * max(card, lowered))
-            if clearly and (best is None or share > best[0]):
-                best = (share, repair)
-        return best
+            (back,) = self._returned([repair], flight)
+            if back.share >= max(self.many, _CLEARLY * baseline):
+                better.append((back, repair))
+        return better

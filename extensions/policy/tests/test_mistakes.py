@@ -1,0 +1,124 @@
+"""Planted mistakes of cards: what the files prove is named, what flies better is suggested, and
+nothing is said of right cards."""
+
+import shutil
+
+import numpy as np
+import pytest
+from policy_cases import AIRCRAFT, FOLDER, aircraft, card, trims
+
+from hfa_policy.assessment import Assessor
+from hfa_policy.deployment import Deployment
+from hfa_policy.mistakes import mistakes_of, proved_mistakes
+from hfa_policy.normalizer import read_normalizer
+
+DEGREES = 180.0 / np.pi
+
+
+def kinds(name, deployment):
+    """Of the mistakes that the files prove."""
+    deployed = deployment.on(aircraft(name))
+    return [mistake.kind for mistake in proved_mistakes(deployed, trims(name))]
+
+
+def with_policy(name, **entries):
+    changed = {key: value for key, value in card(name).policy.items() if key not in entries}
+    given = {key: value for key, value in entries.items() if value is not None}
+    return card(name).changed(policy={**changed, **given})
+
+
+def observed(name, **entries):
+    observation = {key: {**value, **entries} for key, value in card(name).observation.items()}
+    return card(name).changed(observation=observation)
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_files_prove_no_mistake_of_a_right_card(name):
+    assert kinds(name, card(name)) == []
+
+
+@pytest.mark.parametrize("name", ["ppo_gtm", "a2c_gtm", "td3_gtm", "ppo_c172"])
+def test_a_missing_normalizer_is_named(name):
+    assert kinds(name, with_policy(name, normalizer=None)) == ["no normalizer"]
+
+
+def test_a_normalizer_that_is_said_to_be_none_is_believed():
+    assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer="none")) == []
+
+
+def test_a_normalizer_too_many_is_named():
+    found = kinds("ppo_raw", with_policy("ppo_raw", normalizer="ppo_gtm.pkl"))
+    assert "a normalizer too many" in found
+
+
+@pytest.mark.parametrize(("name", "other"), [("ppo_gtm", "a2c_gtm"), ("a2c_gtm", "td3_gtm")])
+def test_the_normalizer_of_another_checkpoint_is_named(name, other):
+    found = kinds(name, with_policy(name, normalizer=f"{other}.pkl"))
+    assert "another checkpoint's normalizer" in found
+
+
+def test_a_normalizer_of_four_numbers_has_no_count_to_be_of_another_checkpoint():
+    stored = read_normalizer(FOLDER / "ppo_gtm.pkl")
+    table = {"mean": stored.mean, "variance": stored.variance}
+    assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer=table)) == []
+
+
+@pytest.mark.parametrize("name", ["ppo_gtm", "ppo_raw", "a2c_gtm", "ppo_hfa"])
+def test_absolute_values_for_deviations_are_named(name):
+    assert "absolute values for deviations" in kinds(name, observed(name, about=0.0))
+
+
+def test_degrees_for_radians_are_named_where_the_training_would_have_left_the_limits():
+    name = "ppo_gtm"
+    scaled = {
+        key: {**entry, "scale": entry["scale"] * (1.0 if key == "speed" else DEGREES)}
+        for key, entry in card(name).observation.items()
+    }
+    assert "scale" in kinds(name, card(name).changed(observation=scaled))
+
+
+def turned(name, action):
+    entries = {key: dict(entry) for key, entry in card(name).action.items()}
+    entries[action]["map"] = entries[action]["map"].replace("+", "-")
+    return card(name).changed(action=entries)
+
+
+def exchanged(name, one, other):
+    names = list(card(name).observation)
+    names[one], names[other] = names[other], names[one]
+    return card(name).changed(observation={key: card(name).observation[key] for key in names})
+
+
+def suggested(name, deployment, samples=24):
+    """The texts of what would fly better."""
+    assessor = Assessor(deployment.on(aircraft(name)), trims(name), samples)
+    found = list(mistakes_of(assessor, assessor.assessed()))
+    assert not any(mistake.proved for mistake in found)
+    return [mistake.text for mistake in found]
+
+
+@pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
+def test_the_sign_of_an_action_is_suggested(name):
+    (first, *_) = suggested(name, turned(name, "elevator"))
+    assert first.startswith("it would fly better if the action of elevator had the other sign")
+
+
+@pytest.mark.slow
+def test_the_order_of_observations_is_suggested():
+    found = suggested("ppo_raw", exchanged("ppo_raw", 1, 2))
+    assert any("pitch_rate and alpha were exchanged" in text for text in found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.06])
+@pytest.mark.parametrize("name", [name for name in AIRCRAFT if name != "ppo_c172"])
+def test_nothing_is_suggested_of_a_right_card_with_and_without_delay(name, delay):
+    timing = {**card(name).timing, "delay": delay}
+    assert suggested(name, card(name).changed(timing=timing)) == []
+
+
+def test_a_card_whose_normalizer_lies_elsewhere_is_refused_by_its_name(tmp_path):
+    for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
+        shutil.copy(FOLDER / file, tmp_path)
+    with pytest.raises(ValueError, match=r"ppo_gtm\.pkl: cannot be read"):
+        Deployment.load(tmp_path / "ppo_gtm.toml").on(aircraft("ppo_gtm")).command  # noqa: B018
