@@ -37,7 +37,7 @@ def main(words: list[str]) -> int:
     """Run pytest with the words of the command line, by default on all tests of the core."""
     with tempfile.TemporaryDirectory() as folder:
         python = environment(Path(folder))
-        tests = words or ["-m", "not slow", "tests", "--ignore=tests/studies"]
+        tests = words or ["-m", "not slow", "tests", "--ignore=tests/studies", "--ignore=tests/project"]
         command = [str(python), "-m", "pytest", "-p", "no:cacheprovider", *tests]
         return subprocess.run(command, cwd=ROOT, check=False).returncode
 

@@ -11,14 +11,16 @@ import numpy as np
 import pytest
 import zarr
 from cli import complaints_about, hfa
-from controllers import small_controller
+from extension import Extension
 from jsonschema import Draft202012Validator
 from project import project_sources
 
-from controller import save_controller
 from hfa.formats import formats
 from hfa_aircraft.model import Model
 from hfa_support.jsonable import jsonable
+
+controllers = Extension("controllers")
+servo = Extension("hfa_servo.scheduled_controller")
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +70,7 @@ def test_planted_faults_are_seen(change: dict[str, Any], said: str, trim: dict[s
 def test_a_controller_and_the_attributes_of_a_store_are_published(
     tmp_path: Path, published_aircraft: Model
 ) -> None:
-    save_controller(tmp_path / "a.npz", small_controller(published_aircraft))
+    servo.save_controller(tmp_path / "a.npz", controllers.small_controller(published_aircraft))
     kept = jsonable(dict(np.load(tmp_path / "a.npz")))
     assert complaints_about(kept) == []
     assert complaints_about(kept | {"A": [[1.0]]}) != []

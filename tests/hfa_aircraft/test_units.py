@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from extension import Extension
 
 import hfa_model
-from controller import Game, flight_envelope, published_game
+from controller import Game, published_game
 from hfa_aircraft.model import Model
 from hfa_aircraft.native_units import native_of
 from hfa_aircraft.signals import Signal
@@ -19,6 +20,8 @@ from hfa_support.units import si_factor
 from trim import TrimCondition, find_operating_point, linearize, trim_report
 from trim.point.condition import usual_condition
 from verification import minimum_delta, solve_game
+
+envelopes = Extension("hfa_flight.envelope")
 
 ANGLE = 0.2
 MODELS = [hfa_model.aircraft("published"), hfa_model.aircraft("newton")]
@@ -75,8 +78,8 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
     slugs = native_of(heavier).parameters["panel_mass"].start
     assert slugs == pytest.approx(200.0 / si_factor("slug"))
     point = find_operating_point(converted, usual_condition(converted))
-    envelope = flight_envelope(converted, point)
-    own = flight_envelope(model, find_operating_point(model, usual_condition(model)))
+    envelope = envelopes.flight_envelope(converted, point)
+    own = envelopes.flight_envelope(model, find_operating_point(model, usual_condition(model)))
     np.testing.assert_allclose(
         envelope.highest, own.highest * factors(model, tuple(model.states)), rtol=1e-9
     )

@@ -9,18 +9,21 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from extension import Extension
 from known_models import exact_gain, model_at
 from numpy.typing import NDArray
 
 import hfa_model
-from controller import GainPolicy, MonteCarlo, Scenario, Uncertainty
-from hfa_flight.monte_carlo import fly_members
 from hfa_model import default_parameters
 from hfa_model.vectors import STATES
 from hfa_support.native.bound import cached_per_thread
 from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.limits import Limits
 from trim.sweeps.sweep import run_points
+
+policies = Extension("hfa_flight.policies")
+scenarios = Extension("hfa_flight.scenario")
+members = Extension("hfa_flight.monte_carlo")
 
 PARAMETERS = default_parameters().values
 Rows = Mapping[str, NDArray]
@@ -55,12 +58,15 @@ def test_a_sweep(compile_code: bool) -> None:
 
 def test_a_monte_carlo() -> None:
     point = model_at(15.0).point
-    law = GainPolicy("exact", exact_gain(15.0))
-    scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))
+    law = policies.GainPolicy("exact", exact_gain(15.0))
+    scenario = scenarios.Scenario(0.2, uncertainty=scenarios.Uncertainty({"panel_mass": 0.1}))
     aircraft = hfa_model.aircraft(parameters=PARAMETERS)
     everywhere = Limits.of(aircraft, STATES, dict.fromkeys(STATES, (-1e9, 1e9)))
-    plan = MonteCarlo(24, 0, aircraft, point, law, scenario, everywhere)
-    assert differing(lambda number: fly_members(plan, 4 * number, 4 * number + 4), range(6)) == []
+    plan = members.MonteCarlo(24, 0, aircraft, point, law, scenario, everywhere)
+    assert (
+        differing(lambda number: members.fly_members(plan, 4 * number, 4 * number + 4), range(6))
+        == []
+    )
 
 
 def test_memory_that_threads_share_is_noticed() -> None:

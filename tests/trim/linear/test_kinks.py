@@ -12,7 +12,6 @@ import pytest
 from cli import hfa
 
 from hfa_aircraft import Model, Signal
-from hfa_stores.sweep_store import stored_sweep_report, stream_sweep
 from trim import find_operating_point, level_flight, linearize, sweep
 from trim.point.condition import usual_condition
 
@@ -98,10 +97,12 @@ def test_a_sweep_and_a_store_have_the_means_and_say_where(tmp_path: Path) -> Non
     assert list(result.kinks) == [1]
     (note,) = result.report().notes
     assert note.endswith("(1 of 3 points, the first at 0)")
-    dataset = stream_sweep(result.plan, tmp_path / "a.zarr")
+    dataset = stores.stream_sweep(result.plan, tmp_path / "a.zarr")
     assert dataset.kinks.values.tolist() == [0, 1, 0]
     np.testing.assert_array_equal(dataset.A, result.A)
-    assert "kinks at 1 points" in stored_sweep_report(result.plan, dataset, tmp_path).notes[0]
+    assert (
+        "kinks at 1 points" in stores.stored_sweep_report(result.plan, dataset, tmp_path).notes[0]
+    )
 
 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
@@ -118,6 +119,8 @@ def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> No
 KINKED = """
 import casadi as ca
 from hfa_support import Model, Signal
+
+stores = Extension("hfa_stores.sweep_store")
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
 CART = Model(

@@ -9,11 +9,11 @@ from dataclasses import replace
 import matplotlib.pyplot as pyplot
 import numpy as np
 import pytest
+from extension import Extension
 from known_models import model_at, released_simulation
 
 import hfa_model
 from hfa_aircraft.model import Model
-from hfa_flight.closed_loop import LinearPlant
 from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
 from hfa_model.kinematics import DISTURBANCES
 from hfa_model.parameters import ParameterSet
@@ -37,6 +37,8 @@ from trim.hfa.printed import (
     matrices_beside_the_print,
     printed_at,
 )
+
+closed_loop = Extension("hfa_flight.closed_loop")
 
 MODELS = published_models()
 PRINTED = pytest.mark.parametrize(
@@ -242,7 +244,7 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
     assert model.disturbances == NAMES
     otherwise = linearize(over_ground(aircraft), point, full=True, disturbances=NAMES)
     assert np.abs(otherwise.E - model.E).max() > 1e-2  # a drag of the wrong speed would show
-    gust = LinearPlant.at(aircraft, point, ("updraft",)).E["updraft"]
+    gust = closed_loop.LinearPlant.at(aircraft, point, ("updraft",)).E["updraft"]
     np.testing.assert_allclose(column["updraft"], gust, rtol=1e-12, atol=1e-15)
     # In level trim all forces balance, so that a wind from ahead does what more speed over ground
     # does.

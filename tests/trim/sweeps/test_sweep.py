@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import zarr
 from cli import assert_refused, hfa
+from extension import Extension
 from known_models import model_at
 
 import hfa_model
 from hfa_aircraft.model import Model
 from hfa_model import DEGREE, INPUTS, STATES, VARIANTS, Parameters
 from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
-from hfa_stores.sweep_store import stored_sweep_report, stream_sweep
 from hfa_support import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim import (
@@ -34,6 +34,8 @@ from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, is_square, trim_points
 from trim.sweeps.sweep import Sweep, run_plan, run_points
 from trim.sweeps.sweep_plan import Steps, SweepPlan
+
+stores = Extension("hfa_stores.sweep_store")
 
 ALPHA_FREE = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_outer": 0.0})
 LIMITED = release(LEVEL_FLIGHT, limits={"throttle": (0.0, 40.0)})
@@ -383,8 +385,8 @@ def test_wrong_tables_are_refused(aircraft: Model) -> None:
 def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> None:
     axes = {"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}
     plan = SweepPlan(axes, hfa_model.aircraft(parameters=parameters))
-    dataset = stream_sweep(plan, tmp_path / "a.zarr")
-    counts = stored_sweep_report(plan, dataset, tmp_path).data["counts"]
+    dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
+    counts = stores.stored_sweep_report(plan, dataset, tmp_path).data["counts"]
     assert counts == {"missing": 0, "trimmed": 4, "beyond limits": 0, "no trim": 0}
     attributes = zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs
     assert (attributes["schema"], attributes["state_units"][0]) == ("hfa.sweep-store/3", "ft/s")
@@ -438,7 +440,7 @@ def test_a_store_has_the_points_of_a_sweep_in_memory_and_is_continued_as_no_othe
     of the points."""
     axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
     plan = SweepPlan(axes, published_aircraft, condition=ALPHA_FREE)
-    dataset = stream_sweep(plan, tmp_path / "a.zarr")
+    dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
     expected = sweep(published_aircraft, plan.axes, condition=ALPHA_FREE)  # type: ignore[arg-type]
     A = dataset.A.values[:, LINEAR_ROWS][:, :, LINEAR_ROWS]
     np.testing.assert_array_equal(A, expected.A)
@@ -461,7 +463,7 @@ def test_a_store_has_the_points_of_a_sweep_in_memory_and_is_continued_as_no_othe
         SweepPlan(dict(reversed(axes.items())), published_aircraft, condition=ALPHA_FREE),
     ):
         with pytest.raises(BadInputError, match="another sweep"):
-            stream_sweep(other, tmp_path / "a.zarr", resume=True)
+            stores.stream_sweep(other, tmp_path / "a.zarr", resume=True)
 
 
 # What is printed.
@@ -492,8 +494,8 @@ def test_points_that_were_trimmed_one_by_one_are_counted(
         "at once did not settle them"
     )
     assert run_plan(plan).warnings == [note]
-    dataset = stream_sweep(plan, tmp_path / "a.zarr")
-    assert note in stored_sweep_report(plan, dataset, tmp_path).notes
+    dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
+    assert note in stores.stored_sweep_report(plan, dataset, tmp_path).notes
 
 
 def test_the_root_locus_shows_direction_and_values() -> None:

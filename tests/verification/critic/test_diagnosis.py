@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import answer, hfa
+from extension import Extension
 from game_files import AT_15, stored
 from game_samples import game_models
 from known_models import game_at
-from network_files import torch_file
 from planted_critics import (
     NAMED,
     OF_ANY_GAME,
@@ -33,14 +33,17 @@ from controller import Game, basis
 from controller.critic.critic import Critic
 from examples.train_a_network import fit
 from hfa.main import FAILED
-from hfa_networks.judge.network_search import Comparison, search
-from verification import check_critic, from_gain, from_network, from_value, from_weights
+from verification import check_critic, from_gain, from_value, from_weights
 from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import critic_errors
 from verification.critic.diagnosis import diagnose, diagnose_discrete
 from verification.critic.other_games import Nearby, Scheduled, discounted
 from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
+
+network_files = Extension("network_files")
+searches = Extension("hfa_networks.judge.network_search")
+networks = Extension("hfa_networks.files.network")
 
 pytestmark = pytest.mark.usefixtures("folder")
 SLOW = pytest.mark.slow
@@ -341,8 +344,10 @@ def test_a_mistake_planted_in_a_trained_network_is_refused_and_named(
     game: Game, mistake: str
 ) -> None:
     changes, how, words = MISTAKES[mistake]
-    path = torch_file("critic.pt", layers(**changes))
-    candidate = from_network(game, path, **({"activation": "tanh", "scale": 1.0 / BOX} | how))
+    path = network_files.torch_file("critic.pt", layers(**changes))
+    candidate = networks.from_network(
+        game, path, **({"activation": "tanh", "scale": 1.0 / BOX} | how)
+    )
     assert wrong(game, candidate)
     assert words in named(game, candidate, game_at, BOX)
 
@@ -351,8 +356,11 @@ def test_a_mistake_planted_in_a_trained_network_is_refused_and_named(
     "name", ["policy", *(pytest.param(each, marks=SLOW) for each in ("V", "gradient"))]
 )
 def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game, name: str) -> None:
-    candidate = from_network(
-        game, torch_file("critic.pt", layers(name)), activation="tanh", scale=1.0 / BOX
+    candidate = networks.from_network(
+        game,
+        network_files.torch_file("critic.pt", layers(name)),
+        activation="tanh",
+        scale=1.0 / BOX,
     )
     found = named(game, candidate, None, BOX)
     assert found.startswith("V is near and its policy off by") if name == "V" else found == ""
@@ -381,7 +389,7 @@ def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) ->
     said = []
     for draw in range(draws):
         V = random_value(rng, (8, 32)[draw % 2], (1.0, 3.0, 10.0)[draw % 3], draw % 4 == 3)
-        said.append(named(game, from_network(game, V), None, BOX))
+        said.append(named(game, networks.from_network(game, V), None, BOX))
     assert said == [""] * draws
 
 
@@ -405,7 +413,7 @@ def test_a_network_is_made_again_and_one_of_64_64_is_judged(game: Game, name: st
     searched = {"V": "value"}.get(name, name)
     errors = []
     for path in ("again.npz", TRAINED / f"{name}.npz"):
-        critic = from_network(game, path, activation="tanh", scale=1.0 / BOX)
+        critic = networks.from_network(game, path, activation="tanh", scale=1.0 / BOX)
         verdict = check_critic(game, critic, scope=Scope(ordinary_box(), flights=1))
         errors.append(verdict.value_of(f"searched_{searched}_error"))
     assert errors[0] == pytest.approx(errors[1], rel=0.5)
@@ -424,7 +432,9 @@ def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) 
     z = np.array(np.meshgrid(*[np.linspace(-1.0, 1.0, points)] * 6)).reshape(6, -1) * b[:, None]
     largest = np.sqrt(game.R.diagonal()) * (np.abs(exact.K) @ b)
     u_size = np.maximum(largest, 1e-5 * largest.max()) / np.sqrt(game.R.diagonal())
-    critic = from_network(game, TRAINED / f"{name}.npz", activation="tanh", scale=1.0 / BOX)
+    critic = networks.from_network(
+        game, TRAINED / f"{name}.npz", activation="tanh", scale=1.0 / BOX
+    )
     at = ca.SX.sym("z", 6)
     errors = {"policy": (critic.policy(at) + ca.DM(exact.K) @ at) / ca.DM(u_size)}
     if critic.value is not None:
@@ -432,7 +442,9 @@ def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) 
         errors["value"] = (critic.value(at) - critic.constant - exact_V) / (b @ np.abs(exact.P) @ b)
     found = {
         each.name: each.error
-        for each in search(Comparison(critic, exact, np.sqrt(np.diag(game.R)), b))[1]
+        for each in searches.search(
+            searches.Comparison(critic, exact, np.sqrt(np.diag(game.R)), b)
+        )[1]
     }
     for kind, error in errors.items():
         on_grid = np.array(ca.Function(kind, [at], [error])(z))

@@ -7,22 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from extension import Extension
 from game_samples import failed_names
 from known_models import game_at
-from network_files import torch_file
 from planted_critics import gain, other_root, value
 
 import hfa_model
 from controller import Game
 from controller.critic.critic import Critic
 from controller.hfa_game import ORDINARY_DEVIATIONS
-from hfa_networks.judge.network_search import Comparison, search
 from trim import find_operating_point, level_flight, linearize
 from verification import (
     Scope,
     check_critic,
     from_gain,
-    from_network,
     from_value,
     solve_discounted,
     solve_game,
@@ -31,6 +29,10 @@ from verification.critic.about_trim import nonlinear_plant
 from verification.critic.discrete_check import check_discounted
 from verification.hfa_box import ordinary_box
 
+network_files = Extension("network_files")
+searches = Extension("hfa_networks.judge.network_search")
+networks = Extension("hfa_networks.files.network")
+
 pytestmark = pytest.mark.usefixtures("folder")
 BOX = np.array(ORDINARY_DEVIATIONS)
 
@@ -38,7 +40,9 @@ BOX = np.array(ORDINARY_DEVIATIONS)
 def bent_actor(game: Game) -> Critic:
     """u = -10 K tanh(z / 10), right at the origin only."""
     layers = {"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * gain(game)}
-    return from_network(game, torch_file("bent.pt", layers), activation="tanh")
+    return networks.from_network(
+        game, network_files.torch_file("bent.pt", layers), activation="tanh"
+    )
 
 
 CRITICS: dict[str, Any] = {
@@ -112,10 +116,12 @@ def test_all_errors_are_compared_at_the_states_that_any_search_reaches(game: Gam
         "0.weight": np.vstack([np.diag(1.0 / BOX), -np.diag(1.0 / BOX)]),
         "2.weight": np.arange(1.0, 13.0)[None],
     }
-    critic = from_network(game, torch_file("v.pt", layers), activation="softplus")
+    critic = networks.from_network(
+        game, network_files.torch_file("v.pt", layers), activation="softplus"
+    )
     assert critic.value is not None
     exact = solve_game(game)
-    _, found = search(Comparison(critic, exact, np.sqrt(np.diag(game.R)), BOX))
+    _, found = searches.search(searches.Comparison(critic, exact, np.sqrt(np.diag(game.R)), BOX))
     errors = {item.name: item.error for item in found}
     size = BOX @ np.abs(exact.P) @ BOX
     for state in (*(item.at for item in found), *z):

@@ -1,0 +1,171 @@
+"""The game of a design by the commands: `solve`, `learn`, `verify` and `design`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli import answer, assert_refused, hfa
+from game_files import AT_15, QUICK
+from known_models import model_at
+from project import ROOT
+from scipy.io import loadmat
+from servo_cases import SIMVFA, simvfa_design
+
+import hfa_model
+from controller import design_model, load_controller
+from hfa_aircraft.model import Model
+
+# Solve.
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(folder: Path) -> None:
+    """Each test runs in a new empty folder."""
+
+
+AT_11 = ("--dihedral", "11")
+PEER = ROOT / "extensions/servo/tests/peer_gains.json"
+
+
+@pytest.mark.parametrize(("name", "size"), [("simvfa-1", 10), ("simvfa-2", 12)])
+def test_the_exact_gain_of_a_design_with_names_and_units(
+    name: str, size: int, published_aircraft: Model
+) -> None:
+    data = answer("solve", "--design", SIMVFA[name], *AT_11)
+    theirs = np.array(json.loads(PEER.read_text(encoding="utf-8"))["gains"][name]["11"])
+    assert np.linalg.norm(data["K"] - theirs) <= 2e-5 * np.linalg.norm(theirs)
+    assert data["certificate"]["ok"] is True
+    assert (data["delta"], len(data["states"])) == (None, size)
+    built = design_model(published_aircraft, model_at(11.0), simvfa_design(name))
+    for key in ("states", "inputs", "state_units", "input_units"):
+        assert data[key] == list(getattr(built, key))
+    assert (
+        data["plant"]
+        == f"design {SIMVFA[name]} of the aircraft at dihedral 11 deg, published dynamics"
+    )
+
+
+def test_the_paper_s_design_is_the_default_game() -> None:
+    one = answer("solve", "--design", "paper", *AT_15)
+    other = answer("solve", *AT_15)
+    assert {key for key in one if one[key] != other.get(key)} - {"provenance"} == {"plant"}
+
+
+def test_a_critic_of_a_servo_is_learned_and_certified() -> None:
+    learned = answer("learn", "--design", SIMVFA["simvfa-1"], *AT_11, *QUICK, "-o", "servo.npz")
+    assert (learned["converged"], len(learned["W"]), len(learned["states"])) == (True, 55, 10)
+    checked = answer("verify", "--design", SIMVFA["simvfa-1"], *AT_11, "--weights", "servo.npz")
+    assert checked["ok"] is True
+    assert max(checked["P_rel_error"], checked["K_rel_error"]) <= 1e-8
+    run = answer("verify", "--design", SIMVFA["simvfa-1"], *AT_11, *QUICK)
+    assert run["P_rel_error"] == checked["P_rel_error"]
+
+
+# From measured outputs.
+
+SENSORS = """
+[sensors]
+vertical_acceleration_short_period_integral = 1e-2
+dihedral_integral = 1e-4
+load_factor = 1e-3
+"""
+
+
+def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
+    """A file with the settings of `simvfa-1`, some words changed, and sensors."""
+    text = Path(SIMVFA["simvfa-1"]).read_text(encoding="utf-8")
+    for old, new in changed.items():
+        assert old in text
+        text = text.replace(old, new)
+    Path(name).write_text(text + sensors, encoding="utf-8")
+    return name
+
+
+def test_a_design_with_sensors_is_designed_from_its_measurements() -> None:
+    file = own("own.toml", **{"delta = inf": "delta = 200.0"})
+    data = answer("solve", "--design", file, *AT_11)
+    assert (
+        data["K"] == answer("solve", "--design", SIMVFA["simvfa-1"], *AT_11, "--delta", "200")["K"]
+    )
+    measured = answer("design", file, *AT_11)
+    assert measured["measurements"] == [
+        "load_factor",
+        "dihedral",
+        "vertical_acceleration_short_period",
+    ]
+    (angle,) = measured["angles"]
+    assert data["delta_min"] < angle["delta_min"] < 200.0
+    assert all(check["ok"] for check in angle["checks"])
+    assert np.shape(measured["A"]) == (1, 12, 12)
+    below = 0.5 * (data["delta_min"] + angle["delta_min"])
+    refused = hfa("design", own("own.toml", **{"delta = inf": f"delta = {below}"}), *AT_11)
+    assert_refused(
+        refused, 1, "at dihedral 11 deg: the coupling condition fails", "is below delta_min = "
+    )
+
+
+@pytest.mark.parametrize(
+    ("sensors", "changed", "code", "named"),
+    [
+        ("[sensors]\nlift = 1", {}, 2, "unknown sensor 'lift'; choose from speed"),
+        (
+            "[sensors]\nspeed = 0",
+            {},
+            2,
+            "the noise of sensor speed is 0.0; it must be a positive number",
+        ),
+        ("[sensors]\nspeed = 'x'", {}, 2, "sensors.speed is 'x'; give a finite number from 0 on"),
+        ("[sensors]\npitch_rate = 1", {}, 1, "the sensors do not see the mode with eigenvalue 0,"),
+        (
+            SENSORS,
+            {"delta = inf": 'disturbance = "updraft"'},
+            2,
+            "sensor load_factor sees the updraft itself",
+        ),
+        (
+            "",
+            {"vertical_acceleration_short_period": "pitch_rate"},
+            2,
+            "output pitch_rate: no input moves it at rest",
+        ),
+    ],
+)
+def test_what_no_controller_can_do_is_one_line(
+    sensors: str, changed: dict[str, str], code: int, named: str
+) -> None:
+    """More of them are in docs/servo.md."""
+    assert_refused(hfa("design", own("own.toml", sensors, **changed), *AT_11), code, named)
+
+
+def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
+    made = hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "9:11:2", "-o", "servo.npz")
+    assert made.code == 0
+    again = hfa("design", "servo.npz")
+    table = made.out.split("\n\n")[:-1]  # the last paragraph is the provenance
+    assert again.out.split("\n\n")[:-1] == table
+    assert "simvfa-1.toml: state feedback, 2 states, 2 angles from 9 to 11 deg" in table[0]
+    assert (
+        f"Margins of controller {SIMVFA['simvfa-1']}, published dynamics: PASS, 12 of 12 loops"
+        " stable" in made.out
+    )
+    controller = load_controller("servo.npz", hfa_model.aircraft())
+    assert controller.about["provenance"]["command"].startswith(
+        f"hfa design --design {SIMVFA['simvfa-1']}"
+    )
+    data = answer("design", "servo.npz")
+    np.testing.assert_array_equal(data["C"], controller.C)
+    assert [row["dihedral"] for row in data["angles"]] == pytest.approx(controller.breakpoints)
+
+
+def test_matrices_go_to_other_tools() -> None:
+    assert (
+        hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "11", "-o", "servo.mat").code
+        == 0
+    )
+    assert loadmat("servo.mat")["D"].shape == (2, 11, 1) or loadmat("servo.mat")["D"].shape == (
+        2,
+        11,
+    )
