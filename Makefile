@@ -4,7 +4,7 @@ BIN := .venv/bin
 
 STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 
-.PHONY: report pictures docs studies test test-all test-matrix fuzz lint bench notebooks lock clean
+.PHONY: report pictures docs studies test test-core test-all test-matrix fuzz lint bench notebooks lock clean
 
 .venv/report: pyproject.toml requirements-report.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; set PYTHON=...")'
@@ -44,6 +44,10 @@ studies: .venv/ready
 
 test: .venv/ready
 	$(BIN)/python -m pytest -m "not slow"
+
+# The tests of the core where no extension is installed.
+test-core: .venv/ready
+	$(BIN)/python tests/core_alone.py
 
 test-all: .venv/ready
 	$(BIN)/python -m pytest

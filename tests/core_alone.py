@@ -12,6 +12,9 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+_DEFAULT = ("-m", "not slow", "tests")
+#: Folders of tests that are about the core and its extensions together.
+_OF_ALL = ("hfa", "project", "studies")
 METADATA = "Metadata-Version: 2.1\nName: hfa-toolchain\nVersion: 0\n"
 SCRIPT = "#!{python}\nimport sys\nfrom hfa.entry import main\nsys.exit(main())\n"
 
@@ -37,7 +40,7 @@ def main(words: list[str]) -> int:
     """Run pytest with the words of the command line, by default on all tests of the core."""
     with tempfile.TemporaryDirectory() as folder:
         python = environment(Path(folder))
-        tests = words or ["-m", "not slow", "tests", "--ignore=tests/studies", "--ignore=tests/project"]
+        tests = words or [*_DEFAULT, *(f"--ignore=tests/{name}" for name in _OF_ALL)]
         command = [str(python), "-m", "pytest", "-p", "no:cacheprovider", *tests]
         return subprocess.run(command, cwd=ROOT, check=False).returncode
 

@@ -10,10 +10,13 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import hfa
+from extension import Extension
 
 from hfa_aircraft import Model, Signal
 from trim import find_operating_point, level_flight, linearize, sweep
 from trim.point.condition import usual_condition
+
+stores = Extension("hfa_stores.sweep_store")
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
 SPLINE = ca.interpolant(
@@ -119,8 +122,6 @@ def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> No
 KINKED = """
 import casadi as ca
 from hfa_support import Model, Signal
-
-stores = Extension("hfa_stores.sweep_store")
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
 CART = Model(

@@ -1,0 +1,47 @@
+"""The core works where no extension is installed (`make test-core` runs all its tests so)."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from project import ROOT
+
+CORE_ALONE = str(ROOT / "tests" / "core_alone.py")
+TESTS = ("tests/trim/point/test_solve.py", "tests/verification/critic/test_verdict.py")
+
+
+@pytest.mark.slow
+def test_tests_of_the_core_pass_without_extensions() -> None:
+    words = [sys.executable, CORE_ALONE, "-q", "-n", "0", "-m", "not slow", *TESTS]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout[-2000:]
+    assert " passed" in done.stdout
+
+
+def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
+    sys.path.insert(0, str(ROOT / "tests"))
+    try:
+        from core_alone import environment
+    finally:
+        sys.path.remove(str(ROOT / "tests"))
+    python = environment(tmp_path / "core")
+    hfa = python.with_name("hfa")
+
+    def run(*words: str) -> tuple[int, str]:
+        done = subprocess.run([hfa, *words], capture_output=True, text=True, check=False)
+        return done.returncode, done.stdout + done.stderr
+
+    code, said = run("--help")
+    assert (code, "  verify " in said, "  fly " in said) == (0, True, False)
+    assert run("trim", "--dihedral", "10")[0] == 0
+    code, said = run("fly", "--dihedral", "15")
+    assert (code, said.count("\n")) == (2, 1)
+    assert "unknown command 'fly'" in said
+    code, said = run("solve", "--dihedral", "11", "--design", "paper")
+    assert (code, said.count("\n")) == (2, 1)
+    assert "--design needs a package that offers 'design' at hfa.parts" in said
+    code, said = run("trim", "--aircraft", "jsbsim:737")
+    assert (code, said.count("\n")) == (2, 1)
