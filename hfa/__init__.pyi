@@ -16,6 +16,10 @@ from hfa_model.choice import aircraft as aircraft
 from hfa_networks.files.network import from_network as from_network
 from hfa_policy.assessment import assess as assess
 from hfa_policy.deployment import Deployment as Deployment
+from hfa_policy.environment import (
+    environment as environment,
+    vector_environment as vector_environment,
+)
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
 from trim.linear.linear_model import linearize as linearize
 from trim.point.condition import TrimCondition as TrimCondition

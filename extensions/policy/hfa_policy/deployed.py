@@ -44,12 +44,10 @@ class Deployed:
     def __post_init__(self) -> None:
         """Look up every name."""
         with said_of(self.deployment.origin):
-            for formula in self.observed:
-                del formula
+            _ = self.observed
             for name in self.deployment.action:
                 refuse_unknown("action names the unknown input", name, tuple(self.model.inputs))
-            for formula in self.maps:
-                del formula
+            _ = self.maps
             self._refuse_cost()
 
     @cached_property
@@ -109,7 +107,7 @@ class Deployed:
         """(X0; U0; p) of a trim."""
         return np.concatenate([point.states, point.inputs, point.model.p])
 
-    def _values(self, X: ca.SX, U: ca.SX, trim: ca.SX) -> dict[str, ca.SX]:
+    def values(self, X: ca.SX, U: ca.SX, trim: ca.SX) -> dict[str, ca.SX]:
         """Name -> value at a state and an input, in still air."""
         model = self.model
         p = trim[len(model.states) + len(model.inputs) :]
@@ -122,7 +120,7 @@ class Deployed:
     def _at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
         """Name -> value at the trim."""
         n, m = len(self.model.states), len(self.model.inputs)
-        return self._values(trim[:n], trim[n : n + m], trim)
+        return self.values(trim[:n], trim[n : n + m], trim)
 
     # Functions.
 
@@ -130,7 +128,7 @@ class Deployed:
     def observe(self) -> ca.Function:
         """(X, U, trim) -> o, (k,)."""
         X, U, trim = self._symbols()
-        values = self._values(X, U, trim)
+        values = self.values(X, U, trim)
         at_trim = self._at_trim(trim)
         entries = []
         cards = self.deployment.observation.values()
@@ -174,7 +172,7 @@ class Deployed:
         """(a, X, U, trim) -> U, all inputs, before the limits of the aircraft."""
         X, U, trim = self._symbols()
         a = ca.SX.sym("a", len(self.commanded))
-        values = self._values(X, U, trim)
+        values = self.values(X, U, trim)
         inputs = tuple(self.model.inputs)
         n = len(self.model.states)
         entries = [trim[n + index] for index in range(len(inputs))]

@@ -1,0 +1,84 @@
+"""An aircraft as an environment in which a policy is trained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from hfa_aircraft.model import Model
+from hfa_policy.deployment import Deployment
+from hfa_policy.episodes import SECONDS, Episodes
+from hfa_support.errors import BadInputError
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+
+if TYPE_CHECKING:
+    import gymnasium
+
+
+def environment(
+    model: Model,
+    deployment: Deployment,
+    points: Sequence[OperatingPoint] = (),
+    *,
+    seconds: float = SECONDS,
+    render_mode: str | None = None,
+) -> gymnasium.Env:
+    """An aircraft about its trims as an environment of gymnasium.
+
+    model: the aircraft
+    deployment: what is observed, what the actions move, when, and the cost that is paid; its policy
+        may be empty
+    points: the trims that episodes begin about, one of them drawn at each reset; the model's own
+        trim unless given
+    seconds: length of an episode, after which it is truncated; it is terminated where the aircraft
+        leaves its limits
+    render_mode: None or "rgb_array", the picture of the episode so far
+
+    Raises BadInputError where gymnasium is missing, a name is unknown, or an action has no box.
+    """
+    make = _made("gymnasium", "rl", "hfa_policy.gymnasium_environment", "AircraftEnvironment")
+    episodes = _episodes(model, deployment, points, 1, seconds)
+    made: gymnasium.Env = make(episodes, render_mode)
+    return made
+
+
+def vector_environment(
+    model: Model,
+    deployment: Deployment,
+    points: Sequence[OperatingPoint] = (),
+    *,
+    count: int = 8,
+    seconds: float = SECONDS,
+) -> Any:
+    """The same, `count` episodes at once, compiled: a `VecEnv` of Stable-Baselines3.
+
+    Raises BadInputError where Stable-Baselines3 is missing, and as `environment` does.
+    """
+    module = "hfa_policy.vector_environment"
+    make = _made("stable_baselines3", "training", module, "AircraftVectorEnvironment")
+    return make(_episodes(model, deployment, points, count, seconds))
+
+
+def _episodes(
+    model: Model,
+    deployment: Deployment,
+    points: Sequence[OperatingPoint],
+    count: int,
+    seconds: float,
+) -> Episodes:
+    trims = tuple(points) or (find_operating_point(model),)
+    return Episodes(deployment.on(model), trims, count, seconds)
+
+
+def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any]:
+    """A class that needs a library; BadInputError with the line that installs it."""
+    try:
+        import_module(library)
+    except ImportError as error:
+        raise BadInputError(
+            f'{library} is missing; run python -m pip install "hfa-toolchain[{extra}]"'
+        ) from error
+    found: Callable[..., Any] = getattr(import_module(module), name)
+    return found

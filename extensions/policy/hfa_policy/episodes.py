@@ -1,0 +1,209 @@
+"""Many episodes of an aircraft at once: trimmed starts, observed, moved, sampled and held as a
+deployment says, paid with its cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_flight.envelope import flight_envelope
+from hfa_policy.deployed import Deployed
+from hfa_policy.flights import SampledFlight
+from hfa_policy.held_step import parts_of_a_sample
+from hfa_policy.outcomes import start_box
+from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.native.bound import RowFunction
+from hfa_support.native.machine_code import machine_code
+from trim.point.operating_point import OperatingPoint
+
+#: Seconds of an episode unless asked for.
+SECONDS = 20.0
+
+
+class Stepped(NamedTuple):
+    """What a sample brought to N episodes.
+
+    observations: (N, k).
+    rewards: (N,), minus the cost of the sample.
+    lost: (N,), whether the aircraft left its limits.
+    over: (N,), whether the time of the episode is over.
+    """
+
+    observations: np.ndarray
+    rewards: np.ndarray
+    lost: np.ndarray
+    over: np.ndarray
+
+
+class Episodes:
+    """N episodes of a deployment on its aircraft, each about one of several trims.
+
+    The reward of a sample is -dt (x'Q x + u'R u) of the card's Q and R: x deviations from the trim
+    at the sample, u what the action commands, minus the trim. Without a cost Q and R are 1/nominal²
+    of the linear states and the moved inputs. Who leaves the limits pays what is left of the
+    episode at the rate of that sample, so that leaving never pays.
+    """
+
+    def __init__(
+        self,
+        deployed: Deployed,
+        points: Sequence[OperatingPoint],
+        count: int,
+        seconds: float = SECONDS,
+    ) -> None:
+        """BadInputError where there is no trim, an action has no box, or the time is no number."""
+        if not points:
+            raise BadInputError("there is no trim to begin at; give at least one operating point")
+        if not (is_finite(seconds) and seconds >= deployed.deployment.dt):
+            raise BadInputError(f"an episode of {shown(seconds)} s; give at least one sample")
+        self.deployed = deployed
+        self.points = tuple(points)
+        self.low, self.high = _box_of(deployed)
+        self.samples = round(seconds / deployed.deployment.dt)
+        actions = len(deployed.commanded)
+        self._flight = SampledFlight(
+            deployed,
+            deployed.deployment.dt,
+            deployed.deployment.delay,
+            parts_of_a_sample(list(points), deployed.deployment.dt),
+            extra=actions,
+            command=_moved_by_actions(deployed, self.low, self.high),
+        )
+        self._step = RowFunction(machine_code(self._sample()))
+        self._observe = RowFunction(self._observation())
+        envelopes = [flight_envelope(deployed.model, point) for point in points]
+        self._least = np.array([envelope.least for envelope in envelopes])
+        self._most = np.array([envelope.most for envelope in envelopes])
+        self._boxes = np.array([start_box(deployed.model, point) for point in points])
+        self._trims = np.array([deployed.trim_vector(point) for point in points])
+        self._linear = [list(deployed.model.states).index(name) for name in deployed.model.linear]
+        self._rows = np.zeros((count, sum(self._flight.sizes)))
+        self.done = np.zeros(count, dtype=int)
+        self.owners = np.zeros(count, dtype=int)
+
+    @property
+    def states(self) -> np.ndarray:
+        """X of each episode, (N, n)."""
+        return self._rows[:, self._flight.slices[0]].copy()
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """The input that acts just before the sample, of each episode, (N, m)."""
+        m = len(self.deployed.model.inputs)
+        return self._rows[:, self._flight.slices[1]][:, -m:].copy()
+
+    def begin(self, numbers: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        """Begin these episodes anew, at a random trim and from a random start in the box about it;
+        their observations."""
+        owners = random.integers(len(self.points), size=len(numbers))
+        share = random.uniform(-1.0, 1.0, (len(numbers), len(self._linear)))
+        trims = self._trims[owners]
+        starts = trims[:, : len(self.deployed.model.states)].copy()
+        starts[:, self._linear] += share * self._boxes[owners]
+        return self.begin_at(numbers, owners, starts)
+
+    def begin_at(self, numbers: np.ndarray, owners: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        """Begin these episodes about the trims with these numbers, from states (N, n)."""
+        count = len(numbers)
+        pushes = np.zeros((count, len(self._linear)))
+        actions = np.zeros((count, len(self.low)))
+        self._rows[numbers] = self._flight.rows(starts, self._trims[owners], pushes, actions)
+        self.owners[numbers] = owners
+        self.done[numbers] = 0
+        return self.observations(numbers)
+
+    def observations(self, numbers: np.ndarray) -> np.ndarray:
+        """What the policy observes of these episodes, (N, k)."""
+        return np.asarray(self._observe(self._rows[numbers])[0])
+
+    def step(self, actions: np.ndarray) -> Stepped:
+        """One sample of all episodes with these actions, (N, m), within the box."""
+        extra = self._flight.slices[-1]
+        self._rows[:, extra] = actions
+        with np.errstate(all="ignore"):
+            after, costs = self._step(self._rows)
+        state = self._flight.slices[0]
+        X = after[:, state]
+        inside = (self._least[self.owners] <= X) & (self._most[self.owners] >= X)
+        lost = ~(inside.all(axis=1) & np.isfinite(after).all(axis=1))
+        # What is no number is shown where the flight was last.
+        self._rows = np.where(np.isfinite(after).all(axis=1)[:, None], after, self._rows)
+        self.done += 1
+        rewards = -np.nan_to_num(costs[:, 0], nan=0.0, posinf=1e6)
+        rewards[lost] *= 1 + self.samples - self.done[lost]
+        numbers = np.arange(len(self._rows))
+        return Stepped(self.observations(numbers), rewards, lost, self.done >= self.samples)
+
+    def _sample(self) -> ca.Function:
+        """row -> (row a sample later, cost of the sample)."""
+        flight = self._flight
+        row = ca.MX.sym("row", sum(flight.sizes))
+        parts = ca.vertsplit(row, np.cumsum([0, *flight.sizes]).tolist())
+        X, memory, trim, actions = parts[0], parts[1], parts[6], parts[8]
+        m = len(self.deployed.model.inputs)
+        assert flight.command is not None
+        U = flight.command(X, memory[-m:], trim, actions)
+        cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
+        return ca.Function("episode", [row], [flight.sample()(row), ca.densify(cost)])
+
+    def _observation(self) -> ca.Function:
+        """row -> o."""
+        flight = self._flight
+        row = ca.MX.sym("row", sum(flight.sizes))
+        parts = ca.vertsplit(row, np.cumsum([0, *flight.sizes]).tolist())
+        m = len(self.deployed.model.inputs)
+        return ca.Function(
+            "observation", [row], [self.deployed.observe(parts[0], parts[1][-m:], parts[6])]
+        )
+
+
+def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest action; BadInputError where one has no box."""
+    low, high = deployed.deployment.box
+    for name, lowest, highest in zip(deployed.commanded, low, high, strict=True):
+        if not (np.isfinite(lowest) and np.isfinite(highest)):
+            raise BadInputError(
+                f"{deployed.deployment.origin}: action.{name} has no box, which an environment"
+                " needs; give box = [lowest, highest]"
+            )
+    return low, high
+
+
+def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> ca.Function:
+    """(X, U before, trim, a) -> U that the actions command, clipped to their box."""
+    X, U, trim = (ca.SX.sym(name, size) for name, size in _sizes(deployed))
+    actions = ca.SX.sym("a", len(low))
+    within = ca.fmin(ca.fmax(actions, ca.DM(low)), ca.DM(high))
+    commanded = deployed.inputs(within, X, U, trim)
+    return ca.Function("moved", [X, U, trim, actions], [ca.densify(commanded)])
+
+
+def cost_rate(deployed: Deployed) -> ca.Function:
+    """(X, U, trim) -> x'Q x + u'R u, of deviations from the trim."""
+    model = deployed.model
+    cost = deployed.deployment.cost
+    if cost is None:
+        nominal = {name: model.signals[name].nominal ** -2.0 for name in model.signals}
+        Q = {name: nominal[name] for name in model.linear}
+        R = {name: nominal[name] for name in deployed.commanded}
+    else:
+        Q, R = cost["Q"], cost["R"]
+    X, U, trim = (ca.SX.sym(name, size) for name, size in _sizes(deployed))
+    n, m = len(model.states), len(model.inputs)
+    here = deployed.values(X, U, trim)
+    there = deployed.values(trim[:n], trim[n : n + m], trim)
+    terms = [
+        weight * (here[name] - there[name]) ** 2
+        for weights in (Q, R)
+        for name, weight in weights.items()
+    ]
+    return ca.Function("cost_rate", [X, U, trim], [ca.densify(ca.SX(sum(terms)))])
+
+
+def _sizes(deployed: Deployed) -> tuple[tuple[str, int], ...]:
+    model = deployed.model
+    n, m = len(model.states), len(model.inputs)
+    return ("X", n), ("U", m), ("trim", n + m + len(model.parameters))

@@ -1,0 +1,91 @@
+"""One episode of an aircraft as an `Env` of gymnasium."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from hfa_policy.episodes import Episodes
+
+_FIRST = np.array([0])
+
+
+class AircraftEnvironment(gymnasium.Env):
+    """An aircraft about its trims: observation, action, timing and cost as a deployment says.
+
+    Actions beyond the box count as at its end. `info` has `X`, `U` and the number of the trim.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 1}
+
+    def __init__(self, episodes: Episodes, render_mode: str | None = None) -> None:
+        """episodes: of one episode."""
+        self.episodes = episodes
+        self.render_mode = render_mode
+        observed = len(episodes.deployed.deployment.observation)
+        self.observation_space = observation_space(observed)
+        self.action_space = action_space(episodes)
+        self._flown: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin at a random trim from a random start; with options={"start": X, "trim": number}
+        from that state."""
+        super().reset(seed=seed)
+        if options and "start" in options:
+            owners = np.array([int(options.get("trim", 0))])
+            starts = np.asarray(options["start"], dtype=float)[None]
+            observations = self.episodes.begin_at(_FIRST, owners, starts)
+        else:
+            observations = self.episodes.begin(_FIRST, self.np_random)
+        self._flown = []
+        self._remember()
+        return observations[0].astype(np.float32), self._info()
+
+    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """One sample."""
+        stepped = self.episodes.step(np.asarray(action, dtype=float)[None])
+        self._remember()
+        return (
+            stepped.observations[0].astype(np.float32),
+            float(stepped.rewards[0]),
+            bool(stepped.lost[0]),
+            bool(stepped.over[0]),
+            self._info(),
+        )
+
+    def render(self) -> np.ndarray | None:
+        """The picture of the episode so far, (height, width, 3)."""
+        if self.render_mode is None:
+            return None
+        from hfa_policy.episode_figure import episode_picture
+
+        owner = int(self.episodes.owners[0])
+        return episode_picture(self.episodes, owner, self._flown)
+
+    def _remember(self) -> None:
+        if self.render_mode is not None:
+            self._flown.append((self.episodes.states[0], self.episodes.inputs[0]))
+
+    def _info(self) -> dict[str, Any]:
+        return {
+            "X": self.episodes.states[0],
+            "U": self.episodes.inputs[0],
+            "trim": int(self.episodes.owners[0]),
+        }
+
+
+def observation_space(observed: int) -> spaces.Box:
+    """Any numbers."""
+    return spaces.Box(-np.inf, np.inf, (observed,), np.float32)
+
+
+def action_space(episodes: Episodes) -> spaces.Box:
+    """The box of the deployment."""
+    return spaces.Box(
+        episodes.low.astype(np.float32), episodes.high.astype(np.float32), dtype=np.float32
+    )

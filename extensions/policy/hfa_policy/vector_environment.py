@@ -1,0 +1,81 @@
+"""Many episodes of an aircraft at once as a `VecEnv` of Stable-Baselines3."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv
+
+from hfa_policy.episodes import Episodes
+from hfa_policy.gymnasium_environment import action_space, observation_space
+
+
+class AircraftVectorEnvironment(VecEnv):
+    """Episodes that step together in compiled code; each begins anew when it ends."""
+
+    def __init__(self, episodes: Episodes) -> None:
+        self.episodes = episodes
+        self.render_mode = None
+        count = len(episodes.done)
+        observed = len(episodes.deployed.deployment.observation)
+        super().__init__(count, observation_space(observed), action_space(episodes))
+        self._random = np.random.default_rng()
+        self._actions = np.zeros((count, len(episodes.low)))
+
+    def seed(self, seed: int | None = None) -> list[int | None]:
+        """The seed decides all starts from the next reset on."""
+        self._random = np.random.default_rng(seed)
+        return [seed] * self.num_envs
+
+    def reset(self) -> np.ndarray:
+        """Begin all episodes; their observations, (N, k)."""
+        if self._seeds[0] is not None:
+            self._random = np.random.default_rng(self._seeds[0])
+            self._reset_seeds()
+        numbers = np.arange(self.num_envs)
+        return self.episodes.begin(numbers, self._random).astype(np.float32)
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = np.asarray(actions, dtype=float)
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """One sample of all; those that ended begin anew, with their last observation in
+        `terminal_observation`."""
+        stepped = self.episodes.step(self._actions)
+        observations = stepped.observations.astype(np.float32)
+        ended = stepped.lost | stepped.over
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        numbers = np.flatnonzero(ended)
+        for number in numbers.tolist():
+            infos[number]["terminal_observation"] = observations[number].copy()
+            infos[number]["TimeLimit.truncated"] = not stepped.lost[number]
+        if numbers.size:
+            observations[numbers] = self.episodes.begin(numbers, self._random)
+        return observations, stepped.rewards.astype(np.float32), ended, infos
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute, once for each of the episodes."""
+        return [getattr(self, attr_name) for _ in self._of(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of all episodes, which share it."""
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *arguments: Any, indices: Any = None, **options: Any
+    ) -> list[Any]:
+        """The result of a method, once for each of the episodes."""
+        return [getattr(self, method_name)(*arguments, **options) for _ in self._of(indices)]
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """None is."""
+        return [False for _ in self._of(indices)]
+
+    def _of(self, indices: Any) -> Iterable[int]:
+        return self._get_indices(indices)

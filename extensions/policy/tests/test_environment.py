@@ -1,0 +1,135 @@
+"""An aircraft as an environment: what is flown, paid, seeded and ended."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from policy_cases import FOLDER, aircraft, card, gtm_card, trims
+
+from hfa_flight.envelope import flight_envelope
+from hfa_flight.nonlinear_flight import fly
+from hfa_flight.scenario import Scenario
+from hfa_policy.deployment import Deployment
+from hfa_policy.environment import environment, vector_environment
+from hfa_policy.flown import flown_card, sampled_scenario
+from hfa_support.errors import BadInputError
+
+gymnasium = pytest.importorskip("gymnasium")
+START = np.array([2.0, 0.03, 0.1, -0.05])
+ACTION = {"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}}
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("name", ["ppo_gtm", "ppo_hfa"])
+def test_the_checker_of_gymnasium_passes(name: str) -> None:
+    from gymnasium.utils.env_checker import check_env
+
+    check_env(environment(aircraft(name), card(name), trims(name)[:1]))
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05])
+def test_a_policy_in_the_environment_is_flown_as_by_the_command(tmp_path, delay: float) -> None:
+    """A random gain on the elevator and the throttle, for 4 s."""
+    model = aircraft("ppo_gtm")
+    point = trims("ppo_gtm")[1]
+    gain = 0.1 * np.random.default_rng(4).normal(size=(2, 4))
+    np.savez(tmp_path / "gain.npz", K=gain)
+    text = (FOLDER / "ppo_gtm.toml").read_text()
+    observed = text[text.index("[observation]") : text.index("[timing]")]
+    path = tmp_path / "card.toml"
+    path.write_text(
+        f'[policy]\nfile = "gain.npz"\n{observed}[timing]\ndt = 0.02\ndelay = {delay}\n'
+    )
+    policy = flown_card(path, model, point)
+    scenario = sampled_scenario(policy, Scenario(duration=4.0, initial=START).on(model), point)
+    flown = fly(model, point, policy, scenario, flight_envelope(model, point), predict=False)
+    every_sample = round(0.02 / scenario.step)
+    deployment = Deployment.load(path)
+    deployed = deployment.on(model)
+    env = environment(model, deployment, [point], seconds=10.0)
+    start = np.array(point.states) + START
+    _, info = env.reset(options={"start": start})
+    states = [info["X"]]
+    trim = deployed.trim_vector(point)
+    for _ in range(200):
+        observation = deployed.observe(info["X"], info["U"], trim)
+        *_, info = env.step(np.array(deployed.act(observation)).ravel())
+        states.append(info["X"])
+    expected = flown.states[::every_sample]
+    scale = np.abs(expected).max(axis=0)
+    # A delayed command acts from a step of the flight on that rounding may place otherwise.
+    limit = 1e-12 if delay == 0.0 else 1e-9
+    assert (np.abs(np.array(states) - expected) / scale).max() < limit
+
+
+def test_a_sample_pays_its_cost_and_who_leaves_pays_the_rest() -> None:
+    model = aircraft("ppo_gtm")
+    point = trims("ppo_gtm")[1]
+    cost = {"Q": {"speed": 0.5, "alpha": 8.0}, "R": {"elevator": 2.0}}
+    env = environment(model, gtm_card({}, action=ACTION, cost=cost), [point], seconds=1.0)
+    env.reset(options={"start": np.array(point.states) + START})
+    _, reward, lost, over, _ = env.step(np.array([0.5]))
+    paid = 0.02 * (0.5 * 2.0**2 + 8.0 * 0.03**2 + 2.0 * 0.15**2)
+    assert (reward, lost, over) == (pytest.approx(-paid, rel=1e-12), False, False)
+    outside = np.array(point.states) + np.array([0.0, 5.0, 0.0, 0.0])
+    env.reset(options={"start": outside})
+    _, reward, lost, _, _ = env.step(np.array([0.0]))
+    assert lost
+    assert reward == pytest.approx(-50 * 0.02 * 8.0 * 5.0**2, rel=1e-9)
+
+
+def test_the_seed_decides_the_start_and_time_truncates() -> None:
+    env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), seconds=0.1)
+    first, info = env.reset(seed=3)
+    again, _ = env.reset(seed=3)
+    other, _ = env.reset(seed=4)
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    ends = [env.step(np.zeros(2))[3] for _ in range(5)]
+    assert ends == [False, False, False, False, True]
+    assert info["X"].shape == (4,)
+
+
+def test_the_picture_of_an_episode_has_its_samples() -> None:
+    env = environment(
+        aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), render_mode="rgb_array"
+    )
+    env.reset(seed=1)
+    before = env.render()
+    for _ in range(20):
+        env.step(np.ones(2))
+    after = env.render()
+    assert before.shape == after.shape
+    assert (before != after).any()
+
+
+def test_what_an_environment_cannot_be_made_of_is_one_line() -> None:
+    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
+    with pytest.raises(BadInputError, match=r"action\.elevator has no box"):
+        environment(model, gtm_card({}, action={"elevator": {}}), points)
+    with pytest.raises(BadInputError, match="give at least one sample"):
+        environment(model, gtm_card({}, action=ACTION), points, seconds=0.001)
+
+
+def test_many_episodes_at_once_are_those_of_one() -> None:
+    pytest.importorskip("stable_baselines3")
+    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
+    several = vector_environment(model, card("ppo_gtm"), points, count=5, seconds=0.06)
+    several.seed(1)
+    several.reset()
+    starts = several.episodes.states
+    owners = several.episodes.owners.copy()
+    one = environment(model, card("ppo_gtm"), points, seconds=0.06)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 5, 2))
+    for action in actions:
+        observations, rewards, ended, infos = several.step(action)
+    assert ended.all()
+    for number in range(5):
+        one.reset(options={"start": starts[number], "trim": owners[number]})
+        for action in actions:
+            observation, reward, _, over, _ = one.step(action[number])
+        assert over
+        assert infos[number]["TimeLimit.truncated"]
+        assert np.array_equal(infos[number]["terminal_observation"], observation)
+        assert rewards[number] == pytest.approx(reward, rel=1e-6)
+    assert observations.shape == (5, 4)
