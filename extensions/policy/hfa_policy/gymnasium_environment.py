@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -19,7 +19,7 @@ class AircraftEnvironment(gymnasium.Env):
     Actions beyond the box count as at its end. `info` has `X`, `U` and the number of the trim.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 1}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 1}  # noqa: RUF012
 
     def __init__(self, episodes: Episodes, render_mode: str | None = None) -> None:
         """episodes: of one episode."""
