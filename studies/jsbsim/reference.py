@@ -90,6 +90,8 @@ _MEASURED = {
 _RATE = 120
 _LONGEST = 120
 _MOST_TANKS = 20
+#: Step of a flight, s.
+_FINE = 1e-3
 #: Properties that may be missing.
 _MISSING = 200
 
@@ -111,7 +113,7 @@ def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list
     the file, None where it ended.
 
     items: {"aircraft", "point"}, and "root", the folder that holds the folder aircraft, where it is
-        not JSBSim's own.
+        not JSBSim's own; "earth": "own" for JSBSim's in place of a sphere that does not turn.
     """
     answers: list[Any] = []
     while len(answers) < len(items):
@@ -158,18 +160,26 @@ def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
     """What JSBSim finds at an item, or its error."""
     point = item["point"]
     try:
-        simulator = _simulator(item["aircraft"], item.get("root"))
+        simulator = _simulator(item)
+        if "flight" in point:
+            return _flown(simulator, point)
         return _trimmed(simulator, point) if "trim" in point else _settled(simulator, point)
     except Exception as error:  # JSBSim has its own
         return {"error": " ".join(str(error).split())[:200]}
 
 
-def _simulator(name: str, root: str | None) -> Any:
-    """JSBSim with an aircraft over a sphere that does not turn."""
+def _simulator(item: Mapping[str, Any]) -> Any:
+    """JSBSim with the aircraft of an item, over a sphere that does not turn, or its own earth."""
     import jsbsim
 
-    simulator = jsbsim.FGFDMExec(root or str(Path(jsbsim.__file__).parent))
+    name = item["aircraft"]
+    simulator = jsbsim.FGFDMExec(item.get("root") or str(Path(jsbsim.__file__).parent))
     simulator.set_debug_level(0)
+    if "flight" in item["point"]:
+        simulator.set_dt(_FINE)  # filters take the step that there is when they are loaded
+    if item.get("earth") == "own":
+        simulator.load_model(name)
+        return simulator
     with tempfile.TemporaryDirectory() as folder:
         planet = Path(folder) / "planet.xml"
         planet.write_text(_PLANET)
@@ -311,6 +321,15 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     if point.get("linear"):
         answer |= _linearized(simulator)
     return answer
+
+
+def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
+    """States after a flight of point["flight"] s in steps of 1 ms, from a state, the stick held."""
+    _start(simulator, point["state"], point.get("commands", {}))
+    simulator["propulsion/fuel_freeze"] = 1
+    for _ in range(round(point["flight"] / _FINE)):
+        _run(simulator.run, simulator)
+    return {name: simulator[full_name] for name, full_name in _STATE.items()}
 
 
 def _linearized(simulator: Any) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from small_aircraft import CONTROL, LIFT, REST, force, glider, slope, written
 from hfa_aircraft.loading import load_model
 from hfa_jsbsim.reader import read_model
 from hfa_support import BadInputError
+from studies.jsbsim.constructs.jet import coefficient, jet
 from studies.jsbsim.reference import GRAVITY, RADIUS, answered
 from trim import find_operating_point, linearize
 from trim.point.condition import release, usual_condition
@@ -119,3 +120,59 @@ def test_a_washout_is_a_state_where_that_is_asked(tmp_path):
 def test_a_choice_that_there_is_not_is_refused(tmp_path):
     with pytest.raises(BadInputError, match="lags=on is no choice of an aircraft; use filters="):
         load_model(f"{written(tmp_path, glider())}?lags=on")
+
+
+DAMPERS = {
+    "washout": "<washout_filter name='d'> <input>{}</input> <c1>2</c1> {} </washout_filter>",
+    "lag": "<lag_filter name='d'> <input>{}</input> <c1>3</c1> {} </lag_filter>",
+    "lead and lag": (
+        "<lead_lag_filter name='d'> <input>{}</input> <c1>1</c1> <c2>2</c2> <c3>1</c3> <c4>5</c4>"
+        " {} </lead_lag_filter>"
+    ),
+    "second order": (
+        "<second_order_filter name='d'> <input>{}</input> <c1>0</c1> <c2>1</c2> <c3>9</c3>"
+        " <c4>1</c4> <c5>4</c5> <c6>12</c6> {} </second_order_filter>"
+    ),
+    "integral": "<pid name='d'> <input>{}</input> <kp>1</kp> <ki>2</ki> {} </pid>",
+    "actuator": "<actuator name='d'> <input>{}</input> <lag>4</lag> {} </actuator>",
+}
+
+
+@needs_jsbsim
+@pytest.mark.parametrize(
+    "kind", ["washout", *(pytest.param(kind, marks=pytest.mark.slow) for kind in DAMPERS)]
+)
+def test_a_damper_with_a_memory_flies_as_in_jsbsim(tmp_path, kind):
+    text = DAMPERS[kind].format("velocities/r-rad_sec", "<output>fcs/probe</output>")
+    axis = coefficient(slope(-0.3, "fcs/probe"), slope(0.1, "aero/beta-rad"), length="bw-ft")
+    slots = {
+        "channels": f'<channel name="damper"> {text} </channel>',
+        "axes": f'<axis name="YAW"> {axis} </axis>',
+    }
+    plain = jet(slots)
+    kept = plain.rindex('<axis name="YAW">')  # a second axis of one name replaces the first
+    path = written(tmp_path, plain[:kept] + plain[plain.index("</axis>", kept) + 7 :], "damped")
+    state = {"altitude": 5000.0, "speed": 350.0, "alpha": 0.03, "beta": 0.05, "pitch": 0.03}
+    point = {"state": state, "commands": {"throttle": 0.0}, "flight": 1.0}
+    (answer,) = answered([{"aircraft": "damped", "root": str(tmp_path), "point": point}])
+    steady = flown(load_model(path), state)
+    model = flown(load_model(f"{path}?filters=states"), state)
+    miss = abs(model["yaw_rate"] - answer["yaw_rate"])  # JSBSim's components run a step late
+    assert miss < 0.1 * abs(steady["yaw_rate"] - answer["yaw_rate"])
+
+
+def flown(model, state):
+    """States after a second with the throttle closed, by the classical method of fourth order."""
+    x = np.array([state.get(name, 0.0) for name in model.states])
+    u = [0.0] * len(model.inputs)
+
+    def rates(at):
+        return np.array(list(model.rates_at(at, u).values()))
+
+    step = 0.01
+    for _ in range(100):
+        first = rates(x)
+        second = rates(x + 0.5 * step * first)
+        third = rates(x + 0.5 * step * second)
+        x = x + step / 6.0 * (first + 2.0 * (second + third) + rates(x + step * third))
+    return dict(zip(model.states, x.tolist(), strict=True))

@@ -1,0 +1,101 @@
+"""Climb, descent, turn, sideslip and glide, each of three aircraft, measured in JSBSim; and what
+JSBSim's own earth, which turns and is flattened, changes of a level trim.
+
+`python -m studies.jsbsim.conditions` prints both as tables of docs/jsbsim.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hfa_aircraft.model import Model
+from hfa_jsbsim.reader import read_model
+from studies.jsbsim.reference import GRAVITY, RADIUS, answered
+from trim import find_operating_point
+from trim.point.condition import release, usual_condition
+from trim.point.operating_point import OperatingPoint
+
+_AXES = ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")
+#: Aircraft -> calibrated airspeed, kt, and altitude, ft.
+_FLIGHTS = {
+    "737": {"kcas": 250.0, "altitude": 10000.0},
+    "c172p": {"kcas": 80.0, "altitude": 3000.0},
+    "f15": {"kcas": 300.0, "altitude": 10000.0},
+}
+_GLIDER = {"sgs126": {"kcas": 50.0, "altitude": 3000.0}}
+#: Name -> what the command line is given, what is held in rad, what is free.
+_CONDITIONS: dict[str, tuple[str, dict[str, float], tuple[str, ...]]] = {
+    "climb": ("--hold gamma=2", {"gamma": math.radians(2.0)}, ()),
+    "descent": ("--hold gamma=-2", {"gamma": math.radians(-2.0)}, ()),
+    "turn": ("--hold turn_rate=3", {"turn_rate": math.radians(3.0)}, ()),
+    "sideslip": ("--hold beta=1", {"beta": math.radians(1.0)}, ()),
+    "glide": ("--glide", {"throttle": 0.0}, ("gamma",)),
+}
+
+
+def main() -> int:
+    """Print both tables."""
+    print("| flight | on the command line | aircraft | residual in JSBSim |")
+    print("| --- | --- | --- | --- |")
+    for name, (typed, held, free) in _CONDITIONS.items():
+        aircraft = dict(list(_FLIGHTS.items())[:3])
+        if name == "glide":
+            aircraft = {**dict(list(_FLIGHTS.items())[:2]), **_GLIDER}
+        worst = max(_residual(each, {**speed, **held}, free) for each, speed in aircraft.items())
+        print(f"| {name} | `{typed}` | {', '.join(aircraft)} | {worst:.0e} |")
+    print()
+    print("| 737 at 250 kt | altitude, ft | heading | alpha, deg | throttle |")
+    print("| --- | --- | --- | --- | --- |")
+    for altitude in (5000.0, 30000.0):
+        for heading in (0.0, 90.0, 270.0):
+            alpha, throttle = _earth("737", {"kcas": 250.0, "altitude": altitude}, heading)
+            print(f"| | {altitude:.0f} | {heading:.0f} | {alpha:+.3f} | {throttle:+.4f} |")
+    return 0
+
+
+def _trimmed(
+    name: str, held: Mapping[str, float], free: tuple[str, ...], gravity: float
+) -> tuple[Model, OperatingPoint]:
+    model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity)
+    known = {each: value for each, value in held.items() if each in model.holdable}
+    condition = release(usual_condition(model), hold=known, free=free)
+    return model, find_operating_point(model, condition)
+
+
+def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> float:
+    """The largest difference of JSBSim's accelerations from those of a steady flight."""
+    gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
+    _, point = _trimmed(name, held, free, gravity)
+    item = {
+        "aircraft": name,
+        "point": {"state": point.states._asdict(), "commands": point.inputs._asdict()},
+    }
+    (answer,) = answered([item])
+    return max(abs(answer[axis]) for axis in _AXES)
+
+
+def _earth(name: str, held: Mapping[str, float], heading: float) -> tuple[float, float]:
+    """By how much alpha, deg, and throttle of a level trim are off on JSBSim's own earth.
+
+    What JSBSim accelerates downwards at our trim there is missing of gravity."""
+    _, point = _trimmed(name, held, (), GRAVITY)
+    state = point.states._asdict() | {"yaw": math.radians(heading)}
+    item: dict[str, Any] = {
+        "aircraft": name,
+        "earth": "own",
+        "point": {"state": state, "commands": point.inputs._asdict()},
+    }
+    (answer,) = answered([item])
+    pitch = point.states.pitch
+    down = answer["wdot"] * math.cos(pitch) - answer["udot"] * math.sin(pitch)
+    _, there = _trimmed(name, held, (), GRAVITY + down)
+    return (
+        math.degrees(there.states.alpha - point.states.alpha),
+        there.inputs.throttle - point.inputs.throttle,
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
