@@ -99,6 +99,7 @@ class StoredGame(NamedTuple):
     provenance: where the plant comes from, as the file says it: entry -> text
     discrete: of a plant in discrete time the game whose step `game` is, else None
     has_time: whether the file says continuous or discrete
+    stated: what it says of A, B, E, Q, R and delta
     """
 
     game: Game
@@ -106,6 +107,7 @@ class StoredGame(NamedTuple):
     provenance: dict[str, str]
     discrete: DiscreteGame | None = None
     has_time: bool = False
+    stated: tuple[str, ...] = ()
 
 
 def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
@@ -157,6 +159,7 @@ def stored_game(
             _provenance(stored),
             _discrete(stored, game),
             has_time="time" in stored,
+            stated=tuple(key for key in MODEL_KEYS if key in stored),
         )
 
 

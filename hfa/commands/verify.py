@@ -138,11 +138,12 @@ def verify(request: VerifyRequest) -> int:
     if len(verdicts) == 1:
         (verdict,) = verdicts.values()
         figure = partial(verdict_figure, verdict)
-        report = verdict.report(limit_cost=cost)
+        report = verdict.report(limit_cost=cost, weights=named.weights_line())
     else:
         figure = partial(verdicts_figure, verdicts, named.game.names.origin)
         report = verdicts_report(verdicts, named.game.names.origin, cost)
-    show(report.with_data(**named.labels()), request, figure=figure, notes=named.warnings)
+    report = report.with_data(**named.labels(), **named.weights())
+    show(report, request, figure=figure, notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
 
 
@@ -159,8 +160,8 @@ def _verify_discrete(
     scope = Scope(progress=ProgressLine("prove"))
     with said_of(path):
         verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
-    report = verdict.report(limit_cost=request.limit_cost)
-    show(report.with_data(**named.labels()), request, notes=named.warnings)
+    report = verdict.report(limit_cost=request.limit_cost, weights=named.weights_line())
+    show(report.with_data(**named.labels(), **named.weights()), request, notes=named.warnings)
     return 0 if verdict.holds(request.limit_cost) else 1
 
 

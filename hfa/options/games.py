@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -190,8 +190,16 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
                 game = replace(built.game(), **self.changed_weights())
             of_design = f"design {built.design.name} of {plant_names(linear).origin}"
             game = replace(game, names=game.names._replace(origin=of_design))
-            return NamedGame(game, tuple(point.warnings))
-        return NamedGame(self.game_on(linear), warnings, linear=linear)
+            whose = self._weights_from("design")
+            return NamedGame(game, tuple(point.warnings), weights_from=whose)
+        whose = self._weights_from("default")
+        return NamedGame(self.game_on(linear), warnings, linear=linear, weights_from=whose)
+
+    def _weights_from(self, else_from: str, of_file: Collection[str] = ()) -> dict[str, str]:
+        """Whose Q, R and delta are: of an option, of a file, or else."""
+        whose = dict.fromkeys(("Q", "R", "delta"), else_from)
+        whose |= {name: "file" for name in of_file if name in whose}
+        return whose | dict.fromkeys(self.changed_weights(), "given")
 
     def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:
         from controller.game.user_files import stored_game
@@ -204,6 +212,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             plant_provenance=stored.provenance,
             discrete=stored.discrete,
             has_time=stored.has_time,
+            weights_from=self._weights_from("default", stored.stated),
         )
 
     def refuse_of_the_aircraft(self) -> None:
@@ -236,6 +245,7 @@ class NamedGame:
     linear: the linear model that the game is of; None of a plant from a file or of a design.
     discrete: of a plant in discrete time the game whose step `game` is.
     has_time: whether it is known to be in continuous or discrete time; a file may not say it.
+    weights_from: "Q", "R", "delta" -> whose they are: "given", "file", "design" or "default".
     """
 
     game: Game
@@ -244,6 +254,21 @@ class NamedGame:
     linear: LinearModel | None = None
     discrete: DiscreteGame | None = None
     has_time: bool = True
+    weights_from: Mapping[str, str] = field(default_factory=dict)
+
+    def weights(self) -> dict[str, Any]:
+        """Q, R and whose they and delta are, as data."""
+        return {"Q": self.game.Q, "R": self.game.R, "weights_from": dict(self.weights_from)}
+
+    def weights_line(self) -> str:
+        """Which Q, R and delta the game has, and whose they are."""
+        shown = {
+            "Q": _weight_text(self.game.Q),
+            "R": _weight_text(self.game.R),
+            "delta": f"{self.game.delta:g}",
+        }
+        words = [f"{name} {text} ({self.weights_from[name]})" for name, text in shown.items()]
+        return ", ".join(words)
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:
@@ -276,6 +301,15 @@ class NamedGame:
             "delta": delta,
             "warnings": list(self.warnings),
         }
+
+
+def _weight_text(matrix: np.ndarray) -> str:
+    """A matrix on one line: "diag(1, 2)" where nothing is beside the diagonal."""
+    diagonal = np.diag(matrix)
+    if np.array_equal(matrix, np.diag(diagonal)):
+        return f"diag({', '.join(f'{entry:g}' for entry in diagonal)})"
+    rows = [" ".join(f"{entry:g}" for entry in row) for row in matrix]
+    return f"[{'; '.join(rows)}]"
 
 
 def _converted(kind: str, text: str) -> Any:

@@ -179,6 +179,8 @@ def diagnose(
     apart = error_of(gain, gain.judged + gain.exact - game.gain(P))
     not_together = _NOT_TOGETHER if apart > _APART else ""
     if all(check.ok for check in matrix_errors(game, "P", P, exact.P, limit)):
+        if critic.feedback is not None and critic.is_quadratic:
+            return _rounded(gain)
         of_gain = _of_view(gain, _usual(game, gain, critic))
         return _beyond_quadratic(critic) or of_gain or not_together
     of_value = _of_view(value, _usual(game, value, critic), others.of_polynomial(value))
@@ -289,6 +291,14 @@ def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
     costs = diagonal * units**2
     known = costs > SMALL * costs.max()
     return np.where(known, 1.0 / np.sqrt(np.where(known, diagonal, 1.0)), units)
+
+
+def _rounded(gain: View) -> str:
+    """What is said where P is right and the K that follows from it is not."""
+    return (
+        f"P is right within the limit; the K that follows from it, R⁻¹B'P, is off by "
+        f"{error_of(gain, gain.judged):.2g}: it needs more digits of P"
+    )
 
 
 def _beyond_quadratic(critic: Critic) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from controller.game.training_run import settled_at
 from hfa_support.jsonable import finite_or_none, jsonable
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.text import Table, entry_rows
+from hfa_support.reporting.text import Cell, Table, entry_rows
 from verification.critic.critic_errors import Exact
 
 #: What is computed for each row of a table of critics, and the head of its column and curve.
@@ -33,6 +33,9 @@ _ENTRIES_OF_A_FAILURE = 3
 _FAILURES = 6
 #: Difference of an entry, relative, and cost lost, percent, that are rounding.
 ROUNDING = 1e-9
+#: A critic whose errors are too large and that loses at most this much, percent, is near.
+NEAR = 1.0
+Grade = Literal["exact", "near", "fail"]
 #: Columns of the first line of a report.
 _FIRST_LINE = 100
 
@@ -184,16 +187,26 @@ class Verdict(Checked, Reported):
         """Whether every check holds; with a limit, percent, whether the critic costs no more."""
         return self.ok if limit_cost is None else self.cost_lost <= limit_cost
 
+    @property
+    def grade(self) -> Grade:
+        """ "exact" where every check holds; "near" where errors alone are too large, the loop is
+        stable and the cost lost at most `NEAR`; else "fail"."""
+        if self.ok:
+            return "exact"
+        only_errors = all(check.kind == "error" for check in self.checks if not check.ok)
+        return "near" if only_errors and self.cost_lost <= NEAR else "fail"
+
     def headline(self, limit_cost: float | None = None) -> str:
-        """Pass or fail, exact or not, stabilizing or not, cost lost and L2 gain, in at most 100
-        columns."""
+        """Pass, near or fail, exact or not, stabilizing or not, cost lost and L2 gain, in at most
+        100 columns."""
         failed = [check for check in self.checks if not check.ok]
         decided = ""
         if limit_cost is not None:
             decided = f" by cost limit {limit_cost:g} %"
         elif failed and not any(check.kind in ("error", "stability") for check in failed):
             decided = f" by {failed[0].name}"
-        line = f"{verdict_text(self.holds(limit_cost))}{decided}: {self._exactness(failed)}"
+        grade = self.grade_text(limit_cost)
+        line = f"{grade}{decided}: {self._exactness(failed)}"
         facts = ["stabilizing" if self.stabilizing else "not stabilizing"]
         rests = [check.reason for check in failed if check.kind == "rest"]
         if math.isinf(self.cost_lost):
@@ -209,6 +222,12 @@ class Verdict(Checked, Reported):
             if len(line) + len(fact) + 2 <= _FIRST_LINE:
                 line += f", {fact}"
         return line
+
+    def grade_text(self, limit_cost: float | None = None) -> str:
+        """PASS, near or FAIL; with a limit of the cost, percent, PASS or FAIL."""
+        if limit_cost is None and self.grade == "near":
+            return Cell("near", "bad")
+        return verdict_text(self.holds(limit_cost))
 
     def _exactness(self, failed: Sequence[Check]) -> str:
         wrong = next((check for check in failed if check.kind == "error"), None)
@@ -232,6 +251,7 @@ class Verdict(Checked, Reported):
         data: dict[str, Any] = {
             "schema": self.schema,
             "ok": self.ok,
+            "grade": self.grade,
             "P_rel_error": self.P_rel_error,
             "K_rel_error": self.K_rel_error,
             "diagnosis": self.diagnosis,
@@ -252,10 +272,11 @@ class Verdict(Checked, Reported):
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
         return data
 
-    def report(self, *, limit_cost: float | None = None) -> Report:
+    def report(self, *, limit_cost: float | None = None, weights: str = "") -> Report:
         """The verdict in the first line, every check, the sections, P and K entry by entry.
 
         limit_cost: percent, then decides the verdict.
+        weights: a line that says which Q, R and delta the game has.
         """
         names = self.exact.names
         axes = (names.states, names.inputs)
@@ -267,6 +288,10 @@ class Verdict(Checked, Reported):
         for section in self.sections:
             records = section.records or records
         heading = [f"Critic on {names.origin}, against the exact {self.problem}"]
+        if weights:
+            heading.append(weights)
+        if limit_cost is None and self.grade == "near":
+            heading.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
         if self.diagnosis:
             heading.append(f"Reason: {self.diagnosis}")
         return Report(
@@ -360,7 +385,7 @@ def verdicts_report(
         rows.append(
             (
                 name,
-                verdict_text(verdict.holds(limit_cost)),
+                verdict.grade_text(limit_cost),
                 _number(verdict.P_rel_error),
                 _number(verdict.K_rel_error),
                 _number(verdict.largest_error),

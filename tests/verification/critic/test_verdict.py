@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli import answer, hfa
 from extension import Extension
+from game_files import stored
 from game_samples import failed_names
 from known_models import game_at
 from planted_critics import gain, other_root, value
@@ -65,7 +67,10 @@ def test_the_first_line_has_at_most_100_columns(
     verdict = check_critic(game, CRITICS[name](game), scope=scope)
     line = verdict.report(limit_cost=limit_cost).title
     assert len(line) <= 100
-    assert line.startswith("PASS" if verdict.holds(limit_cost) else "FAIL")
+    grade = "PASS" if verdict.holds(limit_cost) else "FAIL"
+    if limit_cost is None and name == "near":
+        grade = "near"
+    assert line.startswith(grade)
     assert ("not stabilizing" in line) == (
         name in ("other root", "huge", "overflowing", "unstable")
     )
@@ -147,3 +152,48 @@ def test_a_verdict_in_discrete_time_is_printed() -> None:
     verdict = check_discounted(game, from_value(game, exact.P), 0.9)
     assert str(verdict).startswith("PASS: exact within 1e-06, stabilizing")
     assert "A - B K" in str(check_discounted(game, from_gain(game, [[-1.0]]), 0.9))
+
+
+def test_a_verdict_has_three_grades(game: Game) -> None:
+    """Exact; near, where the loop is stable and 1 % of cost is not lost; fail beyond it."""
+    grades = {
+        "exact": from_gain(game, gain(game)),
+        "near": from_gain(game, 1.002 * gain(game)),
+        "fail": from_gain(game, -gain(game)),
+    }
+    for grade, critic in grades.items():
+        verdict = check_critic(game, critic)
+        assert verdict.grade == verdict.to_dict()["grade"] == grade
+        assert verdict.ok == (grade == "exact")
+    near = check_critic(game, grades["near"])
+    assert near.cost_lost < 1.0
+    assert near.headline().startswith("near: not exact (K is off by 0.002), stabilizing, cost lost")
+    assert "Near the optimum, exit code 1; --limit-cost 1 accepts it" in near.report().text()
+    assert near.report(limit_cost=1.0).title.startswith("PASS by cost limit 1 %")
+    far = check_critic(game, from_gain(game, 1.5 * gain(game)))
+    assert (far.grade, far.stabilizing) == ("fail", True)
+    assert far.cost_lost > 1.0
+
+
+def test_a_value_in_eight_digits_is_right_and_its_gain_is_said_to_need_more() -> None:
+    """The input moves both states alike, which costs next to nothing: K = B'P is a difference."""
+    A = np.array([[-1.0, 0.1], [0.1, -1.0]])
+    Q = np.array([[1.0, -0.999], [-0.999, 1.0]])
+    game = Game(A, [[1.0], [1.0]], np.zeros((2, 1)), Q, [[1.0]], np.inf)
+    P = np.vectorize(lambda entry: float(f"{entry:.8g}"))(value(game))
+    verdict = check_critic(game, from_value(game, P))
+    failed = failed_names(verdict.checks)
+    assert failed == {"K_rel_error", "K_balanced_error", "K_entry_error", "policy_rel_error"}
+    assert verdict.diagnosis.startswith(
+        "P is right within the limit; the K that follows from it, R⁻¹B'P, is off by 5.5e-06"
+    )
+
+
+def test_the_command_says_whose_weights_it_used(game: Game) -> None:
+    plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]])
+    critic = stored("K.npz", K=np.array([[1.0 + np.sqrt(3.0)]]))
+    said = hfa("verify", "--model", plant, "--R", "1", "--weights", critic)
+    assert "Q diag(2) (file), R diag(1) (given), delta inf (default)" in said.out
+    found = answer("verify", "--model", plant, "--R", "1", "--weights", critic)
+    assert found["weights_from"] == {"Q": "file", "R": "given", "delta": "default"}
+    assert (found["Q"], found["R"], found["grade"]) == ([[2.0]], [[1.0]], "exact")
