@@ -122,6 +122,7 @@ class RegionLoop:
         loop = statement.loop
         outputs = tuple(name for name in loop.model.outputs if name in loop.limits)
         self._limited_outputs = outputs
+        self._rates: dict[tuple[str, ...], list[Taylor]] = {}
         self._function = BallFunction(_function(loop, outputs), loop.model.name)
 
     @cached_property
@@ -197,11 +198,14 @@ class RegionLoop:
     def rates(self, part: Mapping[str, str]) -> list[Taylor]:
         """z' where each input is free or at its limit; Rejected where an output may leave its
         limits."""
-        rates, outputs = self._run(part)
-        self._check_outputs(outputs)
-        if all(what == FREE for what in part.values()):
-            return [_without_center(rate) for rate in rates]
-        return rates
+        key = tuple(part.values())
+        if key not in self._rates:
+            rates, outputs = self._run(part)
+            self._check_outputs(outputs)
+            if all(what == FREE for what in part.values()):
+                rates = [_without_center(rate) for rate in rates]
+            self._rates[key] = rates
+        return self._rates[key]
 
     def _run(self, part: Mapping[str, str]) -> tuple[list[Taylor], list[Taylor]]:
         """Rates and limited outputs on the unit ball."""

@@ -45,7 +45,10 @@ class RegionRequest(PlantOptions, OutputOptions):
         "highest degree of V: 2, 4 or 6; default 4", "N", lambda text: _degree(text), default=4
     )
     seconds: float = option(
-        "no new turn of the search begins after this; default 60", "S", positive, default=60.0
+        "processor time after which no new turn of the search begins; default 60",
+        "S",
+        positive,
+        default=60.0,
     )
     resume: bool = option("go on from the V of the certificate that -o names", rare=True)
     picture: Path | None = picture_option(

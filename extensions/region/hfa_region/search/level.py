@@ -14,6 +14,7 @@ from hfa_region.check.checker import check_region, limits_of
 from hfa_region.check.loop import FREE, HIGHEST, LOWEST, RegionLoop
 from hfa_region.check.polynomial import power_of_length
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
+from hfa_region.check.taylor import Taylor
 from hfa_region.check.witness import ANY, BALL, LEVEL, OUTSIDE, RegionWitness
 from hfa_region.search.function import PolynomialFunction, edge_points, ellipsoid
 from hfa_region.search.squares import Terms, positive
@@ -96,19 +97,27 @@ class LevelSearch:
         self.parts, self.empty = split(self.ball)
         self.V_terms = Terms.of(self.ball.V)
         self._targets: dict[tuple[str, ...], Terms] = {}
+        self._decreases: dict[tuple[str, ...], Taylor] = {}
 
     def target(self, part: Mapping[str, str]) -> Terms:
         """A lower bound of -V' on a part."""
         key = tuple(part.values())
         if key not in self._targets:
-            lowest = self.ball.decrease(part).lowest(self.ball.n, 2 * self.setting.half)
+            lowest = self._decrease_of(part).lowest(self.ball.n, 2 * self.setting.half)
             self._targets[key] = Terms.of(lowest)
         return self._targets[key]
+
+    def _decrease_of(self, part: Mapping[str, str]) -> Taylor:
+        """-V' on a part, made once."""
+        key = tuple(part.values())
+        if key not in self._decreases:
+            self._decreases[key] = self.ball.decrease(part)
+        return self._decreases[key]
 
     def rest(self, part: Mapping[str, str]) -> Terms:
         """What the lower bound of -V' takes off for all that is left out, of the highest degree."""
         degree = 2 * self.setting.half
-        whole = self.ball.decrease(part)
+        whole = self._decrease_of(part)
         norms = whole.polynomial.norms()
         rest = sum((float(norm) for norm in norms[degree + 1 :]), float(whole.remainder))
         return Terms.of(power_of_length(self.ball.n, degree)).scaled(rest)

@@ -22,8 +22,10 @@ from hfa_support.progress import Progress
 _REACHES = (1.35, 1.1)
 #: A turn that makes the set larger by less than this, linearly, is the last of its reach.
 _GAIN = 1.004
-#: The level of a new V that is tried, that of its step being 1.
-_GROWTH = 1.1
+#: Shares of the level of a new V that are tried, that of its step being 1.
+_SHARES = (1.0, 0.93, 0.85, 0.7, 0.5)
+#: How far above 1 a level of the last V is tried.
+_GROWTH = 1.6
 #: Lyapunov matrices of the loop that are tried.
 _CANDIDATES = 10
 #: Rays on which starts are followed, how many on each, and how many times as far as the set.
@@ -80,7 +82,7 @@ class RegionSearch:
 
     loop: the saturated loop
     P: of the game, tried first
-    seconds: time after which no new turn begins
+    seconds: processor time after which no new turn begins
     degree: highest degree of V
     progress: told what is done
     save: called with every region that is proved and larger than the last
@@ -99,7 +101,7 @@ class RegionSearch:
         self.loop = loop
         self.plant = Plant(loop)
         self._P = P
-        self._begin = time.monotonic()
+        self._begin = time.process_time()
         self._seconds = seconds
         self._degree = degree
         self._progress = progress
@@ -126,23 +128,30 @@ class RegionSearch:
         self._prove(V, 1.0, "V of the certificate" if known else origin, settings_of(self._n)[0])
         for setting in settings_of(self._n):
             if setting.degree <= self._degree and self._left() > 0.0:
-                V = self._climb(V, setting)
+                V = self._climb(self._proved_V(V), setting)
         if self.best is None:
             raise NoSolutionError(
                 "no region is proved: of every V tried no level was large enough for the search"
             )
         return self._region()
 
+    def _proved_V(self, V: PolynomialFunction) -> PolynomialFunction:
+        """V of the largest region so far, its proved level 1; where there is none the given one."""
+        if self.best is None:
+            return V
+        statement = self.best.statement
+        return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
+
     @property
     def _n(self) -> int:
         return len(self.loop.states)
 
     def _left(self) -> float:
-        return self._seconds - (time.monotonic() - self._begin)
+        return self._seconds - (time.process_time() - self._begin)
 
     def _tell(self, what: str) -> None:
         if self._progress is not None:
-            done = min(self._seconds, time.monotonic() - self._begin)
+            done = min(self._seconds, time.process_time() - self._begin)
             self._progress(done, self._seconds, what)
 
     def _ends(self, name: str) -> list[float]:
@@ -218,35 +227,39 @@ class RegionSearch:
                 if grown < _GAIN:
                     break
         best = turn.V.scaled(1.0 / (turn.share * turn.search.rho))
-        self._prove(best, self._within_limits(best), f"V of degree {best.degree}", setting)
+        self._prove(best, self._highest(best), f"V of degree {best.degree} by turns", setting)
         return best
 
     def _turn(self, V: PolynomialFunction, setting: Setting) -> _Turn | None:
-        """The largest level of V near 1, in floating point; None where none is found."""
-        rho = self._within_limits(V)
-        held = holding_ball(V, rho, self._T_of(V))
+        """A level of V at 1 or a little below, in floating point; None where none is found."""
+        held = holding_ball(V, 1.0, self._T_of(V))
         if held is None:
             return None
         try:
-            search = LevelSearch(self.loop, V, rho, held, setting)
-            share = search.largest(least=0.05)
+            search = LevelSearch(self.loop, V, 1.0, held, setting)
+            share = next((share for share in _SHARES if search.holds(share)), None)
         except NoSolutionError:  # the equations on so large a ball
             return None
-        if share == 0.0:
+        if share is None:
             return None
-        size = measured(V, share * rho, held)
+        size = measured(V, share, held)
         self._tell(f"V of degree {setting.degree}, size {size:.4g}")
         return _Turn(V, search, share, size)
 
-    def _within_limits(self, V: PolynomialFunction) -> float:
-        """A level a little above 1 where the set is within all limits of the states, else 1."""
+    def _highest(self, V: PolynomialFunction) -> float:
+        """A level above 1 that may be proved: within the limits of the states, V' < 0 where it is
+        sampled."""
         T = self._T_of(V)
-        points = edge_points(V, T, _GROWTH) @ T.T
-        if not len(points):
-            return 1.0
+        rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
         low, high = self._room.T
-        within = np.all(points.min(axis=0) >= low) and np.all(points.max(axis=0) <= high)
-        return _GROWTH if within else 1.0
+        highest = 1.0
+        for level in np.geomspace(1.01, _GROWTH, 12):
+            points = edge_points(V, T, level) @ T.T
+            within = np.all(points.min(axis=0) >= low) and np.all(points.max(axis=0) <= high)
+            if level > rises or not within:
+                break
+            highest = float(level)
+        return highest
 
     def _T_of(self, V: PolynomialFunction) -> np.ndarray:
         """Coordinates in which {V <= 1} has about the size of the unit ball."""
@@ -358,7 +371,7 @@ def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
 def settings_of(n: int) -> list[Setting]:
     """How V of each degree is tried, by the number of states: what a minute or so allows."""
     if n <= 2:
-        return [Setting(7, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
+        return [Setting(8, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
     if n <= 4:
-        return [Setting(5, 3, 2), Setting(7, 4, 2), Setting(7, 4, 4)]
-    return [Setting(3, 2, 2), Setting(5, 3, 2)]
+        return [Setting(6, 3, 2), Setting(7, 4, 2), Setting(7, 4, 4)]
+    return [Setting(5, 2, 2)]
