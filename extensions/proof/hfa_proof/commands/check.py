@@ -56,7 +56,7 @@ def prove(request: CheckRequest) -> int:
     python-flint (`pip install .[proof]`)."""
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.checker.checker import check_certificate, kind_of
-    from hfa_proof.search.report import checked_report
+    from hfa_proof.search.checked_report import checked_report
 
     flint_or_refusal()
     if request.check is None:
@@ -89,7 +89,7 @@ def _require_same(verified: Verified, request: CheckRequest) -> None:
         ScheduleStatement,
         content_of,
     )
-    from hfa_proof.search.report import require_same
+    from hfa_proof.search.checked_report import require_same
 
     statement = verified.statement
     content = content_of(statement)

@@ -1,40 +1,29 @@
-"""What a proof states, and what the checker verified of it, in words, tables and data."""
+"""What a proof states, in words, tables and data."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_model.parameters import NAMED, Parameters, load_parameters
-from hfa_proof.checker.checker import Verified
 from hfa_proof.checker.statement import (
-    KINDS,
-    Controller,
     Flight,
     GameStatement,
     ModelsStatement,
-    Plant,
     Run,
     ScheduleStatement,
     Statement,
     UncertainActuators,
-    Weights,
-    content_of,
 )
-from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.provenance import parameter_hash
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, matrix_table, numbered
 
 SCHEMA = "hfa.proof/1"
 Content = dict[str, Any]
 Found = TypeVar("Found")
-_ERRORS = {
+INTERPOLATION_ERRORS = {
     "A": "|A - interpolated| / |A|",
     "B": "|B - interpolated| / |B|",
     "K": "|K - interpolated| / |K|",
@@ -142,8 +131,8 @@ def proof_report(statement: Statement, data: Content) -> Report:
     """
     if isinstance(statement, ScheduleStatement):
         moving = {"dihedral_rate_deg_s", "scheduled_rate"} & data.keys()
-        title = f"every {_interval(statement.flight)}, {statement.flight.model.title}"
-        parts = _schedule_parts(statement, bool(moving), data)
+        title = f"every {interval_said(statement.flight)}, {statement.flight.model.title}"
+        parts = schedule_parts(statement, bool(moving), data)
         return Report(f"{_verdict(statement, bool(moving))}: {title}", parts, data=data)
     if isinstance(statement, GameStatement):
         return game_report(data)
@@ -158,7 +147,7 @@ def _verdict(statement: ScheduleStatement, moving: bool) -> str:
     return "Proved"
 
 
-def _schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
+def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
     """What is proved of a schedule, refuted and left open: sentences, then a table of the loop's
     unstable modes and one of those of A.
 
@@ -184,7 +173,7 @@ def _schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -
     parts.append(_not_covered(statement))
     for name, runs in (("loop", statement.loop), ("aircraft A", statement.modes)):
         heading = (f"{name}: {variable}, {unit}", "unstable modes")
-        parts.append(Table(heading, [(_span(run), _count(run)) for run in runs]))
+        parts.append(Table(heading, [(_span(run), count_said(run)) for run in runs]))
     return parts
 
 
@@ -201,7 +190,7 @@ def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -
     lines = []
     for run in statement.loop:
         if run.least > 0:
-            modes = f"{_count(run)} unstable modes"
+            modes = f"{count_said(run)} unstable modes"
             lines.append(f"the loop has {modes} at every {every} from {_span(run)} {unit}")
     for run in statement.loop:
         if run.least == 0 < run.most:
@@ -248,7 +237,7 @@ def _span(run: Run) -> str:
     return f"{run.low:.10g} to {run.high:.10g}"
 
 
-def _count(run: Run) -> str:
+def count_said(run: Run) -> str:
     """Its number of unstable modes: "2", or "0 to 2" where only bounds are proved."""
     return str(run.least) if run.least == run.most else f"{run.least} to {run.most}"
 
@@ -310,7 +299,7 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
         ("relative radius about the printed P", f"{data['relative_radius']:.3g}"),
         ("delta_min", bracket),
         ("relative width of the bracket", width),
-        ("unstable modes of A", _count(Run(0.0, 0.0, least_modes, most_modes))),
+        ("unstable modes of A", count_said(Run(0.0, 0.0, least_modes, most_modes))),
     ]
     states = states or numbered("z", len(data["P"]))
     return [
@@ -333,7 +322,9 @@ def _models_report(statement: ModelsStatement, data: Content) -> Report:
     unit = model.schedule_unit
     steps = np.diff(breakpoints)
     every = "angle" if unit == "deg" else model.schedule
-    bounds = [(_ERRORS[name], f"{error:.3g}") for name, error in statement.errors.items()]
+    bounds = [
+        (INTERPOLATION_ERRORS[name], f"{error:.3g}") for name, error in statement.errors.items()
+    ]
     heading = (model.schedule_key, "matrix", "row", "column", "value", "unit")
     return Report(
         title=f"Proved: {len(breakpoints)} models from {breakpoints[0]:g} to {breakpoints[-1]:g} "
@@ -367,222 +358,7 @@ def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
     return rows
 
 
-def checked_report(verified: Verified) -> Report:
-    """The whole statement that was verified: of which aircraft in which flight whatever the options
-    of the command, with which controller, limits and weights; proved on all of the interval or not.
-    """
-    statement = verified.statement
-    content = content_of(statement)
-    data: Content = {
-        "schema": SCHEMA,
-        "statement": "check",
-        "kind": next(name for name, kind in KINDS.items() if isinstance(statement, kind)),
-        "boxes": verified.boxes,
-        "written": verified.written,
-        "statement_sha256": _digest(content),
-        "claim": content,
-    }
-    lines = [f"statement: SHA-256 {data['statement_sha256'][:16]}"]
-    parts: list[Part] = []
-    flight = getattr(statement, "flight", getattr(statement, "plant", None))
-    if isinstance(flight, Flight):
-        description, of_aircraft = _flight_said(flight)
-        parts.append(description)
-        data |= of_aircraft
-    if isinstance(statement, ScheduleStatement):
-        moving = statement.scheduled_rate is not None
-        result = schedule_data(statement, moving)
-        data |= {name: result[name] for name in result if name not in ("schema", "statement")}
-        parts += _schedule_parts(statement, moving, {})
-        lines += _controller_said(statement)
-        what = _interval(statement.flight)
-    elif isinstance(statement, GameStatement):
-        parts += _game_parts(statement, data)
-        lines += _weights_said(statement.weights)
-        data["game"] = content["weights"]
-        data["proved"] = data["closed_loop_hurwitz"] is True
-        what = "the exact game, the plant of a file"
-        if isinstance(statement.plant, Flight):
-            unit = statement.plant.model.schedule_unit
-            what = (
-                f"the exact game, {statement.plant.model.schedule} {statement.plant.low:g} {unit}"
-            )
-    else:
-        rows = [(_ERRORS[name], f"{error:.3g}") for name, error in statement.errors.items()]
-        parts.append(Table(("error between the breakpoints, at most", "bound"), rows))
-        lines += _weights_said(statement.weights)
-        data |= {"error": dict(statement.errors), "nodes": len(statement.breakpoints)}
-        data["proved"] = True
-        data["game"] = content["weights"]
-        what = f"linear interpolation of {len(statement.breakpoints)} models, "
-        what += _interval(statement.flight)
-    origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
-    parts += ["\n".join(lines), origin]
-    title = f"{_checked_verdict(statement, data)}: {what}, {verified.boxes} boxes"
-    return Report(title, parts, data=data)
-
-
-def _checked_verdict(statement: Statement, data: Content) -> str:
-    """The first words about a statement that was verified: proved, refuted, or what is open.
-
-    data: of the report, with `proved`
-    """
-    if data["proved"]:
-        return "Verified, proved"
-    if not isinstance(statement, GameStatement):
-        return "Verified, but not proved on the whole interval"
-    if data["closed_loop_hurwitz"] is None:
-        return "Verified, but whether the critic's gain stabilizes is open"
-    return "Verified, refuted, the critic's gain does not stabilize"
-
-
-def _interval(flight: Flight) -> str:
+def interval_said(flight: Flight) -> str:
+    """The scheduling values of a flight: "dihedral from 5 to 15 deg"."""
     unit = flight.model.schedule_unit
     return f"{flight.model.schedule} from {flight.low:g} to {flight.high:g} {unit}"
-
-
-def _flight_said(flight: Flight) -> tuple[str, Content]:
-    """The aircraft, its trims, limits and errors of parameters, in words and as data."""
-    model = flight.model
-    lines = [_aircraft_said(flight)]
-    lines.append(f"trims at {_values_said(model, flight.imposed)}")
-    for trim in flight.trims:
-        unknowns = _values_said(model, trim.unknowns)
-        lines.append(f"the trim with {unknowns} at {trim.breakpoint:.10g} {model.schedule_unit}")
-    limits = [
-        f"{name} {' to '.join(model.describe(name, end) for end in ends)}"
-        for name, ends in flight.limits.items()
-    ]
-    lines.append(f"limits of the trims: {', '.join(limits) or 'none'}")
-    if flight.spread:
-        lines.append(f"for every value of {len(flight.spread)} parameters within half widths of")
-        lines.append(_values_said(model, flight.spread))
-    data: Content = {
-        "dynamics": model.name,
-        "source": model.source[1],
-        **breakpoint_data(model, [flight.low, flight.high]),
-        "limits": {name: list(ends) for name, ends in flight.limits.items()},
-        "spread": dict(flight.spread),
-        "parameters": dict(flight.parameters),
-    }
-    if _is_hfa(flight):
-        values = Parameters(**flight.parameters)
-        data["parameters"] = _name_of_parameters(values)
-        data["parameter_hash"] = parameter_hash(values)
-    return "\n".join(lines), data
-
-
-def _is_hfa(flight: Flight) -> bool:
-    return not flight.model.source[1] and set(flight.parameters) == set(Parameters._fields)
-
-
-def _name_of_parameters(values: Parameters) -> str:
-    names = [name for name in NAMED if load_parameters(name).values == values]
-    return names[0] if names else "of the certificate"
-
-
-def _aircraft_said(flight: Flight) -> str:
-    model = flight.model
-    if _is_hfa(flight):
-        values = Parameters(**flight.parameters)
-        parameters = f"{_name_of_parameters(values)} ({parameter_hash(values)})"
-        return f"{model.name} dynamics, parameters {parameters}"
-    source = f", files of SHA-256 {model.source[1][:16]}" if model.source[1] else ""
-    numbers = "".join(f", {name} {value:.10g}" for name, value in flight.parameters.items())
-    return f"{model.title}{source}{numbers}"
-
-
-def _values_said(model: Model, values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {model.describe(name, value)}" for name, value in values.items())
-
-
-def _controller_said(statement: ScheduleStatement) -> list[str]:
-    """Names and sizes of the controller, and all of the actuators."""
-    controller: Controller = statement.controller
-    lines = [
-        f"controller: {len(controller.breakpoints)} breakpoints, {controller.A.shape[1]} states, "
-        f"SHA-256 {_digest(content_of(statement)['controller'])[:16]}",
-        f"it measures {', '.join(controller.measurements)}",
-        f"it moves {', '.join(controller.inputs)}",
-    ]
-    actuators = statement.actuators
-    if actuators is not None:
-        numbers = ", ".join(f"{name} {_plain(value)}" for name, value in vars(actuators).items())
-        lines.append(f"actuators: {numbers}")
-    return lines
-
-
-def _plain(value: Any) -> str:
-    entries = np.atleast_1d(np.asarray(value, dtype=float)).tolist()
-    return " ".join(f"{entry:.10g}" for entry in entries)
-
-
-def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
-    """Distances and modes, which are added to the data too."""
-    rows = [
-        (name, f"{low:.6g}", f"{high:.6g}") for name, (low, high) in statement.distances.items()
-    ]
-    least, most = statement.loop
-    hurwitz = True if most == 0 else False if least > 0 else None
-    closed = {True: "Hurwitz", False: f"not Hurwitz: {_count(Run(0.0, 0.0, least, most))} unstable"}
-    loop = (
-        f"A - B K with this gain is {closed[hurwitz]}"
-        if hurwitz is not None
-        else ("open: whether A - B K with this gain is Hurwitz")
-    )
-    lines = [loop]
-    data["distances"] = dict(statement.distances)
-    data["closed_loop_hurwitz"] = hurwitz
-    if statement.delta_min is not None and statement.modes is not None:
-        above, at_most = statement.delta_min
-        data["delta_min_above"] = above
-        data["delta_min_at_most"] = at_most
-        data["unstable_modes_between"] = list(statement.modes)
-        lines.append(f"delta_min is above {above:.10g}, at most {at_most:.10g}")
-        modes = Run(0.0, 0.0, *statement.modes)
-        count = "" if modes.least == modes.most else "open: the number between them; "
-        lines.append(f"{count}A has {_count(modes)} unstable modes")
-    if statement.decimals:
-        lines.append("the distances hold for every number that reads as the same doubles")
-    if isinstance(statement.plant, Plant):
-        for name, values in vars(statement.plant).items():
-            lines.append(f"{name} = {_matrix_said(values)}")
-    for name, values in statement.critic.items():
-        lines.append(f"critic's {name} = {_matrix_said(values)}")
-    table = Table(("|X - X*| / |X*|, X* of the exact game", "at least", "at most"), rows)
-    return [table, "\n".join(lines)]
-
-
-def _weights_said(weights: Weights) -> list[str]:
-    lines = [f"{name} = {_matrix_said(getattr(weights, name))}" for name in "QRE"]
-    return [*lines, f"delta = {weights.delta:.10g}"]
-
-
-def _matrix_said(values: np.ndarray) -> str:
-    """I; the diagonal; else the SHA-256 of the matrix, whose entries are data."""
-    diagonal = np.diag(values)
-    if values.shape[0] == values.shape[1] and np.array_equal(values, np.diag(diagonal)):
-        if set(diagonal.tolist()) == {1.0}:
-            return "I"
-        return f"diag({', '.join(f'{entry:.10g}' for entry in diagonal)})"
-    rows, columns = values.shape
-    return f"matrix {rows} x {columns}, SHA-256 {_digest(values.tolist())[:16]}"
-
-
-def _digest(value: Any) -> str:
-    return hashlib.sha256(json.dumps(value).encode()).hexdigest()
-
-
-def require_same(stated: Mapping[str, Any], own: Mapping[str, Any], what: str) -> None:
-    """NoSolutionError unless the user's own data, by name, is exactly that of the statement."""
-    for name, value in own.items():
-        if name not in stated:
-            raise BadInputError(
-                f"{what} gives {name}, which this certificate does not state; leave it out"
-            )
-        claimed = np.asarray(stated[name])
-        values = np.asarray(value)
-        if values.dtype.kind in "fi":
-            claimed = np.asarray(stated[name], dtype=float)
-        if not np.array_equal(claimed, values):
-            raise NoSolutionError(f"the certificate is about another {name} than {what} gives")

@@ -18,7 +18,7 @@ from hfa_proof.checker import trims
 from hfa_proof.checker.reading import Fields, Rejected
 from hfa_proof.checker.statement import content_of, read_statement
 from hfa_proof.checker.witness import TrimBox
-from hfa_proof.search.report import checked_report
+from hfa_proof.search.checked_report import checked_report
 from hfa_support import BadInputError
 from trim import release
 from trim.hfa.level_flight import LEVEL_FLIGHT

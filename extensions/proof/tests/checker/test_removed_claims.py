@@ -28,7 +28,7 @@ from forged_certificates import (
 from proof_cases import PROOFS, certificate, forge, model_of
 
 from hfa_proof.checker.reading import Malformed, Rejected
-from hfa_proof.search.report import checked_report
+from hfa_proof.search.checked_report import checked_report
 from hfa_support import BadInputError
 from hfa_support.reporting.report import Report
 from verification import check_certificate

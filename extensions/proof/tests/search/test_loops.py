@@ -21,9 +21,9 @@ from hfa_model import INPUTS, LINEAR_STATES
 from hfa_proof.arithmetic.balls import doubles
 from hfa_proof.checker.loop import closed_loop
 from hfa_proof.checker.reading import Rejected
+from hfa_proof.search.checked_report import checked_report
 from hfa_proof.search.family import Box, TrimSearch
 from hfa_proof.search.loops import loop_of_gains, loop_of_servo
-from hfa_proof.search.report import checked_report
 from hfa_proof.search.uncertain_loop import common_lyapunov, decrease
 from hfa_servo.design import Actuator
 from hfa_support import BadInputError, Model, Signal

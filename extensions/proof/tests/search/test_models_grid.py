@@ -10,7 +10,7 @@ from known_models import exact_gain, model_at
 from proof_cases import ORIGIN, family
 from random_points import INPUT_SCALES
 
-from hfa_proof.search.report import checked_report
+from hfa_proof.search.checked_report import checked_report
 from hfa_support import NoSolutionError
 from verification import check_certificate, prove_models
 

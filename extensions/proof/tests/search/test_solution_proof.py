@@ -21,7 +21,7 @@ from hfa_networks.files.network import from_network
 from hfa_proof.arithmetic.balls import TaylorModel, matrix, norm
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.riccati import solution_on
-from hfa_proof.search.report import checked_report
+from hfa_proof.search.checked_report import checked_report
 from hfa_proof.search.solution_proof import ExactGame, prove_delta_min
 from hfa_support import BadInputError, NoSolutionError
 from verification import check_certificate, minimum_delta, prove_critic, prove_solution, solve_game

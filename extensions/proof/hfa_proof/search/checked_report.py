@@ -1,0 +1,259 @@
+"""What the checker verified of a certificate, in words, tables and data."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_model.parameters import NAMED, Parameters, load_parameters
+from hfa_proof.checker.checker import Verified
+from hfa_proof.checker.statement import (
+    KINDS,
+    Controller,
+    Flight,
+    GameStatement,
+    Plant,
+    Run,
+    ScheduleStatement,
+    Statement,
+    Weights,
+    content_of,
+)
+from hfa_proof.search.report import (
+    INTERPOLATION_ERRORS,
+    SCHEMA,
+    Content,
+    breakpoint_data,
+    count_said,
+    interval_said,
+    schedule_data,
+    schedule_parts,
+)
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.provenance import parameter_hash
+from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.text import Table
+
+
+def checked_report(verified: Verified) -> Report:
+    """The whole statement that was verified: of which aircraft in which flight whatever the options
+    of the command, with which controller, limits and weights; proved on all of the interval or not.
+    """
+    statement = verified.statement
+    content = content_of(statement)
+    data: Content = {
+        "schema": SCHEMA,
+        "statement": "check",
+        "kind": next(name for name, kind in KINDS.items() if isinstance(statement, kind)),
+        "boxes": verified.boxes,
+        "written": verified.written,
+        "statement_sha256": _digest(content),
+        "claim": content,
+    }
+    lines = [f"statement: SHA-256 {data['statement_sha256'][:16]}"]
+    parts: list[Part] = []
+    flight = getattr(statement, "flight", getattr(statement, "plant", None))
+    if isinstance(flight, Flight):
+        description, of_aircraft = _flight_said(flight)
+        parts.append(description)
+        data |= of_aircraft
+    if isinstance(statement, ScheduleStatement):
+        moving = statement.scheduled_rate is not None
+        result = schedule_data(statement, moving)
+        data |= {name: result[name] for name in result if name not in ("schema", "statement")}
+        parts += schedule_parts(statement, moving, {})
+        lines += _controller_said(statement)
+        what = interval_said(statement.flight)
+    elif isinstance(statement, GameStatement):
+        parts += _game_parts(statement, data)
+        lines += _weights_said(statement.weights)
+        data["game"] = content["weights"]
+        data["proved"] = data["closed_loop_hurwitz"] is True
+        what = "the exact game, the plant of a file"
+        if isinstance(statement.plant, Flight):
+            unit = statement.plant.model.schedule_unit
+            what = (
+                f"the exact game, {statement.plant.model.schedule} {statement.plant.low:g} {unit}"
+            )
+    else:
+        rows = [
+            (INTERPOLATION_ERRORS[name], f"{error:.3g}") for name, error in statement.errors.items()
+        ]
+        parts.append(Table(("error between the breakpoints, at most", "bound"), rows))
+        lines += _weights_said(statement.weights)
+        data |= {"error": dict(statement.errors), "nodes": len(statement.breakpoints)}
+        data["proved"] = True
+        data["game"] = content["weights"]
+        what = f"linear interpolation of {len(statement.breakpoints)} models, "
+        what += interval_said(statement.flight)
+    origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
+    parts += ["\n".join(lines), origin]
+    title = f"{_checked_verdict(statement, data)}: {what}, {verified.boxes} boxes"
+    return Report(title, parts, data=data)
+
+
+def _checked_verdict(statement: Statement, data: Content) -> str:
+    """The first words about a statement that was verified: proved, refuted, or what is open.
+
+    data: of the report, with `proved`
+    """
+    if data["proved"]:
+        return "Verified, proved"
+    if not isinstance(statement, GameStatement):
+        return "Verified, but not proved on the whole interval"
+    if data["closed_loop_hurwitz"] is None:
+        return "Verified, but whether the critic's gain stabilizes is open"
+    return "Verified, refuted, the critic's gain does not stabilize"
+
+
+def _flight_said(flight: Flight) -> tuple[str, Content]:
+    """The aircraft, its trims, limits and errors of parameters, in words and as data."""
+    model = flight.model
+    lines = [_aircraft_said(flight)]
+    lines.append(f"trims at {_values_said(model, flight.imposed)}")
+    for trim in flight.trims:
+        unknowns = _values_said(model, trim.unknowns)
+        lines.append(f"the trim with {unknowns} at {trim.breakpoint:.10g} {model.schedule_unit}")
+    limits = [
+        f"{name} {' to '.join(model.describe(name, end) for end in ends)}"
+        for name, ends in flight.limits.items()
+    ]
+    lines.append(f"limits of the trims: {', '.join(limits) or 'none'}")
+    if flight.spread:
+        lines.append(f"for every value of {len(flight.spread)} parameters within half widths of")
+        lines.append(_values_said(model, flight.spread))
+    data: Content = {
+        "dynamics": model.name,
+        "source": model.source[1],
+        **breakpoint_data(model, [flight.low, flight.high]),
+        "limits": {name: list(ends) for name, ends in flight.limits.items()},
+        "spread": dict(flight.spread),
+        "parameters": dict(flight.parameters),
+    }
+    if _is_hfa(flight):
+        values = Parameters(**flight.parameters)
+        data["parameters"] = _name_of_parameters(values)
+        data["parameter_hash"] = parameter_hash(values)
+    return "\n".join(lines), data
+
+
+def _is_hfa(flight: Flight) -> bool:
+    return not flight.model.source[1] and set(flight.parameters) == set(Parameters._fields)
+
+
+def _name_of_parameters(values: Parameters) -> str:
+    names = [name for name in NAMED if load_parameters(name).values == values]
+    return names[0] if names else "of the certificate"
+
+
+def _aircraft_said(flight: Flight) -> str:
+    model = flight.model
+    if _is_hfa(flight):
+        values = Parameters(**flight.parameters)
+        parameters = f"{_name_of_parameters(values)} ({parameter_hash(values)})"
+        return f"{model.name} dynamics, parameters {parameters}"
+    source = f", files of SHA-256 {model.source[1][:16]}" if model.source[1] else ""
+    numbers = "".join(f", {name} {value:.10g}" for name, value in flight.parameters.items())
+    return f"{model.title}{source}{numbers}"
+
+
+def _values_said(model: Model, values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {model.describe(name, value)}" for name, value in values.items())
+
+
+def _controller_said(statement: ScheduleStatement) -> list[str]:
+    """Names and sizes of the controller, and all of the actuators."""
+    controller: Controller = statement.controller
+    lines = [
+        f"controller: {len(controller.breakpoints)} breakpoints, {controller.A.shape[1]} states, "
+        f"SHA-256 {_digest(content_of(statement)['controller'])[:16]}",
+        f"it measures {', '.join(controller.measurements)}",
+        f"it moves {', '.join(controller.inputs)}",
+    ]
+    actuators = statement.actuators
+    if actuators is not None:
+        numbers = ", ".join(f"{name} {_plain(value)}" for name, value in vars(actuators).items())
+        lines.append(f"actuators: {numbers}")
+    return lines
+
+
+def _plain(value: Any) -> str:
+    entries = np.atleast_1d(np.asarray(value, dtype=float)).tolist()
+    return " ".join(f"{entry:.10g}" for entry in entries)
+
+
+def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
+    """Distances and modes, which are added to the data too."""
+    rows = [
+        (name, f"{low:.6g}", f"{high:.6g}") for name, (low, high) in statement.distances.items()
+    ]
+    least, most = statement.loop
+    count = count_said(Run(0.0, 0.0, least, most))
+    hurwitz = None
+    lines = ["open: whether A - B K with this gain is Hurwitz"]
+    if most == 0:
+        hurwitz = True
+        lines = ["A - B K with this gain is Hurwitz"]
+    elif least > 0:
+        hurwitz = False
+        lines = [f"A - B K with this gain is not Hurwitz: {count} unstable"]
+    data["distances"] = dict(statement.distances)
+    data["closed_loop_hurwitz"] = hurwitz
+    if statement.delta_min is not None and statement.modes is not None:
+        above, at_most = statement.delta_min
+        data["delta_min_above"] = above
+        data["delta_min_at_most"] = at_most
+        data["unstable_modes_between"] = list(statement.modes)
+        lines.append(f"delta_min is above {above:.10g}, at most {at_most:.10g}")
+        modes = Run(0.0, 0.0, *statement.modes)
+        count = "" if modes.least == modes.most else "open: the number between them; "
+        lines.append(f"{count}A has {count_said(modes)} unstable modes")
+    if statement.decimals:
+        lines.append("the distances hold for every number that reads as the same doubles")
+    if isinstance(statement.plant, Plant):
+        for name, values in vars(statement.plant).items():
+            lines.append(f"{name} = {_matrix_said(values)}")
+    for name, values in statement.critic.items():
+        lines.append(f"critic's {name} = {_matrix_said(values)}")
+    table = Table(("|X - X*| / |X*|, X* of the exact game", "at least", "at most"), rows)
+    return [table, "\n".join(lines)]
+
+
+def _weights_said(weights: Weights) -> list[str]:
+    lines = [f"{name} = {_matrix_said(getattr(weights, name))}" for name in "QRE"]
+    return [*lines, f"delta = {weights.delta:.10g}"]
+
+
+def _matrix_said(values: np.ndarray) -> str:
+    """I; the diagonal; else the SHA-256 of the matrix, whose entries are data."""
+    diagonal = np.diag(values)
+    if values.shape[0] == values.shape[1] and np.array_equal(values, np.diag(diagonal)):
+        if set(diagonal.tolist()) == {1.0}:
+            return "I"
+        return f"diag({', '.join(f'{entry:.10g}' for entry in diagonal)})"
+    rows, columns = values.shape
+    return f"matrix {rows} x {columns}, SHA-256 {_digest(values.tolist())[:16]}"
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value).encode()).hexdigest()
+
+
+def require_same(stated: Mapping[str, Any], own: Mapping[str, Any], what: str) -> None:
+    """NoSolutionError unless the user's own data, by name, is exactly that of the statement."""
+    for name, value in own.items():
+        if name not in stated:
+            raise BadInputError(
+                f"{what} gives {name}, which this certificate does not state; leave it out"
+            )
+        claimed = np.asarray(stated[name])
+        values = np.asarray(value)
+        if values.dtype.kind in "fi":
+            claimed = np.asarray(stated[name], dtype=float)
+        if not np.array_equal(claimed, values):
+            raise NoSolutionError(f"the certificate is about another {name} than {what} gives")
