@@ -66,7 +66,6 @@ LINES = (
         " --noise alpha=0.1"
     ),
     "fly --dihedral 15 --duration 0.02 --actuators 0.1:60:2 --fault 0.5:1:0 --error panel_mass=1.1",
-    "map --dihedral 15 --envelope alpha=-5:15",
     (
         "fly --dihedral 15 --samples 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o"
         " a.zarr"
