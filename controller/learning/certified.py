@@ -549,8 +549,6 @@ def learn(
         raise BadInputError(
             "Q is zero: every law measures its residual against z'Qz; give some state a cost"
         )
-    if not isinstance(pool, Stack | None):
-        raise BadInputError(f"pool is {pool!r}; pool must be a Stack of recorded samples")
     settings = CertifiedSettings(**options)
     if progress is not None:
         progress(0.0, 1.0, "choosing samples")

@@ -4,6 +4,7 @@ rich enough."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,6 +34,8 @@ class Stack(Shown):
     F must not carry the reference forcing r(t) = A x_d - x_d': the value z'Pz answers F = A z
     alone. Raises BadInputError when the shapes differ or a number is not finite.
     """
+
+    how_to_make: ClassVar[str] = "record(game, states) or random_pool(game, count, seed)"
 
     states: np.ndarray
     drifts: np.ndarray
