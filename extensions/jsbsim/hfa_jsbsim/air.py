@@ -370,3 +370,14 @@ OF_MASS = (
     *("inertia/ixy-slugs_ft2", "inertia/ixz-slugs_ft2", "inertia/iyz-slugs_ft2"),
     *("inertia/cg-x-in", "inertia/cg-y-in", "inertia/cg-z-in"),
 )
+
+
+def flow_rates(velocity: ca.SX, acceleration: ca.SX) -> tuple[Any, Any, Any]:
+    """Rates of speed, alpha and beta of a velocity in body axes."""
+    u, v, w = ca.vertsplit(velocity)
+    in_plane = u**2 + w**2
+    speed = ca.sqrt(in_plane + v**2)
+    speed_rate = ca.dot(velocity, acceleration) / speed
+    alpha_rate = (u * acceleration[2] - w * acceleration[0]) / in_plane
+    beta_rate = (speed * acceleration[1] - v * speed_rate) / (speed * ca.sqrt(in_plane))
+    return speed_rate, alpha_rate, beta_rate

@@ -16,18 +16,20 @@ from hfa_jsbsim.air import (
     KNOT,
     OF_MASS,
     Winds,
+    flow_rates,
     mass_properties,
     motion_of,
     state_properties,
 )
-from hfa_jsbsim.airframe import Body, Mass, mass_of
+from hfa_jsbsim.airframe import Body, Mass, inverse, mass_of
 from hfa_jsbsim.catalog import access
+from hfa_jsbsim.clock import moves_with_time
 from hfa_jsbsim.control_system import add_control_systems
 from hfa_jsbsim.engines import Effect, EngineFile, Surroundings
-from hfa_jsbsim.functions import function_value, table_value
+from hfa_jsbsim.functions import function_value, named, table_value
 from hfa_jsbsim.parts import Parts
-from hfa_jsbsim.piston import piston_power
-from hfa_jsbsim.propeller import HP, STEP, propeller_effect
+from hfa_jsbsim.powerplant import computing
+from hfa_jsbsim.propeller import STEP
 from hfa_jsbsim.properties import Properties, Writer, plain
 from hfa_jsbsim.reactions import Reactions
 from hfa_jsbsim.surfaces import (
@@ -63,20 +65,6 @@ _LEVERS = {
     "roll_trim": "fcs/roll-trim-cmd-norm",
     "yaw_trim": "fcs/yaw-trim-cmd-norm",
 }
-
-#: A state of steady flight, and times, s, at which forces there must be the same.
-_USUAL = {
-    "speed": 300.0,
-    "alpha": 0.05,
-    "pitch": 0.05,
-    "altitude": 5000.0,
-    "throttle": 0.5,
-    "gravity": 32.17,
-    **{f"rpm{number}": 1500.0 for number in range(9)},
-    **{f"engine{number}": 1.0 for number in range(9)},
-    **{f"tank{number}": 100.0 for number in range(99)},
-}
-_TIMES = (0.37, 5.3, 61.7, 1234.5)
 
 
 class Equations:
@@ -303,7 +291,7 @@ class Equations:
         for section, number in sections:
             for element in section.all("property"):
                 self._define_property(element)
-            for part in _named(section):
+            for part in named(section):
                 self._define_function(part, number)
 
     def _define_property(self, element: Element) -> None:
@@ -352,7 +340,7 @@ class Equations:
 
     def _add_engine(self, file: EngineFile, around: Surroundings) -> Writer:
         """Let an engine set its properties; the value of what is returned is its effect."""
-        writer = jets.add_engine(file, around, _computing(file, around))
+        writer = jets.add_engine(file, around, computing(file, around))
         if file.number == 0:
             for axis, (along, moment_axis) in enumerate(zip("xyz", "lmn", strict=True)):
                 self._define_sum(f"forces/fb{along}-prop-lbs", "force", axis)
@@ -388,9 +376,9 @@ class Equations:
         gravity = self.parameters["gravity"] * motion.down
         acceleration = pushed + gravity - ca.cross(motion.rates, motion.velocity)
         spin = ca.cross(motion.rates, ca.mtimes(mass.inertia, motion.rates))
-        rotation = ca.mtimes(_inverse(mass.inertia), moment - spin)
+        rotation = ca.mtimes(inverse(mass.inertia), moment - spin)
         turning = (x.pitch_rate * ca.sin(x.roll) + x.yaw_rate * ca.cos(x.roll)) / ca.cos(x.pitch)
-        speed_rate, alpha_rate, beta_rate = _flow_rates(motion.velocity, acceleration)
+        speed_rate, alpha_rate, beta_rate = flow_rates(motion.velocity, acceleration)
         self.rates = {
             "speed": speed_rate,
             "alpha": alpha_rate,
@@ -407,7 +395,7 @@ class Equations:
             self.rates |= effect.rates
         wind = motion.over_ground - motion.velocity
         over_ground = acceleration - ca.cross(motion.rates, wind)
-        self._angle_rates = _flow_rates(motion.air_velocity, over_ground)[1:]
+        self._angle_rates = flow_rates(motion.air_velocity, over_ground)[1:]
         weight = mass.slugs * self.parameters["gravity"]
         wind_force = ca.mtimes(motion.wind_to_body.T, air_force)
         self.outputs = {
@@ -486,10 +474,7 @@ class Equations:
             return
         symbols = [*self.states.values(), *(each.symbol for each in self.inputs.values())]
         symbols += [*self.parameters.values(), *self.gusts.values()]
-        function = ca.Function("rates", [self._time, ca.vertcat(*symbols)], [rates])
-        usual = [_USUAL.get(symbol.name(), 0.0) for symbol in symbols]
-        at_start = function(0.0, usual)
-        if any(not ca.is_equal(function(time, usual), at_start) for time in _TIMES):
+        if moves_with_time(rates, self._time, symbols):
             raise BadInputError(
                 f"{self.parts.path}: forces depend on simulation/sim-time-sec; take it out"
             )
@@ -506,24 +491,6 @@ class Equations:
         self.outputs = {name: solved[name] for name in self.outputs}
 
 
-def _flow_rates(velocity: ca.SX, acceleration: ca.SX) -> tuple[Any, Any, Any]:
-    """Rates of speed, alpha and beta of a velocity in body axes."""
-    u, v, w = ca.vertsplit(velocity)
-    in_plane = u**2 + w**2
-    speed = ca.sqrt(in_plane + v**2)
-    speed_rate = ca.dot(velocity, acceleration) / speed
-    alpha_rate = (u * acceleration[2] - w * acceleration[0]) / in_plane
-    beta_rate = (speed * acceleration[1] - v * speed_rate) / (speed * ca.sqrt(in_plane))
-    return speed_rate, alpha_rate, beta_rate
-
-
-def _inverse(matrix: ca.SX) -> ca.SX:
-    """The inverse of a symmetric (3, 3) matrix."""
-    rows = ca.horzsplit(matrix)
-    cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
-    return ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])
-
-
 def _propeller_states(engines: list[EngineFile]) -> Iterator[str]:
     """rpm of each propeller, blade angle of each governed one."""
     for file in engines:
@@ -531,52 +498,3 @@ def _propeller_states(engines: list[EngineFile]) -> Iterator[str]:
             yield f"rpm{file.number}"
             if file.governed:
                 yield f"blade{file.number}"
-
-
-def _named(section: Element) -> Iterator[Element]:
-    """All functions and tables of a section that have a name, those in others too."""
-    pending = [section]
-    while pending:
-        part = pending.pop()
-        if part.name == "channel":
-            continue
-        pending += reversed(part.children)
-        is_table = part.name in ("table", "t") and any(
-            child.name == "independentVar" for child in part.children
-        )
-        if (part.name == "function" or is_table) and "name" in part.attributes:
-            yield part
-
-
-def _computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
-    """What works out the effect of an engine."""
-
-    def compute() -> Effect:
-        try:
-            return effect()
-        except ArithmeticError as error:
-            fault = f"the numbers of the engine cannot be ({error}); correct them"
-            raise file.engine.error(fault) from error
-
-    def effect() -> Effect:
-        if file.kind == "turbine_engine":
-            power = jets.turbine_thrust(file, around)  # its lb are taken as ft lb/s by a propeller
-            if not file.has_propeller:
-                return jets.jet(file, around, power)
-            return propeller_effect(file, around, power)
-        if file.kind == "rocket_engine":
-            return jets.jet(file, around, jets.rocket_thrust(file, around))
-        properties: dict[str, Any] = {}
-        if file.kind == "piston_engine":
-            horsepower, properties = piston_power(file, around)
-        elif file.kind == "turboprop_engine":
-            horsepower = jets.turboprop_power(file, around)
-        else:
-            horsepower = jets.electric_power(file, around)
-        if not file.has_propeller:
-            return jets.jet(file, around, horsepower * HP)
-        driven = propeller_effect(file, around, horsepower * HP)
-        driven.properties |= properties
-        return driven
-
-    return compute

@@ -341,3 +341,10 @@ def rotation(roll: Any, pitch: Any, yaw: Any) -> ca.SX:
         cos_roll * cos_pitch,
     )
     return ca.SX(ca.horzcat(first, second, third))
+
+
+def inverse(matrix: ca.SX) -> ca.SX:
+    """The inverse of a symmetric (3, 3) matrix."""
+    rows = ca.horzsplit(matrix)
+    cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
+    return ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any
@@ -273,3 +273,18 @@ def table_value(element: Element, properties: Properties, number: int | None = N
         fault = f"the table has {table.dimensions} axes and {len(arguments)} independentVar"
         raise element.error(f"{fault}; give one an axis")
     return table.at(properties, [arguments[axis] for axis in range(table.dimensions)])
+
+
+def named(section: Element) -> Iterator[Element]:
+    """All functions and tables of a section that have a name, those in others too."""
+    pending = [section]
+    while pending:
+        part = pending.pop()
+        if part.name == "channel":
+            continue
+        pending += reversed(part.children)
+        is_table = part.name in ("table", "t") and any(
+            child.name == "independentVar" for child in part.children
+        )
+        if (part.name == "function" or is_table) and "name" in part.attributes:
+            yield part

@@ -6,7 +6,7 @@ import importlib.util
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property, lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +16,14 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_jsbsim.accounting import account
-from hfa_jsbsim.air import (
-    KNOT,
-    SEA_LEVEL,
-    air_at,
-    mach_of_calibrated,
-    subsonic_mach_of_calibrated,
-)
+from hfa_jsbsim.air import SEA_LEVEL
 from hfa_jsbsim.aircraft import GUSTS, STATES, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
+from hfa_jsbsim.equations import EquationsOfMotion
 from hfa_jsbsim.parts import Choices, Parts
-from hfa_jsbsim.properties import is_constant
 from hfa_jsbsim.reasons import explain, of_files
+from hfa_jsbsim.speeds import speed_and_density
 from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
 from hfa_support.errors import BadInputError, shortened
@@ -157,45 +152,6 @@ def data_folder() -> Path | None:
     if package is None or not package.submodule_search_locations:
         return None
     return Path(next(iter(package.submodule_search_locations)))
-
-
-class EquationsOfMotion:
-    """(x, u, p, w) -> rates by state, outputs by name, of numbers or expressions.
-
-    still: (x, u, p) -> both as columns, without gusts. gusty: makes (x, u, p, w) -> both, when they
-    are first asked for in moving air.
-    """
-
-    def __init__(
-        self,
-        still: ca.Function,
-        gusty: Callable[[], ca.Function],
-        rates: list[str],
-        outputs: list[str],
-    ) -> None:
-        self.function = still
-        self._make_gusty = gusty
-        self._rates = rates
-        self._outputs = outputs
-
-    @cached_property
-    def _gusty(self) -> ca.Function:
-        return self._make_gusty()
-
-    def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Rates and outputs."""
-        is_still = all(is_constant(gust) and float(gust) == 0.0 for gust in w)
-        vectors = (x, u, p) if is_still else (x, u, p, w)
-        columns = [ca.vertcat(*vector) if len(vector) else ca.DM(0, 1) for vector in vectors]
-        rates, outputs = (self.function if is_still else self._gusty)(*columns)
-        if isinstance(rates, ca.DM):
-            split = [column.full().ravel().tolist() for column in (rates, outputs)]
-        else:
-            split = [ca.vertsplit(column) for column in (rates, outputs)]
-        return (
-            dict(zip(self._rates, split[0], strict=True)),
-            dict(zip(self._outputs, split[1], strict=True)),
-        )
 
 
 class _Declaration:
@@ -459,7 +415,7 @@ class _Declaration:
             altitude = imposed.get("altitude")
             if altitude is None:
                 return {}
-            speed, density = _speed_and_density(imposed, altitude)
+            speed, density = speed_and_density(imposed, altitude)
             if speed is None or np.min(speed) <= 0.0:
                 return {}
             lift_coefficient = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
@@ -471,46 +427,6 @@ class _Declaration:
             return values | self._of_dead_engines({**imposed, **values})
 
         return begin
-
-
-def _speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, Any]:
-    """True speed, ft/s, of an imposed speed, Mach number or calibrated airspeed, None without them,
-    and density, slug/ft^3: numbers, or arrays of one length."""
-    calibrated = imposed.get("kcas", 0.0)
-    subsonic, sound, density = _at("subsonic", calibrated, altitude)
-    if "speed" in imposed:
-        return imposed["speed"], density
-    if "mach" in imposed:
-        return imposed["mach"] * sound, density
-    if "kcas" not in imposed:
-        return None, density
-    if np.max(subsonic) > 1.0:
-        (mach,) = _at("mach", calibrated, altitude)
-        return mach * sound, density
-    return subsonic * sound, density
-
-
-@lru_cache
-def _functions() -> dict[str, ca.Function]:
-    """(calibrated airspeed in kt, altitude in ft) -> Mach number if it is below 1, speed of sound,
-    ft/s, density, slug/ft^3; and -> any Mach number."""
-    speed = ca.SX.sym("speed")
-    altitude = ca.SX.sym("altitude")
-    air = air_at(altitude)
-    subsonic = subsonic_mach_of_calibrated(speed * KNOT, air.pressure)
-    any_mach = mach_of_calibrated(speed * KNOT, air.pressure)
-    return {
-        "subsonic": ca.Function("air", [speed, altitude], [subsonic, air.sound, air.density]),
-        "mach": ca.Function("mach", [speed, altitude], [any_mach]),
-    }
-
-
-def _at(name: str, speed: Any, altitude: Any) -> list[Any]:
-    """What one of `_functions` gives at numbers, or at arrays of one length."""
-    arguments = [np.atleast_2d(speed), np.atleast_2d(altitude)]
-    results = _functions()[name].call(arguments)
-    arrays = [result.full().ravel() for result in results]
-    return [float(array[0]) if array.size == 1 else array for array in arrays]
 
 
 def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterator[str]:

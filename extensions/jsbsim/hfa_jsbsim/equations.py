@@ -1,0 +1,50 @@
+"""The compiled equations of an aircraft of JSBSim, in still and in moving air."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+
+from hfa_jsbsim.properties import is_constant
+
+
+class EquationsOfMotion:
+    """(x, u, p, w) -> rates by state, outputs by name, of numbers or expressions.
+
+    still: (x, u, p) -> both as columns, without gusts. gusty: makes (x, u, p, w) -> both, when they
+    are first asked for in moving air.
+    """
+
+    def __init__(
+        self,
+        still: ca.Function,
+        gusty: Callable[[], ca.Function],
+        rates: list[str],
+        outputs: list[str],
+    ) -> None:
+        self.function = still
+        self._make_gusty = gusty
+        self._rates = rates
+        self._outputs = outputs
+
+    @cached_property
+    def _gusty(self) -> ca.Function:
+        return self._make_gusty()
+
+    def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Rates and outputs."""
+        is_still = all(is_constant(gust) and float(gust) == 0.0 for gust in w)
+        vectors = (x, u, p) if is_still else (x, u, p, w)
+        columns = [ca.vertcat(*vector) if len(vector) else ca.DM(0, 1) for vector in vectors]
+        rates, outputs = (self.function if is_still else self._gusty)(*columns)
+        if isinstance(rates, ca.DM):
+            split = [column.full().ravel().tolist() for column in (rates, outputs)]
+        else:
+            split = [ca.vertsplit(column) for column in (rates, outputs)]
+        return (
+            dict(zip(self._rates, split[0], strict=True)),
+            dict(zip(self._outputs, split[1], strict=True)),
+        )

@@ -1,0 +1,45 @@
+"""What an engine with its thruster does: the power of its kind, and what it drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hfa_jsbsim import engines as jets
+from hfa_jsbsim.engines import Effect, EngineFile, Surroundings
+from hfa_jsbsim.piston import piston_power
+from hfa_jsbsim.propeller import HP, propeller_effect
+
+
+def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
+    """What works out the effect of an engine."""
+
+    def compute() -> Effect:
+        try:
+            return effect()
+        except ArithmeticError as error:
+            fault = f"the numbers of the engine cannot be ({error}); correct them"
+            raise file.engine.error(fault) from error
+
+    def effect() -> Effect:
+        if file.kind == "turbine_engine":
+            power = jets.turbine_thrust(file, around)  # its lb are taken as ft lb/s by a propeller
+            if not file.has_propeller:
+                return jets.jet(file, around, power)
+            return propeller_effect(file, around, power)
+        if file.kind == "rocket_engine":
+            return jets.jet(file, around, jets.rocket_thrust(file, around))
+        properties: dict[str, Any] = {}
+        if file.kind == "piston_engine":
+            horsepower, properties = piston_power(file, around)
+        elif file.kind == "turboprop_engine":
+            horsepower = jets.turboprop_power(file, around)
+        else:
+            horsepower = jets.electric_power(file, around)
+        if not file.has_propeller:
+            return jets.jet(file, around, horsepower * HP)
+        driven = propeller_effect(file, around, horsepower * HP)
+        driven.properties |= properties
+        return driven
+
+    return compute

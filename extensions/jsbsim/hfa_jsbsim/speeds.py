@@ -1,0 +1,52 @@
+"""True speed of an airspeed or a Mach number at an altitude."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_jsbsim.air import KNOT, air_at, mach_of_calibrated, subsonic_mach_of_calibrated
+
+
+def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, Any]:
+    """True speed, ft/s, of an imposed speed, Mach number or calibrated airspeed, None without them,
+    and density, slug/ft^3: numbers, or arrays of one length."""
+    calibrated = imposed.get("kcas", 0.0)
+    subsonic, sound, density = _at("subsonic", calibrated, altitude)
+    if "speed" in imposed:
+        return imposed["speed"], density
+    if "mach" in imposed:
+        return imposed["mach"] * sound, density
+    if "kcas" not in imposed:
+        return None, density
+    if np.max(subsonic) > 1.0:
+        (mach,) = _at("mach", calibrated, altitude)
+        return mach * sound, density
+    return subsonic * sound, density
+
+
+@lru_cache
+def _functions() -> dict[str, ca.Function]:
+    """(calibrated airspeed in kt, altitude in ft) -> Mach number if it is below 1, speed of sound,
+    ft/s, density, slug/ft^3; and -> any Mach number."""
+    speed = ca.SX.sym("speed")
+    altitude = ca.SX.sym("altitude")
+    air = air_at(altitude)
+    subsonic = subsonic_mach_of_calibrated(speed * KNOT, air.pressure)
+    any_mach = mach_of_calibrated(speed * KNOT, air.pressure)
+    return {
+        "subsonic": ca.Function("air", [speed, altitude], [subsonic, air.sound, air.density]),
+        "mach": ca.Function("mach", [speed, altitude], [any_mach]),
+    }
+
+
+def _at(name: str, speed: Any, altitude: Any) -> list[Any]:
+    """What one of `_functions` gives at numbers, or at arrays of one length."""
+    arguments = [np.atleast_2d(speed), np.atleast_2d(altitude)]
+    results = _functions()[name].call(arguments)
+    arrays = [result.full().ravel() for result in results]
+    return [float(array[0]) if array.size == 1 else array for array in arrays]
