@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from controller.critic.critic import from_weights
 from controller.critic.critic_file import (
@@ -32,12 +32,12 @@ from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
 from verification.critic.about_trim import box_within_limits, nonlinear_plant
 from verification.critic.critic_check import check_critic, check_history
-from verification.critic.discrete_check import check_discounted, check_discrete
-from verification.critic.figures import verdict_figure, verdicts_figure
-from verification.critic.other_games import Nearby, Scheduled
-from verification.critic.scope import LIMIT, SECONDS, Scope
+from verification.critic.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
 from verification.critic.verdict import Verdict, verdicts_report
 from verification.hfa_box import ordinary_box
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Of more files than this, each network is flown from a few starts.
 _MANY = 5
@@ -137,20 +137,34 @@ def verify(request: VerifyRequest) -> int:
     cost = request.limit_cost
     if len(verdicts) == 1:
         (verdict,) = verdicts.values()
-        figure = partial(verdict_figure, verdict)
+        figure = partial(_figure, verdict)
         report = verdict.report(limit_cost=cost, weights=named.weights_line())
     else:
-        figure = partial(verdicts_figure, verdicts, named.game.names.origin)
+        figure = partial(_figures, verdicts, named.game.names.origin)
         report = verdicts_report(verdicts, named.game.names.origin, cost)
     report = report.with_data(**named.labels(), **named.weights())
     show(report, request, figure=figure, notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
 
 
+def _figure(verdict: Verdict) -> Figure:
+    from verification.critic.figures import verdict_figure
+
+    return verdict_figure(verdict)
+
+
+def _figures(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
+    from verification.critic.figures import verdicts_figure
+
+    return verdicts_figure(verdicts, origin)
+
+
 def _verify_discrete(
     request: VerifyRequest, named: NamedGame, problem: DiscreteGame, paths: list[Path]
 ) -> int:
     """`verify` of one critic on a plant in discrete time; its file has W, P, K, L or H."""
+    from verification.critic.discrete_check import check_discrete
+
     if len(paths) != 1:
         raise BadInputError("a plant in discrete time needs one file of --weights")
     why = "belongs to continuous time; leave it out of a plant with time = discrete"
@@ -234,6 +248,8 @@ def _check_file(
                 f"{path}: --discount judges one critic and this is over time; give one row of it"
             )
         scope = replace(scope, progress=ProgressLine("prove"))
+        from verification.critic.discrete_check import check_discounted
+
         return check_discounted(
             game, critics[0], request.discount, request.dt, limit=limit, scope=scope
         )

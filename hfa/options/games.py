@@ -274,13 +274,13 @@ class NamedGame:
     def asking_for_time(self) -> Iterator[None]:
         """A NoSolutionError of the block asks for the time, where the file does not say it and the
         plant has a solution in steps."""
-        from controller.riccati.discrete import solve_discrete
-
         try:
             yield
         except NoSolutionError as failure:
             question = ""
             if not self.has_time:
+                from controller.riccati.discrete import solve_discrete
+
                 with suppress(NoSolutionError):
                     solve_discrete(DiscreteGame(self.game))
                     question = '; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'

@@ -6,7 +6,12 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]
+_PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+SETTINGS = _PYPROJECT["tool"]
+#: The commands of the extensions, "prove" for all of `hfa prove`.
+COMMANDS_OF_EXTENSIONS = {
+    name.partition(".")[0] for name in _PYPROJECT["project"]["entry-points"]["hfa.commands"]
+}
 #: Package -> its folder, of the core and of the extensions.
 FOLDERS = {
     name: next(path for path in (ROOT / name, *ROOT.glob(f"extensions/*/{name}")) if path.is_dir())

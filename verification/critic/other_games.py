@@ -25,6 +25,7 @@ from controller.riccati.discrete import quick_discrete, sampled
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.hypotheses import REDUNDANT, Hypothesis, View
+from verification.critic.scope import Nearby
 
 #: Where searches begin: 1/delta² and Q, R, discount as factors, steps of time in s.
 _FACTORS = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
@@ -51,30 +52,6 @@ class Answer(NamedTuple):
 
     P: np.ndarray | None
     K: np.ndarray
-
-
-class Scheduled(NamedTuple):
-    """The games of a model along its scheduling variable.
-
-    says: value -> "at dihedral 12.0000 deg".
-    game_at: value -> the game there.
-    starts: values where a search begins; none where the model is stationary.
-    """
-
-    says: Callable[[float], str]
-    game_at: Callable[[float], Game]
-    starts: tuple[float, ...]
-
-
-class Nearby(NamedTuple):
-    """Other games that the critic may have been learned on.
-
-    named: what differs, as "of the matrices printed for 5 deg" -> game.
-    scheduled: games along the scheduling variable.
-    """
-
-    named: Mapping[str, Game] = {}
-    scheduled: Scheduled | None = None
 
 
 class Family(NamedTuple):

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from controller.game.zero_sum import Game
 from hfa_support.arguments import checks_arguments
 from hfa_support.progress import Progress
 from verification.critic.critic_errors import Box
 
 if TYPE_CHECKING:
     from verification.critic.about_trim import NonlinearPlant
-    from verification.critic.other_games import Nearby
 
 #: Default limit of the errors of P, K, V, its slopes and the policies, and of the residual.
 LIMIT = 1e-6
@@ -19,6 +20,30 @@ LIMIT = 1e-6
 FLIGHTS = 100
 #: How long to look for a proof of the errors of a network.
 SECONDS = 20.0
+
+
+class Scheduled(NamedTuple):
+    """The games of a model along its scheduling variable.
+
+    says: value -> "at dihedral 12.0000 deg".
+    game_at: value -> the game there.
+    starts: values where a search begins; none where the model is stationary.
+    """
+
+    says: Callable[[float], str]
+    game_at: Callable[[float], Game]
+    starts: tuple[float, ...]
+
+
+class Nearby(NamedTuple):
+    """Other games that the critic may have been learned on.
+
+    named: what differs, as "of the matrices printed for 5 deg" -> game.
+    scheduled: games along the scheduling variable.
+    """
+
+    named: Mapping[str, Game] = {}
+    scheduled: Scheduled | None = None
 
 
 @checks_arguments

@@ -37,8 +37,8 @@ from verification import check_critic, from_gain, from_value, from_weights
 from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import critic_errors
 from verification.critic.diagnosis import diagnose, diagnose_discrete
-from verification.critic.other_games import Nearby, Scheduled, discounted
-from verification.critic.scope import Scope
+from verification.critic.other_games import discounted
+from verification.critic.scope import Nearby, Scheduled, Scope
 from verification.hfa_box import ordinary_box
 
 network_files = Extension("network_files")
