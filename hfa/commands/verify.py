@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -234,6 +235,12 @@ def _check_file(
     """The verdict on the critic in a file, or on the last of a history; of `files` files."""
     game = named.game
     limit = request.limit_error
+    if path.suffix.lower() == ".zip":
+        warnings.warn(
+            f"{path}: its normalizer, clip and action map are not in it, this is about the network "
+            "alone; `hfa assess CARD.toml` judges the policy as it is deployed",
+            stacklevel=2,
+        )
     time = request.set.get("predefined_time")
     activation = request.set.get("activation")
     if files == 1 and path.suffix.lower() == ".onnx" and activation is not None:

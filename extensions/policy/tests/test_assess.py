@@ -69,7 +69,7 @@ def test_a_delay_beyond_the_limit_does_not_hold():
     assert result.report().title.startswith("does not hold at 60 m/s")
 
 
-@pytest.mark.parametrize("name", ["ppo_gtm", "ppo_raw"])
+@pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_the_rest_is_where_a_flight_of_200_s_ends(name):
     deployed = card(name).on(aircraft(name))
     points = trims(name)
@@ -126,6 +126,7 @@ def test_a_clip_that_is_active_at_rest_is_said_and_not_judged_as_stable():
     assert any("its slope is 0 there" in finding for finding in point.findings)
 
 
+@pytest.mark.slow
 def test_flights_are_decided_by_their_seed():
     model, deployment = aircraft("ppo_raw"), card("ppo_raw")
     first, again, other = (
