@@ -34,8 +34,6 @@ _WELL = 0.5
 #: How many times more starts a repair must bring back, and which part of all at least.
 _CLEARLY = 1.25
 _MANY = 0.7
-#: The same of a card whose loops are all stable at rest, as those of right and narrow ones are.
-_NEARLY_ALL = 0.95
 #: Flights of each repair at each of so many trims, and their seconds.
 _STARTS = 24
 _PLACES = 2
@@ -82,11 +80,12 @@ class Back(NamedTuple):
 
 
 def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """The repair that brings clearly more starts back; nothing where the card flies well, or would
-    without its delay."""
+    """The repairs that bring clearly more starts back; nothing where the card flies well or every
+    loop is stable at rest, or most would be without the delay."""
     flown = [point.flights for point in assessed if point.flights is not None]
     share = sum(each.returned for each in flown) / max(1, sum(each.starts for each in flown))
-    if not flown or share >= _WELL or _delay_alone(assessor, assessed):
+    is_stable = all(point.radius < 1.0 for point in assessed)  # right, and narrow or slow
+    if not flown or is_stable or share >= _WELL or _delay_alone(assessor, assessed):
         return
     trial = _Trial(assessor, assessed)
     yield from trial.best()
@@ -111,8 +110,6 @@ class _Trial:
         self.card = assessor.deployed.deployment
         order = sorted(assessed, key=lambda point: point.flights.returned)  # type: ignore[union-attr]
         self.places = [point.place for point in order[:_PLACES]]
-        is_stable = all(point.radius < 1.0 for point in assessed)
-        self.many = _NEARLY_ALL if is_stable else _MANY
         self.holds_somewhere = any(point.holds for point in assessed)
         self.k = len(self.card.observation)
         self.m = len(self.card.action)
@@ -128,7 +125,7 @@ class _Trial:
         better = []
         for repair, back in zip(repairs, returned[1 + len(lower) :], strict=True):
             baseline = max(card, lowered) if repair.scales else card
-            if back.share >= max(self.many, _CLEARLY * baseline):
+            if back.share >= max(_MANY, _CLEARLY * baseline):
                 better.append((back, repair))
         if not better and not self.holds_somewhere:
             better = self._better_rates(max(card, lowered))
@@ -323,6 +320,6 @@ class _Trial:
                 parts=max(1, round(part * self.assessor.flight().parts)),
             )
             (back,) = self._returned([repair], flight)
-            if back.share >= max(self.many, _CLEARLY * baseline):
+            if back.share >= max(_MANY, _CLEARLY * baseline):
                 better.append((back, repair))
         return better
