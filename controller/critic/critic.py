@@ -18,7 +18,7 @@ import numpy as np
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, shape_text
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, numbers_in
+from hfa_support.errors import BadInputError, is_finite, numbers_in
 from hfa_support.reporting.fields import Shown
 
 #: What a network may give: V, ∂V/∂z, u.
@@ -213,7 +213,8 @@ def from_weights(
     precision: of the numbers in its file
     time: s, of a critic of a history
 
-    BadInputError when W has another length than the basis, or is complex.
+    BadInputError when W has another length than the basis, or is complex, and where the constant is
+    no finite number.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -222,6 +223,8 @@ def from_weights(
     """
     weights = numbers_in("W", weights)
     n = len(game.A)
+    if not is_finite(constant):
+        raise BadInputError(f"constant is {constant:g}; V(0) must be a finite number")
     if isinstance(functions, ca.Function):
         count = functions.numel_out(0)
         if functions.numel_in(0) != n or weights.shape != (count,):

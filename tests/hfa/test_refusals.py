@@ -109,6 +109,10 @@ REFUSED = {
             "20 samples cannot determine 21 weights; record at least 21",
         ),
         ("--dihedral 15 --set tick=1e-320", "a number is too large or too small to compute with"),
+        (
+            "--dihedral 15 --set initial_weights=1,2",
+            "there are 2 initial_weights; basis 'quadratic' has 21",
+        ),
     ],
     "verify": [
         ("--dihedral 15 --basis quadratic", "use --set basis="),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 from controller.critic.features import number_of
 from hfa_printed.exact_answer import Plant
 from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, said_of, shown
-from hfa_support.files import note_read
+from hfa_support.files import note_read, read_toml
 
 TIMES = ("continuous", "discrete")
 #: Keys of the file, of its plant and of its printed answer.
@@ -91,9 +90,9 @@ def load_printed(path: Path) -> PrintedFile:
     BadInputError names the block and the row of a text that is no number, a shape that does not
     fit, and what is missing."""
     try:
-        content = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BadInputError(f"{path}: {error}") from error
+        content = read_toml(path)
+    except OSError as error:
+        raise BadInputError(f"{path}: cannot be read ({error.strerror})") from error
     note_read(path)
     with said_of(path):
         return _printed_file(content)

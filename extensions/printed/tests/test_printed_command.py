@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from cli import answer, assert_refused, hfa
 
 from hfa.main import BAD_INPUT, DONE, FAILED
@@ -35,6 +36,21 @@ def test_bad_input_of_a_printed_answer_is_one_line(tmp_path: Path) -> None:
         BAD_INPUT,
         "unknown option --dihedral",
     )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time = " + "[" * 5000 + "]" * 5000,
+        "time = " + "9" * 5000,
+        'time = "continuous"\n[plant]\nA = "' + "9" * 5000 + '"\nB = "1"\n[printed]\nK = "1"\n',
+        'time = "continuous"\n[plant]\nA = "' + "(" * 5000 + '"\nB = "1"\n[printed]\nK = "1"\n',
+    ],
+)
+def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "printed.toml"
+    file.write_text(text)
+    assert_refused(hfa("printed", str(file)), BAD_INPUT, f"{file}: ")
 
 
 def test_the_old_words_name_the_new_ones() -> None:

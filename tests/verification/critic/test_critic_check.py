@@ -21,8 +21,10 @@ from controller.game.training_run import Excitation, TrainingRun
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from controller.riccati.balancing import balanced_units
 from hfa.main import BAD_INPUT, DONE, FAILED
+from hfa_aircraft import Model, Signal
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_support import BadInputError, NoSolutionError
+from trim import TrimCondition, find_operating_point, linearize
 from verification import (
     check_critic,
     check_history,
@@ -31,6 +33,7 @@ from verification import (
     from_weights,
     solve_discounted,
 )
+from verification.critic.about_trim import box_within_limits
 from verification.critic.critic_errors import box_errors, matrix_errors
 from verification.critic.discrete_check import check_discounted
 from verification.critic.figures import verdict_figure
@@ -208,6 +211,36 @@ def test_wrong_shapes_numbers_that_are_not_real_and_a_game_without_a_solution_ar
         check_critic(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
     with pytest.raises(BadInputError, match=r"critic is an array of shape .* made by from_gain"):
         check_critic(game, np.zeros((5, 6)))  # type: ignore[arg-type]
+
+
+def test_a_limit_and_a_constant_that_are_no_numbers_are_named(game: Game) -> None:
+    weights = weights_of(value(game))
+    with pytest.raises(BadInputError, match=r"constant is nan; V\(0\) must be a finite number"):
+        from_weights(game, weights, constant=math.nan)
+    for constant in ("x", True, None):
+        with pytest.raises(BadInputError, match=r"constant is .*; give a number"):
+            from_weights(game, weights, constant=constant)  # type: ignore[arg-type]
+    with pytest.raises(BadInputError, match="limit is True; give a number"):
+        check_critic(game, from_gain(game, gain(game)), limit=True)
+
+
+@pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
+def test_a_state_at_or_beyond_its_limits_has_no_box(speed: float, half_width: float | None) -> None:
+    """Of a model that holds from 100 to 150, trimmed at other speeds too."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"speed": u.throttle - x.speed, "alpha": -x.alpha}, {}
+
+    states = {"speed": Signal("ft/s", min=100.0, max=150.0), "alpha": Signal("", min=-1.0, max=1.0)}
+    inputs = {"throttle": Signal("", min=0.0, max=500.0)}
+    model = Model("toy", states, inputs, equations, trim={"speed": 120.0})
+    condition = TrimCondition(model, {"speed": speed}, limits={"speed": (0.0, 300.0)})
+    box = box_within_limits(linearize(model, find_operating_point(model, condition)))
+    if half_width is None:
+        assert box is None
+    else:
+        assert box is not None
+        assert box.half_widths == pytest.approx([half_width, 1.0])
 
 
 def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
