@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 
 import control
@@ -13,6 +14,7 @@ from plant_references import gain_of, of_slycot
 
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_servo.generalized_plant import GeneralizedPlant, conditions
+from hfa_support import NoSolutionError
 from verification import solve_plant
 
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning")
@@ -65,6 +67,16 @@ def mixed_sensitivity(seed: int) -> GeneralizedPlant:
     return GeneralizedPlant.from_control(control.augw(*systems, *[None] * (4 - len(systems))), 1, 1)
 
 
+def bracket_of(plant: GeneralizedPlant) -> DeltaMin:
+    """delta_min; from 0 to inf where rounding leaves all of it open."""
+    try:
+        return plant.minimum_delta()
+    except NoSolutionError as refusal:
+        if "rounding" not in str(refusal):
+            raise
+        return DeltaMin(math.inf, 0.0)
+
+
 def agree(one: DeltaMin, other: DeltaMin) -> bool:
     """Whether some delta_min lies in both brackets: neither refuses what the other has shown."""
     most = (1.0 + AGREES) * min(one.value, other.value)
@@ -115,9 +127,9 @@ def test_the_smallest_delta_of_many_plants_is_that_of_slycot_and_of_every_copy()
     asked = 0
     for seed in range(171):
         plant = mixed_sensitivity(seed)
-        smallest = plant.minimum_delta()
+        smallest = bracket_of(plant)
         for copy in copies(plant, seed, 4):
-            found = copy.problem.minimum_delta()
+            found = bracket_of(copy.problem)
             asked += 1
             if not agree(found, smallest):
                 changed.append((seed, copy.kind, smallest, found))

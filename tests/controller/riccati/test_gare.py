@@ -37,6 +37,8 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     reference = reference_solution(game)
     solution = solve_game(game)
     assert reference.exists
+    # P is refined with twice the digits: rounding of the answer, 1e-16, times n² and the
+    # spread of its entries.
     assert relative_error(solution.P, reference.P) < 1e-12
     assert relative_error(solution.K, reference.K) < 1e-12
     units = 1.0 / np.sqrt(
@@ -67,6 +69,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=1e-12)
     np.testing.assert_allclose(solution.disturbance_gain, game.E.T @ P / game.delta**2, rtol=1e-12)
     flown = np.linalg.eigvals(game.A - game.B @ solution.K)
+    # Eigenvalues of two different matrices: rounding times their condition, about 1e4.
     np.testing.assert_allclose(
         np.sort(solution.closed_loop_eigenvalues.real), np.sort(flown.real), rtol=1e-9
     )
@@ -83,6 +86,7 @@ def test_delta_to_infinity_gives_lqr(game: Game) -> None:
         game.A, game.B, game.Q, game.R, method="scipy"
     )  # slycot, where it is, errs by 4e-11
     lqr = solve_game(game.with_delta(math.inf))
+    # SciPy's answer is not refined: rounding times the condition of the equation, 1e4.
     assert relative_error(lqr.P, P) < 1e-11
     assert relative_error(lqr.K, K) < 1e-11
     assert not lqr.disturbance_gain.any()

@@ -113,6 +113,7 @@ def test_units_over_16_decades_change_nothing() -> None:
     assert error(game) <= EXACT
     inputs = np.array([1e8, 1.0, 1e-8])
     turned = replace(game, B=game.B * inputs, R=game.R * np.outer(inputs, inputs))
+    # P is refined with twice the digits; K loses a digit in R^-½ of the turned inputs.
     np.testing.assert_allclose(solve_game(turned).P, plain.P, rtol=1e-12)
     np.testing.assert_allclose(solve_game(turned).K, plain.K / inputs[:, None], rtol=1e-11)
     assert minimum_delta(turned).value == pytest.approx(minimum_delta(game).value, rel=2e-6)
