@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-
-from controller.game.zero_sum import Game
 
 #: Of more frequencies than this, a singular value is computed at so many that seem nearest.
 FEW = 8
@@ -116,14 +113,6 @@ def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     return np.block([[A, -S], [-Q, -A.mT]])
 
 
-def balanced_units(game: Game) -> np.ndarray:
-    """Units u, (n,), powers of two, in which the Hamiltonian of a game is balanced: z_i = u_i y_i.
-
-    P in the new units is P_ij u_i u_j. See `units_of`.
-    """
-    return units_of(game.A, game.S, game.Q)
-
-
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """Units u (..., n), powers of two: in y, z_i = u_i y_i, the Hamiltonian is balanced.
 
@@ -149,14 +138,3 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
             exponent = np.round(0.5 * (np.log2(sizes[0]) - np.log2(sizes[1])))
         units = units * np.exp2(np.where(free, exponent, 0.0))[..., None]
     return units
-
-
-def in_units(game: Game, units: np.ndarray) -> Game:
-    """The same game in the state y, z_i = u_i y_i; units: (n,)."""
-    return replace(
-        game,
-        A=game.A * units / units[:, None],
-        B=game.B / units[:, None],
-        E=game.E / units[:, None],
-        Q=game.Q * np.outer(units, units),
-    )

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
-from controller.riccati.balancing import balanced_units, is_hurwitz, spectrum
+from controller.riccati.balancing import is_hurwitz, spectrum
 from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.gare import Solution
+from controller.riccati.normal_form import NormalForm
 from hfa_support.errors import NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.checks import Check, at_most
@@ -115,7 +116,7 @@ def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
     D = loss_matrix(game, exact, K)
     if D is None:
         return math.inf, math.inf
-    units = balanced_units(game)
+    units = NormalForm.of(game).units
     squared = np.outer(units, units)
     values, vectors = np.linalg.eigh(exact.P * squared)
     paid = values > SIGNLESS * max(float(values[-1]), 0.0)

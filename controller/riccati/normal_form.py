@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -47,8 +47,9 @@ class NormalForm:
     delta: float
 
     @classmethod
+    @lru_cache(maxsize=8)
     def of(cls, game: Game) -> NormalForm:
-        """Of one game."""
+        """Of one game, made once for all who ask for that of the same game."""
         return cls.of_plants(game.A, game.B, game)
 
     @classmethod
@@ -109,6 +110,15 @@ class NormalForm:
     def S(self) -> np.ndarray:
         """B B' - E E', (..., n, n)."""
         return self.B @ self.B.mT - self.E @ self.E.mT
+
+    @property
+    def units(self) -> np.ndarray:
+        """u with z_i = u_i y_i, (n,), powers of two, of a form that is not turned."""
+        return np.asarray(1.0 / np.diag(self.T))
+
+    def of_value(self, P: np.ndarray) -> np.ndarray:
+        """X of a P, or of a stack of them, in the user's coordinates; the form is not turned."""
+        return P * np.outer(self.units, self.units)
 
     @property
     def is_finite(self) -> np.ndarray:

@@ -60,6 +60,12 @@ def copies(
         yield Copy(kind, copy, matrices)
 
 
+def in_units(problem: Any, units: np.ndarray) -> Any:
+    """The problem in the state y, z_i = u_i y_i; units: (n,)."""
+    change = _Change(np.diag(1.0 / units), np.diag(units))
+    return _copy(problem, change, np.random.default_rng())
+
+
 class _Change(NamedTuple):
     """y = T z; without T the last bits change."""
 

@@ -14,12 +14,12 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.game.basis import basis
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced_units, in_units, spectrum
+from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import INDEFINITENESS
 from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost
 from controller.riccati.gare import Solution, solve_game
 from controller.riccati.margins import DiskMargin, disk_margin
-from controller.riccati.normal_form import relative_residual, relative_residuals
+from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import CRITICS, part
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unless_positive
@@ -194,8 +194,8 @@ def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
 
 def _residual(game: Game, P: np.ndarray) -> float:
     """The relative Riccati residual of P in balanced units."""
-    units = balanced_units(game)
-    return relative_residual(in_units(game, units), P * np.outer(units, units))
+    form = NormalForm.of(game)
+    return float(form.relative_residual(form.of_value(P)))
 
 
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
@@ -205,16 +205,14 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
     allows the same. A limit above the default allows |P - P*| <= limit |P*|, which moves
     eigenvalues by no more (Weyl).
     """
-    units = balanced_units(game)
-    squared = np.outer(units, units)
-    balanced = in_units(game, units)
-    scaled = P * squared
-    right = exact * squared
+    form = NormalForm.of(game)
+    scaled = form.of_value(P)
+    right = form.of_value(exact)
     abscissa = spectrum(game.A - game.S @ P).abscissa
     unstable = f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"
-    residual = relative_residual(balanced, scaled)
+    residual = float(form.relative_residual(scaled))
     unsolved = f"the Riccati equation is left with a residual of {residual:.2g}"
-    costs = np.linalg.eigvalsh(balanced.Q)
+    costs = np.linalg.eigvalsh(form.Q)
     least = 0.0 if costs[0] > SIGNLESS * costs[-1] else -INDEFINITENESS
     if limit > LIMIT and exact.any():
         allowed = limit * float(np.linalg.norm(right) / np.abs(right).max())
@@ -237,15 +235,8 @@ def _run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
     """The errors of P(t) of a training run, computed anew from its weights."""
     psi = basis(run.basis, len(game.A))
     values = np.array([psi.matrix(weights) for weights in run.weights])
-    units = balanced_units(game)
-    balanced = in_units(game, units)
-    residuals = relative_residuals(
-        balanced.A,
-        balanced.S_control,
-        balanced.S_disturbance / balanced.delta**2,
-        balanced.Q,
-        values * np.outer(units, units),
-    )
+    form = NormalForm.of(game)
+    residuals = form.relative_residual(form.of_value(values))
     errors = {
         "riccati_residual": residuals,
         "P_rel_error": np.array([relative_error(P, exact.P) for P in values]),

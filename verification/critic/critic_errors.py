@@ -18,7 +18,7 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced_units
+from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import Check, at_most
@@ -66,7 +66,7 @@ class Box(NamedTuple):
 def balanced_box(game: Game) -> Box:
     """The balanced units of the game, where nobody says which deviations are ordinary."""
     about = "balanced units of the game; a convention, no ordinary deviations are given"
-    return Box(balanced_units(game), about)
+    return Box(NormalForm.of(game).units, about)
 
 
 @checks_arguments
@@ -131,7 +131,7 @@ def matrix_errors(
 ) -> tuple[Check, ...]:
     """Errors of "P" (n, n) or "K" (m, n): in the units of the game, in balanced units U as U P U or
     R^(1/2) K U, and of the worst entry of U P U or diag(R)^(1/2) K U."""
-    units = balanced_units(game)
+    units = NormalForm.of(game).units
     if name == "P":
         scales = np.outer(units, units)
         entry_scales = scales

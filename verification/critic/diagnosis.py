@@ -22,10 +22,10 @@ from controller.critic.critic import FUNCTIONS, Critic
 from controller.game.basis import basis
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced_units, in_units, spectrum
+from controller.riccati.balancing import spectrum
 from controller.riccati.discrete import quick_discrete
 from controller.riccati.gare import solve_game
-from controller.riccati.normal_form import relative_residual
+from controller.riccati.normal_form import NormalForm
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.critic_errors import SMALL, Exact, matrix_errors, relative_error
 from verification.critic.hypotheses import (
@@ -277,7 +277,7 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
     """P, if there is one, and K of a critic in balanced units, beside the right ones."""
-    units = balanced_units(game)
+    units = NormalForm.of(game).units
     inputs = np.outer(np.sqrt(np.diag(game.R)), units)
     value = None
     if critic.P is not None:
@@ -316,9 +316,9 @@ def _beyond_quadratic(critic: Critic) -> str:
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
-    units = balanced_units(game)
+    form = NormalForm.of(game)
     abscissa = spectrum(game.A - game.S @ P).abscissa
-    residual = relative_residual(in_units(game, units), P * np.outer(units, units))
+    residual = float(form.relative_residual(form.of_value(P)))
     if residual > _ROOT or abscissa < 0.0:
         return ""
     return (

@@ -12,7 +12,7 @@ import numpy as np
 
 from controller.critic.critic import Critic, symbols_for
 from controller.game.discrete_game import DiscreteGame
-from controller.riccati.balancing import balanced_units
+from controller.riccati.normal_form import NormalForm
 
 #: Of Newton's method: its most steps, and what may be left of the slope, relative to its terms.
 _STEPS = 20
@@ -71,7 +71,7 @@ def policy_of_next(
         columns = np.hstack([columns, step.E / step.delta])
         price = np.block([[price, np.zeros((m, k))], [np.zeros((k, m)), -np.eye(k)]])
         cross = np.vstack([cross, np.zeros((k, n))])
-    sizes = np.abs(gains) @ balanced_units(step)
+    sizes = np.abs(gains) @ NormalForm.of(step).units
     sizes = np.where(sizes > 0.0, sizes, 1.0)
     x = symbols_for([gradient], n)
     scaled = symbols_for([gradient], len(gains))

@@ -19,9 +19,9 @@ import numpy as np
 
 from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.derivations import quick_solution
 from controller.riccati.discrete import quick_discrete, sampled
+from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_support.errors import BadInputError, NoSolutionError
 from verification.critic.hypotheses import REDUNDANT, Hypothesis, View
@@ -256,21 +256,20 @@ def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
     """
     if not P.any():
         return
-    units = balanced_units(game)
-    balanced = in_units(game, units)
-    P = (P + P.T) / 2.0 * np.outer(units, units)
-    control = P @ balanced.S_control @ P
-    worst_case = P @ balanced.S_disturbance @ P / balanced.delta**2
-    constant = balanced.A.T @ P + P @ balanced.A + worst_case
+    form = NormalForm.of(game)
+    P = form.of_value((P + P.T) / 2.0)
+    by_input = P @ form.B
+    by_disturbance = P @ form.E
+    constant = form.A.T @ P + P @ form.A + by_disturbance @ by_disturbance.T
     if _is_diagonal(game.Q):
         squares = [np.diag(row) for row in np.eye(len(P))]
-        fitted = _fitted(squares, constant - control)
+        fitted = _fitted(squares, constant - by_input @ by_input.T)
         if fitted is not None:
-            diagonal = fitted / units**2
+            diagonal = fitted / form.units**2
             yield from _with_weights(game, "Q", "state", diagonal)
     if _is_diagonal(game.R):
-        squares = [-np.outer(column, column) for column in (P @ balanced.B).T]
-        fitted = _fitted(squares, constant + balanced.Q)
+        squares = [-np.outer(column, column) for column in (P @ form.inputs).T]
+        fitted = _fitted(squares, constant + form.Q)
         if fitted is not None and np.all(fitted > 0.0):
             yield from _with_weights(game, "R", "input", 1.0 / fitted)
 

@@ -22,7 +22,7 @@ import numpy as np
 from controller.game.array_file import read_arrays
 from controller.game.user_files import entries_of, one_number
 from controller.game.zero_sum import LARGEST, Game, check_definite, checked_matrix
-from controller.riccati.balancing import balanced_units, spectrum
+from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_solution
 from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.existence import Found, solution_that_holds, value_found
@@ -404,7 +404,7 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
         for check in solution.certificate.checks:
             checks.append(check._replace(name=f"{name}_{check.name}"))
     # The controller is made and checked in balanced units; x̂ has the user's.
-    units = balanced_units(plant.sides[0].game(math.inf))
+    units = NormalForm.of(plant.sides[0].game(math.inf)).units
     result: OutputFeedback | StateFeedback
     if len(plant.C2):
         result = _output_feedback(plant, values[0], values[1], delta, units)
@@ -560,7 +560,7 @@ def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
     values = [solution_that_holds(NormalForm.of(game)) for game in games]
     if any(value is None for value in values):
         return math.inf
-    units = balanced_units(games[0])
+    units = NormalForm.of(games[0]).units
     balanced_plant = plant.in_units(units)
     X = values[0] * np.outer(units, units)
     if len(values) == 1:

@@ -10,10 +10,10 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
+from copies import in_units
 from reference_riccati import reference_solution
 
 from controller import Game
-from controller.riccati.balancing import in_units
 from controller.riccati.solution_report import analyse_game
 from hfa_support import NoSolutionError
 from verification import minimum_delta, solve_game

@@ -8,11 +8,11 @@ import warnings
 import control
 import numpy as np
 import pytest
+from copies import in_units
 from game_samples import game_models
 from scipy.optimize import minimize
 
 from controller import Game
-from controller.riccati.balancing import in_units
 from controller.riccati.margins import best_scaling, loop_margins, margin_of, scaled_norm
 from hfa_support import NoSolutionError
 from verification import bounded_real_gain, disk_margin, minimum_delta, solve_game

@@ -19,7 +19,7 @@ from controller.critic.critic import Critic
 from controller.game.basis import BASES
 from controller.game.training_run import Excitation, TrainingRun
 from controller.hfa_game import ORDINARY_DEVIATIONS
-from controller.riccati.balancing import balanced_units
+from controller.riccati.normal_form import NormalForm
 from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa_aircraft import Model, Signal
 from hfa_model import INPUTS, LINEAR_STATES
@@ -454,7 +454,7 @@ def test_a_plant_of_the_aircraft_s_size_has_a_box_of_its_own() -> None:
     Q = np.diag([1.0, 1e6, 1.0, 1.0, 1.0, 1.0])
     game = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), Q, np.eye(5), 5.0)
     data = check_critic(game, from_gain(game, gain(game))).to_dict()
-    assert data["box"]["half_widths"] == balanced_units(game).tolist()
+    assert data["box"]["half_widths"] == NormalForm.of(game).units.tolist()
     assert "a convention" in data["box"]["about"]
 
 

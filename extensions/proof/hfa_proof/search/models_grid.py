@@ -17,8 +17,8 @@ from flint import arb, arb_mat
 
 from controller.game.zero_sum import Game
 from controller.hfa_game import usual_game
-from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.derivations import schur_solution
+from controller.riccati.normal_form import NormalForm
 from hfa_proof.arithmetic.balls import TaylorModel, doubles, matrix, norm
 from hfa_proof.checker.checker import interpolation_errors
 from hfa_proof.checker.riccati import (
@@ -219,7 +219,7 @@ class GridSearch:
 def _solution_near(game: Game, weights: Weights, linear: LinearModelBox) -> SolutionBox:
     """P(s) of the game on a box to second order; reach is what Newton's step leaves."""
     middle = replace(game, A=doubles(linear.A.parts[0]), B=doubles(linear.B.parts[0]))
-    units = balanced_units(middle)
+    units = NormalForm.of(middle).units
     T = matrix(np.diag(units))
     A = T.inv() * linear.A * T
     S = T.inv() * riccati_S(weights, linear.B) * T.inv()
@@ -247,5 +247,5 @@ def _solutions(game: Game, linear: LinearModelBox, units: np.ndarray) -> Iterato
             doubles(model.parts[0] + arb(s) * model.parts[1] + arb(s * s) * model.parts[2])
             for model in (linear.A, linear.B)
         )
-        P = schur_solution(in_units(replace(game, A=A, B=B), units))
+        P = schur_solution(replace(game, A=A, B=B)) * np.outer(units, units)
         yield (P + P.T) / 2

@@ -14,9 +14,9 @@ from flint import acb, acb_mat, arb, arb_mat
 
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import balanced_units, in_units
 from controller.riccati.derivations import schur_solution
 from controller.riccati.gare import solve_game
+from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_proof.arithmetic.balls import (
     TaylorModel,
@@ -169,9 +169,7 @@ class ExactGame:
 
     def _frequencies_of_both_signs(self) -> Iterator[float]:
         """One ω where det(j ω I - H) > 0 and one where it is < 0, near eigenvalues on the axis."""
-        units = balanced_units(self.game)
-        game = in_units(self.game, units)
-        values = np.linalg.eigvals(np.block([[game.A, -game.S], [-game.Q, -game.A.T]]))
+        values = np.linalg.eigvals(NormalForm.of(self.game).hamiltonian)
         nearest = np.argsort(np.abs(values.real))[:4]
         near = sorted(np.abs(values[nearest].imag).tolist())
         ends = [near[0] * 0.9, *near, near[-1] * 1.1]
@@ -193,8 +191,8 @@ def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) 
     """P of the Riccati equation by Newton's method on midpoints, from the one of the Schur method.
 
     NoSolutionError when there is none to begin with, or a mode of A - S P may lie on the axis."""
-    units = balanced_units(game)
-    start = schur_solution(in_units(game, units))
+    units = NormalForm.of(game).units
+    start = schur_solution(game) * np.outer(units, units)
     if not np.isfinite(start).all():
         raise NoSolutionError("the Riccati equation has no finite solution to begin with")
     T = matrix(np.diag(units))

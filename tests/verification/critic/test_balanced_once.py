@@ -1,0 +1,30 @@
+"""One check of a critic balances its game once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controller import Game
+from controller.critic.critic import from_value
+from controller.riccati import normal_form
+from verification import solve_game
+from verification.critic.critic_check import check_critic
+
+
+def test_one_check_of_a_critic_balances_the_game_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(12)
+    A, B, E = (rng.standard_normal((4, size)) for size in (4, 2, 1))
+    game = Game(A, B, E, np.eye(4), np.eye(2), 30.0)
+    critic = from_value(game, solve_game(game).P)
+    units_of = normal_form.units_of
+    balanced = []
+
+    def counted(*matrices: np.ndarray) -> np.ndarray:
+        balanced.append(matrices)
+        return units_of(*matrices)
+
+    monkeypatch.setattr(normal_form, "units_of", counted)
+    normal_form.NormalForm.of.cache_clear()
+    assert check_critic(game, critic).ok
+    assert len(balanced) == 1
