@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,48 +57,65 @@ def _halving(
     best = z.copy()
     settled = np.zeros(len(z), dtype=bool)
     residual, jacobian = _moved(system, z, c)
-    size = _norm(residual)
-    step = newton_step(jacobian, residual, moving)
-    share = np.ones(len(z))
-    active = np.arange(len(z))
+    search = _Search(
+        points=np.arange(len(z)),
+        size=_norm(residual),
+        jacobian=jacobian,
+        step=newton_step(jacobian, residual, moving),
+        share=np.ones(len(z)),
+    )
     for _ in range(MOST_TRIALS):
-        last = size <= NEARLY
-        ended = last | ~(share >= LEAST_SHARE)
+        last = search.size <= NEARLY
+        ended = last | ~(search.share >= LEAST_SHARE)
         if ended.any():
-            finished = last & np.isfinite(step).all(axis=1)
-            best[active[finished]] += step[finished]
-            settled[active[finished]] = True
-            going = ~ended
-            active = active[going]
-            size = size[going]
-            step = step[going]
-            share = share[going]
-            jacobian = jacobian[going]
-        if not active.size:
+            finished = search.of(last & np.isfinite(search.step).all(axis=1))
+            best[finished.points] += finished.step
+            settled[finished.points] = True
+            search = search.of(~ended)
+        if not search.points.size:
             break
-        trial = best[active] + share[:, None] * step
+        trial = best[search.points] + search.share[:, None] * search.step
         if bounded:
             trial = np.clip(trial, system.lowest, system.highest)
-        residual, trial_jacobian = _moved(system, trial, c[active])
-        trial_size = _norm(residual)
-        better = trial_size < size
+        residual, jacobian = _moved(system, trial, c[search.points])
+        size = _norm(residual)
+        better = size < search.size
         if not better.all():
-            simplified = newton_step(jacobian, residual, moving)
-            better |= _norm(simplified) < (1.0 - share / 4.0) * _norm(step)
-            better &= np.isfinite(trial_jacobian).all(axis=(1, 2))
-        if better.all():
-            best[active] = trial
-            size = trial_size
-            jacobian = trial_jacobian
-            step = newton_step(jacobian, residual, moving)
-            share = np.ones(len(active))
-        else:
-            best[active[better]] = trial[better]
-            size[better] = trial_size[better]
-            jacobian[better] = trial_jacobian[better]
-            step[better] = newton_step(jacobian[better], residual[better], moving)
-            share = np.where(better, 1.0, share / 2.0)
+            simplified = newton_step(search.jacobian, residual, moving)
+            better |= _norm(simplified) < (1.0 - search.share / 4.0) * _norm(search.step)
+            better &= np.isfinite(jacobian).all(axis=(1, 2))
+        best[search.points[better]] = trial[better]
+        step = search.step.copy()
+        step[better] = newton_step(jacobian[better], residual[better], moving)
+        search = _Search(
+            points=search.points,
+            size=np.where(better, size, search.size),
+            jacobian=np.where(better[:, None, None], jacobian, search.jacobian),
+            step=step,
+            share=np.where(better, 1.0, search.share / 2.0),
+        )
     return best, settled
+
+
+class _Search(NamedTuple):
+    """The points, N of them, whose search goes on.
+
+    points: their numbers
+    size: |r| at the best unknowns, (N,)
+    jacobian: J there, (N, m, k)
+    step: that of Newton's method from there, (N, k)
+    share: of the step that is tried next, (N,)
+    """
+
+    points: np.ndarray
+    size: np.ndarray
+    jacobian: np.ndarray
+    step: np.ndarray
+    share: np.ndarray
+
+    def of(self, rows: np.ndarray) -> _Search:
+        """Some of the points; rows: indices or flags."""
+        return _Search(*(part[rows] for part in self))
 
 
 def newton_step(
