@@ -304,7 +304,7 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
         speeds = _propeller_speeds(simulator)
         moved = max((abs(a - b) for a, b in zip(before, speeds, strict=True)), default=0.0)
         steady = steady + 1 if moved < 1e-9 else 0
-        if second >= point.get("seconds", 20) and steady >= 2:
+        if second >= point.get("settle", 20) and steady >= 2:
             break
     tanks = _contents(simulator)  # the mass of the last step is that before it
     _run(simulator.run, simulator)

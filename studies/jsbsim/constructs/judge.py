@@ -96,7 +96,7 @@ def _point(rng: np.random.Generator) -> dict[str, Any]:
         state[name] = rng.uniform(-0.1, 0.1)
     commands = {name: rng.uniform(-0.8, 0.8) for name in ("aileron", "elevator", "rudder")}
     commands |= {"throttle": rng.uniform(0.2, 1.0), "flap": rng.uniform(0.2, 1.0)}
-    return {"state": state, "commands": commands, "seconds": _SECONDS}
+    return {"state": state, "commands": commands, "settle": _SECONDS}
 
 
 def _judged(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judgement:
