@@ -26,7 +26,7 @@ MARGIN = 2e-7
 #: How much larger than the set the ball is, and extents than what they hold.
 _SLACK = 1e-7
 #: Steps of the bisection.
-_STEPS = 7
+_STEPS = 11
 #: How much larger than a set of points an ellipsoid is tried, one after the other.
 _INFLATIONS = (1.001, 1.01, 1.03, 1.07, 1.15, 1.3)
 
@@ -147,20 +147,22 @@ class LevelSearch:
                 return False
         return True
 
-    def largest(self, least: float = 1e-3) -> float:
+    def largest(self, least: float = 1e-5) -> float:
         """The largest share of rho that holds, by bisection; 0 where `least` does not."""
         if self.holds(1.0):
             return 1.0
-        low, high = 0.0, 1.0
+        if not self.holds(least):
+            return 0.0
+        low, high = least, 1.0
         for _ in range(_STEPS):
-            middle = np.sqrt(max(low, least**2) * high) if low == 0.0 else (low + high) / 2
+            if high < 1.01 * low:
+                break
+            middle = float(np.sqrt(low * high))
             if self.holds(middle):
                 low = middle
             else:
                 high = middle
-            if high < least or (low > 0.0 and high - low < 0.01 * high):
-                break
-        return float(low)
+        return low
 
     def evidence(self) -> dict[str, Any] | None:
         """The whole witness of {V <= rho}; None where a part is not found."""

@@ -34,6 +34,8 @@ _SHELLS = 10
 _FARTHEST = 20.0
 #: A state that reaches this share of the room to its limit touches it.
 _TOUCHES = 0.97
+#: Candidates of which a level is tried to be proved.
+_TRIED = 4
 #: Where no state has a limit: nominal deviations that are searched.
 _WIDEST = 100.0
 
@@ -123,9 +125,9 @@ class RegionSearch:
                 f"{eigenvalues.real.max():.3g}); such equilibria are not covered"
             )
         Equilibrium(self.loop)  # refuses equations that a proof does not take
-        quadratic, origin = self._best_quadratic()
-        V = known or quadratic
-        self._prove(V, 1.0, "V of the certificate" if known else origin, settings_of(self._n)[0])
+        V = known or self._start()
+        if known:
+            self._prove(V, 1.0, "V of the certificate", settings_of(self._n)[0])
         for setting in settings_of(self._n):
             if setting.degree <= self._degree and self._left() > 0.0:
                 V = self._climb(self._proved_V(V), setting)
@@ -173,19 +175,27 @@ class RegionSearch:
             if np.all(np.linalg.eigvalsh(P) > 0.0):
                 yield "a Lyapunov matrix of the loop", P
 
-    def _best_quadratic(self) -> tuple[PolynomialFunction, str]:
-        """The candidate of the largest sampled set, its level 1, and what it is."""
-        best: tuple[float, PolynomialFunction, str] | None = None
+    def _start(self) -> PolynomialFunction:
+        """The first candidate of which a level is proved, those of the largest sampled sets first;
+        where none is, the first."""
+        candidates = self._sampled()
+        for _, V, origin in candidates[:_TRIED]:
+            if self._prove(V, 1.0, origin, settings_of(self._n)[0]):
+                return V
+        return candidates[0][1]
+
+    def _sampled(self) -> list[tuple[float, PolynomialFunction, str]]:
+        """Size of the sampled set, V with its level 1, and what it is, of each candidate; the
+        largest first."""
+        found = []
         for origin, P in self._candidates():
             level, T = self._limit_of(P)
             V = PolynomialFunction.quadratic(P)
             rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
             level = min(level, rises)
             size = level ** (self._n / 2) / np.sqrt(np.linalg.det(P))
-            if best is None or size > best[0]:
-                best = (size, V.scaled(1.0 / level), origin)
-        assert best is not None
-        return best[1], best[2]
+            found.append((float(size), V.scaled(1.0 / level), origin))
+        return sorted(found, key=lambda candidate: -candidate[0])
 
     def _limit_of(self, P: np.ndarray) -> tuple[float, np.ndarray]:
         """The largest level of z'P z within the limits of the states, and T of its ball."""
