@@ -13,12 +13,12 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.fields import Shown
 
-#: The channels whose fourth power completes the paper's M = 25. The paper prints M and not its
-#: basis, so this is an assumption: the three tracked channels and the pitch rate, the strongest
-#: coupling of Section 5.1.
-PAPER_QUARTIC_CHANNELS = ("speed", "alpha", "pitch_rate", "dihedral")
-#: The states of the paper's linear model, in its order.
-PAPER_STATES = ("speed", "alpha", "pitch", "pitch_rate", "dihedral", "dihedral_rate")
+#: The channels, counted from 0, whose fourth power completes the paper's M = 25: the three tracked
+#: ones and the pitch rate, the strongest coupling of Section 5.1. The paper prints M and not its
+#: basis, so this is an assumption.
+PAPER_QUARTIC_CHANNELS = (0, 1, 3, 4)
+#: Of the paper's linear model.
+PAPER_STATES = 6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -132,12 +132,11 @@ def basis(name: str, states: int) -> Basis:
 
 def _paper(states: int) -> np.ndarray:
     """(4, 6) exponents of the fourth powers of the paper's channels."""
-    if states != len(PAPER_STATES):
+    if states != PAPER_STATES:
         raise BadInputError(
-            f"basis 'paper' is for {len(PAPER_STATES)} states, not {states}; choose 'quadratic'"
+            f"basis 'paper' is for {PAPER_STATES} states, not {states}; choose 'quadratic'"
         )
-    channels = [PAPER_STATES.index(name) for name in PAPER_QUARTIC_CHANNELS]
-    return 4 * np.eye(states, dtype=int)[channels]
+    return 4 * np.eye(states, dtype=int)[list(PAPER_QUARTIC_CHANNELS)]
 
 
 #: What each basis adds to the quadratic monomials.
