@@ -157,12 +157,18 @@ _DECLARED = Model(
 @lru_cache(maxsize=64)
 def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
     """The aircraft with these equations and parameters, without lags of the air."""
+    # Any numbers: a fit of the print tries those that no aircraft has.
+    values = {
+        name: signal._replace(start=float(getattr(parameters, name)))
+        for name, signal in _DECLARED.parameters.items()
+    }
     return replace(
         _DECLARED,
         name=variant.name,
         called=f"{variant.name} dynamics",
         equations=Equations(variant),
-    ).with_parameters(**parameters._asdict())
+        parameters=values,
+    )
 
 
 def is_hfa(model: Model) -> bool:

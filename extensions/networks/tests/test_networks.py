@@ -161,8 +161,10 @@ def test_a_value_and_a_policy_of_one_file_are_named() -> None:
     with zipfile.ZipFile("ppo.zip", "w") as archive:
         archive.write("policy.pth")
     words = ("verify", *AT_15, "--weights", "ppo.zip", "--set", "activation=tanh", "--network")
-    judged = answer(*words, "V=value_net,policy=policy_net+action_net", code=FAILED)
-    assert judged["network"]["output"] == "V and policy"
+    judged = hfa(*words, "V=value_net,policy=policy_net+action_net", "--json")
+    assert judged.code == FAILED
+    assert json.loads(judged.out)["network"]["output"] == "V and policy"
+    assert "hfa assess" in judged.err  # a zip has no normalizer and no map
     assert "name one by --network: " in hfa(*words[:-1]).err
     assert "before = stands one of V, gradient, policy, V+policy" in hfa(*words, "W=value_net").err
 

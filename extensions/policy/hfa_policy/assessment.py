@@ -367,6 +367,18 @@ def assess(
     progress: called during the flights
 
     BadInputError where the deployment is not of this aircraft, TrimError where there is no trim.
+
+    >>> import casadi as ca
+    >>> import hfa
+    >>> o = ca.SX.sym("o", 2)
+    >>> card = hfa.Deployment(
+    ...     policy={"file": ca.Function("policy", [o], [0.1 * o[1]])},
+    ...     observation={"speed": {"scale": 10.0}, "pitch": {}},
+    ...     action={"elevator_center": {"box": [-1, 1], "map": "trim + 0.1 * a"}},
+    ...     timing={"dt": 0.02},
+    ... )
+    >>> hfa.assess(hfa.aircraft(), card, [0.1], samples=0).points[0].holds
+    True
     """
     from hfa_policy.assessment_report import Assessment
     from hfa_policy.mistakes import mistakes_of

@@ -37,6 +37,18 @@ def environment(
     render_mode: None or "rgb_array", the picture of the episode so far
 
     Raises BadInputError where gymnasium is missing, a name is unknown, or an action has no box.
+
+    >>> import hfa
+    >>> card = hfa.Deployment(
+    ...     policy={},
+    ...     observation={"speed": {"scale": 10.0}, "pitch": {}},
+    ...     action={"elevator_center": {"box": [-1, 1], "map": "trim + 0.1 * a"}},
+    ...     timing={"dt": 0.02},
+    ... )
+    >>> flights = hfa.environment(hfa.aircraft(), card)
+    >>> observation, info = flights.reset(seed=1)
+    >>> observation.shape, flights.action_space.shape
+    ((2,), (1,))
     """
     make = _made("gymnasium", "rl", "hfa_policy.gymnasium_environment", "AircraftEnvironment")
     episodes = _episodes(model, deployment, points, 1, seconds)
@@ -55,6 +67,10 @@ def vector_environment(
     """The same, `count` episodes at once, compiled: a `VecEnv` of Stable-Baselines3.
 
     Raises BadInputError where Stable-Baselines3 is missing, and as `environment` does.
+
+    >>> import hfa
+    >>> flights = hfa.vector_environment(model, card, count=16)  # doctest: +SKIP
+    >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
     module = "hfa_policy.vector_environment"
     make = _made("stable_baselines3", "training", module, "AircraftVectorEnvironment")
