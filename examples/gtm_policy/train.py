@@ -1,0 +1,35 @@
+"""Train a policy on the GTM and write its zip and normalizer, of a card beside this file:
+
+python train.py on_time.toml    # needs pip install ".[training]"; minutes
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecNormalize
+
+import hfa
+
+HERE = Path(__file__).parent
+card = HERE / sys.argv[1]
+steps = int(sys.argv[2]) if len(sys.argv) > 2 else 250_000
+model = hfa.load_model(f"{HERE.parent}/gtm.py:GTM")
+trims = [hfa.find_operating_point(model, hold={"speed": v}) for v in np.arange(40.0, 57.0, 4.0)]
+deployment = hfa.Deployment.load(card)  # what is observed, moved, when, how late, and the cost
+flights = hfa.vector_environment(model, deployment, trims, count=32, seconds=8.0)
+normalized = VecNormalize(flights, gamma=0.98)
+ppo = PPO(
+    "MlpPolicy",
+    normalized,
+    n_steps=128,
+    batch_size=512,
+    gamma=0.98,
+    learning_rate=lambda left: 1e-3 * left,
+    policy_kwargs={"net_arch": [32, 32], "log_std_init": -1.0},
+    seed=1,
+)
+ppo.learn(steps)
+ppo.save(HERE / deployment.policy["file"])
+normalized.save(HERE / deployment.policy["normalizer"])
