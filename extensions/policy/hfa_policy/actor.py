@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_networks.files.network_file import network_in
+from hfa_networks.files.row_network import RowNetwork
 from hfa_networks.files.tensors import tensors_in
 from hfa_policy.stable_baselines import LARGEST_FILE, Zip, is_stable_baselines, read_zip
 from hfa_support.errors import BadInputError, numbers_in, said_of, shown
@@ -28,6 +29,7 @@ class Actor:
     squash: whether tanh follows, mapped to the box; else the box clips.
     clip_mean: largest size before that tanh.
     stored: what the zip of Stable-Baselines3 says; None of another file.
+    rows: the same as `function` on many rows at once; None where only that computes it.
     """
 
     function: ca.Function
@@ -35,6 +37,7 @@ class Actor:
     squash: bool = False
     clip_mean: float = float("inf")
     stored: Zip | None = None
+    rows: RowNetwork | None = None
 
 
 def read_actor(entries: Mapping[str, Any], folder: Path, observations: int, actions: int) -> Actor:
@@ -90,6 +93,7 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
         squash=stored.squash,
         clip_mean=stored.clip_mean,
         stored=stored,
+        rows=network.rows.get("policy"),
     )
 
 
@@ -107,8 +111,8 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     network = network_in(path, observations, entries.get("activation"), parts)
     if not network.functions:
         raise BadInputError(f"{path} holds no policy of {observations} observations")
-    functions = list(network.functions.values())
-    return Actor(functions[0], network.chain, squash)
+    name, function = next(iter(network.functions.items()))
+    return Actor(function, network.chain, squash, rows=network.rows.get(name))
 
 
 def _gain(path: Path) -> np.ndarray | None:

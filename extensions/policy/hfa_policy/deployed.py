@@ -140,26 +140,37 @@ class Deployed:
         return ca.Function("observe", [X, U, trim], [ca.densify(ca.vertcat(*entries))])
 
     @cached_property
-    def stages(self) -> ca.Function:
-        """o -> (o normalized before its clip, a before its clip or squash, a)."""
-        deployment = self.deployment
-        actor = deployment.actor
-        low, high = deployment.box
-        o = symbols_for([actor.function], len(deployment.observation))
-        normal = o
-        seen = o
-        if deployment.normalizer is not None:
-            normal = deployment.normalizer.before_clip(o)
-            clip = deployment.normalizer.clip
-            seen = ca.fmin(ca.fmax(normal, -clip), clip)
-        raw = ca.vec(actor.function(seen))
+    def normalized(self) -> ca.Function:
+        """o -> (o normalized before its clip, what the network takes)."""
+        normalizer = self.deployment.normalizer
+        o = ca.SX.sym("o", len(self.deployment.observation))
+        if normalizer is None:
+            return ca.Function("normalized", [o], [o, o])
+        normal = normalizer.before_clip(o)
+        seen = ca.fmin(ca.fmax(normal, -normalizer.clip), normalizer.clip)
+        return ca.Function("normalized", [o], [ca.densify(part) for part in (normal, seen)])
+
+    @cached_property
+    def action(self) -> ca.Function:
+        """What the network gives -> a, clipped or squashed to the box."""
+        low, high = self.deployment.box
+        actor = self.deployment.actor
+        raw = ca.SX.sym("raw", len(self.commanded))
         if actor.squash:
             mean = ca.fmin(ca.fmax(raw, -actor.clip_mean), actor.clip_mean)
-            squashed = ca.tanh(mean)
-            action = ca.DM(low) + 0.5 * (squashed + 1.0) * ca.DM(high - low)
+            action = ca.DM(low) + 0.5 * (ca.tanh(mean) + 1.0) * ca.DM(high - low)
         else:
             action = ca.fmin(ca.fmax(raw, ca.DM(low)), ca.DM(high))
-        return ca.Function("stages", [o], [ca.densify(part) for part in (normal, raw, action)])
+        return ca.Function("action", [raw], [ca.densify(action)])
+
+    @cached_property
+    def stages(self) -> ca.Function:
+        """o -> (o normalized before its clip, a before its clip or squash, a)."""
+        network = self.deployment.actor.function
+        o = symbols_for([network], len(self.deployment.observation))
+        normal, seen = self.normalized(o)
+        raw = ca.densify(ca.vec(network(seen)))
+        return ca.Function("stages", [o], [normal, raw, self.action(raw)])
 
     @cached_property
     def act(self) -> ca.Function:

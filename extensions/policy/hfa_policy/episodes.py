@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_flight.envelope import flight_envelope
 from hfa_policy.deployed import Deployed
-from hfa_policy.flights import SampledFlight
+from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import start_box
 from hfa_support.errors import BadInputError, is_finite, shown
@@ -70,7 +70,7 @@ class Episodes:
             deployed.deployment.delay,
             parts_of_a_sample(list(points), deployed.deployment.dt),
             extra=actions,
-            command=_moved_by_actions(deployed, self.low, self.high),
+            other=_moved_by_actions(deployed, self.low, self.high),
         )
         self._step = RowFunction(machine_code(self._sample()))
         self._observe = RowFunction(self._observation())
@@ -144,8 +144,7 @@ class Episodes:
         parts = ca.vertsplit(row, np.cumsum([0, *flight.sizes]).tolist())
         X, memory, trim, actions = parts[0], parts[1], parts[6], parts[8]
         m = len(self.deployed.model.inputs)
-        assert flight.command is not None
-        U = flight.command(X, memory[-m:], trim, actions)
+        U = flight.steered.command()(X, memory[-m:], trim, actions)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
         return ca.Function("episode", [row], [flight.sample()(row), ca.densify(cost)])
 
@@ -172,13 +171,18 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> ca.Function:
-    """(X, U before, trim, a) -> U that the actions command, clipped to their box."""
-    X, U, trim = (ca.SX.sym(name, size) for name, size in _sizes(deployed))
-    actions = ca.SX.sym("a", len(low))
-    within = ca.fmin(ca.fmax(actions, ca.DM(low)), ca.DM(high))
-    commanded = deployed.inputs(within, X, U, trim)
-    return ca.Function("moved", [X, U, trim, actions], [ca.densify(commanded)])
+def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> Steered:
+    """By actions, the further numbers of a row, clipped to their box."""
+    count = len(low)
+    arguments = symbols_of_a_sample(deployed, count)
+    action = ca.SX.sym("a", count)
+    within = ca.fmin(ca.fmax(action, ca.DM(low)), ca.DM(high))
+    commanded = deployed.inputs(within, *arguments[:3])
+    return Steered(
+        enters=ca.Function("enters", arguments, [arguments[3]]),
+        network=ca.Function("none", [action], [action]),
+        moves=ca.Function("moves", [action, *arguments], [ca.densify(commanded)]),
+    )
 
 
 def cost_rate(deployed: Deployed) -> ca.Function:

@@ -13,11 +13,14 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from hfa_networks.files.row_network import RowNetwork
 from hfa_policy.deployed import Deployed
 from hfa_policy.held_step import held_step
 from hfa_support.native.bound import RowFunction
@@ -32,6 +35,49 @@ _MAKING = threading.Lock()
 _WHOLE = 1e-9
 
 
+class Steered(NamedTuple):
+    """What commands the inputs at a sample, in three steps, the second for all flights at once.
+
+    enters: (X, U before, trim, extra) -> what the network takes, (k,).
+    network: (k,) -> (m,).
+    moves: (what the network gives, X, U before, trim, extra) -> U.
+    rows: the network on many rows; None where `network` is called for each.
+    """
+
+    enters: ca.Function
+    network: ca.Function
+    moves: ca.Function
+    rows: RowNetwork | None = None
+
+    def command(self) -> ca.Function:
+        """(X, U before, trim, extra) -> U."""
+        arguments = [ca.MX.sym("x", self.enters.numel_in(index)) for index in range(4)]
+        raw = ca.vec(self.network(self.enters(*arguments)))
+        return ca.Function("command", arguments, [self.moves(raw, *arguments)])
+
+
+def steered_by(deployed: Deployed) -> Steered:
+    """By a deployment as it is."""
+    arguments = symbols_of_a_sample(deployed, 0)
+    raw = ca.SX.sym("raw", len(deployed.commanded))
+    seen = deployed.normalized(deployed.observe(*arguments[:3]))[1]
+    moved = deployed.inputs(deployed.action(raw), *arguments[:3])
+    actor = deployed.deployment.actor
+    return Steered(
+        enters=ca.Function("enters", arguments, [ca.densify(seen)]),
+        network=actor.function,
+        moves=ca.Function("moves", [raw, *arguments], [ca.densify(moved)]),
+        rows=actor.rows,
+    )
+
+
+def symbols_of_a_sample(deployed: Deployed, extra: int) -> list[ca.SX]:
+    """X, U before, trim and further numbers."""
+    n, m = len(deployed.model.states), len(deployed.model.inputs)
+    sizes = (n, m, n + m + len(deployed.model.parameters), extra)
+    return [ca.SX.sym("x", size) for size in sizes]
+
+
 @dataclass(frozen=True, eq=False)
 class SampledFlight:
     """What every flight of a deployment has in common.
@@ -39,8 +85,8 @@ class SampledFlight:
     deployed: the policy on its aircraft.
     dt, delay: s.
     parts: into how many steps of the integration a sample is divided.
-    extra: length of further numbers of a row, which `command` takes behind the trim.
-    command: (X, U before, trim, extra) -> U; that of the deployment unless given.
+    extra: length of further numbers of a row, which `steered` takes behind the trim.
+    other: what steers it; the deployment unless given.
     """
 
     deployed: Deployed
@@ -48,7 +94,12 @@ class SampledFlight:
     delay: float
     parts: int
     extra: int = 0
-    command: ca.Function | None = None
+    other: Steered | None = None
+
+    @cached_property
+    def steered(self) -> Steered:
+        """What steers the flights."""
+        return steered_by(self.deployed) if self.other is None else self.other
 
     @property
     def whole(self) -> int:
@@ -82,17 +133,25 @@ class SampledFlight:
         """Samples of a window, at least one."""
         return max(1, round(WINDOW / self.dt))
 
-    def sample(self) -> ca.Function:
-        """row -> row a sample later."""
+    @property
+    def changing(self) -> int:
+        """How many numbers of a row change from sample to sample: the first."""
+        return sum(self.sizes[:6])
+
+    def entering(self) -> ca.Function:
+        """row -> what the network takes."""
+        row = ca.MX.sym("row", sum(self.sizes))
+        return ca.Function("entering", [row], [self.steered.enters(*self._observed(row))])
+
+    def later(self) -> ca.Function:
+        """(row, what the network gives) -> the numbers that change, a sample later."""
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
-        command = self.deployed.command if self.command is None else self.command
         row = ca.MX.sym("row", sum(self.sizes))
-        parts = ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
-        X, memory, low_X, high_X, low_U, high_U, trim, push, extra = parts
+        raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
+        X, memory, low_X, high_X, low_U, high_U, trim, push, _ = self._parts(row)
         before = memory[-m:]
-        arguments = (X, before, trim, extra) if self.extra else (X, before, trim)
-        U = command(*arguments)
+        U = self.steered.moves(raw, *self._observed(row))
         p = trim[n + m :]
         acting = U if self.whole == 0 else memory[(self.whole - 1) * m : self.whole * m]
         after = X
@@ -109,14 +168,33 @@ class SampledFlight:
             ca.fmin(low_U, acting),
             ca.fmax(high_U, acting),
         )
-        later = ca.vertcat(after, shifted, *ranges, trim, push, extra)
-        return ca.Function("sample", [row], [ca.densify(later)])
+        changed = ca.vertcat(after, shifted, *ranges)
+        return ca.Function("later", [row, raw], [ca.densify(changed)])
 
-    def window(self, flights: int, seconds: float) -> ca.Function:
-        """row -> row a window later, as machine code where so many flights pay for it."""
-        several = self.sample().fold(self.samples_in_window)
-        pays = flights * seconds / self.dt >= COMPILE_FROM
-        return machine_code(several) if pays else several
+    def sample(self) -> ca.Function:
+        """row -> row a sample later."""
+        row = ca.MX.sym("row", sum(self.sizes))
+        raw = ca.vec(self.steered.network(self.entering()(row)))
+        later = ca.vertcat(self.later()(row, raw), row[self.changing :])
+        return ca.Function("sample", [row], [later])
+
+    def _parts(self, row: ca.MX) -> list[ca.MX]:
+        """The parts of a row."""
+        return ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
+
+    def _observed(self, row: ca.MX) -> tuple[ca.MX, ...]:
+        """(X, U before, trim, extra) of a row."""
+        X, memory, _, _, _, _, trim, _, extra = self._parts(row)
+        return X, memory[-len(self.deployed.model.inputs) :], trim, extra
+
+    def window(self, flights: int, seconds: float) -> Window:
+        """What advances rows by a window, as machine code where so many flights pay for it."""
+        entering, network, later = self.entering(), self.steered.network, self.later()
+        if flights * seconds / self.dt >= COMPILE_FROM:
+            entering, later = machine_code(entering), machine_code(later)
+            if self.steered.rows is None:
+                network = machine_code(network)
+        return Window(entering, network, later, self.steered.rows, self.samples_in_window)
 
     def rows(
         self,
@@ -136,24 +214,50 @@ class SampledFlight:
         return np.hstack(columns)
 
 
-def advanced(function: RowFunction, rows: np.ndarray) -> np.ndarray:
-    """The rows a window later."""
-    with np.errstate(all="ignore"):
-        return function(rows)[0]
+class Window:
+    """Advances rows by a number of samples. Not for two threads at once: each has a copy."""
+
+    def __init__(
+        self,
+        entering: ca.Function,
+        network: ca.Function,
+        later: ca.Function,
+        rows: RowNetwork | None,
+        samples: int,
+    ) -> None:
+        self._functions = (entering, network, later)
+        self._rows = rows
+        self._samples = samples
+        self._entering = RowFunction(entering)
+        self._later = RowFunction(later)
+        on_rows = RowFunction(network)
+        self._network = rows or (lambda seen: on_rows(seen)[0])
+
+    def copied(self) -> Window:
+        """The same with memory of its own."""
+        return Window(*self._functions, self._rows, self._samples)
+
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        """The rows a window later."""
+        rows = rows.copy()
+        with np.errstate(all="ignore"):
+            for _ in range(self._samples):
+                raw = self._network(self._entering(rows)[0])
+                changed = self._later(rows, raw)[0]
+                rows[:, : changed.shape[1]] = changed
+        return rows
 
 
-def in_threads(
-    window: ca.Function, work: Callable[[RowFunction, np.ndarray], None], count: int
-) -> None:
-    """Calls `work` with a function of its own and numbers of rows, in as many threads as there are
+def in_threads(window: Window, work: Callable[[Window, np.ndarray], None], count: int) -> None:
+    """Calls `work` with a window of its own and numbers of rows, in as many threads as there are
     processors; the rows are dealt out like cards."""
-    threads = max(1, min(os.cpu_count() or 1, count // 16))
+    threads = max(1, min(os.cpu_count() or 1, count // 100))
     with _MAKING:
-        functions = [RowFunction(window) for _ in range(threads)]
+        windows = [window.copied() for _ in range(threads)]
     dealt = [np.arange(first, count, threads) for first in range(threads)]
     if threads == 1:
-        work(functions[0], dealt[0])
+        work(windows[0], dealt[0])
         return
     with ThreadPoolExecutor(threads) as pool:
-        for done in [pool.submit(work, *pair) for pair in zip(functions, dealt, strict=True)]:
+        for done in [pool.submit(work, *pair) for pair in zip(windows, dealt, strict=True)]:
             done.result()

@@ -11,9 +11,8 @@ from hfa_aircraft.model import Model
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.flight_history import Flight
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
-from hfa_policy.flights import SampledFlight, advanced, in_threads
+from hfa_policy.flights import SampledFlight, Window, in_threads
 from hfa_policy.rest import Rest
-from hfa_support.native.bound import RowFunction
 from hfa_support.progress import Progress
 from trim.point.operating_point import OperatingPoint
 
@@ -133,12 +132,12 @@ class FlownRows:
         self.nearest = np.full(len(rows), np.inf)
         self.earlier = np.full(len(rows), np.inf)
 
-    def fly(self, seconds: float, window: Any, progress: Progress | None = None) -> None:
+    def fly(self, seconds: float, window: Window, progress: Progress | None = None) -> None:
         """Fly all of them for so many seconds."""
         count = len(self.rows)
         windows = max(1, round(seconds / (self.flight.samples_in_window * self.flight.dt)))
 
-        def work(function: RowFunction, numbers: np.ndarray) -> None:
+        def work(advance: Window, numbers: np.ndarray) -> None:
             flying = numbers
             for number in range(windows):
                 flying = flying[self.status[flying] == _FLYING]
@@ -146,7 +145,7 @@ class FlownRows:
                     break
                 if number == windows - _GROWTH_WINDOWS:
                     self.earlier[flying] = self.nearest[flying]
-                self._window(function, flying, number)
+                self._window(advance, flying, number)
                 if progress is not None and numbers[0] == 0:
                     progress(number + 1, windows)
 
@@ -158,7 +157,7 @@ class FlownRows:
         back = left & (self.nearest <= 1.0) & (self.stable | ~grows)
         self.status[back] = _RETURNED
 
-    def _window(self, function: RowFunction, flying: np.ndarray, number: int) -> None:
+    def _window(self, advance: Window, flying: np.ndarray, number: int) -> None:
         """One window of the flights that go on."""
         X, _, low_X, high_X, low_U, high_U, _, push, _ = self.flight.slices
         rows = self.rows[flying]
@@ -169,7 +168,7 @@ class FlownRows:
         rows[:, high_U] = -np.inf
         if time >= PUSHED - 1e-9:
             rows[:, push] = 0.0
-        rows = advanced(function, rows)
+        rows = advance(rows)
         self.rows[flying] = rows
         self.times[flying] = time + self.flight.samples_in_window * self.flight.dt
         inside = (rows[:, low_X] >= self.least[flying]) & (rows[:, high_X] <= self.most[flying])
@@ -274,7 +273,7 @@ def fly_places(
 
 
 def ends_from_trim(
-    flight: SampledFlight, points: list[OperatingPoint], window: Any, seconds: float
+    flight: SampledFlight, points: list[OperatingPoint], window: Window, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where flights that begin in their trims are after so many seconds: X (N, n) and the inputs
     that act, (N, m)."""
@@ -283,8 +282,7 @@ def ends_from_trim(
     m = len(points[0].model.inputs)
     pushes = np.zeros((len(points), len(points[0].model.linear)))
     rows = flight.rows(trims[:, :n], trims, pushes)
-    function = RowFunction(window)
     for _ in range(max(1, round(seconds / (flight.samples_in_window * flight.dt)))):
-        rows = advanced(function, rows)
+        rows = window(rows)
     X, memory, *_ = flight.slices
     return rows[:, X], rows[:, memory][:, :m]

@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import symbols_for
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
-from hfa_policy.flights import SampledFlight
+from hfa_policy.flights import SampledFlight, symbols_of_a_sample
 from hfa_policy.mistakes import Mistake
 from hfa_policy.outcomes import FlownRows, Place, seeded_starts
 from hfa_policy.rest import RestSearch
@@ -144,16 +143,17 @@ class _Trial:
         whole = self.assessor.flight()
         extra = self.k * self.k + self.k + self.m
         deployed = self.deployed
-        n, m = len(deployed.model.states), len(deployed.model.inputs)
-        kind = type(symbols_for([deployed.act], 1))
-        X, U = kind.sym("X", n), kind.sym("U", m)
-        trim = kind.sym("trim", n + m + len(deployed.model.parameters))
-        more = kind.sym("extra", extra)
-        P, c, sign = ca.vertsplit(more, [0, self.k**2, self.k**2 + self.k, extra])
-        o = ca.mtimes(ca.reshape(P, self.k, self.k), deployed.observe(X, U, trim)) + c
-        U_new = deployed.inputs(sign * deployed.act(o), X, U, trim)
-        command = ca.Function("command", [X, U, trim, more], [ca.densify(U_new)])
-        return replace(whole, extra=extra, command=command)
+        arguments = symbols_of_a_sample(deployed, extra)
+        P, c, sign = ca.vertsplit(arguments[3], [0, self.k**2, self.k**2 + self.k, extra])
+        raw = ca.SX.sym("raw", self.m)
+        o = ca.mtimes(ca.reshape(P, self.k, self.k), deployed.observe(*arguments[:3])) + c
+        seen = deployed.normalized(o)[1]
+        moved = deployed.inputs(sign * deployed.action(raw), *arguments[:3])
+        steered = whole.steered._replace(
+            enters=ca.Function("enters", arguments, [ca.densify(seen)]),
+            moves=ca.Function("moves", [raw, *arguments], [ca.densify(moved)]),
+        )
+        return replace(whole, extra=extra, other=steered)
 
     def _returned(self, repairs: Sequence[Repair], flight: SampledFlight) -> list[Back]:
         """What each brings back; nothing where its loop is not stable."""

@@ -20,6 +20,7 @@ import numpy as np
 from hfa_networks.files.activations import ACTIVATIONS
 from hfa_networks.files.onnx_graph import check_width, graph_functions, normalized
 from hfa_networks.files.products import Products
+from hfa_networks.files.row_network import RowNetwork, row_network
 from hfa_networks.files.tensors import LARGEST_FILE, checked_tensors, tensors_in
 from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from hfa_support.files import regular_file
@@ -68,12 +69,14 @@ class NetworkFile(NamedTuple):
     precision: of the weights in the file, as "float32".
     on_basis: the only layer, where it acts on the basis and not on the states; then there are no
         functions.
+    rows: the same as `functions` on many rows at once, of chains of linear layers alone.
     """
 
     functions: dict[str, ca.Function]
     chain: str
     precision: str
     on_basis: Layer | None = None
+    rows: Mapping[str, RowNetwork] = {}
 
 
 def network_in(
@@ -121,13 +124,17 @@ def network_in(
         if len(first) == 1 and first[0].inputs == features:
             return NetworkFile({}, f"{features} functions -> 1", precision, first[0])
         functions = {}
+        rows: dict[str, RowNetwork] = {}
         chains = []
         for name, layers in networks.items():
             check_width(layers[0].inputs, states, inputs)
             steps = _with_activations(layers, activation)
             functions[name] = _composed(steps)
             chains.append(_chain(name, steps))
-        return NetworkFile(functions, "; ".join(chains), precision)
+            if all(layer.is_linear for layer, _ in steps):
+                on_rows = row_network([(layer.weight, layer.bias, a) for layer, a in steps])
+                rows |= {} if on_rows is None else {name: on_rows}
+        return NetworkFile(functions, "; ".join(chains), precision, rows=rows)
 
 
 def _selected(tensors: Mapping[str, np.ndarray], part: str) -> dict[str, np.ndarray]:

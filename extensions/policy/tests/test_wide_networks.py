@@ -1,0 +1,85 @@
+"""Networks of the sizes that Stable-Baselines3 has by default, for all flights at once."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from policy_cases import AIRCRAFT, aircraft, card, gtm_card, trims
+
+from hfa_networks.files.activations import ACTIVATIONS
+from hfa_networks.files.row_network import ROW_ACTIVATIONS
+from hfa_policy.assessment import Assessor, assess
+from hfa_policy.outcomes import seeded_starts
+
+
+def wide_file(path, width, seed=0):
+    """A state dict of two hidden layers with random weights of moderate gain."""
+    random = np.random.default_rng(seed)
+    sizes = (4, width, width, 2)
+    arrays = {}
+    for index, (n, k) in enumerate(pairwise(sizes)):
+        arrays[f"{index}.weight"] = random.normal(size=(k, n)) / np.sqrt(n)
+        arrays[f"{index}.bias"] = 0.1 * random.normal(size=k)
+    arrays["2.weight"] *= 0.02
+    arrays["2.bias"] *= 0.02
+    np.savez(path, **arrays)
+    return str(path)
+
+
+@pytest.mark.parametrize("name", [name for name in ROW_ACTIVATIONS if name])
+def test_an_activation_on_rows_is_that_of_the_graph(name):
+    values = np.linspace(-45.0, 45.0, 31)
+    graph = [float(entry) for entry in ACTIVATIONS[name](values)]
+    np.testing.assert_allclose(ROW_ACTIVATIONS[name](values.copy()), graph, rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", AIRCRAFT)
+def test_the_network_on_rows_is_that_of_the_graph(name):
+    actor = card(name).actor
+    observations = np.random.default_rng(1).normal(size=(601, actor.function.numel_in(0)))
+    kept = observations.copy()
+    graph = np.array(actor.function(observations.T)).T
+    np.testing.assert_allclose(actor.rows(observations), graph, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(observations, kept)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05])
+@pytest.mark.parametrize("name", ["ppo_gtm", "td3_gtm"])
+def test_a_window_of_flights_is_the_samples_of_each_alone(name, delay):
+    late = card(name).changed(timing={"dt": 0.02, "delay": delay})
+    assessor = Assessor(late.on(aircraft(name)), trims(name)[:1], samples=0)
+    flight = assessor.flight()
+    (place,) = assessor.places(flight)
+    starts, pushes = seeded_starts(place, 5, 0, True)
+    trim = flight.deployed.trim_vector(place.point)
+    rows = flight.rows(starts, np.tile(trim, (5, 1)), pushes)
+    together = flight.window(5, 1.0)(rows)
+    alone = flight.sample().fold(flight.samples_in_window)
+    for after, row in zip(together, rows, strict=True):
+        np.testing.assert_allclose(after, np.array(alone(row)).ravel(), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("width", "activation"), [(64, "tanh"), (256, "relu")])
+def test_networks_of_the_default_sizes_are_assessed(tmp_path, width, activation):
+    file = wide_file(tmp_path / "wide.npz", width)
+    result = assess(
+        aircraft("ppo_gtm"), gtm_card({"file": file, "activation": activation}), [45.0], samples=12
+    )
+    (point,) = result.points
+    assert np.isfinite(point.radius)
+    assert point.flights.starts == 12
+    rest = point.rest
+    step = 1e-6 * np.array([1.0, 0.1, 0.1, 0.1])
+    columns = [list(point.point.model.states).index(name) for name in point.point.model.linear]
+    commanded = result.deployed.command
+    trim = result.deployed.trim_vector(point.point)
+    for number, column in enumerate(columns):
+        moved = np.zeros(len(rest.states))
+        moved[column] = step[number]
+        ahead, behind = (
+            np.array(commanded(rest.states + sign * moved, rest.inputs, trim)).ravel()
+            for sign in (1.0, -1.0)
+        )
+        slope = (ahead - behind) / (2.0 * step[number])
+        inputs = [list(point.point.model.inputs).index(name) for name in ("elevator", "throttle")]
+        np.testing.assert_allclose(-rest.K[:, number], slope[inputs], rtol=1e-4, atol=1e-6)
