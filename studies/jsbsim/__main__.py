@@ -1,6 +1,6 @@
 """JSBSim's 60 aircraft: its own trims and ours at the same conditions, ours measured in JSBSim.
 
-Writes studies/jsbsim/results.json and the table of docs/jsbsim.md. Needs the package jsbsim; takes
+Writes studies/jsbsim/results.json and the table of its README.md. Needs the package jsbsim; takes
 about ten minutes on one core. `--only NAME` runs one aircraft and keeps the rows of the others.
 """
 
@@ -20,7 +20,7 @@ from hfa_support.files import write_text
 from studies.jsbsim.study import LIFTS, SPEEDS, study
 
 RESULTS = Path(__file__).with_name("results.json")
-PAGE = Path(__file__).parents[2] / "docs" / "jsbsim.md"
+PAGE = Path(__file__).with_name("README.md")
 _BEGIN = "<!-- table of studies.jsbsim -->"
 _END = "<!-- end of the table -->"
 
@@ -54,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def write_page(rows: Sequence[dict[str, Any]]) -> None:
-    """Put the table and its sums into the page of the documentation."""
+    """Put the table and its sums into the README of the study."""
     before, _, behind = PAGE.read_text().partition(_BEGIN)
     _, _, after = behind.partition(_END)
     write_text(PAGE, f"{before}{_BEGIN}\n\n{summary(rows)}\n\n{table(rows)}\n\n{_END}{after}")

@@ -1,5 +1,5 @@
-"""Runs the paper's update law in every setting of the study and prints the table of docs/critics.md
-with the causes.
+"""Runs the paper's update law in every setting of the study and prints the table of its README.md,
+which has the causes.
 
 Writes FOLDER/published_study.json with every run, and each finished row into FOLDER/rows. Takes
 about a minute on two cores."""
