@@ -57,6 +57,7 @@ def test_needs_are_met_or_named(good):
         good.unmet({"speed": 1.0})
 
 
+@pytest.mark.slow
 def test_a_delay_beyond_the_limit_does_not_hold():
     late = card("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.02})
     result = assess(aircraft("ppo_gtm"), late, [60.0], samples=16)

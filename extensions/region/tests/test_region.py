@@ -171,6 +171,7 @@ def test_forgeries_are_refused(certificate: Path, model: Model) -> None:
     assert set(tried) == set(KINDS)
 
 
+@pytest.mark.slow
 def test_starts_in_the_proved_set_return(certificate: Path, model: Model) -> None:
     statement = check_certificate(certificate, model=model).statement
     V = PolynomialFunction.of_terms(statement.terms)
@@ -218,6 +219,7 @@ def test_a_search_goes_on_from_its_certificate(
 # Other loops.
 
 
+@pytest.mark.slow
 def test_a_loop_without_inputs(capsys: pytest.CaptureFixture[str]) -> None:
     words = ("--degree", "2", "--seconds", "0.1", "--json")
     assert run("--aircraft", PENDULUM.replace(":PENDULUM", ":VAN_DER_POL"), *words) == 0

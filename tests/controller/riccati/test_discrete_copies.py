@@ -73,7 +73,14 @@ def _changed(kind: str, seed: int, count: int) -> list[str]:
     return changed
 
 
-@pytest.mark.parametrize("kind", ["without weights", "sampled", "both poles"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "sampled",
+        pytest.param("without weights", marks=pytest.mark.slow),
+        pytest.param("both poles", marks=pytest.mark.slow),
+    ],
+)
 def test_copies_have_the_verdict_of_the_game(kind: str) -> None:
     assert _changed(kind, 0, 4) == []
 
