@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import hamiltonian, spectrum
+from controller.riccati.balancing import spectrum
 from controller.riccati.derivations import (
     by_eigenvectors,
     by_iteration,
@@ -186,7 +186,8 @@ def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np
     """The smallest relative change of the entries of A, B B', E E' and Q that could give the
     Hamiltonian an eigenvalue jω, for the ω of least distance among these.
 
-    1 / ρ(|(H - jω I)⁻¹| |H|), the inverse computed in the levelled coordinates. A change of units
+    1 / ρ(|(H - jω I)⁻¹| |H|), the inverse computed in the levelled coordinates, |H| the sizes of
+    what the entries were computed from. A change of units
     leaves it alone. Source: Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2."""
     n = len(given.A)
     into = np.linalg.solve(given.T.T, levelled.T.T).T  # from given to levelled
@@ -194,14 +195,12 @@ def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np
     zero = np.zeros((n, n))
     to_levelled = np.block([[into, zero], [zero, back.T]])
     to_given = np.block([[back, zero], [zero, into.T]])
-    sizes = np.abs(given.B) @ np.abs(given.B.T) + np.abs(given.E) @ np.abs(given.E.T)
-    entries = np.abs(hamiltonian(np.abs(given.A), sizes, np.abs(given.Q)))
     largest_growth = 0.0
     for frequency in frequencies:
         shifted = levelled.hamiltonian - 1j * frequency * np.eye(2 * n)
         try:
             inverse = np.linalg.inv(shifted)
-            growth = np.abs(to_given @ inverse @ to_levelled) @ entries
+            growth = np.abs(to_given @ inverse @ to_levelled) @ given.hamiltonian_sizes
             radius = float(np.abs(np.linalg.eigvals(growth)).max())
         except np.linalg.LinAlgError:  # singular, or beyond the range of numbers
             return 0.0

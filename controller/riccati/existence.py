@@ -75,7 +75,7 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
         distance, split = hamiltonian_checks(form, given)
     except NoSolutionError as overflow:
         return Found(Answer(None, str(overflow)), form, None)
-    subspace = stable_subspace(form.hamiltonian) if distance.ok and split.ok else None
+    subspace = stable_subspace(form) if distance.ok and split.ok else None
     if subspace is None:
         gain, frequency = shown_gain(form)
         if gain > form.delta:
@@ -127,19 +127,24 @@ def shown_gain(form: NormalForm) -> tuple[float, float]:
     w*Φ w with  Φ = -[0 E'] (H - jω I)⁻¹ [E; 0],  H the Hamiltonian at δ = inf. No δ up to the root
     of an eigenvalue of Φ has a value: at that root the Hamiltonian has the eigenvalue jω, and below
     it some other on the axis. The frequencies are those of the eigenvalues at this δ, between them
-    and 0. The bound of the error covers a change of every entry of H and E by rounding: |rows| |H|
-    |columns| (Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2).
+    and 0. The bound of the error covers a change of every entry of H and E by rounding of what it
+    was computed from: |rows| |H| |columns| (Higham, Accuracy and Stability of Numerical Algorithms,
+    Section 7.2).
     Source: Zhou, Doyle and Glover, Section 13.4."""
     n, k = form.disturbance.shape
     if not k or math.isinf(form.delta):
         return 0.0, 0.0
-    without = form.with_delta(math.inf).hamiltonian
+    undisturbed = form.with_delta(math.inf)
+    without = undisturbed.hamiltonian
+    sizes = undisturbed.hamiltonian_sizes
     shifts = np.unique(np.abs(spectrum(form.hamiltonian).eigenvalues.imag))
     shifts = np.unique(np.concatenate([[0.0], shifts]))
     frequencies = np.concatenate([shifts, (shifts[1:] + shifts[:-1]) / 2.0])
     size = float(np.abs(form.disturbance).max()) or 1.0
     into = np.vstack([form.disturbance / size, np.zeros((n, k))])
     out = np.vstack([np.zeros((n, k)), form.disturbance / size])
+    sizes_into = np.vstack([form.sizes.E / size, np.zeros((n, k))])
+    sizes_out = np.vstack([np.zeros((n, k)), form.sizes.E / size])
     best = (0.0, 0.0)
     for frequency in frequencies:
         shifted = without - 1j * frequency * np.eye(2 * n)
@@ -149,12 +154,39 @@ def shown_gain(form: NormalForm) -> tuple[float, float]:
         except np.linalg.LinAlgError:
             continue
         gained = -out.T @ columns
-        sums = np.abs(shifted) @ np.abs(columns) + np.abs(into)
-        error = 2 * n * ROUNDING * np.linalg.norm(np.abs(rows) @ sums)
+        sums = (sizes + frequency * np.eye(2 * n)) @ np.abs(columns) + sizes_into
+        bound = np.abs(rows) @ sums + sizes_out.T @ np.abs(columns)
+        error = 2 * n * ROUNDING * np.linalg.norm(bound)
         squared = float(np.linalg.eigvalsh((gained + gained.conj().T) / 2.0)[-1]) - float(error)
         if squared > best[0] ** 2:
             best = math.sqrt(squared), float(frequency)
     return best[0] * size, best[1]
+
+
+def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
+    """What rounding may change of v'P v for the stabilizing P, to first order.
+
+    form: not turned. P: (n, n) and v: (n,), in the user's coordinates.
+
+    A change R of the Riccati equation at P changes P by D with L'D + D L = -R, L = A - S P, and v'D
+    v is the sum of Z R entry by entry where L Z + Z L' = -v v'. So each entry of A counts with that
+    of 2 P Z, of B with that of 2 P Z P B, of E with that of 2 P Z P E / δ², of Q with that of Z.
+    Source: Kenney and Hewer, The sensitivity of the algebraic and differential Riccati equations,
+    SIAM J. Control and Optimization 28 (1990)."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    n = len(form.A)
+    X = form.of_value(P)
+    direction = vector / form.units
+    Z = solve_continuous_lyapunov(form.A - form.S @ X, -np.outer(direction, direction))
+    sizes = form.sizes
+    moved = X @ Z
+    by_A = np.sum(np.abs(moved) * sizes.A)
+    by_B = np.sum(np.abs(moved @ X @ form.B) * sizes.B)
+    by_E = np.sum(np.abs(moved @ X @ form.E) * sizes.E) / form.delta
+    by_Q = np.sum(np.abs(Z) * sizes.Q)
+    own = np.abs(direction) @ np.abs(X) @ np.abs(direction)
+    return float(2 * n * ROUNDING * (2.0 * (by_A + by_B + by_E) + by_Q + own))
 
 
 def is_surely_stable(matrix: np.ndarray) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple, Self
 
@@ -24,6 +24,28 @@ FAINT = float(np.finfo(float).tiny)
 BACKWARD = 32.0 * float(np.finfo(float).eps)
 
 
+class Sizes(NamedTuple):
+    """From what size of numbers A, B, E and Q of a game were computed, entry by entry: of a sum,
+    the sum of the magnitudes of its parts. Rounding is relative to these, not to what cancelled.
+
+    A: (n, n)
+    B: (n, m), where R = I
+    E: (n, k)
+    Q: (n, n)
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    E: np.ndarray
+    Q: np.ndarray
+
+    def in_coordinates(self, T: np.ndarray, inverse: np.ndarray) -> Sizes:
+        """In y = T z."""
+        into = np.abs(T)
+        back = np.abs(inverse)
+        return Sizes(into @ self.A @ back, into @ self.B, into @ self.E, back.T @ self.Q @ back)
+
+
 @dataclass(frozen=True, eq=False)
 class NormalForm:
     """A'X + X A + Q - X S X = 0 with S = B B' - E E': one game or a stack of games, in y = T z.
@@ -36,6 +58,7 @@ class NormalForm:
     T: (..., n, n), the P of a game is T'X T
     root: (m, m), lower triangular, R = root root'
     delta: of the games
+    made_of: what the matrices of one game were computed from, None where they are given
     """
 
     A: np.ndarray
@@ -45,6 +68,7 @@ class NormalForm:
     T: np.ndarray
     root: np.ndarray
     delta: float
+    made_of: Sizes | None = field(default=None, kw_only=True)
 
     @classmethod
     @lru_cache(maxsize=8)
@@ -91,6 +115,11 @@ class NormalForm:
         """The same game at another delta, in the same coordinates."""
         return replace(self, delta=delta)
 
+    def computed_from(self, sizes: Sizes) -> Self:
+        """The same game, of which these are the sizes in the user's coordinates; the form is not
+        turned."""
+        return replace(self, made_of=sizes.in_coordinates(self.T, np.diag(self.units)))
+
     def game(self) -> Game:
         """The game in y, with the R and delta of the user."""
         R = self.root @ self.root.T
@@ -130,6 +159,20 @@ class NormalForm:
     def hamiltonian(self) -> np.ndarray:
         """[[A, -S], [-Q, -A']], (..., 2n, 2n)."""
         return hamiltonian(self.A, self.S, self.Q)
+
+    @property
+    def sizes(self) -> Sizes:
+        """`made_of`, or the magnitudes of the entries themselves."""
+        if self.made_of is not None:
+            return self.made_of
+        return Sizes(*(np.abs(each) for each in (self.A, self.B, self.disturbance, self.Q)))
+
+    @property
+    def hamiltonian_sizes(self) -> np.ndarray:
+        """Of the entries of the Hamiltonian of one game, (2n, 2n)."""
+        A, B, E, Q = self.sizes
+        E = E / self.delta
+        return np.block([[A, B @ B.T + E @ E.T], [Q, A.T]])
 
     def residual(self, X: np.ndarray) -> np.ndarray:
         """A'X + X A + Q - X S X, (..., n, n), X symmetric, computed with twice the digits.
@@ -225,6 +268,7 @@ class NormalForm:
             disturbance=product(turn, exact(self.disturbance))[0] * D[:, None],
             Q=(Q + Q.T) / 2.0 / np.outer(D, D),
             T=D[:, None] * (W.T @ self.T),
+            made_of=self.made_of and self.made_of.in_coordinates(D[:, None] * W.T, W / D),
         )
 
 
@@ -279,15 +323,16 @@ class StableSubspace(NamedTuple):
     error: float
 
 
-def stable_subspace(matrix: np.ndarray) -> StableSubspace | None:
-    """That of a Hamiltonian, with its error; None where it has not half the dimension.
+def stable_subspace(form: NormalForm) -> StableSubspace | None:
+    """That of the Hamiltonian, with its error; None where it has not half the dimension.
 
-    The error is |D| / sep for a change D of the Hamiltonian by `BACKWARD` of its size, and sep the
-    separation of the two halves of its Schur form. Source: Golub and Van Loan, Theorem 7.2.4."""
-    basis, separation = _ordered(matrix, job=b"V")
+    The error is |D| / sep for a change D of the Hamiltonian by `BACKWARD` of what it was computed
+    from, and sep the separation of the two halves of its Schur form. Source: Golub and Van Loan,
+    Theorem 7.2.4."""
+    basis, separation = _ordered(form.hamiltonian, job=b"V")
     if basis is None:
         return None
-    change = BACKWARD * float(np.linalg.norm(matrix))
+    change = BACKWARD * float(np.linalg.norm(form.hamiltonian_sizes))
     return StableSubspace(basis, change / separation if separation > 0.0 else np.inf)
 
 

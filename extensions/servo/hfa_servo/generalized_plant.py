@@ -4,10 +4,8 @@ certified.
 x' = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u;  wanted: ‖z‖ < δ ‖w‖
 for every w.
 
-Completing the squares in u and then in w makes each Riccati equation that of a `Game`, which is
-solved and certified as any other: [C1 D11] is split into what u can cancel and the rest, whose
-feedthrough D becomes a change of A, B1 and C1. Source: Zhou, Doyle and Glover, Robust and Optimal
-Control, Theorem 17.1 and Section 17.2; Glover and Doyle 1988."""
+Each Riccati equation is that of a `Game` (`Side`), which is solved and certified as any other.
+Source: Zhou, Doyle and Glover, Robust and Optimal Control, Chapter 17; Glover and Doyle 1988."""
 
 from __future__ import annotations
 
@@ -15,7 +13,7 @@ import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,16 +23,16 @@ from controller.game.zero_sum import LARGEST, Game, check_definite, checked_matr
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_solution
 from controller.riccati.delta_search import Answer, smallest_delta
-from controller.riccati.existence import Found, solution_that_holds, value_found
+from controller.riccati.existence import Found, solution_that_holds, value_error, value_found
 from controller.riccati.frequency_response import (
     peak_gain,
     responses,
     square_root,
     system_gain,
-    without_feedthrough,
 )
 from controller.riccati.normal_form import RANK, NormalForm
 from controller.riccati.smallest_delta import DeltaMin, obstacle
+from hfa_servo.plant_side import Side
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
     BadInputError,
@@ -51,8 +49,11 @@ from hfa_support.reporting.fields import Shown
 DERIVATIONS_AGREE = 1e-8
 #: Of delta_min, relative.
 TOLERANCE = 2.5e-7
-#: A gain of D11 or a radius of XY nearer than this to what bounds it, relative, decides nothing.
+#: A gain of D11 nearer than this to what bounds it, relative, decides nothing.
 SHARP = 1e-9
+#: An error of ρ(XY) above this part of it and of δ² is beyond first order, and decides nothing.
+FIRST_ORDER = 0.1
+COUPLING = "coupling condition"
 
 #: On the control side and on the filter side: a mode that is not stable and cannot be moved, a zero
 #: on the axis.
@@ -75,51 +76,6 @@ _OBSTACLES = (
 
 #: Ak, Bk, Ck, Dk.
 Controller = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-
-
-class _Side(NamedTuple):
-    """x' = A x + E w + B u, z = C x + D w + N u: of the plant, or of its transpose, which is the
-    filter's."""
-
-    A: np.ndarray
-    E: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    N: np.ndarray
-
-    def reduced(self) -> tuple[np.ndarray, ...]:
-        """N⁺, and A, E, C, D of the problem that is left with u = v - N⁺ (C x + D w): there v is
-        paid for apart."""
-        Q, R = np.linalg.qr(self.N, mode="complete")
-        m = self.N.shape[1]
-        past = np.linalg.solve(R[:m], Q[:, :m].T)
-        rest = Q[:, m:].T
-        into = self.B @ past
-        left = rest @ self.C
-        left[:, np.linalg.norm(left, axis=0) <= RANK * np.linalg.norm(self.C, axis=0)] = (
-            0.0  # rounding is no cost
-        )
-        return past, self.A - into @ self.C, self.E - into @ self.D, left, rest @ self.D
-
-    def game(self, delta: float) -> Game:
-        """The game whose Riccati equation is this side's."""
-        _, A, E, C, D = self.reduced()
-        A, E, Q = without_feedthrough(A, E, C, D, delta)
-        return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
-
-    def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
-        """F1 and F2 with the worst w = F1 x and the best u = F2 x for the value x'X x."""
-        past, _, E, C, D = self.reduced()
-        F1 = np.linalg.solve(
-            np.eye(D.shape[1]) - D.T @ D / delta**2, (D.T @ C + E.T @ X) / delta**2
-        )
-        return F1, -past @ (self.C + self.D @ F1) - np.linalg.solve(self.N.T @ self.N, self.B.T @ X)
-
-    @property
-    def feedthrough(self) -> float:
-        """σ_max of what w reaches in z at once, whatever u does."""
-        return float(np.linalg.norm(self.reduced()[4], 2)) if min(self.reduced()[4].shape) else 0.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -200,12 +156,12 @@ class GeneralizedPlant(Shown):
             _check_rank("D21", self.D21.T, "row", "every y needs noise of its own from w")
 
     @cached_property
-    def sides(self) -> tuple[_Side, ...]:
+    def sides(self) -> tuple[Side, ...]:
         """The control side, and with measurements the filter side."""
-        control = _Side(self.A, self.B1, self.B2, self.C1, self.D11, self.D12)
+        control = Side(self.A, self.B1, self.B2, self.C1, self.D11, self.D12)
         if not len(self.C2):
             return (control,)
-        return control, _Side(self.A.T, self.C1.T, self.C2.T, self.B1.T, self.D11.T, self.D21.T)
+        return control, Side(self.A.T, self.C1.T, self.C2.T, self.B1.T, self.D11.T, self.D21.T)
 
     @property
     def floor(self) -> float:
@@ -437,7 +393,7 @@ def _output_feedback(
 ) -> OutputFeedback:
     """The central controller of solutions X and Y, with the checks of the coupling, its loop and
     its second derivation; units: (n,), balanced."""
-    radius = _radius(X, Y)
+    radius, _ = _radius(X, Y)
     coupling = f"rho(XY) = {radius:.6g} is not below"
     if not radius < delta**2:
         raise NoSolutionError(f"the coupling condition fails: {coupling} {delta**2:.6g}")
@@ -610,25 +566,34 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
         surely = delta < plant.floor * (1.0 - SHARP)
         reason = f"D11 alone lets {plant.floor:.6g} past every controller"
         return Answer(False if surely else None, reason, "feedthrough condition")
-    found = [value_found(NormalForm.of(side.game(delta))) for side in plant.sides]
+    forms = [side.form(delta) for side in plant.sides]
+    found = [value_found(form) for form in forms]
     for exists in (False, None):
         for which, each in zip(("control", "filter"), found, strict=False):
             if each.answer.exists is exists:
                 return each.answer._replace(condition=f"{which} Riccati equation")
     if len(found) == 1 or math.isinf(delta):
         return Answer(True)
-    return _coupling(found[0], found[1], delta)
+    by_signs = _coupling_by_signs(found[0], found[1], delta)
+    if by_signs.exists is not None:
+        return by_signs
+    X, Y = (solution_that_holds(each.form) for each in found)
+    if X is None or Y is None:
+        return Answer(None, "X or Y is too large for its digits", COUPLING)
+    by_radius = _coupling_by_radius(forms, X, Y, delta)
+    if by_radius.exists is None and _keeps_gain(plant, X, Y, delta):
+        return Answer(True)
+    return by_radius
 
 
-def _coupling(control: Found, filter_: Found, delta: float) -> Answer:
+def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
     """Whether ρ(XY) < δ², given that X and Y exist.
 
     With the bases [X1; X2] and [Y1; Y2] of the stable subspaces that is
     [[X1'X2, X2'Y2/δ], [Y2'X2/δ, Y1'Y2]] > 0, whose signs are seen where X or Y is too large.
-    Where X or Y is singular it is never above 0, and ρ itself decides.
+    Where X or Y is singular it is never above 0, and this stays open.
     Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
     H-infinity control, Linear Algebra and its Applications 425 (2007)."""
-    name = "coupling condition"
     assert control.subspace is not None
     assert filter_.subspace is not None
     X1, X2 = np.split(control.subspace.basis, 2)
@@ -644,23 +609,49 @@ def _coupling(control: Found, filter_: Found, delta: float) -> Answer:
     if smallest > open_below:
         return Answer(True)
     if smallest < -open_below:
-        return Answer(False, "rho(XY) is not below delta^2", name)
-    X = solution_that_holds(control.form)
-    Y = solution_that_holds(filter_.form)
-    if X is None or Y is None:
-        return Answer(None, "X or Y is too large for its digits", name)
-    share = _radius(X, Y) / delta**2
-    if abs(share - 1.0) <= SHARP:
-        return Answer(None, "rho(XY) is delta^2 but for rounding", name)
-    reason = f"rho(XY) = {share:.6g} delta^2"
-    return Answer(True) if share < 1.0 else Answer(False, reason, name)
+        return Answer(False, "rho(XY) is not below delta^2", COUPLING)
+    return Answer(None, "rounding hides whether rho(XY) is below delta^2", COUPLING)
 
 
-def _radius(X: np.ndarray, Y: np.ndarray) -> float:
-    """ρ(XY), real and not negative for X, Y >= 0, in whatever units."""
+def _coupling_by_radius(
+    forms: list[NormalForm], X: np.ndarray, Y: np.ndarray, delta: float
+) -> Answer:
+    """Whether ρ(XY) < δ² by more than the error of ρ.
+
+    ρ(XY) = max a'X a over the a with a a' <= Y, and to first order a change of X adds a'(dX)a at
+    the greatest; b = X a ρ^-½ does the same for Y."""
+    radius, a = _radius(X, Y)
+    if radius == 0.0:
+        return Answer(True)
+    b = X @ a / math.sqrt(radius)
+    error = value_error(forms[0], X, a) + value_error(forms[1], Y, b)
+    largest = max(radius, delta**2)
+    if not error <= FIRST_ORDER * largest or abs(radius - delta**2) <= error:
+        return Answer(None, "rho(XY) is delta^2 but for rounding", COUPLING)
+    reason = f"rho(XY) = {radius / delta**2:.6g} delta^2"
+    return Answer(True) if radius < delta**2 else Answer(False, reason, COUPLING)
+
+
+def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> bool:
+    """Whether the controller of X and Y is seen to keep the gain below δ, however large the errors
+    of X and Y: then every condition holds."""
+    units = NormalForm.of(plant.sides[0].game(math.inf)).units
+    squared = np.outer(units, units)
+    balanced = plant.in_units(units)
+    try:
+        controller = central_controller(balanced, X * squared, Y / squared, delta)
+        return all(check.ok for check in loop_checks(*closed_plant(balanced, controller), delta))
+    except (NoSolutionError, np.linalg.LinAlgError):
+        return False
+
+
+def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:
+    """ρ(XY), real and not negative for X, Y >= 0, in whatever units; and a with a a' <= Y for which
+    it is a'X a."""
     half = scaled_root(Y)
     product = half.T @ X @ half
-    return float(np.linalg.eigvalsh((product + product.T) / 2.0)[-1])
+    values, vectors = np.linalg.eigh((product + product.T) / 2.0)
+    return max(float(values[-1]), 0.0), half @ vectors[:, -1]
 
 
 def scaled_root(M: np.ndarray) -> np.ndarray:

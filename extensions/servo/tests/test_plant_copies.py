@@ -12,14 +12,18 @@ from copies import copies
 from numpy.random import Generator
 from plant_references import gain_of, of_slycot
 
+from controller.riccati.normal_form import NormalForm, stable_subspace
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_servo.generalized_plant import GeneralizedPlant, conditions
+from hfa_servo.plant_side import Side
 from hfa_support import NoSolutionError
 from verification import solve_plant
 
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning")
 #: A search ends within 2.5e-7, SB10AD's own where its loop still keeps the gain that it states.
 AGREES = 5e-6
+#: A bracket wider than this says little.
+WIDE = 1e-2
 
 
 def decade(rng: Generator, low: float, high: float) -> float:
@@ -77,15 +81,15 @@ def bracket_of(plant: GeneralizedPlant) -> DeltaMin:
         return DeltaMin(math.inf, 0.0)
 
 
-def agree(one: DeltaMin, other: DeltaMin, share: float = AGREES) -> bool:
-    """Whether some delta_min lies in both brackets: neither refuses what the other has shown, but
-    for this share of it."""
-    most = (1.0 + share) * min(one.value, other.value)
+def agree(one: DeltaMin, other: DeltaMin) -> bool:
+    """Whether some delta_min lies in both brackets: neither refuses what the other has shown."""
+    most = (1.0 + AGREES) * min(one.value, other.value)
     return max(one.refused, other.refused) <= most
 
 
 def test_the_smallest_delta_is_that_of_slycot_and_of_every_copy() -> None:
-    """One whose delta_min rounding once decided, one with poles from 0.1 to 25,000 rad/s: turned, it is open to rounding how far down delta may go, and said to be."""
+    """One whose delta_min rounding once decided, one with poles from 0.1 to 25,000 rad/s: turned, it
+    is open to rounding how far down delta may go, and said to be."""
     for seed in (9, 98):
         plant = mixed_sensitivity(seed)
         smallest = plant.minimum_delta()
@@ -114,6 +118,36 @@ def test_what_holds_above_the_smallest_delta_and_not_below_holds_of_every_copy()
     assert (found["changed"], found["open"]) == (0, 0)
 
 
+def test_what_cancels_in_turned_axes_refuses_nothing() -> None:
+    """Its delta_min, 1.28456, is that of rho(XY) = delta^2, which rounding moves by a thousandth."""
+    plant = mixed_sensitivity(15)
+    assert conditions(plant, 1.285).exists
+    for copy in copies(plant, 15, 4):
+        answer = conditions(copy.problem, 1.285)
+        assert answer.exists is not False, copy.kind
+        assert answer.exists or copy.kind == "turn"
+
+
+def test_sizes_are_those_of_the_parts_that_cancel() -> None:
+    """u = -N⁺ C x takes 1e6 from A, and leaves 1."""
+    side = Side(
+        A=np.array([[1e6 + 1.0]]),
+        E=np.ones((1, 1)),
+        B=np.ones((1, 1)),
+        C=np.array([[1e6], [1.0]]),
+        D=np.zeros((2, 1)),
+        N=np.array([[1.0], [0.0]]),
+    )
+    form = side.form(10.0)
+    assert form.A[0, 0] == pytest.approx(1.0, rel=1e-9)
+    assert form.sizes.A[0, 0] == pytest.approx(2e6, rel=1e-5)
+    given = NormalForm.of(side.game(10.0))
+    ours, without = (stable_subspace(each) for each in (form, given))
+    assert ours is not None
+    assert without is not None
+    assert ours.error > 1e5 * without.error
+
+
 def test_the_loop_keeps_a_gain_near_the_smallest() -> None:
     plant = mixed_sensitivity(9)
     smallest = plant.minimum_delta().value
@@ -132,12 +166,10 @@ def test_the_smallest_delta_of_many_plants_is_that_of_slycot_and_of_every_copy()
         for copy in copies(plant, seed, 4):
             found = bracket_of(copy.problem)
             asked += 1
-            # Entries of fast and slow states are mixed and rounded: the turned plant's own delta_min
-            # is another, by up to a thousandth in these.
-            wide = 1e-2 if copy.kind == "turn" else AGREES
-            if not agree(found, smallest, wide):
+            if not agree(found, smallest):
                 changed.append((seed, copy.kind, smallest, found))
             opened[copy.kind] += found.value > found.refused * (1.0 + AGREES)
+            opened[f"wide {copy.kind}"] += found.value > found.refused * (1.0 + WIDE)
         stated, reached = of_slycot(plant)
         if reached <= stated * (1.0 + AGREES):
             slycot = DeltaMin(stated * (1.0 + AGREES), 0.0)
@@ -146,4 +178,5 @@ def test_the_smallest_delta_of_many_plants_is_that_of_slycot_and_of_every_copy()
     assert asked == 684
     assert changed == []
     assert opened["bits"] + opened["order"] + opened["units"] <= 10  # of 513
-    assert opened["turn"] <= 50  # of 171
+    # In turned axes fast states are mixed with slow ones: most brackets are as wide as their rounding.
+    assert opened["wide turn"] <= 50  # of 171

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from reference_riccati import reference_solution
 
 from controller import Game
 from controller.riccati.delta_search import Answer, smallest_delta
-from controller.riccati.existence import existence, shown_gain
+from controller.riccati.existence import ROUNDING, existence, shown_gain, value_error
 from controller.riccati.normal_form import NormalForm
 from hfa_support import NoSolutionError
 from verification import minimum_delta, solve_game
@@ -86,6 +87,27 @@ def test_the_gain_that_is_shown_is_attained_below_delta_min_and_refuses_every_de
             assert not reference_solution(game.with_delta(gain * (1.0 - 1e-9))).exists
             shown += 1
     assert shown >= 2
+
+
+def test_the_error_of_a_value_bounds_what_a_change_of_the_entries_does() -> None:
+    """Of every entry by up to a ten-millionth, far above rounding: nearly reached, never passed."""
+    rng = np.random.default_rng(11)
+    part = 1e-7
+    for number in range(3):
+        game = random_game(rng, scaled=number % 2 == 0)
+        game = game.with_delta(1.5 * minimum_delta(game).value)
+        P = solve_game(game).P
+        vector = rng.standard_normal(len(P)) / np.sqrt(np.diag(P))
+        bound = value_error(NormalForm.of(game), P, vector) * part / (2 * len(P) * ROUNDING)
+        changes = []
+        for _ in range(20):
+            of_A, of_B = (
+                1.0 + part * rng.choice([-1.0, 1.0], each.shape) for each in (game.A, game.B)
+            )
+            other = solve_game(replace(game, A=game.A * of_A, B=game.B * of_B)).P
+            changes.append(abs(vector @ (other - P) @ vector))
+        assert max(changes) <= bound, number
+        assert max(changes) >= 1e-2 * bound, number
 
 
 def test_a_refusal_names_what_shows_it() -> None:

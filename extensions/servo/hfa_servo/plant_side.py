@@ -1,0 +1,109 @@
+"""The control side of a generalized plant as a game; the filter side is that of its transpose.
+
+Completing the squares in u and then in w makes its Riccati equation that of a `Game`: [C D] is
+split into what u can cancel and the rest, whose feedthrough D becomes a change of A, E and C. What
+cancels on the way leaves rounding of the size of its parts, which goes with the game. Source: Zhou,
+Doyle and Glover, Robust and Optimal Control, Theorem 17.1 and Section 17.2."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.frequency_response import without_feedthrough
+from controller.riccati.normal_form import RANK, NormalForm, Sizes
+
+
+class Reduced(NamedTuple):
+    """N⁺, and A, E, C, D of the problem that is left with u = v - N⁺ (C x + D w): there v is paid
+    for apart."""
+
+    past: np.ndarray
+    A: np.ndarray
+    E: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+
+class Side(NamedTuple):
+    """x' = A x + E w + B u, z = C x + D w + N u: of the plant, or of its transpose, which is the
+    filter's."""
+
+    A: np.ndarray
+    E: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    N: np.ndarray
+
+    def reduced(self) -> Reduced:
+        """The problem in which u pays for itself alone."""
+        past, rest = self._split()
+        into = self.B @ past
+        left = rest @ self.C
+        left[:, np.linalg.norm(left, axis=0) <= RANK * np.linalg.norm(self.C, axis=0)] = (
+            0.0  # rounding is no cost
+        )
+        return Reduced(past, self.A - into @ self.C, self.E - into @ self.D, left, rest @ self.D)
+
+    def game(self, delta: float) -> Game:
+        """The game whose Riccati equation is this side's."""
+        _, A, E, C, D = self.reduced()
+        A, E, Q = without_feedthrough(A, E, C, D, delta)
+        return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
+
+    def form(self, delta: float) -> NormalForm:
+        """The normal form of the game, with the sizes of what it was computed from."""
+        return NormalForm.of(self.game(delta)).computed_from(self._sizes(delta))
+
+    def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
+        """F1 and F2 with the worst w = F1 x and the best u = F2 x for the value x'X x."""
+        past, _, E, C, D = self.reduced()
+        F1 = np.linalg.solve(
+            np.eye(D.shape[1]) - D.T @ D / delta**2, (D.T @ C + E.T @ X) / delta**2
+        )
+        return F1, -past @ (self.C + self.D @ F1) - np.linalg.solve(self.N.T @ self.N, self.B.T @ X)
+
+    @property
+    def feedthrough(self) -> float:
+        """σ_max of what w reaches in z at once, whatever u does."""
+        left = self.reduced().D
+        return float(np.linalg.norm(left, 2)) if min(left.shape) else 0.0
+
+    def _split(self) -> tuple[np.ndarray, np.ndarray]:
+        """N⁺, and rows that span what u does not reach in z, orthonormal."""
+        Q, R = np.linalg.qr(self.N, mode="complete")
+        m = self.N.shape[1]
+        return np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
+
+    def _sizes(self, delta: float) -> Sizes:
+        """Each sum in `reduced` and `without_feedthrough` with the magnitudes of its parts."""
+        past, rest = self._split()
+        into = np.abs(self.B) @ np.abs(past)
+        A = np.abs(self.A) + into @ np.abs(self.C)
+        E = np.abs(self.E) + into @ np.abs(self.D)
+        C = np.abs(rest) @ np.abs(self.C)
+        D = np.abs(rest) @ np.abs(self.D)
+        Q = C.T @ C
+        through = self.reduced().D
+        if through.any() and not math.isinf(delta):
+            of_w, root = _inverse_sizes(through.T, D.T, delta)
+            of_z, _ = _inverse_sizes(through, D, delta)
+            A = A + E @ of_w @ D.T @ C / delta**2
+            E = E @ root.T
+            Q = C.T @ of_z @ C
+        scaled = np.abs(np.linalg.solve(np.linalg.cholesky(self.N.T @ self.N), self.B.T)).T
+        return Sizes(A, scaled, E, Q)
+
+
+def _inverse_sizes(D: np.ndarray, sizes: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
+    """|M⁻¹| |M| |M⁻¹| of M = I - D D'/δ², and the same of the inverse of its Cholesky factor; |M|
+    by the sizes of D."""
+    M = np.eye(len(D)) - D @ D.T / delta**2
+    parts = np.eye(len(D)) + sizes @ sizes.T / delta**2
+    inverse = np.abs(np.linalg.inv(M))
+    root = np.abs(np.linalg.inv(np.linalg.cholesky(M)))
+    return inverse @ parts @ inverse, root @ parts @ root.T @ root
