@@ -17,7 +17,7 @@ from hfa_model import LINEAR_STATES, STATES, default_parameters
 from hfa_support.native import machine_code as generated
 from trim import trim_points
 
-SCALING = ROOT / "docs" / "scaling.md"
+SHOWN = (ROOT / "docs" / "scaling.md", ROOT / "benchmarks" / "README.md")
 PARAMETERS = default_parameters().values
 ALTITUDE = 40_000.0
 NEEDS_COMPILER = pytest.mark.skipif(
@@ -122,7 +122,7 @@ def test_every_job_runs_and_a_quick_run_stores_nothing(
         assert words in said
 
 
-# What is stored, and what docs/scaling.md shows of it.
+# What is stored, and what docs/scaling.md and benchmarks/README.md show of it.
 
 
 def not_shown(document: str, figures: list[dict]) -> list[str]:
@@ -142,13 +142,13 @@ def not_shown(document: str, figures: list[dict]) -> list[str]:
 
 
 def test_the_document_shows_the_stored_figures() -> None:
-    text = SCALING.read_text("utf-8")
+    text = "".join(page.read_text("utf-8") for page in SHOWN)
     data = report.stored()
     assert not_shown(text, data["figures"]) == []
 
 
 def test_documents_of_other_figures_would_be_noticed() -> None:
-    text = SCALING.read_text("utf-8")
+    text = "".join(page.read_text("utf-8") for page in SHOWN)
     figures = report.stored()["figures"]
     changed = [figure | {"ratio": 1.1 * figure["ratio"]} for figure in figures]
     assert len(not_shown(text, changed)) == len(figures)
