@@ -2,7 +2,9 @@
 nothing is said of right cards."""
 
 import shutil
+from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from policy_cases import AIRCRAFT, FOLDER, aircraft, card, trims
@@ -105,8 +107,24 @@ def test_the_sign_of_an_action_is_suggested(name):
 
 @pytest.mark.slow
 def test_the_order_of_observations_is_suggested():
-    found = suggested("ppo_raw", exchanged("ppo_raw", 1, 2))
-    assert any("pitch_rate and alpha were exchanged" in text for text in found)
+    found = suggested("ppo_raw", exchanged("ppo_raw", 0, 3))
+    assert any("pitch and speed were exchanged" in text for text in found)
+
+
+@pytest.mark.slow
+def test_nothing_is_suggested_of_an_exchange_whose_loop_is_stable():
+    assert suggested("ppo_raw", exchanged("ppo_raw", 1, 2)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["a2c_gtm", "ppo_gtm", "ppo_raw"])
+def test_nothing_is_suggested_of_a_right_card_whose_policy_is_too_strong(name):
+    actor = card(name).actor
+    o = ca.SX.sym("o", actor.function.numel_in(0))
+    strong = Deployment.load(FOLDER / f"{name}.toml")
+    function = ca.Function("strong", [o], [2.0 * actor.function(o)])
+    vars(strong)["actor"] = replace(actor, function=function, rows=None)
+    assert suggested(name, strong) == []
 
 
 @pytest.mark.slow
