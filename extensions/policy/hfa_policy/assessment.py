@@ -77,6 +77,14 @@ class AssessedPoint:
         return self.flights.returned >= _MOST_OF_THEM * self.flights.starts
 
     @property
+    def buzzes(self) -> bool:
+        """Whether every start comes back to a small ball about a point of rest that is unstable
+        itself, as in a kink of a network."""
+        if self.rest is None or self.flights is None or not self.radius >= 1.0:
+            return False
+        return self.flights.returned == self.flights.starts
+
+    @property
     def rest_offset(self) -> np.ndarray:
         """How far from the trim it rests, (k,), the linear states."""
         assert self.rest is not None

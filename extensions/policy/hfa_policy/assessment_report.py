@@ -99,7 +99,13 @@ class Assessment(Reported):
 
     def first_line(self) -> str:
         """For who reads one line."""
-        clauses = [self._holding(), self._losing(), self._resting(), self._flying()]
+        clauses = [
+            self._holding(),
+            self._buzzing(),
+            self._losing(),
+            self._resting(),
+            self._flying(),
+        ]
         clauses.append(self._costing())
         return "; ".join(filter(None, clauses))
 
@@ -115,6 +121,12 @@ class Assessment(Reported):
             f"holds at {len(holding)} of {len(self.points)} trims {rate}, not "
             f"{self._where(failing)}"
         )
+
+    def _buzzing(self) -> str:
+        buzzing = [point for point in self.points if point.buzzes]
+        if not buzzing:
+            return ""
+        return f"buzzes near its point of rest {self._where(buzzing)}, where every start stays"
 
     def _where(self, points: list[AssessedPoint]) -> str:
         """At which trims: "from 38 to 60 m/s", "at 45 m/s"."""

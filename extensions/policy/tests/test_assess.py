@@ -1,6 +1,7 @@
 """`assess`: what a user gets, in Python and as JSON; flights and their outcomes."""
 
 import json
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -10,6 +11,7 @@ from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, trims
 import hfa
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor, assess
+from hfa_policy.deployment import Deployment
 from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import ends_from_trim
@@ -148,3 +150,19 @@ def test_what_cannot_be_assessed_is_refused():
         assess(hfa.aircraft(), gtm_card({"file": FOLDER / "ppo_raw.zip"}))
     with pytest.raises(hfa.BadInputError, match=r"policy\.file is missing"):
         assess(model, gtm_card({}))
+
+
+def test_a_policy_that_buzzes_within_the_ball_is_said_to_buzz():
+    calm = card("ppo_gtm").actor
+    o = ca.SX.sym("o", 4)
+    at_rest = card("ppo_gtm").normalizer.normalized(np.zeros(4))[2]  # of the pitch rate
+    kink = ca.fmin(ca.fmax(30.0 * (o[2] - at_rest), -0.01), 0.01)
+    raw = calm.function(o) + ca.vertcat(kink, 0.0)
+    buzzing = Deployment.load(FOLDER / "ppo_gtm.toml")
+    vars(buzzing)["actor"] = replace(calm, function=ca.Function("kink", [o], [raw]), rows=None)
+    result = assess(aircraft("ppo_gtm"), buzzing, [45.0], samples=16)
+    (point,) = result.points
+    assert point.radius > 1.0
+    assert point.flights.returned == 16
+    assert not point.holds
+    assert "buzzes near its point of rest at 45 m/s" in result.first_line()
