@@ -624,7 +624,8 @@ def _coupling_by_radius(
     if radius == 0.0:
         return Answer(True)
     b = X @ a / math.sqrt(radius)
-    error = value_error(forms[0], X, a) + value_error(forms[1], Y, b)
+    by_roots = abs(_radius(Y, X)[0] - radius)  # what the root of an almost singular Y or X loses
+    error = value_error(forms[0], X, a) + value_error(forms[1], Y, b) + by_roots
     largest = max(radius, delta**2)
     if not error <= FIRST_ORDER * largest or abs(radius - delta**2) <= error:
         return Answer(None, "rho(XY) is delta^2 but for rounding", COUPLING)
