@@ -139,6 +139,7 @@ def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
     assert (list(loaded["grid"]), loaded["grid"]["gamma"]["unit"]) == (["dihedral", "gamma"], "rad")
 
 
+@pytest.mark.slow
 def test_a_store_obeys_the_condition_and_keeps_to_it(tmp_path: Path) -> None:
     store = str(tmp_path / "a.zarr")
     words = ("sweep", *GRID, *ALPHA_FREE, "-o", store)

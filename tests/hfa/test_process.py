@@ -110,6 +110,7 @@ def test_what_commands_do_not_import(commands: list[str], unwanted: list[str]) -
     ] == []
 
 
+@pytest.mark.slow
 def test_the_settings_of_zarr_change_no_store(tmp_path: Path) -> None:
     settings = {"ZARR_CODECS": "1", "ZARR_ARRAY__ORDER": "Q", "ZARR_ASYNC__CONCURRENCY": "x"}
     words = ("sweep", "--dihedral", "5,15", "-o", "a.zarr", "-q")

@@ -288,6 +288,7 @@ def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
 SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:6", "--duration", "6")
 
 
+@pytest.mark.slow
 def test_gains_of_a_file_are_flown_along_the_trims_of_the_command() -> None:
     """The same gains as a table, as MATLAB stacks it, and as a controller of `hfa design`; one gain
     for all angles flies otherwise."""

@@ -140,6 +140,7 @@ def test_what_no_controller_can_do_is_one_line(
     assert_refused(hfa("design", own("own.toml", sensors, **changed), *AT_11), code, named)
 
 
+@pytest.mark.slow
 def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
     made = hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "9:11:2", "-o", "servo.npz")
     assert made.code == 0

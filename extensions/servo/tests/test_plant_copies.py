@@ -102,6 +102,7 @@ def test_the_smallest_delta_is_that_of_slycot_and_of_every_copy() -> None:
                 assert found.value == pytest.approx(smallest.value, rel=AGREES), (seed, copy.kind)
 
 
+@pytest.mark.slow
 def test_what_holds_above_the_smallest_delta_and_not_below_holds_of_every_copy() -> None:
     found: Counter[str] = Counter()
     for seed in range(8):

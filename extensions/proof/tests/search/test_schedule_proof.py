@@ -146,6 +146,7 @@ def test_how_many_modes_may_be_unstable_within_the_errors_is_said() -> None:
     assert rows["open"] == [{"from_deg": 11.5, "to_deg": 11.53125, "at_least": 0, "at_most": 2}]
 
 
+@pytest.mark.slow
 def test_an_interrupted_proof_is_continued_to_the_same_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
