@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from policy_cases import AIRCRAFT, FOLDER, aircraft, card, trims
+from policy_cases import FOLDER, aircraft, card, trims
 
 from hfa_policy.assessment import Assessor
 
@@ -35,7 +35,7 @@ def test_the_references_cover_what_is_asked():
     assert {kind.normalizer is None for kind in kinds.values()} == {True, False}
     assert kinds["sac_gtm"].box[0].tolist() == [-2.0, -1.0]
     assert "gamma" in kinds["td3_gtm"].observation
-    assert len(kinds["ppo_c172"].observation) < len(AIRCRAFT) + 2
+    assert len(kinds["ppo_c172"].observation) < len(aircraft("ppo_c172").states)
 
 
 def test_K_is_the_slope_of_the_card_at_rest():

@@ -455,7 +455,8 @@ def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
     model = None
     if not (kind == "game" and entries.has("plant")):
         require(isinstance(content.get("flight"), dict), "flight", content.get("flight"))
-        model = _model_of(content["flight"], own)
+        flight = content["flight"]
+        model = model_of(flight.get("dynamics"), flight.get("source"), own)
     statement: Statement = KINDS[kind].read(entries, model)
     return statement
 
@@ -540,10 +541,13 @@ def loop_size(model: Model, controller: Controller, actuators: Actuators | None)
     return size if actuators is None else size + sum(actuators.order)
 
 
-def _model_of(flight: Mapping[str, Any], own: Model | None) -> Model:
-    """The model that a statement is about: the HFA's, or the user's own, which must be the same."""
-    name = flight.get("dynamics")
-    source = flight.get("source")
+def model_of(name: Any, source: Any, own: Model | None) -> Model:
+    """The model that a statement is about: the HFA's, or the user's own, which must be the same.
+
+    name: of the dynamics, as the statement has it
+    source: the hash of the user's file, "" for the HFA
+    own: the user's model, where one is named
+    """
     require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
     if own is not None:
         if (own.name, own.source[1]) != (name, source):

@@ -5,18 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-import hfa_model
 from hfa_aircraft.model import Model
 from hfa_proof.checker.reading import Fields, require
-from hfa_support.errors import BadInputError, shown
+from hfa_proof.checker.statement import model_of
 
-#: The equations of the paper's aircraft, which a certificate names without a file.
-_DYNAMICS = ("published", "newton", "unsteady")
 #: Highest degree of V.
 HIGHEST_DEGREE = 6
 
@@ -78,7 +74,7 @@ class RegionStatement:
         Malformed names the first entry that cannot be; BadInputError another model.
         """
         entries = Fields("statement", content)
-        model = _model_of(content.get("dynamics"), content.get("source"), own)
+        model = model_of(content.get("dynamics"), content.get("source"), own)
         for name, fact in _facts(model).items():
             entries.same(name, fact)
         states = tuple(model.linear)
@@ -148,27 +144,6 @@ def _facts(model: Model) -> dict[str, Any]:
         "state_units": list(model.units(model.linear)),
         "input_units": list(model.units(tuple(model.inputs))),
     }
-
-
-def _model_of(name: Any, source: Any, own: Model | None) -> Model:
-    """The model that a statement is about: the user's own, which must be the same, or the HFA's."""
-    require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
-    if own is not None:
-        if (own.name, own.source[1]) != (name, source):
-            raise BadInputError(
-                f"the certificate is about {shown(name)} of another file than that of {own.name}"
-            )
-        return own
-    if source or name not in _DYNAMICS:
-        raise BadInputError(
-            f"the certificate is about {shown(name)}; name its file by --aircraft FILE.py:NAME"
-        )
-    return _own_aircraft(name)
-
-
-@cache
-def _own_aircraft(dynamics: str) -> Model:
-    return hfa_model.aircraft(dynamics)
 
 
 def _all_numbers(entries: Fields, name: str, names: tuple[str, ...]) -> dict[str, float]:
