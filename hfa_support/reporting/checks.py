@@ -29,7 +29,8 @@ class Check(NamedTuple):
     ok: whether it is as it must be
     reason: why it fails; empty when `ok`.
     relation: "<=", "<", ">=" or ">"
-    kind: what it is about, where that decides what is said of it: "error", "stability", "cost".
+    kind: what it is about, where that decides what is said of it: "error", "stability" of the loop,
+        "game loop", "cost", "gain" or "data".
     """
 
     name: str

@@ -220,7 +220,7 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
     smallest = _smallest_eigenvalue(scaled)
     indefinite = f"P is indefinite (smallest eigenvalue {smallest:.3g} of its size)"
     return [
-        below("game_loop_abscissa", abscissa, 0.0, unstable, kind="stability"),
+        below("game_loop_abscissa", abscissa, 0.0, unstable, kind="game loop"),
         at_least("P_smallest_eigenvalue", smallest, least, indefinite, kind="cost"),
         at_most("riccati_residual", residual, limit, unsolved, kind="error"),
     ]

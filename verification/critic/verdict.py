@@ -35,6 +35,8 @@ _FAILURES = 6
 ROUNDING = 1e-9
 #: A critic whose errors are too large and that loses at most this much, percent, is near.
 NEAR = 1.0
+#: Kinds of checks that the first line speaks of anyway; another one that fails is named there.
+_IN_THE_FACTS = ("error", "stability", "game loop")
 Grade = Literal["exact", "near", "fail"]
 #: Columns of the first line of a report.
 _FIRST_LINE = 100
@@ -181,7 +183,7 @@ class Verdict(Checked, Reported):
     @property
     def stabilizing(self) -> bool:
         """Whether A - B K is stable."""
-        return all(check.ok for check in self.checks if check.name.startswith("control_loop"))
+        return all(check.ok for check in self.checks if check.kind == "stability")
 
     def holds(self, limit_cost: float | None = None) -> bool:
         """Whether every check holds; with a limit, percent, whether the critic costs no more."""
@@ -203,7 +205,7 @@ class Verdict(Checked, Reported):
         decided = ""
         if limit_cost is not None:
             decided = f" by cost limit {limit_cost:g} %"
-        elif failed and not any(check.kind in ("error", "stability") for check in failed):
+        elif failed and not any(check.kind in _IN_THE_FACTS for check in failed):
             decided = f" by {failed[0].name}"
         grade = self.grade_text(limit_cost)
         line = f"{grade}{decided}: {self._exactness(failed)}"
