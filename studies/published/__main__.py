@@ -1,4 +1,4 @@
-"""Judges the printed answers of the folder `sources/` and writes docs/published.md:
+"""Judges the printed answers of the folder `sources/` and writes results.csv and docs/published.md:
 
 python -m studies.published
 """
@@ -6,6 +6,8 @@ python -m studies.published
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
@@ -21,9 +23,10 @@ from hfa_support.reporting.text import Table
 from verification import regenerate_all
 
 SOURCES = Path(__file__).parent / "sources"
+RESULTS = Path(__file__).with_name("results.csv")
 PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
-HEADER = ("file", "verdict", "text", "plant")
+HEADER = ("file", "verdict", "text")
 #: How the verdict begins where every digit is right.
 RIGHT = "as printed"
 _HEAD = """# Printed answers of others
@@ -37,11 +40,16 @@ as printed: all 20 entries
 ```
 
 [Each verdict](critics.md#a-printed-answer) is about digits: that an answer belongs to another plant
-says nothing about how it came there. Each row is a file of
-[studies/published/sources](../studies/published/sources), which names the text that was opened
-(repository, path and commit, or address and date), what was worked out, and the numbers, digit by
-digit. `python -m studies.published` judges all files and writes this page. A text that prints an
-answer without its plant stays out.
+says nothing about how it came there. [The table of results](../studies/published/results.csv) has
+every answer with its whole verdict, and [its folder](../studies/published/sources) a file for each:
+the text that was opened (repository, path and commit, or address and date), what was worked out, and
+the numbers, digit by digit. `python -m studies.published` judges all of them and writes the table and
+this page.
+"""
+_PAPER = """
+## The aircraft of the paper
+
+It prints no P, K or W. `hfa regenerate` gives back A and B:
 """
 
 
@@ -72,42 +80,52 @@ def row_of(path: Path) -> Row:
     return Row(path.stem, verdict, file.title, _plant_text(file))
 
 
-def rows_of_the_paper() -> list[Row]:
-    """The two plants of the paper, which prints no P, K or W: A and B beside the regenerated."""
-    rows = []
-    for pair in regenerate_all(hfa_model.aircraft()).pairs:
-        angle = f"{pair.published.dihedral_deg:g} deg"
-        errors = [abs(entry.half_units) for entry in pair.entries if not entry.is_zero]
-        right = sum(error <= 1.0 for error in errors)
-        rows.append(
-            Row(
-                name="`hfa regenerate`",
-                verdict=f"{right} of {len(errors)} entries of A and B as regenerated, the farthest"
-                f" {max(errors):.2f} half units off; the paper prints no P, K or W",
-                text=f"Zhang, Ma, Zhang, Wu 2026, flexible aircraft at {angle}; Section 5.1",
-                plant="continuous 6, 5, 6",
-            )
-        )
-    return rows
+def results_of(rows: list[Row]) -> str:
+    """results.csv: a line for each answer, with a header."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(Row._fields)
+    writer.writerows(rows)
+    return out.getvalue()
+
+
+def load_results() -> list[Row]:
+    """The rows of results.csv."""
+    with RESULTS.open(encoding="utf-8", newline="") as file:
+        return [Row(**line) for line in csv.DictReader(file)]
 
 
 def page_of(rows: list[Row]) -> str:
-    """docs/published.md: how many answers have each verdict, then those that are not as printed."""
+    """docs/published.md: how many answers have each verdict, then those that are not as printed,
+    each with the first part of its verdict."""
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
-    others = [row for row in rows if not row.verdict.startswith(RIGHT)]
-    right = [row for row in rows if row.verdict.startswith(RIGHT)]
+    others = [
+        (row.name, row.verdict.partition(";")[0], row.text)
+        for row in rows
+        if not row.verdict.startswith(RIGHT)
+    ]
     parts = [
         _HEAD,
         markdown_table(Table(("verdict", "files"), counts.most_common())),
-        "\nPlant: numbers of states, inputs and disturbances.",
+        "\n## Not as printed\n",
+        markdown_table(Table(HEADER, others)),
+        _PAPER,
+        *_lines_of_the_paper(),
     ]
-    for title, group in (
-        ("Not as printed", others),
-        ("As printed", right),
-        ("The aircraft of the paper", rows_of_the_paper()),
-    ):
-        parts += [f"\n## {title}\n", markdown_table(Table(HEADER, group))]
     return "\n".join(parts) + "\n"
+
+
+def _lines_of_the_paper() -> list[str]:
+    """How many printed entries of A and B are regenerated at each printed angle."""
+    lines = []
+    for pair in regenerate_all(hfa_model.aircraft()).pairs:
+        errors = [abs(entry.half_units) for entry in pair.entries if not entry.is_zero]
+        right = sum(error <= 1.0 for error in errors)
+        lines.append(
+            f"- {pair.published.dihedral_deg:g} deg: {right} of {len(errors)} entries, the farthest"
+            f" {max(errors):.2f} half units off"
+        )
+    return lines
 
 
 def _plant_text(file: PrintedFile) -> str:
@@ -120,7 +138,7 @@ def _plant_text(file: PrintedFile) -> str:
 
 
 def main() -> None:
-    """Print the table and write the page."""
+    """Print the verdicts, and write the table and the page."""
     argparse.ArgumentParser("python -m studies.published", description=__doc__).parse_args()
     paths = sorted(SOURCES.glob("*.toml"))
     progress = ProgressLine("judge")
@@ -128,6 +146,7 @@ def main() -> None:
     for count, path in enumerate(paths, start=1):
         rows.append(row_of(path))
         progress(count, len(paths))
+    write_text(RESULTS, results_of(rows))
     write_text(PAGE, page_of(rows))
     for row in rows:
         print(f"{row.name}: {row.verdict}")
