@@ -1,4 +1,4 @@
-"""Judges the printed answers of the folder `sources/` and writes results.csv and docs/published.md:
+"""Judges the answers of the folder `sources/`, writes results.csv and docs/published.md:
 
 python -m studies.published
 """
@@ -42,9 +42,9 @@ as printed: all 20 entries
 [Each verdict](critics.md#a-printed-answer) is about digits: that an answer belongs to another plant
 says nothing about how it came there. [The table of results](../studies/published/results.csv) has
 every answer with its whole verdict, and [its folder](../studies/published/sources) a file for each:
-the text that was opened (repository, path and commit, or address and date), what was worked out, and
-the numbers, digit by digit. `python -m studies.published` judges all of them and writes the table and
-this page.
+the text that was opened (repository, path and commit, or address and date), what was worked out,
+and the numbers, digit by digit. `python -m studies.published` judges all of them and writes the
+table and this page.
 """
 _PAPER = """
 ## The aircraft of the paper
