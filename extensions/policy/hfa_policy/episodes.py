@@ -3,7 +3,7 @@ deployment says, paid with its cost."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -185,16 +185,23 @@ def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> 
     )
 
 
+def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    """Q of states and outputs, R of inputs: those of the card, else 1/nominal² of the linear states
+    and the moved inputs."""
+    model = deployed.model
+    cost = deployed.deployment.cost
+    if cost is not None:
+        return cost["Q"], cost["R"]
+    nominal = {name: model.signals[name].nominal ** -2.0 for name in model.signals}
+    Q = {name: nominal[name] for name in model.linear}
+    R = {name: nominal[name] for name in deployed.commanded}
+    return Q, R
+
+
 def cost_rate(deployed: Deployed) -> ca.Function:
     """(X, U, trim) -> x'Q x + u'R u, of deviations from the trim."""
     model = deployed.model
-    cost = deployed.deployment.cost
-    if cost is None:
-        nominal = {name: model.signals[name].nominal ** -2.0 for name in model.signals}
-        Q = {name: nominal[name] for name in model.linear}
-        R = {name: nominal[name] for name in deployed.commanded}
-    else:
-        Q, R = cost["Q"], cost["R"]
+    Q, R = cost_weights(deployed)
     X, U, trim = (ca.SX.sym(name, size) for name, size in _sizes(deployed))
     n, m = len(model.states), len(model.inputs)
     here = deployed.values(X, U, trim)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import NONE
+from hfa_policy.deployment import NONE, Deployment
 from hfa_policy.normalizer import Normalizer
 from hfa_policy.stable_baselines import Zip
 from trim.point.operating_point import OperatingPoint
@@ -210,7 +210,21 @@ def _seen(
     if stored is None or stored.timesteps == 0 or stored.last is None:
         return None
     original = stored.last_original if stored.last_original is not None else stored.last
-    return original.mean(axis=0), np.zeros(original.shape[1]), False
+    return original.mean(axis=0), original.std(axis=0), False
+
+
+def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray] | None:
+    """Mean and size (root mean square about it) of the observations of the training, (k,) each;
+    None where nothing is known.
+
+    Without a normalizer they are the last ones, a few, and their mean is taken to be 0."""
+    seen = _seen(deployment.actor.stored, deployment.normalizer)
+    if seen is None:
+        return None
+    centre, spread, is_statistics = seen
+    if is_statistics:
+        return centre, spread
+    return np.zeros_like(centre), np.hypot(centre, spread)
 
 
 def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:

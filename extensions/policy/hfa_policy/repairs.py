@@ -1,9 +1,14 @@
 """What a deployment would fly better with: one change of its card at a time, flown.
 
-Right cards have changes that fly better too, a lower gain for one. So a change is named only where
-the card flies badly without delay as well, where it brings clearly more starts back, where what the
-training saw fits no worse with it, and where a lower gain alone does not do as well: a right policy
-that is too strong cycles, and an exchange may weaken it.
+A policy flies its training's cost J = Σ x'Qx + u'Ru best with the card that it was trained with.
+Three kinds of right policies fly better with another card, and are told from mistakes:
+
+- one that is too strong flies better with whatever weakens it: a change is named only where a lower
+  gain, down to none at all, does clearly worse;
+- one that is too strong or too weak flies better with other scales: such a change is named only
+  where what the training saw asks for it;
+- one that cycles flies better at a higher rate: a rate is named only where the gain is right for
+  it, as training makes it.
 """
 
 from __future__ import annotations
@@ -17,85 +22,105 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_flight.envelope import flight_envelope
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
+from hfa_policy.episodes import cost_weights
 from hfa_policy.flights import SampledFlight, symbols_of_a_sample
-from hfa_policy.mistakes import Mistake
-from hfa_policy.outcomes import FlownRows, Place, seeded_starts
-from hfa_policy.rest import RestSearch
-from hfa_policy.sampled_loop import chain_of
+from hfa_policy.held_step import parts_of_a_sample
+from hfa_policy.mistakes import Mistake, observations_of_training
+from hfa_policy.outcomes import seeded_starts
 
 if TYPE_CHECKING:
     from hfa_policy.assessment import AssessedPoint, Assessor
 
-#: Part of the starts from which on a card flies well enough: right ones may be as narrow.
-_WELL = 0.5
-#: How many times more starts a repair must bring back, and which part of all at least.
-_CLEARLY = 1.25
-_MANY = 0.7
-#: Flights of each repair at each of so many trims, and their seconds.
-_STARTS = 24
+#: A policy that holds with every start back and costs less than this more than the optimum, mean
+#: percent, flies well enough.
+_WELL = 200.0
+#: Trims where repairs are flown.
 _PLACES = 2
-_SECONDS = 40.0
-#: How many repairs are named that bring back as many as the best, less this part of the starts; the
-#: quickest first.
+#: Repairs of a kind that are left after a few short flights of all.
+_LEFT = 3
+#: A size of cost that no flight is distinguished beyond.
+_MOST = 1e9
+#: How many times the cost of a repair the card must cost, no control at all, and the card with any
+#: lower gain.
+_CARD = 3.0
+_NO_CONTROL = 2.5
+_LOWER = 1.25
+#: Parts of the actions that show whether a lower gain would do.
+_GAINS = (0.5, 0.2, 0.1, 0.05, 0.0)
+#: Of a change of scales: how many times its cost the card must cost, and no control at all, and how
+#: much nearer to what the training saw it must be, as a sum of logarithms.
+_CARD_OF_SCALES = 1.5
+_NO_CONTROL_OF_SCALES = 2.0
+_NEARER = 3.0
+#: How much farther from what the training saw another change may be.
+_FARTHER = 1.0
+#: Of a sample time: how many times its cost a lower gain must cost there, and with the card.
+_OWN_GAIN = 0.9
+_LOWER_AT_RATE = 1.0
+#: Sample times that are tried, as parts of that of the card; the slowest first.
+_RATES = (0.5, 0.25, 0.125)
+#: How many repairs are named that cost up to so many times the best.
 _NAMED = 3
-_AS_GOOD = 0.05
-#: Part of the actions that shows whether a lower gain alone would do.
-_LOWER = (0.5, 0.2, 0.1, 0.05, 0.02)
-#: Sample times that are tried, as parts of that of the card.
-_RATES = (0.25, 0.5, 2.0, 4.0)
+_AS_GOOD = 1.25
 _DEGREES = 180.0 / np.pi
+#: The kinds that change the size of observations.
+_OF_SIZE = ("degrees", "scale")
+
+
+class _Sample(NamedTuple):
+    """Starts of each repair at each trim, and the seconds that each is flown."""
+
+    starts: int
+    seconds: float
+
+
+_SHORT = _Sample(4, 8.0)
+_WHOLE = _Sample(12, 20.0)
 
 
 class Repair(NamedTuple):
-    """One change of a card: o' = P o + c, and an action times `sign`.
+    """One change of a card: o' = P o + c, and an action times `gain`.
 
     kind: of the mistake that it undoes.
     text: what would have to be so.
     deployment: the changed card.
     P: (k, k); c follows from the changed card at a trim.
-    sign: (m,).
+    gain: (m,).
     """
 
     kind: str
     text: str
     deployment: Deployment
     P: np.ndarray
-    sign: np.ndarray
+    gain: np.ndarray
 
 
-class Back(NamedTuple):
-    """What a repair brings back.
+class _Found(NamedTuple):
+    """A repair that is better by far: its cost, how much nearer to what the training saw, its kind
+    and what would have to be so."""
 
-    share: of the starts.
-    seconds: mean time of the flights until they are back, or end.
-    """
-
-    share: float
-    seconds: float
+    cost: float
+    nearer: float
+    kind: str
+    why: str
 
 
 def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """The repairs that bring clearly more starts back; nothing where the card flies well or every
-    loop is stable at rest, or most would be without the delay."""
-    flown = [point.flights for point in assessed if point.flights is not None]
-    share = sum(each.returned for each in flown) / max(1, sum(each.starts for each in flown))
-    is_stable = all(point.radius < 1.0 for point in assessed)  # right, and narrow or slow
-    if not flown or is_stable or share >= _WELL or _delay_alone(assessor, assessed):
+    """The repairs with which the policy costs clearly less; nothing where it flies well."""
+    if all(_flies_well(point) for point in assessed):
         return
-    trial = _Trial(assessor, assessed)
-    yield from trial.best()
+    yield from _Trial(assessor, assessed).named()
 
 
-def _delay_alone(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> bool:
-    """Whether most of the loops that are not stable would be without the delay."""
-    deployment = assessor.deployed.deployment
-    rests = [point.rest for point in assessed if point.rest is not None and point.radius >= 1.0]
-    if not deployment.delay or not rests:
+def _flies_well(point: AssessedPoint) -> bool:
+    """Whether it holds at a trim with every start back, at a moderate cost."""
+    if not point.holds or point.flights is None or point.cost is None:
         return False
-    stable = [chain_of(rest, deployment.dt, 0.0).radius < 1.0 for rest in rests]
-    return 2 * sum(stable) > len(stable)
+    every = point.flights.returned == point.flights.starts
+    return every and point.cost.sampled_mean <= _WELL
 
 
 class _Trial:
@@ -107,123 +132,181 @@ class _Trial:
         self.card = assessor.deployed.deployment
         order = sorted(assessed, key=lambda point: point.flights.returned)  # type: ignore[union-attr]
         self.places = [point.place for point in order[:_PLACES]]
+        self.points = [place.point for place in self.places]
         self.holds_somewhere = any(point.holds for point in assessed)
         self.k = len(self.card.observation)
         self.m = len(self.card.action)
-
-    def best(self) -> Iterator[Mistake]:
-        """The repair that is named; nothing where none is."""
         as_it_is = Repair("", "", self.card, np.eye(self.k), np.ones(self.m))
-        lower = [as_it_is._replace(sign=np.full(self.m, part)) for part in _LOWER]
-        repairs = [repair for repair in self._repairs() if self._fits(repair)]
-        tried = [as_it_is, *lower, *repairs]
-        returned = self._returned(tried, self._flight())
-        card, lowered = returned[0].share, max(each.share for each in returned[1 : 1 + len(lower)])
-        better = []
-        for repair, back in zip(repairs, returned[1 + len(lower) :], strict=True):
-            if back.share >= max(_MANY, _CLEARLY * max(card, lowered)):
-                better.append((back, repair))
-        if not better and not self.holds_somewhere:
-            better = self._better_rates(max(card, lowered))
-        most = max((back.share for back, _ in better), default=0.0)
-        as_good = [pair for pair in better if pair[0].share >= most - _AS_GOOD]
-        as_good.sort(key=lambda pair: pair[0].seconds)
-        for back, repair in as_good[:_NAMED]:
-            text = (
-                f"it would fly better if {repair.text}: {100 * back.share:.3g} % of the starts "
-                f"come back, as it is {100 * card:.3g} %"
-            )
-            yield Mistake(repair.kind, False, text)
+        #: The card as it is, and with every lower gain.
+        self.gains = [as_it_is._replace(gain=np.full(self.m, gain)) for gain in (1.0, *_GAINS)]
 
-    def _flight(self) -> SampledFlight:
-        """The flights of all repairs: P, c and sign are numbers of a row."""
+    def named(self) -> Iterator[Mistake]:
+        """The repairs that are named, the best first."""
+        repairs = self._left(self._repairs())
+        costs = self._costs([*self.gains, *repairs], self.card.dt, _WHOLE)
+        lower = costs[: len(self.gains)]
+        found = []
+        for repair, cost in zip(repairs, costs[len(self.gains) :], strict=True):
+            if self._is_clear(repair, cost, lower):
+                found.append(_Found(cost, self._nearer(repair) or 0.0, repair.kind, repair.text))
+        was_trained = self.card.actor.stored is not None and self.card.actor.stored.timesteps > 0
+        if not found and was_trained and not self.holds_somewhere:
+            found = self._rates(lower)
+        least = min((each.cost for each in found), default=0.0)
+        as_good = [each for each in found if each.cost <= _AS_GOOD * least]
+        as_good.sort(key=lambda each: (-round(each.nearer), each.cost))
+        for each in as_good[:_NAMED]:
+            times = min(lower[0] / each.cost, 1000.0)
+            text = (
+                f"it would fly better if {each.why}: as it is its flights cost "
+                f"{'over ' if times == 1000.0 else ''}{times:.3g} times as much"
+            )
+            yield Mistake(each.kind, False, text)
+
+    def _left(self, repairs: Sequence[Repair]) -> list[Repair]:
+        """The repairs of each kind that cost least in a few short flights."""
+        costs = self._costs(repairs, self.card.dt, _SHORT)
+        left: dict[str, list[Repair]] = {}
+        for number in np.argsort(costs).tolist():
+            of_kind = left.setdefault(repairs[number].kind, [])
+            if len(of_kind) < _LEFT:
+                of_kind.append(repairs[number])
+        return [repair for of_kind in left.values() for repair in of_kind]
+
+    def _is_clear(self, repair: Repair, cost: float, lower: Sequence[float]) -> bool:
+        """Whether a repair is better by far than the card, whose costs with lower gains, down to
+        none, these are."""
+        card, none = lower[0], lower[-1]
+        nearer = self._nearer(repair)
+        if repair.kind in _OF_SIZE:
+            is_better = card >= _CARD_OF_SCALES * cost and none >= _NO_CONTROL_OF_SCALES * cost
+            return is_better and nearer is not None and nearer >= _NEARER
+        is_better = card >= _CARD * cost and none >= _NO_CONTROL * cost
+        is_far = nearer is not None and nearer < -_FARTHER
+        return is_better and min(lower) >= _LOWER * cost and not is_far
+
+    def _rates(self, lower: Sequence[float]) -> list[_Found]:
+        """The slowest sample time with which it costs clearly less, the gain of the policy being
+        right for it."""
+        for part in _RATES:
+            dt = part * self.card.dt
+            cost, *lower_there = self._costs(self.gains, dt, _WHOLE)
+            is_better = lower[0] >= _CARD * cost and lower_there[-1] >= _NO_CONTROL * cost
+            is_own = min(lower_there) >= _OWN_GAIN * cost
+            if is_better and is_own and min(lower) >= _LOWER_AT_RATE * cost:
+                why = f"it were sampled every {1e3 * dt:.4g} ms or faster"
+                return [_Found(cost, 0.0, "sample time", why)]
+        return []
+
+    # Flights.
+
+    def _flight(self, dt: float) -> SampledFlight:
+        """The flights of all repairs: P, c and gain are numbers of a row."""
         whole = self.assessor.flight()
         extra = self.k * self.k + self.k + self.m
         deployed = self.deployed
         arguments = symbols_of_a_sample(deployed, extra)
-        P, c, sign = ca.vertsplit(arguments[3], [0, self.k**2, self.k**2 + self.k, extra])
+        P, c, gain = ca.vertsplit(arguments[3], [0, self.k**2, self.k**2 + self.k, extra])
         raw = ca.SX.sym("raw", self.m)
         o = ca.mtimes(ca.reshape(P, self.k, self.k), deployed.observe(*arguments[:3])) + c
         seen = deployed.normalized(o)[1]
-        moved = deployed.inputs(sign * deployed.action(raw), *arguments[:3])
+        moved = deployed.inputs(gain * deployed.action(raw), *arguments[:3])
         steered = whole.steered._replace(
             enters=ca.Function("enters", arguments, [ca.densify(seen)]),
             moves=ca.Function("moves", [raw, *arguments], [ca.densify(moved)]),
         )
-        return replace(whole, extra=extra, other=steered)
+        parts = parts_of_a_sample(self.points, dt)
+        return replace(whole, dt=dt, parts=parts, extra=extra, other=steered)
 
-    def _returned(self, repairs: Sequence[Repair], flight: SampledFlight) -> list[Back]:
-        """What each brings back; nothing where its loop is not stable."""
-        places: list[Place] = []
+    def _costs(self, repairs: Sequence[Repair], dt: float, sample: _Sample) -> list[float]:
+        """The cost of each repair, the geometric mean over its flights: one in ten that is lost is
+        no more than ten that cost a quarter more."""
+        flight = self._flight(dt)
         rows = []
-        owners: list[int] = []
-        for number, repair in enumerate(repairs):
-            deployed = repair.deployment.on(self.deployed.model)
+        for repair in repairs:
+            changed = repair.deployment.on(self.deployed.model)
             for place in self.places:
                 trim = self.deployed.trim_vector(place.point)
-                rest = self._rest(repair, deployed, place)
-                if rest is None or not rest.stable:
-                    continue
-                starts, pushes = seeded_starts(place, _STARTS, self.assessor.seed, False)
-                numbers = self._numbers(repair, deployed, trim)
-                extra = np.tile(numbers, (_STARTS, 1))
-                rows.append(flight.rows(starts, np.tile(trim, (_STARTS, 1)), pushes, extra))
-                places.append(rest)
-                owners.append(number)
-        shares = np.zeros(len(repairs))
-        seconds = np.zeros(len(repairs))
-        if not rows:
-            return [Back(0.0, _SECONDS) for _ in repairs]
-        flown = FlownRows(flight, places, np.vstack(rows), np.arange(len(places)).repeat(_STARTS))
-        flown.fly(_SECONDS, flight.window(len(flown.rows), _SECONDS))
-        for owner, number in enumerate(owners):
-            back = flown.outcome(owner, places[owner]).returned
-            shares[number] += back / (_STARTS * len(self.places))
-            mine = flown.owners == owner
-            seconds[number] += float(flown.times[mine].mean()) / len(self.places)
-        return [Back(*pair) for pair in zip(shares.tolist(), seconds.tolist(), strict=True)]
+                starts, pushes = seeded_starts(place, sample.starts, self.assessor.seed, False)
+                extra = np.tile(self._numbers(repair, changed, trim), (sample.starts, 1))
+                trims = np.tile(trim, (sample.starts, 1))
+                rows.append(flight.rows(starts, trims, pushes, extra))
+        envelopes = [flight_envelope(self.deployed.model, point) for point in self.points]
+        least = np.repeat([envelope.least for envelope in envelopes], sample.starts, axis=0)
+        most = np.repeat([envelope.most for envelope in envelopes], sample.starts, axis=0)
+        limits = np.tile(least, (len(repairs), 1)), np.tile(most, (len(repairs), 1))
+        costs = self._costs_of_rows(flight, np.vstack(rows), limits, sample.seconds)
+        by_repair = np.log(costs).reshape(len(repairs), -1).mean(axis=1)
+        return [float(cost) for cost in np.exp(by_repair)]
 
-    def _rest(self, repair: Repair, deployed: Deployed, place: Place) -> Place | None:
-        """Where the repaired policy rests; of one whose actions are scaled alone the trim."""
-        dt, delay = repair.deployment.dt, self.card.delay
-        is_changed = repair.deployment is not self.card
-        if is_changed:
-            search = RestSearch(deployed, place.point)
-            point = place.point
-            rest = search.from_point(np.array(point.states), np.array(point.inputs))
-        else:
-            rest = place.rest
-        if rest is None:
-            return None
-        if np.any(np.abs(repair.sign) != 1.0):
-            sign = float(repair.sign[0])
-            rest = replace(rest, K=sign * rest.K, K_inputs=sign * rest.K_inputs)
-        stable = chain_of(rest, dt, delay).radius < 1.0
-        return replace(place, rest=rest, stable=stable)
+    def _costs_of_rows(
+        self,
+        flight: SampledFlight,
+        rows: np.ndarray,
+        limits: tuple[np.ndarray, np.ndarray],
+        seconds: float,
+    ) -> np.ndarray:
+        """Of each flight Σ x'Qx + u'Ru over its windows, with the largest deviations from trim in a
+        window; who leaves the limits pays that window for all that are left."""
+        model = self.deployed.model
+        X, _, low_X, high_X, low_U, high_U, trim, _, _ = flight.slices
+        n, m = len(model.states), len(model.inputs)
+        Q, R = cost_weights(self.deployed)
+        of_states = [Q.get(name, 0.0) for name in model.states]
+        of_inputs = [R.get(name, 0.0) for name in model.inputs]
+        weights = np.array([*of_states, *of_inputs])
+        windows = max(1, round(seconds / (flight.samples_in_window * flight.dt)))
+        window = flight.window(len(rows), seconds)
+        costs = np.zeros(len(rows))
+        flying = np.arange(len(rows))
+        for number in range(windows):
+            moved = rows[flying]
+            moved[:, low_X] = moved[:, high_X] = moved[:, X]
+            moved[:, low_U] = np.inf
+            moved[:, high_U] = -np.inf
+            moved = window(moved)
+            rows[flying] = moved
+            lowest = np.hstack([moved[:, low_X], moved[:, low_U]])
+            highest = np.hstack([moved[:, high_X], moved[:, high_U]])
+            base = moved[:, trim][:, : n + m]
+            with np.errstate(all="ignore"):
+                largest = np.maximum(highest - base, base - lowest)
+                rate = np.nan_to_num(largest**2 @ weights, nan=_MOST).clip(max=_MOST)
+            least, most = (limit[flying] for limit in limits)
+            inside = (moved[:, low_X] >= least) & (moved[:, high_X] <= most)
+            is_lost = ~(inside.all(axis=1) & np.isfinite(moved[:, X]).all(axis=1))
+            costs[flying] += rate * np.where(is_lost, windows - number, 1)
+            flying = flying[~is_lost]
+            if not flying.size:
+                break
+        return np.clip(costs, 1.0 / _MOST, _MOST)
 
-    def _numbers(self, repair: Repair, deployed: Deployed, trim: np.ndarray) -> np.ndarray:
-        """P, c and sign of a repair at a trim, in the order of a row."""
+    def _numbers(self, repair: Repair, changed: Deployed, trim: np.ndarray) -> np.ndarray:
+        """P, c and gain of a repair at a trim, in the order of a row."""
         n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
         at_trim = (trim[:n], trim[n : n + m], trim)
         before = np.array(self.deployed.observe(*at_trim)).ravel()
-        after = np.array(deployed.observe(*at_trim)).ravel()
+        after = np.array(changed.observe(*at_trim)).ravel()
         c = after - repair.P @ before
-        return np.concatenate([repair.P.ravel(order="F"), c, repair.sign])
+        return np.concatenate([repair.P.ravel(order="F"), c, repair.gain])
 
     # What the training saw.
 
-    def _fits(self, repair: Repair) -> bool:
-        """Whether what the normalizer has seen fits the changed observations no worse."""
-        normalizer = self.card.normalizer
-        if normalizer is None or repair.deployment.observation == self.card.observation:
-            return True
-        return self._misfit(repair.deployment) <= self._misfit(self.card) - np.log(1.5)
+    def _nearer(self, repair: Repair) -> float | None:
+        """How much nearer to what the training saw the observations of the changed card are; None
+        where nothing is known of that."""
+        if observations_of_training(self.card) is None:
+            return None
+        if repair.deployment.observation == self.card.observation:
+            return 0.0
+        return self._misfit(self.card) - self._misfit(repair.deployment)
 
     def _misfit(self, deployment: Deployment) -> float:
-        """Σ |log(spread of the observations of the starts / deviation of the training)|, and how
-        far the trim is off the mean of the training, beyond one deviation of it."""
-        normalizer = deployment.normalizer
-        assert normalizer is not None
+        """Σ |log(size of the observations of the starts / of the training)|, sizes as root mean
+        squares about the mean of the training."""
+        seen_then = observations_of_training(deployment)
+        assert seen_then is not None
+        mean, size = seen_then
         deployed = deployment.on(self.deployed.model)
         place = self.places[0]
         starts, _ = seeded_starts(place, 64, 0, False)
@@ -232,11 +315,9 @@ class _Trial:
         seen = np.array(
             [np.array(deployed.observe(start, inputs, trim)).ravel() for start in starts]
         )
-        at_trim = np.array(deployed.observe(np.array(place.point.states), inputs, trim)).ravel()
-        deviation = np.maximum(normalizer.deviation, 1e-12)
-        spread = np.maximum(seen.std(axis=0), 1e-12)
-        off = np.maximum(np.abs(at_trim - normalizer.mean) / deviation - 1.0, 0.0)
-        return float(np.abs(np.log(spread / deviation)).sum() + np.log1p(off).sum())
+        seen_now = np.sqrt(((seen - mean) ** 2).mean(axis=0))
+        least = 1.0 / _MOST
+        return float(np.abs(np.log((seen_now + least) / (size + least))).sum())
 
     # The repairs.
 
@@ -261,11 +342,11 @@ class _Trial:
         for number, (name, entry) in enumerate(self.card.action.items()):
             turned = re.sub(r"\ba\b", "(-a)", entry.get("map", "trim + a"))
             action = {**self.card.action, name: {**entry, "map": turned}}
-            sign = np.ones(self.m)
-            sign[number] = -1.0
+            gain = np.ones(self.m)
+            gain[number] = -1.0
             text = f"the action of {name} had the other sign"
             deployment = self.card.changed(action=action)
-            yield Repair("sign", text, deployment, np.eye(self.k), sign)
+            yield Repair("sign", text, deployment, np.eye(self.k), gain)
 
     def _abouts(self) -> Iterator[Repair]:
         for about, text in ((0.0, "absolute values"), ("trim", "deviations from trim")):
@@ -300,21 +381,3 @@ class _Trial:
                 )
             }
             yield self._made(kind, text, observation, np.diag(multiplied))
-
-    def _better_rates(self, baseline: float) -> list[tuple[Back, Repair]]:
-        """The sample times that bring clearly more starts back than the card and a lower gain."""
-        better = []
-        for part in _RATES:
-            timing = {**self.card.timing, "dt": part * self.card.dt}
-            changed = self.card.changed(timing=timing)
-            text = f"it were sampled every {1e3 * changed.dt:.4g} ms"
-            repair = Repair("sample time", text, changed, np.eye(self.k), np.ones(self.m))
-            flight = replace(
-                self._flight(),
-                dt=changed.dt,
-                parts=max(1, round(part * self.assessor.flight().parts)),
-            )
-            (back,) = self._returned([repair], flight)
-            if back.share >= max(_MANY, _CLEARLY * baseline):
-                better.append((back, repair))
-        return better

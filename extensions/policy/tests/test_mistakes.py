@@ -111,18 +111,41 @@ def test_the_order_of_observations_is_suggested():
     assert any("pitch and speed were exchanged" in text for text in found)
 
 
+def rescaled(name, of):
+    """The card with other scales of its angles."""
+    observation = {
+        key: {**entry, "scale": entry["scale"] if key == "speed" else of(entry["scale"])}
+        for key, entry in card(name).observation.items()
+    }
+    return card(name).changed(observation=observation)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (rescaled("ppo_raw", lambda scale: scale / DEGREES), "its angles were observed in radians"),
+        (rescaled("ppo_raw", lambda scale: scale * DEGREES), "its angles were observed in degrees"),
+        (card("ppo_raw").changed(timing={"dt": 0.16}), "it were sampled every"),
+    ],
+)
+def test_degrees_and_the_sample_time_are_suggested(changed, said):
+    assert any(said in text for text in suggested("ppo_raw", changed))
+
+
 @pytest.mark.slow
 def test_nothing_is_suggested_of_an_exchange_whose_loop_is_stable():
     assert suggested("ppo_raw", exchanged("ppo_raw", 1, 2)) == []
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("times", [0.25, 2.0, 4.0])
 @pytest.mark.parametrize("name", ["a2c_gtm", "ppo_gtm", "ppo_raw"])
-def test_nothing_is_suggested_of_a_right_card_whose_policy_is_too_strong(name):
+def test_nothing_is_suggested_of_a_right_card_whose_policy_is_too_strong_or_weak(name, times):
     actor = card(name).actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
     strong = Deployment.load(FOLDER / f"{name}.toml")
-    function = ca.Function("strong", [o], [2.0 * actor.function(o)])
+    function = ca.Function("strong", [o], [times * actor.function(o)])
     vars(strong)["actor"] = replace(actor, function=function, rows=None)
     assert suggested(name, strong) == []
 
