@@ -259,7 +259,7 @@ class NormalForm:
         W: orthogonal but for rounding. D: powers of two, (n,).
         """
         turn = exact(W.T)
-        inverse = _precise_inverse(W)
+        inverse = precise_inverse(W)
         Q = product(product(transposed(inverse), exact(self.Q)), inverse)[0]
         return replace(
             self,
@@ -274,12 +274,12 @@ class NormalForm:
 
 def similar(matrix: Pair, W: np.ndarray, D: np.ndarray) -> Pair:
     """(D W') M (D W')⁻¹, for W and D of `_turned_by`."""
-    high, low = product(product(exact(W.T), matrix), _precise_inverse(W))
+    high, low = product(product(exact(W.T), matrix), precise_inverse(W))
     scale = D[:, None] / D
     return high * scale, low * scale
 
 
-def _precise_inverse(W: np.ndarray) -> Pair:
+def precise_inverse(W: np.ndarray) -> Pair:
     """(W')⁻¹, of a W that is orthogonal but for rounding."""
     high, low = product(exact(W.T), exact(W))
     defect = np.eye(len(W)) - high, -low

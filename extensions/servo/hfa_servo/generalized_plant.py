@@ -32,6 +32,7 @@ from controller.riccati.frequency_response import (
 )
 from controller.riccati.normal_form import RANK, NormalForm
 from controller.riccati.smallest_delta import DeltaMin, obstacle
+from hfa_servo.plant_axes import Axes
 from hfa_servo.plant_side import Side
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
@@ -214,11 +215,29 @@ class GeneralizedPlant(Shown):
         k = B.shape[1] - inputs
         return cls(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], C[r:], D[r:, :k], D[:r, :k], D[r:, k:])
 
-    def in_units(self, units: np.ndarray) -> GeneralizedPlant:
-        """The same in the state y, x_i = u_i y_i; units: (n,)."""
-        rows = {name: getattr(self, name) / units[:, None] for name in ("A", "B1", "B2")}
-        columns = {name: getattr(self, name) * units for name in ("C1", "C2")}
-        return replace(self, **rows | columns | {"A": rows["A"] * units})
+    def in_axes(self, axes: Axes) -> GeneralizedPlant:
+        """The same in another state."""
+        return replace(
+            self,
+            A=axes.square(self.A),
+            B1=axes.rows(self.B1),
+            B2=axes.rows(self.B2),
+            C1=axes.columns(self.C1),
+            C2=axes.columns(self.C2),
+        )
+
+    @cached_property
+    def axes(self) -> Axes:
+        """Axes in which fast and slow states are apart, in balanced units: everything is computed
+        there."""
+        axes = Axes.of(self.A)
+        control = self.in_axes(axes).sides[0]
+        return axes.scaled(NormalForm.of(control.game(math.inf)).units)
+
+    @cached_property
+    def apart(self) -> GeneralizedPlant:
+        """The same in its `axes`."""
+        return self.in_axes(self.axes)
 
     def minimum_delta(self) -> DeltaMin:
         """The smallest δ for which `solve_plant` has a controller, to `TOLERANCE` relative.
@@ -234,7 +253,7 @@ class GeneralizedPlant(Shown):
                 " check the scaling"
             )
         begin = max(1.0, 2.0 * self.floor)
-        gain = _gain_of_optimal_loop(self)
+        gain = _gain_of_optimal_loop(self.apart)
         if 0.0 < gain < math.inf:
             begin = 2.0 * gain
         value, refused, ending = smallest_delta(
@@ -346,12 +365,13 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
 
 def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
     """The solution with its checks, without advice where there is none."""
-    if not delta > plant.floor:
-        past = f"D11 alone lets {plant.floor:.6g} past every controller"
-        raise NoSolutionError(f"the feedthrough condition fails: {past}")
+    answer = conditions(plant, delta)
+    if not answer.exists:
+        verdict = "is open" if answer.exists is None else "fails"
+        raise NoSolutionError(f"the {answer.condition} {verdict}: {answer.reason}")
     values: list[np.ndarray] = []
     checks: list[Check] = []
-    for side, name in zip(plant.sides, ("control", "filter"), strict=False):
+    for side, name in zip(plant.apart.sides, ("control", "filter"), strict=False):
         try:
             solution = certified_solution(NormalForm.of(side.game(delta)))
         except NoSolutionError as error:
@@ -359,63 +379,59 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
         values.append(solution.form.value(solution.X))
         for check in solution.certificate.checks:
             checks.append(check._replace(name=f"{name}_{check.name}"))
-    # The controller is made and checked in balanced units; x̂ has the user's.
-    units = NormalForm.of(plant.sides[0].game(math.inf)).units
     result: OutputFeedback | StateFeedback
     if len(plant.C2):
-        result = _output_feedback(plant, values[0], values[1], delta, units)
+        result = _output_feedback(plant, values[0], values[1], delta)
     else:
-        result = _state_feedback(plant, values[0], delta, units)
+        result = _state_feedback(plant, values[0], delta)
     for check in result.checks:
         if not check.ok:
             raise NoSolutionError(f"the controller is not certified: {check.reason}")
     return replace(result, checks=(*checks, *result.checks))
 
 
-def _state_feedback(
-    plant: GeneralizedPlant, X: np.ndarray, delta: float, units: np.ndarray
-) -> StateFeedback:
-    """The gain of a solution X, with the checks of its loop; units: (n,), balanced."""
-    balanced = plant.in_units(units)
-    L, F = balanced.sides[0].policies(X * np.outer(units, units), delta)
+def _state_feedback(plant: GeneralizedPlant, X: np.ndarray, delta: float) -> StateFeedback:
+    """The gain of a solution X in the plant's axes, with the checks of its loop."""
+    axes = plant.axes
+    apart = plant.apart
+    L, F = apart.sides[0].policies(X, delta)
+    K = -axes.columns_back(F)
+    F = -axes.columns(K)  # with the rounding of K
     checks = loop_checks(
-        balanced.A + balanced.B2 @ F,
-        balanced.B1,
-        balanced.C1 + balanced.D12 @ F,
-        balanced.D11,
-        delta,
+        apart.A + apart.B2 @ F, apart.B1, apart.C1 + apart.D12 @ F, apart.D11, delta
     )
-    return StateFeedback(X, -F / units, L / units, delta, checks)
+    return StateFeedback(axes.value_back(X), K, axes.columns_back(L), delta, checks)
 
 
 def _output_feedback(
-    plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float, units: np.ndarray
+    plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float
 ) -> OutputFeedback:
-    """The central controller of solutions X and Y, with the checks of the coupling, its loop and
-    its second derivation; units: (n,), balanced."""
+    """The central controller of solutions X and Y in the plant's axes, with the checks of the
+    coupling, its loop and its second derivation."""
+    axes = plant.axes
+    apart = plant.apart
     radius, _ = _radius(X, Y)
-    coupling = f"rho(XY) = {radius:.6g} is not below"
-    if not radius < delta**2:
-        raise NoSolutionError(f"the coupling condition fails: {coupling} {delta**2:.6g}")
-    balanced = plant.in_units(units)
-    squared = np.outer(units, units)
-    controller = central_controller(balanced, X * squared, Y / squared, delta)
-    A, B, C, D = central_controller(balanced.transposed(), Y / squared, X * squared, delta)
+    controller = central_controller(apart, X, Y, delta)
+    A, B, C, D = central_controller(apart.transposed(), Y, X, delta)
     difference = _response_difference(controller, (A.T, C.T, B.T, D.T))
-    apart = f"the two derivations of the controller differ by {difference:.2g} of their response"
+    apart_by = f"the two derivations of the controller differ by {difference:.2g} of their response"
+    A, B, C, Dk = controller
+    Ak = axes.square_back(A)
+    Bk = axes.rows_back(B)
+    Ck = axes.columns_back(C)
+    rounded = (axes.square(Ak), axes.rows(Bk), axes.columns(Ck), Dk)
     checks = (
-        below("coupling", radius, delta**2, f"{coupling} delta^2"),
-        *loop_checks(*closed_plant(balanced, controller), delta),
-        at_most("derivations_agree", difference, DERIVATIONS_AGREE, apart),
+        below("coupling", radius, delta**2, f"rho(XY) = {radius:.6g} is not below delta^2"),
+        *loop_checks(*closed_plant(apart, rounded), delta),
+        at_most("derivations_agree", difference, DERIVATIONS_AGREE, apart_by),
     )
-    Ak, Bk, Ck, Dk = controller
     return OutputFeedback(
-        Ak=Ak * units[:, None] / units,
-        Bk=Bk * units[:, None],
-        Ck=Ck / units,
+        Ak=Ak,
+        Bk=Bk,
+        Ck=Ck,
         Dk=Dk,
-        X=X,
-        Y=Y,
+        X=axes.value_back(X),
+        Y=axes.dual_value_back(Y),
         delta=delta,
         coupling=radius / delta**2,
         checks=checks,
@@ -516,21 +532,11 @@ def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
     values = [solution_that_holds(NormalForm.of(game)) for game in games]
     if any(value is None for value in values):
         return math.inf
-    units = NormalForm.of(games[0]).units
-    balanced_plant = plant.in_units(units)
-    X = values[0] * np.outer(units, units)
     if len(values) == 1:
-        _, F = balanced_plant.sides[0].policies(X, math.inf)
-        loop = (
-            balanced_plant.A + balanced_plant.B2 @ F,
-            balanced_plant.B1,
-            balanced_plant.C1 + balanced_plant.D12 @ F,
-            balanced_plant.D11,
-        )
+        _, F = plant.sides[0].policies(values[0], math.inf)
+        loop = (plant.A + plant.B2 @ F, plant.B1, plant.C1 + plant.D12 @ F, plant.D11)
     else:
-        Y = values[1] / np.outer(units, units)
-        controller = central_controller(balanced_plant, X, Y, math.inf)
-        loop = closed_plant(balanced_plant, controller)
+        loop = closed_plant(plant, central_controller(plant, values[0], values[1], math.inf))
     return system_gain(*loop)
 
 
@@ -566,6 +572,7 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
         surely = delta < plant.floor * (1.0 - SHARP)
         reason = f"D11 alone lets {plant.floor:.6g} past every controller"
         return Answer(False if surely else None, reason, "feedthrough condition")
+    plant = plant.apart
     forms = [side.form(delta) for side in plant.sides]
     found = [value_found(form) for form in forms]
     for exists in (False, None):
@@ -636,12 +643,9 @@ def _coupling_by_radius(
 def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> bool:
     """Whether the controller of X and Y is seen to keep the gain below δ, however large the errors
     of X and Y: then every condition holds."""
-    units = NormalForm.of(plant.sides[0].game(math.inf)).units
-    squared = np.outer(units, units)
-    balanced = plant.in_units(units)
     try:
-        controller = central_controller(balanced, X * squared, Y / squared, delta)
-        return all(check.ok for check in loop_checks(*closed_plant(balanced, controller), delta))
+        controller = central_controller(plant, X, Y, delta)
+        return all(check.ok for check in loop_checks(*closed_plant(plant, controller), delta))
     except (NoSolutionError, np.linalg.LinAlgError):
         return False
 

@@ -1,0 +1,92 @@
+"""Axes of the state in which a plant's fast states and slow ones are apart.
+
+In axes that mix them rounding is of the size of the fast states, and hides the slow ones: a plant
+with poles from 1e-4 to 1e4 rad/s, turned, has digits left of neither Riccati equation. The way to
+these axes and back has twice the digits and one rounding at its end, so that nothing is lost that
+the given numbers say."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from controller.riccati.balancing import balanced
+from controller.riccati.double_double import Pair, exact, product, transposed
+from controller.riccati.normal_form import precise_inverse
+
+
+class Axes(NamedTuple):
+    """y = D W'U⁻¹ x of a state x.
+
+    units: the diagonal of U, (n,), powers of two
+    W: (n, n), orthogonal but for rounding
+    inverse: (W')⁻¹, with twice the digits
+    scale: the diagonal of D, (n,), powers of two
+    """
+
+    units: np.ndarray
+    W: np.ndarray
+    inverse: Pair
+    scale: np.ndarray
+
+    @classmethod
+    def of(cls, A: np.ndarray) -> Self:
+        """Those of the Schur form of A, balanced; A: (n, n)."""
+        from scipy.linalg import schur
+
+        matrix, units = balanced(A)
+        W = schur(matrix)[1]
+        return cls(units, W, precise_inverse(W), np.ones(len(W)))
+
+    def scaled(self, units: np.ndarray) -> Self:
+        """In the state z, y_i = u_i z_i; units: (n,), powers of two."""
+        return self._replace(scale=self.scale / units)
+
+    def rows(self, M: np.ndarray) -> np.ndarray:
+        """T M, of a matrix with a row a state, y = T x."""
+        high, _ = product(exact(self.W.T), exact(M / self.units[:, None]))
+        return np.asarray(high * self.scale[:, None])
+
+    def columns(self, M: np.ndarray) -> np.ndarray:
+        """M T⁻¹, of a matrix with a column a state."""
+        high, _ = product(exact(M * self.units), self.inverse)
+        return np.asarray(high / self.scale)
+
+    def square(self, M: np.ndarray) -> np.ndarray:
+        """T M T⁻¹."""
+        given = exact(M * self.units / self.units[:, None])
+        high, _ = product(product(exact(self.W.T), given), self.inverse)
+        return np.asarray(high * self.scale[:, None] / self.scale)
+
+    def rows_back(self, M: np.ndarray) -> np.ndarray:
+        """T⁻¹ M."""
+        high, _ = product(self.inverse, exact(M / self.scale[:, None]))
+        return np.asarray(high * self.units[:, None])
+
+    def columns_back(self, M: np.ndarray) -> np.ndarray:
+        """M T."""
+        high, _ = product(exact(M * self.scale), exact(self.W.T))
+        return np.asarray(high / self.units)
+
+    def square_back(self, M: np.ndarray) -> np.ndarray:
+        """T⁻¹ M T."""
+        inner = exact(M * self.scale / self.scale[:, None])
+        high, _ = product(product(self.inverse, inner), exact(self.W.T))
+        return np.asarray(high * self.units[:, None] / self.units)
+
+    def value_back(self, X: np.ndarray) -> np.ndarray:
+        """T'X T of a value y'X y, (n, n), symmetric."""
+        inner = exact(X * np.outer(self.scale, self.scale))
+        high, _ = product(product(exact(self.W), inner), exact(self.W.T))
+        return _symmetric(high / np.outer(self.units, self.units))
+
+    def dual_value_back(self, Y: np.ndarray) -> np.ndarray:
+        """T⁻¹ Y T⁻ᵀ of the value Y of the transposed plant, (n, n), symmetric."""
+        inner = exact(Y / np.outer(self.scale, self.scale))
+        high, _ = product(product(self.inverse, inner), transposed(self.inverse))
+        return _symmetric(high * np.outer(self.units, self.units))
+
+
+def _symmetric(M: np.ndarray) -> np.ndarray:
+    return np.asarray((M + M.T) / 2.0)
