@@ -11,7 +11,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.certificate import Certified, certified_solution
 from controller.riccati.delta_search import Answer, smallest_delta
-from controller.riccati.existence import existence
+from controller.riccati.existence import ROUNDING, existence
 from controller.riccati.frequency_response import square_root, swept_gain, system_gain
 from controller.riccati.normal_form import RANK, NormalForm
 from hfa_support.arguments import checks_arguments
@@ -30,8 +30,6 @@ CLOSE = 0.01
 BARELY = 1e-5
 #: Rounding moves no eigenvalue of interest by more than this part of |A|.
 _NEAR_AXIS = 1e-6
-#: A mode that a change of entries by this part of each makes unreachable is not reached.
-ENTRIES = 1e-10
 
 
 class DeltaMin(NamedTuple):
@@ -136,9 +134,12 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
     failure: of its certificate.
     """
     unreached = (
-        "(A, B) is not stabilizable: no input reaches the {}; change B or leave that mode out of A"
+        "to rounding (A, B) is not stabilizable: no input reaches the {}; change B or leave that"
+        " mode out of A"
     )
-    hidden = "(A, Q) is not detectable: the undamped {} costs nothing; give Q weight on it"
+    hidden = (
+        "to rounding (A, Q) is not detectable: the undamped {} costs nothing; give Q weight on it"
+    )
     cause = obstacle(form, unreached, hidden)
     if cause.sentence:
         return cause.sentence
@@ -190,7 +191,7 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
                     least_mode = mode
                 if not sentence and is_dependent(form.A, value, form.B.T, size):
                     sentence = unreached.format(mode)
-            is_undamped = abs(value.real) <= RANK * size
+            is_undamped = value.real == 0.0
             if is_undamped and not sentence and is_dependent(form.A.T, value, form.Q, size):
                 sentence = hidden.format(mode)
     return Obstacle(sentence, least_reach, least_mode)
@@ -222,8 +223,7 @@ def _mode_text(eigenvalue: complex, error: float) -> str:
 
 
 def is_dependent(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> bool:
-    """Whether [A' - λI; rows] is shown to have no full column rank: a change of its entries by
-    `ENTRIES` of each makes it so.
+    """Whether [A' - λI; rows] has no full column rank within rounding of its entries.
 
     A singular value of rounding alone does not show it: fast states beside slow ones make one where
     every mode is reached. Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem
@@ -231,12 +231,13 @@ def is_dependent(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -
     if dependence(A, value, rows, size) > RANK:
         return False
     vector = np.linalg.svd(_stacked(A, value, rows, size))[2][-1].conj()
-    vector[np.abs(vector) <= ENTRIES * np.abs(vector).max()] = 0.0
+    rounding = 2 * len(A) * ROUNDING
+    vector[np.abs(vector) <= rounding * np.abs(vector).max()] = 0.0
     parts = np.abs(vector)
     left_by_A = np.abs(A.T @ vector - value * vector)
     of_A = np.abs(A.T) @ parts + abs(value) * parts
-    is_kept = np.all(left_by_A <= ENTRIES * of_A)
-    return bool(is_kept and np.all(np.abs(rows @ vector) <= ENTRIES * (np.abs(rows) @ parts)))
+    is_kept = np.all(left_by_A <= rounding * of_A)
+    return bool(is_kept and np.all(np.abs(rows @ vector) <= rounding * (np.abs(rows) @ parts)))
 
 
 def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> float:

@@ -60,17 +60,17 @@ COUPLING = "coupling condition"
 #: on the axis.
 _OBSTACLES = (
     (
-        "no input reaches the {}, which is not stable; change B2",
+        "to rounding no input reaches the {}, which is not stable; change B2",
         (
-            "z does not show the {}, which does not decay (a zero from u to z on the imaginary"
-            " axis); let z weigh it"
+            "to rounding z does not show the {}, which does not decay (a zero from u to z on the"
+            " imaginary axis); let z weigh it"
         ),
     ),
     (
-        "the sensors do not see the {}, which is not stable; measure more",
+        "to rounding the sensors do not see the {}, which is not stable; measure more",
         (
-            "the disturbance does not reach the {}, which does not decay, so its estimate would"
-            " never settle; let the disturbance enter there"
+            "to rounding the disturbance does not reach the {}, which does not decay, so its"
+            " estimate would never settle; let the disturbance enter there"
         ),
     ),
 )
@@ -529,9 +529,12 @@ def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
     rounding hides that controller.
     """
     games = [side.game(math.inf) for side in plant.sides]
-    values = [solution_that_holds(NormalForm.of(game)) for game in games]
-    if any(value is None for value in values):
-        return math.inf
+    values = []
+    for game in games:
+        value = solution_that_holds(NormalForm.of(game))
+        if value is None:
+            return math.inf
+        values.append(value)
     if len(values) == 1:
         _, F = plant.sides[0].policies(values[0], math.inf)
         loop = (plant.A + plant.B2 @ F, plant.B1, plant.C1 + plant.D12 @ F, plant.D11)

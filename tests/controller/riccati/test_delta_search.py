@@ -16,6 +16,7 @@ from controller import Game
 from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.existence import ROUNDING, existence, shown_gain, value_error
 from controller.riccati.normal_form import NormalForm
+from controller.riccati.smallest_delta import is_dependent
 from hfa_support import NoSolutionError
 from verification import minimum_delta, solve_game
 
@@ -140,6 +141,31 @@ def test_a_stiff_plant_whose_modes_are_reached_is_not_told_that_they_are_not(
     assert "is not stabilizable" not in said
     assert not re.search(r"eigenvalue 0\b(?!\.)", said)
     assert "no delta" not in said
+
+
+def test_a_slow_mode_that_decays_is_not_called_undamped() -> None:
+    """Beside a fast state it is nearer to the axis than rounding of that state."""
+    game = Game(
+        np.diag([-1e8, -1e-6, 100.0]),
+        np.array([[60.0], [1.0], [1e-3]]),
+        np.eye(3)[:, :1],
+        np.diag([1e3, 0.0, 100.0]),
+        np.eye(1),
+        math.inf,
+    )
+    assert "undamped" not in refusal_of(lambda: solve_game(game))
+
+
+@pytest.mark.parametrize(("reach", "unreached"), [(1e-4, False), (0.0, True)])
+def test_a_slow_mode_that_rounding_cannot_hide_is_not_called_unreached(
+    reach: float, unreached: bool
+) -> None:
+    """Turned, beside a fast state and a mode from which it is 4e-9 of that away."""
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
+    A = turn @ np.diag([1e7, -300.0, 0.03, -1e-2]) @ turn.T
+    B = turn @ np.array([[1.0], [30.0], [reach], [10.0]])
+    slow = min(np.linalg.eigvals(A), key=lambda value: abs(value - 0.03))
+    assert is_dependent(A, complex(slow), B.T, 1e7) is unreached
 
 
 def refusal_of(solve: Callable[[], object]) -> str:
