@@ -136,8 +136,8 @@ def failure_as_data(
 ) -> Iterator[None]:
     """With --json a trim that fails is printed as data too: the nearest point within the limits,
     which limits bind, and the reason."""
-    from trim.hfa.hfa_report import trim_report
     from trim.point.solve import TrimError
+    from trim.point.trim_report import trim_report
 
     try:
         yield

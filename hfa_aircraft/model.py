@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -25,6 +25,9 @@ from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.text import shown_unit, shown_value
 from hfa_support.units import si_factor
+
+if TYPE_CHECKING:
+    from hfa_support.reporting.report import Report
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,6 +61,8 @@ class Model:
         of the first of a group of alternatives is exact.
     explain: (imposed values, solve) -> why there is no trim, in the words of its field
         (`trim.point.reasons`).
+    describe_trim: (operating point, report of it) -> the report with what this aircraft says of a
+        trim in place of its outputs.
     aliases: name in another program -> name here.
     notes: what every report says of it.
     native: the model that `hfa_aircraft.units.in_si` converted into this one.
@@ -99,6 +104,7 @@ class Model:
     alternatives: tuple[tuple[str, ...], ...] = ()
     begin: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
     explain: Callable[[Mapping[str, float], Callable[..., Any]], str] | None = None
+    describe_trim: Callable[[Any, Report], Report] | None = None
     aliases: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     native: Model | None = None

@@ -36,6 +36,8 @@ from hfa_support.units import si_factor
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from hfa_support.reporting.report import Report
+
 
 @dataclass(frozen=True)
 class Equations:
@@ -112,6 +114,16 @@ _TYPICAL = {
     "lbf/ft^2": 1.0,
 }
 _PAPER = published_data()["trim"]
+
+
+def _with_loads(point: Any, report: Report) -> Report:
+    """The report of a trim with loads and performance (`hfa_model.trim_loads`, loaded when a trim
+    is reported)."""
+    from hfa_model.trim_loads import with_loads
+
+    return with_loads(point, report)
+
+
 _DECLARED = Model(
     name="published",
     called="published dynamics",
@@ -150,6 +162,7 @@ _DECLARED = Model(
     # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
     envelope=flight_limits,
     check=check_in_range,
+    describe_trim=_with_loads,
     range={"dihedral": (math.radians(15.0), "the paper's range")},
 )
 

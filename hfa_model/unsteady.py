@@ -542,4 +542,5 @@ UNSTEADY = replace(
     linear=(*LINEAR_STATES, *_LAGS, "downwash"),
     modes={**_RIGID.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
     parts={"short_period": ("alpha", *_LAGS, "downwash")},
+    describe_trim=None,  # its loads are others
 )

@@ -1,7 +1,6 @@
 """Operating points, exact linear models, modes, sweeps, and the aircraft's identification."""
 
 from .hfa.front_view import trim_figure as trim_figure
-from .hfa.hfa_report import trim_report as trim_report
 from .hfa.level_flight import level_flight as level_flight, load_condition as load_condition
 from .hfa.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
 from .linear.along import models_along as models_along
@@ -17,6 +16,7 @@ from .point.condition import (
 )
 from .point.operating_point import OperatingPoint as OperatingPoint
 from .point.solve import TrimError as TrimError, find_operating_point as find_operating_point
+from .point.trim_report import trim_report as trim_report
 from .sweeps.interpolated import InterpolatedModel as InterpolatedModel
 from .sweeps.points import trim_points as trim_points
 from .sweeps.sweep import sweep as sweep

@@ -115,11 +115,9 @@ class Regeneration(ByValue, Reported):
         for angle, pair in zip(angles, self.pairs, strict=True):
             ordered = sorted(pair.entries, key=lambda entry: -abs(entry.half_units))
             farthest[f"{angle}, "] = ordered[:_FARTHEST]
-        count = sum(not entry.is_zero for pair in self.pairs for entry in pair.entries)
         parts = (
             Table(("check", *angles, "limit", "verdict"), rows),
             entries_table("farthest from the print", farthest),
-            f"All {count} entries, both spectra and the matrices: --all, or -o FILE",
         )
         return replace(self.report(), title=self.verdict, parts=parts)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hfa.options.command import command
 from hfa.options.request import option
@@ -27,6 +27,10 @@ def regenerate(request: RegenerateRequest) -> int:
     from verification.regeneration import regenerate_all
 
     regeneration = regenerate_all(request.hfa)
-    summary = None if request.all else regeneration.summary()
-    show(regeneration.report(), request, printed=summary)
+    printed = None
+    if not request.all:
+        summary = regeneration.summary()
+        rest = "Every entry, both spectra and the matrices: --all, or -o FILE"
+        printed = replace(summary, parts=(*summary.parts, rest))
+    show(regeneration.report(), request, printed=printed)
     return 0 if regeneration.ok else 1

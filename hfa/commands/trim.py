@@ -10,7 +10,7 @@ import hfa_model
 from hfa.options.command import command
 from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
 from hfa.output import failure_as_data, show
-from trim.hfa.hfa_report import trim_report
+from trim.point.trim_report import trim_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -34,7 +34,7 @@ from hfa_support.files import MATRIX_FILES, note_read
 from verification.critic.about_trim import box_within_limits, nonlinear_plant
 from verification.critic.critic_check import check_critic, check_history
 from verification.critic.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
-from verification.critic.verdict import Verdict, verdicts_report
+from verification.critic.verdict import NEAR, Verdict, verdicts_report
 from verification.hfa_box import ordinary_box
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ def verify(request: VerifyRequest) -> int:
     if len(verdicts) == 1:
         (verdict,) = verdicts.values()
         figure = partial(_figure, verdict)
-        report = verdict.report(limit_cost=cost, weights=named.weights_line())
+        report = verdict.report(limit_cost=cost, about=_about(named, verdict, cost))
     else:
         figure = partial(_figures, verdicts, named.game.names.origin)
         report = verdicts_report(verdicts, named.game.names.origin, cost)
@@ -175,9 +175,18 @@ def _verify_discrete(
     scope = Scope(progress=ProgressLine("prove"))
     with said_of(path):
         verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
-    report = verdict.report(limit_cost=request.limit_cost, weights=named.weights_line())
+    cost = request.limit_cost
+    report = verdict.report(limit_cost=cost, about=_about(named, verdict, cost))
     show(report.with_data(**named.labels(), **named.weights()), request, notes=named.warnings)
-    return 0 if verdict.holds(request.limit_cost) else 1
+    return 0 if verdict.holds(cost) else 1
+
+
+def _about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
+    """The lines of a report on Q, R and delta, and on the option that accepts a near critic."""
+    lines = [named.weights_line()]
+    if limit_cost is None and verdict.grade == "near":
+        lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
+    return lines
 
 
 def _scope(request: VerifyRequest, named: NamedGame) -> Scope:

@@ -20,9 +20,9 @@ from own_models import F16, GTM, NAVION, navion, trimmed
 from hfa_aircraft import from_control, to_control
 from hfa_support import BadInputError, Model, Signal
 from trim import TrimError, find_operating_point, linearize, release, sweep
-from trim.hfa.hfa_report import trim_report
 from trim.point.condition import usual_condition
 from trim.point.solve import other_trims
+from trim.point.trim_report import trim_report
 from trim.sweeps.points import TRIMMED, trim_points
 
 #: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator,
@@ -199,7 +199,8 @@ def test_the_back_side_of_the_power_curve_is_another_trim() -> None:
         assert begun.inputs.throttle == pytest.approx(0.2, rel=1e-9)
     words = ("trim", *OWN, "--free", "speed", "--hold", "throttle=0.2")
     said = re.search(
-        r"Another trim: speed 225\.314 ft/s, .*, --start (\S+) selects the other", hfa(*words).out
+        r"Another trim: speed 225\.314 ft/s, .*, the start (\S+) leads to the other",
+        hfa(*words).out,
     )
     assert said
     data = json.loads(hfa(*words, "--start", said[1], "--json").out)

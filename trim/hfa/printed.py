@@ -305,10 +305,7 @@ def trust_in(
         sentences.append(
             f"Largest difference of an entry to {other.point.dynamics} dynamics: {difference}"
         )
-    text = "\n".join(sentences)
-    if bands is not None or len(sentences) > 1:
-        text += " (every entry: --json or -o)"
-    return text
+    return "\n".join(sentences)
 
 
 def _largest(A: np.ndarray, B: np.ndarray) -> str:

@@ -211,7 +211,11 @@ class OperatingPoint(Reported):
         return Table(("kind", "name", "value", "unit"), rows)
 
     def report(self) -> Report:
-        """State and inputs; `trim_report` says more."""
+        """What `hfa trim` says of it; of a point that no search found, its state and inputs."""
+        if self.problem is not None:
+            from trim.point.trim_report import trim_report
+
+            return trim_report(self.model, self.problem.asked, self)
         records = self.records()
         rows = [
             (kind, name, *degrees(value, unit))

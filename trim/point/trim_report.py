@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
@@ -78,12 +79,12 @@ class TrimData(Result):
     warnings: Sequence[str]
 
 
-def point_report(
-    model: Model, condition: TrimCondition, point: OperatingPoint, with_outputs: bool = True
-) -> Report:
+@checks_arguments
+def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
     """Every variable between its limits, the limits that bind, the verdict on each equation, what
-    the search found beside this point, the rates that are not balanced, the outputs; angles in
-    degrees for people, in radians in the data."""
+    the search found beside this point, the rates that are not balanced, and the outputs or what
+    the model says in their place (`Model.describe_trim`); angles in degrees for people, in radians
+    in the data."""
     margins = all_margins(condition, point)
     # What the trim used up, or could.
     limited = [
@@ -127,13 +128,14 @@ def point_report(
         status=str(point.status),
         warnings=point.warnings,
     ).to_dict()
-    if with_outputs:
+    if model.describe_trim is None:
         outputs = model.outputs_at(point.states, point.inputs)
         units = {name: model.unit(name) for name in outputs}
         data |= {"performance": outputs, "performance_units": units}
         if outputs:
             parts.append(_outputs_table(outputs, units))
-    return Report(point.title, parts, point.warnings, data, point.records())
+    report = Report(point.title, parts, point.warnings, data, point.records())
+    return report if model.describe_trim is None else model.describe_trim(point, report)
 
 
 def _outputs_table(outputs: dict[str, float], units: dict[str, str]) -> Table:
@@ -247,6 +249,6 @@ def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoi
         f"{name}={shown_value(other.values[name], model.unit(name))}" for name in begin
     )
     return (
-        f"Another trim: {values}; the one above is where the search ends, --start {typed} selects "
-        "the other"
+        f"Another trim: {values}; the one above is where the search ends, the start {typed} leads "
+        "to the other"
     )

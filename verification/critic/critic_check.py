@@ -69,7 +69,7 @@ def check_critic(
     >>> import hfa
     >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
     >>> K = hfa.solve_game(game).K
-    >>> hfa.check_critic(game, hfa.from_gain(game, 1.01 * K)).diagnosis
+    >>> hfa.check_critic(game, hfa.from_gain(game, 1.01 * K)).reason
     'every entry of K is 1.01 times the exact one'
     """
     refuse_unless_positive("limit", limit)

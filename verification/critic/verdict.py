@@ -137,7 +137,7 @@ class Verdict(Checked, Reported):
     exact: the certified solution that it was compared with.
     checks: with their kind: error, stability, cost, gain or data.
     limit: of the errors.
-    diagnosis: the mistake recognized, or "".
+    reason: the mistake recognized, or "".
     cost_lost: against the optimum, at most, percent.
     searched: how many states were searched, where the errors over the box are no bounds; else 0.
     proof: what is proved of them all the same.
@@ -151,7 +151,7 @@ class Verdict(Checked, Reported):
     exact: Exact
     checks: tuple[Check, ...]
     limit: float
-    diagnosis: str = ""
+    reason: str = ""
     cost_lost: float = 0.0
     searched: int = 0
     proof: Proved | None = None
@@ -163,6 +163,11 @@ class Verdict(Checked, Reported):
     def value_of(self, name: str) -> float:
         """The number of a check; nan where there is no such check."""
         return next((check.value for check in self.checks if check.name == name), math.nan)
+
+    @property
+    def diagnosis(self) -> str:
+        """The reason, by its name before 0.3.0."""
+        return self.reason
 
     @property
     def P_rel_error(self) -> float:
@@ -256,7 +261,7 @@ class Verdict(Checked, Reported):
             "grade": self.grade,
             "P_rel_error": self.P_rel_error,
             "K_rel_error": self.K_rel_error,
-            "diagnosis": self.diagnosis,
+            "diagnosis": self.reason,
             "checks": [check.to_dict() | {"kind": check.kind} for check in self.checks],
             "P": self.critic.P,
             "K": self.critic.K,
@@ -274,11 +279,11 @@ class Verdict(Checked, Reported):
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
         return data
 
-    def report(self, *, limit_cost: float | None = None, weights: str = "") -> Report:
+    def report(self, *, limit_cost: float | None = None, about: Sequence[str] = ()) -> Report:
         """The verdict in the first line, every check, the sections, P and K entry by entry.
 
         limit_cost: percent, then decides the verdict.
-        weights: a line that says which Q, R and delta the game has.
+        about: lines below the heading: which Q, R and delta the game has.
         """
         names = self.exact.names
         axes = (names.states, names.inputs)
@@ -289,13 +294,9 @@ class Verdict(Checked, Reported):
         records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
         for section in self.sections:
             records = section.records or records
-        heading = [f"Critic on {names.origin}, against the exact {self.problem}"]
-        if weights:
-            heading.append(weights)
-        if limit_cost is None and self.grade == "near":
-            heading.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
-        if self.diagnosis:
-            heading.append(f"Reason: {self.diagnosis}")
+        heading = [f"Critic on {names.origin}, against the exact {self.problem}", *about]
+        if self.reason:
+            heading.append(f"Reason: {self.reason}")
         return Report(
             self.headline(limit_cost),
             [
@@ -400,9 +401,7 @@ def verdicts_report(
     parts: list[Part] = []
     if limit_cost is not None:
         parts.append(f"Decided by the cost limit {limit_cost:g} percent")
-    reasons = [
-        f"{name}: {verdict.diagnosis}" for name, verdict in verdicts.items() if verdict.diagnosis
-    ]
+    reasons = [f"{name}: {verdict.reason}" for name, verdict in verdicts.items() if verdict.reason]
     return Report(
         title=f"{passed} of {len(verdicts)} critics on {origin} pass against the exact solution",
         parts=(*parts, Table(header, rows), tuple(reasons)),
@@ -433,5 +432,5 @@ def _failures(checks: Sequence[Check]) -> Part:
     if len(failed) > _FAILURES:
         lines.append(f"FAIL too: {', '.join(check.name for check in failed[_FAILURES:])}")
     passed = len(checks) - len(failed)
-    lines.append(f"{passed} check{'' if passed == 1 else 's'} passed; --json has all")
+    lines.append(f"{passed} check{'' if passed == 1 else 's'} passed")
     return tuple(lines)

@@ -87,7 +87,7 @@ def test_a_policy_that_saturates_is_exact_at_the_origin_alone_and_fails() -> Non
     assert failed_names(verdict.checks) == {"searched_policy_error"}
     assert verdict.to_dict()["network"]["reach"] == 0.0
     assert "cost without bound" in verdict.headline()
-    assert verdict.diagnosis == "it is right at the origin and wrong away from it"
+    assert verdict.reason == "it is right at the origin and wrong away from it"
 
 
 def test_a_constant_in_u_is_off_at_the_origin_and_rests_off_trim() -> None:
@@ -99,7 +99,7 @@ def test_a_constant_in_u_is_off_at_the_origin_and_rests_off_trim() -> None:
     assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
     rest = np.linalg.solve(np.eye(2) - A + B @ exact.K, 0.2 * B[:, 0])
     assert verdict.to_dict()["network"]["rest_point"] == pytest.approx(rest, rel=1e-9)
-    assert verdict.diagnosis == "it is right but for a constant in u"
+    assert verdict.reason == "it is right but for a constant in u"
 
 
 @pytest.mark.parametrize("name", PROBLEMS)

@@ -94,4 +94,4 @@ def test_an_actor_with_a_constant_is_stable_and_rests_off_trim(game: Game) -> No
     headline = verdict.headline()
     assert "stabilizing, rests off trim (" in headline
     assert "without bound" not in headline
-    assert verdict.diagnosis == "it is right but for a constant in u"
+    assert verdict.reason == "it is right but for a constant in u"

@@ -100,7 +100,7 @@ def test_a_small_error_without_a_constant_is_called_no_constant(game: Game) -> N
     tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
     critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
     verdict = check_critic(game, critic, scope=replace(on_the_box(1), seconds=0.0))
-    assert verdict.diagnosis == "it is right at the origin and wrong away from it"
+    assert verdict.reason == "it is right at the origin and wrong away from it"
 
 
 def test_what_was_read_is_shown_with_one_value(game: Game) -> None:
@@ -184,9 +184,7 @@ def test_v_and_a_policy_are_judged_together(game: Game) -> None:
             game, from_network(game, path, network="V+policy="), scope=on_the_box(1)
         )
         assert check.ok == ok
-        assert check.diagnosis == (
-            "" if ok else "the gain has the wrong sign: the policy is u = -K z"
-        )
+        assert check.reason == ("" if ok else "the gain has the wrong sign: the policy is u = -K z")
     # six outputs of six states are a gradient unless it is said
     assert set(from_network(game, path).network) == {"gradient"}
 

@@ -21,7 +21,6 @@ from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Picture, Report
 from hfa_support.reporting.text import Cell, Table, angle_text
-from trim.hfa.hfa_report import trim_report
 from trim.hfa.printed import (
     bands_known,
     comparison_table,
@@ -37,6 +36,7 @@ from trim.linear.linear_model import (
     units_in_words,
 )
 from trim.linear.modes import modes_table
+from trim.point.trim_report import trim_report
 from verification.critic.figures import verdict_figure
 
 SCHEMA = "hfa.report/1"

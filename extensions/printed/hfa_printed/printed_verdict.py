@@ -119,9 +119,7 @@ class PrintedVerdict(Reported):
             parts.append(f"{entry.position} in {interval} makes every printed digit right")
         parts.append(Table(("entry", "printed", "exact", "half units off"), shown))
         if len(rows) > _ENTRIES:
-            parts.append(
-                f"the {_ENTRIES} of {len(rows)} entries that are farthest off; --json has all"
-            )
+            parts.append(f"the {_ENTRIES} of {len(rows)} entries that are farthest off")
         return Report(
             line,
             parts,

@@ -28,10 +28,11 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["point.json"]
 
 
-def test_a_point_reports_states_and_inputs_and_keeps_its_residuals_in_files(
-    point: OperatingPoint,
+def test_a_point_that_was_read_reports_states_and_inputs_and_keeps_its_residuals_in_files(
+    point: OperatingPoint, tmp_path: Path
 ) -> None:
-    report = point.report()
+    point.save(tmp_path / "point.json")
+    report = OperatingPoint.load(tmp_path / "point.json", hfa_model.aircraft()).report()
     assert report.text().count("\nstate") == len(point.states)
     assert report.text().count("\ninput") == len(point.inputs)
     assert "residual" not in report.text()

@@ -20,6 +20,7 @@ from random_points import RATE_SCALES
 import hfa_model
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
+from hfa_model.trim_loads import performance
 from hfa_support import Report
 from trim import (
     OperatingPoint,
@@ -31,7 +32,6 @@ from trim import (
     trim_report,
 )
 from trim.hfa.front_view import panels_from_the_front
-from trim.hfa.hfa_report import performance
 from trim.point.margins import all_margins
 
 BASE = level_flight(float(np.radians(10.0)))
@@ -173,7 +173,7 @@ def test_performance_is_that_of_the_loads_in_steady_flight(
     γ, n = cos γ."""
     point = find_operating_point(aircraft, condition)
     gamma = point.values["gamma"]
-    found = SimpleNamespace(**performance(aircraft, point))
+    found = SimpleNamespace(**performance(point))
     p = hfa_model.parameters_of(aircraft)
     alpha = point.states.alpha
     loads = hfa_model.loads(aircraft, point.states, point.inputs)

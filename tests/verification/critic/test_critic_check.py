@@ -62,7 +62,7 @@ def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
     check = check_critic(game, from_weights(game, functions.weights(value(game)), functions))
     assert check.ok, failed_names(check.checks)
     assert max(check.P_rel_error, check.K_rel_error) <= 1e-12
-    assert check.diagnosis == ""
+    assert check.reason == ""
     data = check.to_dict()
     assert data["disk_margin"] == pytest.approx(data["disk_margin_exact"], rel=1e-6)
 
@@ -107,7 +107,7 @@ def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
     check = check_critic(game, from_value(game, P))
     assert {"P_rel_error", "game_loop_abscissa"} <= failed_names(check.checks)
     assert "riccati_residual" not in failed_names(check.checks)
-    assert "another root of the Riccati equation" in check.diagnosis
+    assert "another root of the Riccati equation" in check.reason
 
 
 def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
@@ -139,7 +139,7 @@ def test_a_critic_of_too_few_data_is_refused_however_small_its_residual(game: Ga
     run = result_of(game, weights, 15, predefined_time=10.0)
     check = check_critic(game, from_weights(game, weights), run=run)
     assert {"P_rel_error", "riccati_residual", "data_rank"} <= failed_names(check.checks)
-    assert "rank 15 of 21" in check.diagnosis
+    assert "rank 15 of 21" in check.reason
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_a_run_is_also_checked_for_its_settling_time_computed_anew(
     assert check.table is not None
     assert check.table.settling_time == settled
     assert failed_names(check.checks) == ({"settling_time"} if settled > 0.5 else set())
-    assert check.diagnosis == ""  # no mistake of the critic's numbers explains a delay
+    assert check.reason == ""  # no mistake of the critic's numbers explains a delay
 
 
 # Numbers of any size, wrong shapes, games without a solution.
@@ -300,14 +300,14 @@ def test_a_wrong_part_of_the_gain_or_entry_of_the_value_is_seen(
 @pytest.mark.parametrize("state", [1e-8, 1e8])
 def test_mistakes_are_named_in_any_units(state: float) -> None:
     game = game_in(state)
-    assert "LQR" in check_critic(game, from_value(game, value(game.with_delta(np.inf)))).diagnosis
-    assert "wrong sign" in check_critic(game, from_gain(game, -gain(game))).diagnosis
+    assert "LQR" in check_critic(game, from_value(game, value(game.with_delta(np.inf)))).reason
+    assert "wrong sign" in check_critic(game, from_gain(game, -gain(game))).reason
     assert (
-        check_critic(game, from_gain(game, gain(game) * [1.0, -1.0])).diagnosis
+        check_critic(game, from_gain(game, gain(game) * [1.0, -1.0])).reason
         == "state 2 has the wrong sign"
     )
     swapped = from_weights(game, weights_of(value(game))[[1, 0, 2]])
-    assert "weights 1 and 2 are interchanged" in check_critic(game, swapped).diagnosis
+    assert "weights 1 and 2 are interchanged" in check_critic(game, swapped).reason
 
 
 # A file that holds more than one of W, P and K: each is judged, none hides another.
@@ -480,7 +480,7 @@ def test_the_exact_discounted_critic_passes_and_planted_mistakes_are_named(game:
     ):
         check = check_discounted(game, wrong, DISCOUNT, DT)
         assert not check.ok
-        assert check.diagnosis.startswith(said)
+        assert check.reason.startswith(said)
 
 
 def test_the_cost_lost_is_that_of_the_steps_summed_up(game: Game) -> None:

@@ -168,7 +168,8 @@ def test_a_verdict_has_three_grades(game: Game) -> None:
     near = check_critic(game, grades["near"])
     assert near.cost_lost < 1.0
     assert near.headline().startswith("near: not exact (K is off by 0.002), stabilizing, cost lost")
-    assert "Near the optimum, exit code 1; --limit-cost 1 accepts it" in near.report().text()
+    assert near.reason == near.diagnosis == "every entry of K is 1.002 times the exact one"
+    assert f"Reason: {near.reason}" in near.report().text().splitlines()
     assert near.report(limit_cost=1.0).title.startswith("PASS by cost limit 1 %")
     far = check_critic(game, from_gain(game, 1.5 * gain(game)))
     assert (far.grade, far.stabilizing) == ("fail", True)
@@ -184,7 +185,7 @@ def test_a_value_in_eight_digits_is_right_and_its_gain_is_said_to_need_more() ->
     verdict = check_critic(game, from_value(game, P))
     failed = failed_names(verdict.checks)
     assert failed == {"K_rel_error", "K_balanced_error", "K_entry_error", "policy_rel_error"}
-    assert verdict.diagnosis.startswith(
+    assert verdict.reason.startswith(
         "P is right within the limit; the K that follows from it, R⁻¹B'P, is off by 5.5e-06"
     )
 

@@ -1,22 +1,17 @@
-"""What a trim of the HFA says beside that of any model: loads, the numbers of a flight manual."""
+"""What a trim of the HFA says in place of its outputs: loads, the numbers of a flight manual."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
-import hfa_model
-from hfa_aircraft.model import Model
 from hfa_aircraft.native_units import in_units_of, native_values, unit_of
 from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.atmosphere import density, speed_of_sound
-from hfa_model.declaration import is_hfa
-from hfa_support.arguments import checks_arguments
+from hfa_model.declaration import loads as loads_at, parameters_of
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, four_decimals, short_number, shown_unit
-from trim.point.condition import TrimCondition
-from trim.point.operating_point import OperatingPoint
-from trim.point.trim_report import point_report
 
 #: Name -> unit, and how the table calls what it shows. The coefficients are C_L = L / (q S) and C_D
 #: = D / (q S) of the whole aircraft, tails included, q = ρ V² / 2, S = 3 s c the wing without
@@ -40,19 +35,12 @@ PERFORMANCE: dict[str, tuple[str, str]] = {
 _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_moment_total")
 
 
-@checks_arguments
-def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
-    """The report of a trim; of the paper's aircraft with its loads and performance in place of its
-    outputs."""
-    if not is_hfa(model):
-        return point_report(model, condition, point)
-    return with_loads(point_report(model, condition, point, with_outputs=False), model, point)
-
-
-def with_loads(report: Report, aircraft: Model, point: OperatingPoint) -> Report:
-    """The report of a trim with the loads on the aircraft and its panels, and its performance."""
-    loads = hfa_model.loads(aircraft, point.states, point.inputs)
-    numbers = performance(aircraft, point)
+def with_loads(point: Any, report: Report) -> Report:
+    """The report of an operating point with the loads on the aircraft and its panels, and its
+    performance."""
+    aircraft = point.model
+    loads = loads_at(aircraft, point.states, point.inputs)
+    numbers = performance(point)
     flat = {name: getattr(loads, name) for name in Loads._fields if name not in ("center", "outer")}
     for panel in ("center", "outer"):
         flat |= {
@@ -77,11 +65,12 @@ def with_loads(report: Report, aircraft: Model, point: OperatingPoint) -> Report
     )
 
 
-def performance(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
-    """The numbers of `PERFORMANCE` at a point, trimmed or not."""
-    parameters = hfa_model.parameters_of(aircraft)
+def performance(point: Any) -> dict[str, float]:
+    """The numbers of `PERFORMANCE` at an operating point, trimmed or not."""
+    aircraft = point.model
+    parameters = parameters_of(aircraft)
     watched = aircraft.outputs_at(point.states, point.inputs, _WATCHED)
-    loads = hfa_model.loads(aircraft, point.states, point.inputs)
+    loads = loads_at(aircraft, point.states, point.inputs)
     wing_area = 3 * parameters.panel_span * parameters.chord
     force = watched["dynamic_pressure"] * wing_area
     altitude_ft = float(native_values(aircraft, ("altitude",), [point.states.altitude])[0])

@@ -1,0 +1,63 @@
+"""Reports in Python say what those of the commands say, and name no option of a command."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from cli import hfa as command
+from project import ROOT
+
+import hfa
+from hfa_support.reporting.report import Report
+from verification import regenerate_all
+
+NAVION = f"{ROOT}/examples/navion.py:NAVION"
+OPTION = re.compile(r"(?<!\S)--[a-z]")
+
+
+def without_source(text: str) -> str:
+    return re.sub(r"\n+hfa \d+\.\d+\.\d+, .*\Z", "", text, flags=re.S).rstrip()
+
+
+@pytest.mark.parametrize(
+    ("aircraft", "hold", "words"),
+    [
+        ("", {"dihedral": np.radians(10.0)}, ("--dihedral", "10")),
+        (
+            NAVION,
+            {"speed": 180.0},
+            ("--aircraft", NAVION, "--hold", "speed=180"),
+        ),
+    ],
+)
+def test_the_report_of_a_point_is_that_of_the_command(
+    aircraft: str, hold: dict[str, float], words: tuple[str, ...]
+) -> None:
+    model = hfa.load_model(aircraft) if aircraft else hfa.aircraft()
+    point = hfa.find_operating_point(model, hold=hold)
+    assert without_source(command("trim", *words).out) == point.report().text()
+    assert point.report().data["search"]["unknowns"] >= 4
+
+
+def reports() -> list[Report]:
+    """Of each kind of result whose report could speak of the command line."""
+    model = hfa.aircraft()
+    point = hfa.find_operating_point(model, hold={"dihedral": 0.2})
+    two = {"dihedral": np.radians(10.0), "throttle": 45.0, "aileron_outer": np.radians(1.0)}
+    other = hfa.find_operating_point(model, hold=two, free=("alpha", "speed"))
+    assert "Another trim" in other.report().text()
+    game = hfa.paper.published_game(hfa.linearize(model, point))
+    K = hfa.solve_game(game).K
+    verdicts = [hfa.check_critic(game, hfa.from_gain(game, factor * K)) for factor in (1.002, -1.0)]
+    assert [verdict.grade for verdict in verdicts] == ["near", "fail"]
+    return [
+        *(result.report() for result in (point, other, hfa.linearize(model, point), *verdicts)),
+        *(regenerate_all(model).report(), regenerate_all(model).summary()),
+    ]
+
+
+def test_reports_in_python_name_no_option() -> None:
+    assert [OPTION.findall(report.text()) for report in reports()] == [[]] * 7
+    assert OPTION.search("3 checks passed; --json has all")
