@@ -14,21 +14,27 @@ from typing import Any, Literal
 from hfa.doors import commands
 from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.provenance import Provenance
-from hfa_support.reporting.results import Result, json_schema, parts_of
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.schemas import json_schema, parts_of
 
 #: Types of JSON.
 _PLAIN = {"object", "array", "string", "number", "integer", "boolean", "null"}
 
 
-#: Results that commands of the core write: module and class. Those of formats.toml wait to be
-#: declared so.
+#: Results that commands of the core write: the class, "module:Class", and those of what may be
+#: added to it. Those of formats.toml wait to be declared so.
 RESULTS = (
-    ("trim.point.trim_report", "TrimData"),
-    ("trim.linear.linear_model", "LinearModelData"),
-    ("trim.sweeps.sweep", "SweepData"),
+    "trim.point.trim_report:TrimResult trim.point.trim_report:Performance"
+    " hfa_model.trim_loads:TrimLoads",
+    "trim.linear.linear_model:LinearModel trim.hfa.printed:OfTheHfa"
+    " trim.linear.handling_qualities:Qualities trim.linear.frequency:Responses",
+    "trim.sweeps.sweep:Sweep",
 )
 #: Parts that only formats.toml refers to.
-PARTS_OF_TABLES = (("hfa_support.provenance", "Provenance"),)
+PARTS_OF_TABLES = (
+    "hfa_support.provenance:Provenance",
+    "trim.point.operating_point:OperatingPoint",
+)
 
 
 @dataclass(frozen=True)
@@ -42,15 +48,20 @@ class Stamp(Result):
     provenance: Provenance | None = None
 
 
-def written_results() -> tuple[type[Result], ...]:
-    """The results that commands write: of the core, and of the packages that are installed."""
-    of_commands = (each.split(":") for entry in commands().values() for each in entry.results)
-    named = [*RESULTS, *((module, name) for module, name in of_commands)]
-    of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("result.")]
-    return (
-        *(getattr(import_module(module), name) for module, name in named),
-        *(loaded(entry) for entry in of_parts),
-    )
+def written_results() -> tuple[tuple[type[Result], ...], ...]:
+    """The results that commands write: of the core, and of the packages that are installed; each
+    with what may be added to it."""
+    of_commands = [text for entry in commands().values() for text in entry.results]
+    of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("results.")]
+    written = [tuple(map(_class_at, text.split())) for text in (*RESULTS, *of_commands)]
+    return *written, *(result for entry in of_parts for result in loaded(entry))
+
+
+def _class_at(text: str) -> type[Result]:
+    """The class at "module:Class"."""
+    module, _, name = text.partition(":")
+    found: type[Result] = getattr(import_module(module), name)
+    return found
 
 
 @cache
@@ -60,13 +71,14 @@ def formats() -> dict[str, Any]:
     tables = declared["parts"] | declared["outputs"]
     definitions = {name: _value(text) for name, text in declared["types"].items()}
     definitions |= {name: _object(table, declared["keys"]) for name, table in tables.items()}
-    results = list(written_results())
-    parts = [getattr(import_module(module), name) for module, name in PARTS_OF_TABLES]
-    parts += [part for result in (*results, *parts) for part in parts_of(result)]
+    results = written_results()
+    parts = [*map(_class_at, PARTS_OF_TABLES)]
+    for kind in (*parts, *(kind for result in results for kind in result)):
+        parts += parts_of(kind)
     for result in results:
-        definitions[_name(result)] = _stamped(json_schema(result))
+        definitions[_name(result[0])] = _joined(*result, Stamp)
     definitions |= {part.__name__: json_schema(part) for part in parts}
-    outputs = [*map(_name, results), *declared["outputs"]]
+    outputs = [*(_name(result[0]) for result in results), *declared["outputs"]]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": declared["id"],
@@ -84,9 +96,12 @@ def _name(result: type[Result]) -> str:
     return result.schema.removeprefix("hfa.").partition("/")[0]
 
 
-def _stamped(schema: dict[str, Any]) -> dict[str, Any]:
-    """The schema of a result with what the command adds."""
-    return schema | {"properties": schema["properties"] | json_schema(Stamp)["properties"]}
+def _joined(kind: type[Result], *added: type[Result]) -> dict[str, Any]:
+    """The schema of a result with the entries that others may add."""
+    schema = json_schema(kind)
+    for each in added:
+        schema["properties"] = schema["properties"] | json_schema(each)["properties"]
+    return schema
 
 
 def _object(table: dict[str, Any], shared: dict[str, str]) -> dict[str, Any]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from hfa_aircraft.native_units import in_units_of, native_values, unit_of
@@ -11,6 +11,7 @@ from hfa_model.aerodynamics import Loads, PanelLoads
 from hfa_model.atmosphere import density, speed_of_sound
 from hfa_model.declaration import loads as loads_at, parameters_of
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, four_decimals, short_number, shown_unit
 
 #: Name -> unit, and how the table calls what it shows. The coefficients are C_L = L / (q S) and C_D
@@ -33,6 +34,23 @@ PERFORMANCE: dict[str, tuple[str, str]] = {
     "hinge_moment_total": ("ft lbf", ""),
 }
 _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_moment_total")
+
+
+@dataclass(frozen=True)
+class TrimLoads(Result):
+    """What the HFA does at a trim.
+
+    loads: of the HFA forces and moments on aircraft and panels.
+    load_units: unit of each.
+    performance: of the HFA weight, lift coefficient, load factor and so on; of others their
+        outputs.
+    performance_units: unit of each.
+    """
+
+    loads: Mapping[str, float]
+    load_units: Mapping[str, str]
+    performance: Mapping[str, float]
+    performance_units: Mapping[str, str]
 
 
 def with_loads(point: Any, report: Report) -> Report:
@@ -60,9 +78,8 @@ def with_loads(point: Any, report: Report) -> Report:
         _loads(loads, numbers, force, moment),
         Table(("performance", "value", "unit"), rows),
     )
-    return replace(report, parts=parts).with_data(
-        loads=flat, load_units=load_units, performance=numbers, performance_units=units
-    )
+    found = TrimLoads(flat, load_units, numbers, units)
+    return replace(report, parts=parts).with_data(**found.as_data())
 
 
 def performance(point: Any) -> dict[str, float]:

@@ -41,7 +41,7 @@ def test_the_schema_is_valid_and_knows_every_format() -> None:
     properties = [each.get("properties", {}) for each in formats()["$defs"].values()]
     parts = {each["schema"]["const"] for each in properties if "schema" in each}
     assert set(re.findall(r'"(hfa\.[a-z-]+/\d+)"', sources)) <= parts, (
-        "publish it in hfa/formats.toml"
+        "declare it as a Result, and name it in hfa/formats.py or with its command"
     )
     outputs = {entry["$ref"] for entry in formats()["oneOf"]}
     assert {

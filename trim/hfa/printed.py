@@ -25,6 +25,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction, cached_per_thread
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Matrix, Result
 from hfa_support.reporting.text import TONES, Cell, Table, four_decimals, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
@@ -91,6 +92,26 @@ class EntryRow:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class OfTheHfa(Result):
+    """What a linear model of the HFA says beside that of any aircraft.
+
+    A_band: (n, n) two standard errors of each entry of A from the rounding of the printed matrices.
+    B_band: (n, m) the same of B.
+    other_dynamics: the dynamics that the model is compared with: newton for published, and the
+        other way round.
+    A_difference: (n, n) A with the other dynamics at the same condition minus A.
+    B_difference: (n, m) the same of B.
+    printed: A and B as the paper prints them, at its angles."""
+
+    A_band: Matrix | None = None
+    B_band: Matrix | None = None
+    other_dynamics: str | None = None
+    A_difference: Matrix | None = None
+    B_difference: Matrix | None = None
+    printed: Mapping[str, Matrix] | None = None
+
+
 @checks_arguments
 def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
     """All 66 entries of A (6 x 6) and B (6 x 5), row by row.
@@ -154,11 +175,11 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
 
 def beside_the_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
     """The report of a model with the printed pair of its condition."""
-    printed = {"A": published.A.tolist(), "B": published.B.tolist()}
+    printed = OfTheHfa(printed={"A": published.A, "B": published.B})
     beside = replace(
         report, title="", parts=(report, comparison_table(model, published)), notes=report.notes
     )
-    return beside.with_data(printed=printed)
+    return beside.with_data(**printed.as_data())
 
 
 def matrices_beside_the_print(model: LinearModel, published: PublishedModel) -> tuple[Table, ...]:
@@ -263,15 +284,18 @@ def with_bands(
     tables = len(matrices(model))
     sentence = trust_in(bands, model, other)
     parts = (*report.parts[:tables], sentence, *report.parts[tables:])
-    data: dict[str, Any] = {}
+    found = OfTheHfa()
     by_matrix: dict[str, np.ndarray] = {}
     if bands is not None:
         by_matrix = {"A": bands.A, "B": bands.B}
-        data |= {f"{name}_band": band.tolist() for name, band in by_matrix.items()}
+        found = replace(found, A_band=bands.A, B_band=bands.B)
     if other is not None:
-        data["other_dynamics"] = other.point.dynamics
-        data["A_difference"] = (other.A - model.A).tolist()
-        data["B_difference"] = (other.B - model.B).tolist()
+        found = replace(
+            found,
+            other_dynamics=other.point.dynamics,
+            A_difference=other.A - model.A,
+            B_difference=other.B - model.B,
+        )
     assert report.records is not None
     rows = []
     for row in report.records.rows:
@@ -283,7 +307,7 @@ def with_bands(
             band = by_matrix[matrix][place]
         rows.append((*row, band))
     records = Table((*report.records.header, "band"), rows)
-    return replace(report, parts=parts, records=records).with_data(**data)
+    return replace(report, parts=parts, records=records).with_data(**found.as_data())
 
 
 def trust_in(

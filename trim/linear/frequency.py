@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.results import plain
+from hfa_support.reporting.results import Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.linear_model import LinearModel
 from trim.linear.transfer import (
@@ -29,6 +29,17 @@ if TYPE_CHECKING:
 _MOST_PANELS = 6
 #: Eigenvalues below this share of the largest are zero but for rounding: no modes to draw.
 _STILL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Responses(Result):
+    """What the inputs of a linear model do to its outputs.
+
+    zeros: with --bode the transmission zeros, 1/s.
+    transfers: with --bode the transfer function of each output and input."""
+
+    zeros: Roots
+    transfers: Sequence[Transfer]
 
 
 def transfers(model: LinearModel) -> list[Transfer]:
@@ -132,10 +143,9 @@ def bode_frequencies(model: LinearModel) -> np.ndarray:
 def with_transfers(report: Report, model: LinearModel) -> Report:
     """The report of a model with its transmission zeros and a row for each transfer function that
     is not zero."""
-    functions = transfers(model)
-    zeros = zeros_of(model)
+    responses = Responses(zeros_of(model), transfers(model))
     rows = []
-    for transfer in functions:
+    for transfer in responses.transfers:
         if transfer.gain:
             rows.append(
                 (
@@ -148,11 +158,11 @@ def with_transfers(report: Report, model: LinearModel) -> Report:
             )
     sentence = (
         f"Transmission zeros from {', '.join(model.inputs)} to {', '.join(model.outputs)}, 1/s: "
-        f"{_pairs_text(zeros)}"
+        f"{_pairs_text(responses.zeros)}"
     )
     table = Table(("transfer function", "gain", "at s = 0", "zeros 1/s", "poles 1/s"), rows)
     report = replace(report, parts=(*report.parts, sentence, table))
-    return report.with_data(zeros=plain(zeros), transfers=plain(functions))
+    return report.with_data(**responses.as_data())
 
 
 def scaled(model: LinearModel) -> StateSpace:

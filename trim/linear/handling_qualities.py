@@ -4,13 +4,14 @@ declares."""
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import OperatingPoint
@@ -19,12 +20,29 @@ from trim.point.operating_point import OperatingPoint
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 
-class Quantity(NamedTuple):
-    """A number of handling qualities: short period damping, CAP, time to double of the spiral."""
+@dataclass(frozen=True)
+class Quantity(Result):
+    """A number of handling qualities: short period damping, CAP, time to double of the spiral.
+
+    name: of the number.
+    value: in its unit.
+    unit: of the value."""
+
+    keys = "value unit"
 
     name: str
     value: float
     unit: str
+
+
+@dataclass(frozen=True)
+class Qualities(Result):
+    """What a linear model says of how its aircraft handles.
+
+    handling_qualities: short period, phugoid, n/alpha, CAP, lateral modes, where the model declares
+        them."""
+
+    handling_qualities: Mapping[str, Quantity]
 
 
 def handling_qualities(model: Model, point: OperatingPoint) -> list[Quantity]:
@@ -68,10 +86,10 @@ def with_qualities(report: Report, model: Model, point: OperatingPoint) -> Repor
     quantities = handling_qualities(model, point)
     if not quantities:
         return report
-    rows = [(name, f"{value:.4f}", unit) for name, value, unit in quantities]
+    rows = [(each.name, f"{each.value:.4f}", each.unit) for each in quantities]
     table = Table(("handling qualities", "value", "unit"), rows)
-    data = {name: {"value": value, "unit": unit} for name, value, unit in quantities}
-    return replace(report, parts=(*report.parts, table)).with_data(handling_qualities=data)
+    found = Qualities({each.name: each for each in quantities})
+    return replace(report, parts=(*report.parts, table)).with_data(**found.as_data())
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:

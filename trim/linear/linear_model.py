@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -14,13 +13,12 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Roots, Vector
+from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, degrees, matrix_table
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import Mode, fastest_first, modes_of, modes_table
-from trim.linear.transfer import Transfer
 from trim.point.condition import usual_condition
-from trim.point.operating_point import OperatingPoint, PointData, at_scheduled, scheduled_data
+from trim.point.operating_point import OperatingPoint, at_scheduled
 from trim.point.solve import find_operating_point
 
 if TYPE_CHECKING:
@@ -42,37 +40,45 @@ class _Kept(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LinearModel(ByValue, Reported):
+class LinearModel(ByValue, Result, Reported):
     """x' = A x + B u + E w, y - Y0 = C x + D u + F w with x = X - X0, u = U - U0 (paper Eq. 9).
 
-    A: (n, n), ∂f/∂X.
+    A: (n, n), ∂f/∂X; unit of a row's rate per column's unit.
     B: (n, m), ∂f/∂U.
-    states: names, in order; units in `state_units`.
-    inputs: names, in order; units in `input_units`.
+    states: names of the states, in order.
+    inputs: names of the inputs, in order.
     point: the operating point, whose values are the offsets X0, U0.
-    outputs: names y, in order; the states unless others were asked for.
+    outputs: names y of the outputs, in order; the states unless others were asked for.
     C: (k, n), the identity where the outputs are the states.
     D: (k, m).
     E: (n, l), no columns without disturbances.
     F: (k, l).
     output_offsets: Y0, (k,).
-    disturbances: names w.
+    disturbances: names of w, where the model has some.
     kinks: notes on entries of A and B that are means of two slopes, or of rates that jump.
     """
 
     how_to_make: ClassVar[str] = "linearize(model, point)"
+    schema = "hfa.linear-model/1"
+    made_by = "hfa linearize"
+    keys = (
+        "dihedral_deg?=point.dihedral_deg scheduled?=point.scheduled dynamics=point.dynamics "
+        "operating_point=point states inputs state_units input_units state_offsets input_offsets "
+        "A B outputs output_units C D disturbances? disturbance_units? E? F? output_offsets "
+        "warnings modes"
+    )
 
-    A: np.ndarray
-    B: np.ndarray
+    A: Matrix
+    B: Matrix
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     point: OperatingPoint
     outputs: tuple[str, ...]
-    C: np.ndarray
-    D: np.ndarray
-    E: np.ndarray
-    F: np.ndarray
-    output_offsets: np.ndarray
+    C: Matrix
+    D: Matrix
+    E: Matrix
+    F: Matrix
+    output_offsets: Vector
     disturbances: tuple[str, ...]
     kinks: tuple[str, ...] = ()
 
@@ -87,6 +93,16 @@ class LinearModel(ByValue, Reported):
         return self.point.model.units(self.inputs)
 
     @property
+    def output_units(self) -> tuple[str, ...]:
+        """Unit of each output, in order."""
+        return self.point.model.units(self.outputs)
+
+    @property
+    def disturbance_units(self) -> tuple[str, ...]:
+        """Unit of each w."""
+        return self.point.model.units(self.disturbances)
+
+    @property
     def warnings(self) -> list[str]:
         """What to know before trusting it: of the operating point, and of entries at a kink."""
         return [*self.point.warnings, *self.kinks]
@@ -97,12 +113,12 @@ class LinearModel(ByValue, Reported):
         return modes_of(self.A, self.states, self.point.model.modes)
 
     @property
-    def state_offsets(self) -> np.ndarray:
+    def state_offsets(self) -> Vector:
         """X0 of the model's states, (n,)."""
         return np.array([getattr(self.point.states, name) for name in self.states])
 
     @property
-    def input_offsets(self) -> np.ndarray:
+    def input_offsets(self) -> Vector:
         """U0, (m,)."""
         return np.array([getattr(self.point.inputs, name) for name in self.inputs])
 
@@ -220,11 +236,7 @@ class LinearModel(ByValue, Reported):
 
         states = ("state", list(self.states), {"units": list(self.state_units)})
         inputs = ("input", list(self.inputs), {"units": list(self.input_units)})
-        outputs = (
-            "output",
-            list(self.outputs),
-            {"units": list(self.point.model.units(self.outputs))},
-        )
+        outputs = ("output", list(self.outputs), {"units": list(self.output_units)})
         return xarray.Dataset(
             {
                 "A": (("rate", "state"), self.A),
@@ -281,82 +293,6 @@ class Block(NamedTuple):
     values: np.ndarray
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LinearModelData(Result):
-    """A linear model as data; angles in radians.
-
-    dihedral_deg: of the HFA the dihedral angle, degrees.
-    scheduled: of other models the scheduling variable.
-    dynamics: published or newton, or the name of another model.
-    operating_point: X0, U0 and residuals.
-    states: names of the states, in order.
-    inputs: names of the inputs, in order.
-    state_units: unit of each state.
-    input_units: unit of each input.
-    state_offsets: (n,) X0 of the states.
-    input_offsets: (m,) U0.
-    A: (n, n) of x' = A x + B u, deviations from the trim; unit of a row's rate per column's unit.
-    B: (n, m) of the same.
-    outputs: names of the outputs, in order.
-    output_units: unit of each output.
-    C: (k, n) of y = C x + D u.
-    D: (k, m) of the same.
-    disturbances: what w is, where the model has some.
-    disturbance_units: unit of each w.
-    E: (n, l) of x' = A x + B u + E w.
-    F: (k, l) of y = C x + D u + F w.
-    output_offsets: (k,) Y0.
-    A_band: (n, n) two standard errors of each entry of A from the rounding of the printed matrices.
-    B_band: (n, m) the same of B.
-    other_dynamics: the dynamics that the model is compared with: newton for published, and the
-        other way round.
-    A_difference: (n, n) A with the other dynamics at the same condition minus A.
-    B_difference: (n, m) the same of B.
-    printed: A and B as the paper prints them, at its angles.
-    warnings: what to know before trusting the result.
-    modes: eigenvalues with damping, frequency, times and participation.
-    handling_qualities: name -> value, unit: short period, phugoid, n/alpha, CAP, lateral modes,
-        where the model declares them.
-    zeros: with --bode the transmission zeros, (re, im) each, 1/s.
-    transfers: with --bode the transfer function of each output and input."""
-
-    schema = "hfa.linear-model/1"
-    made_by = "hfa linearize"
-
-    dihedral_deg: float | None = None
-    scheduled: Mapping[str, float] | None = None
-    dynamics: str
-    operating_point: PointData
-    states: Sequence[str]
-    inputs: Sequence[str]
-    state_units: Sequence[str]
-    input_units: Sequence[str]
-    state_offsets: Vector
-    input_offsets: Vector
-    A: Matrix
-    B: Matrix
-    outputs: Sequence[str]
-    output_units: Sequence[str]
-    C: Matrix
-    D: Matrix
-    disturbances: Sequence[str] | None = None
-    disturbance_units: Sequence[str] | None = None
-    E: Matrix | None = None
-    F: Matrix | None = None
-    output_offsets: Vector | None = None
-    A_band: Matrix | None = None
-    B_band: Matrix | None = None
-    other_dynamics: str | None = None
-    A_difference: Matrix | None = None
-    B_difference: Matrix | None = None
-    printed: Mapping[str, Any] | None = None
-    warnings: Sequence[str]
-    modes: Sequence[Mode]
-    handling_qualities: Mapping[str, Any] | None = None
-    zeros: Roots | None = None
-    transfers: Sequence[Transfer] | None = None
-
-
 def linear_model_report(model: LinearModel) -> Report:
     """A, B, offsets and modes; in the data E and F too."""
     point = model.point
@@ -386,41 +322,8 @@ def linear_model_report(model: LinearModel) -> Report:
             modes_table(model.modes, signals.time_unit),
         ],
         notes=model.warnings,
-        data=_data(model).to_dict(),
+        data=model.as_data(),
         records=_records(model, blocks),
-    )
-
-
-def _data(model: LinearModel) -> LinearModelData:
-    point = model.point
-    data = LinearModelData(
-        **scheduled_data(point),
-        dynamics=point.dynamics,
-        operating_point=PointData.of(point),
-        states=model.states,
-        inputs=model.inputs,
-        state_units=model.state_units,
-        input_units=model.input_units,
-        state_offsets=model.state_offsets,
-        input_offsets=model.input_offsets,
-        A=model.A,
-        B=model.B,
-        outputs=model.outputs,
-        output_units=point.model.units(model.outputs),
-        C=model.C,
-        D=model.D,
-        modes=model.modes,
-        warnings=model.warnings,
-    )
-    if not model.disturbances:
-        return data
-    return replace(
-        data,
-        disturbances=model.disturbances,
-        disturbance_units=point.model.units(model.disturbances),
-        E=model.E,
-        F=model.F,
-        output_offsets=model.output_offsets,
     )
 
 

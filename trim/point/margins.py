@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from dataclasses import dataclass
 
 from hfa_aircraft.model import Model
-from hfa_support.jsonable import finite_or_none
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import degrees, shown_value
 from trim.limits import NEAR
 from trim.point.condition import TrimCondition
@@ -14,14 +14,21 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
 
 
-class Margin(NamedTuple):
+@dataclass(frozen=True)
+class Margin(Result):
     """A variable between its limits, in its own unit.
 
+    name: of the variable.
+    value: at the point.
     role: "free", "held", "left" where the search begins, or "follows" for a state or an output that
-        is neither
-    lowest, highest: infinite where there is no limit
-    scale: the nominal size
+        is neither.
+    lowest: limit, infinite where there is none.
+    highest: likewise.
+    unit: of all of them.
+    scale: the nominal size.
     """
+
+    keys = "value unit role lowest highest margin=distance nearer at_limit"
 
     name: str
     value: float
@@ -70,19 +77,6 @@ class Margin(NamedTuple):
         role = "imposed" if self.role == "held" else self.role
         value, unit = degrees(self.value, self.unit)
         return self.name, value, unit, role, lowest, highest, margin, self.nearer
-
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON; a limit that does not exist is null."""
-        return {
-            "value": self.value,
-            "unit": self.unit,
-            "role": self.role,
-            "lowest": finite_or_none(self.lowest),
-            "highest": finite_or_none(self.highest),
-            "margin": finite_or_none(self.distance),
-            "nearer": self.nearer,
-            "at_limit": self.at_limit,
-        }
 
 
 def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:

@@ -16,7 +16,7 @@ from hfa_support.errors import BadInputError, refuse_unknown, shortened
 from hfa_support.files import read_json, write_text
 from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Record, Result
 from hfa_support.reporting.text import Table, degrees, in_degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
@@ -39,43 +39,6 @@ class Status(StrEnum):
     FAILED = "failed"
 
 
-@dataclass(frozen=True, eq=False)
-class PointData(Result):
-    """An operating point in files.
-
-    dynamics: name of the model.
-    status: "trimmed", "beyond limits", "no trim" or "failed".
-    states: X0, by name.
-    state_units: unit of each.
-    inputs: U0, by name.
-    input_units: unit of each.
-    residuals: of each balanced equation, by the name of its state or output."""
-
-    schema = SCHEMA
-
-    dynamics: str
-    status: str
-    states: Mapping[str, float]
-    state_units: Mapping[str, str]
-    inputs: Mapping[str, float]
-    input_units: Mapping[str, str]
-    residuals: Mapping[str, float]
-
-    @staticmethod
-    def of(point: OperatingPoint) -> PointData:
-        """The data of a point."""
-        model = point.model
-        return PointData(
-            dynamics=point.dynamics,
-            status=str(point.status),
-            states=point.states._asdict(),
-            state_units={name: model.unit(name) for name in model.states},
-            inputs=point.inputs._asdict(),
-            input_units={name: model.unit(name) for name in model.inputs},
-            residuals=point.residuals,
-        )
-
-
 #: What a saved point holds; later versions may add to it.
 _FILE: dict[Any, Any] = {
     "schema*": (SCHEMA,),
@@ -90,13 +53,15 @@ _FILE: dict[Any, Any] = {
 
 
 @dataclass(frozen=True, repr=False)
-class OperatingPoint(Reported):
+class OperatingPoint(Result, Reported):
     """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation; of imposed outputs
     likewise.
 
-    states, inputs: named tuples, in the units of the model.
-    residuals: balanced equation -> residual, in its own unit.
-    status: `TRIMMED`, or `FAILED` when it comes with a `TrimError`, which says why.
+    states: X0, by name, in the units of the model.
+    inputs: U0, by name.
+    residuals: of each balanced equation, by the name of its state or output, in its own unit.
+    status: "trimmed", "beyond limits" or "no trim"; "failed" when it comes with a `TrimError`,
+        which says why.
     model: the model that was trimmed.
     started: 0 when the search began at the usual point, else the number of the other point
         (`STARTS`) that led here.
@@ -104,9 +69,11 @@ class OperatingPoint(Reported):
     """
 
     how_to_make: ClassVar[str] = "find_operating_point(model)"
+    schema = SCHEMA
+    keys = "dynamics status states state_units inputs input_units residuals"
 
-    states: Any
-    inputs: Any
+    states: Record
+    inputs: Record
     residuals: dict[str, float]
     status: Status
     model: Model = field(compare=False)
@@ -146,6 +113,29 @@ class OperatingPoint(Reported):
     def dynamics(self) -> str:
         """Name of the model."""
         return self.model.name
+
+    @property
+    def state_units(self) -> dict[str, str]:
+        """Unit of each."""
+        return {name: self.model.unit(name) for name in self.model.states}
+
+    @property
+    def input_units(self) -> dict[str, str]:
+        """Unit of each."""
+        return {name: self.model.unit(name) for name in self.model.inputs}
+
+    @property
+    def dihedral_deg(self) -> float | None:
+        """Of the HFA the dihedral angle, degrees."""
+        return in_degrees(self.states.dihedral) if self.model.schedule == "dihedral" else None
+
+    @property
+    def scheduled(self) -> dict[str, float] | None:
+        """Of other models the scheduling variable."""
+        name = self.model.schedule
+        if name == "dihedral":
+            return None
+        return {name: self.values[name]} if name in self.values else {}
 
     @property
     def called(self) -> str:
@@ -223,12 +213,8 @@ class OperatingPoint(Reported):
             if kind != "residual"
         ]
         return Report(
-            self.title, [Table(records.header, rows)], self.warnings, self.to_dict(), records
+            self.title, [Table(records.header, rows)], self.warnings, self.as_data(), records
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """The data of `PointData`."""
-        return PointData.of(self).to_dict()
 
     def save(self, path: Path) -> None:
         """Write the point as JSON that `load` reads back bit for bit."""
@@ -295,12 +281,3 @@ def at_scheduled(point: OperatingPoint) -> str:
     if name not in point.values:
         return ""
     return f"at {name} {point.model.describe(name, point.values[name])}"
-
-
-def scheduled_data(point: OperatingPoint) -> dict[str, Any]:
-    """The same as data: the dihedral angle of the HFA, degrees; of other models the scheduling
-    variable."""
-    name = point.model.schedule
-    if name == "dihedral":
-        return {"dihedral_deg": in_degrees(point.states.dihedral)}
-    return {"scheduled": {name: point.values[name]} if name in point.values else {}}

@@ -16,7 +16,7 @@ from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown
 from trim.point.condition import TrimCondition
 from trim.point.diagnosis import singular_note
 from trim.point.margins import Margin, all_margins
-from trim.point.operating_point import BALANCE, OperatingPoint, PointData, Status, scheduled_data
+from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.solve import other_trims
 
@@ -27,8 +27,8 @@ _NEAR_COLUMNS = ("nearest limit", "limit", "margin", "unit", "of its range", "ve
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TrimData(Result):
-    """A trim as data; angles in radians.
+class TrimResult(Result):
+    """A trim: every variable between its limits, each equation; angles in radians.
 
     dihedral_deg: of the HFA the dihedral angle, degrees.
     scheduled: of other models the scheduling variable.
@@ -36,8 +36,6 @@ class TrimData(Result):
     operating_point: X0, U0 and residuals.
     scaled_residuals: residual of each balanced equation in its scale.
     balance_limit: largest scaled residual of a trim.
-    loads: of the HFA forces and moments on aircraft and panels.
-    load_units: unit of each.
     margins: distance of each unknown from its nearer limit.
     variables: name -> value, unit, role, limits, margin.
     nearest_limits: unknowns nearest to a limit.
@@ -46,9 +44,6 @@ class TrimData(Result):
     rates_left: rate of each state that the trim does not balance.
     search: equations, unknowns, whether of least effort, number of the start, idle variables, other
         trims found.
-    performance: of the HFA weight, lift coefficient, load factor and so on; of others their
-        outputs.
-    performance_units: unit of each.
     status: trimmed or failed; a failed trim has the nearest point within the limits, and exit code
         1.
     reason: why there is no trim.
@@ -60,23 +55,32 @@ class TrimData(Result):
     dihedral_deg: float | None = None
     scheduled: Mapping[str, float] | None = None
     dynamics: str
-    operating_point: PointData
+    operating_point: OperatingPoint
     scaled_residuals: Mapping[str, float]
     balance_limit: float
-    loads: Mapping[str, float] | None = None
-    load_units: Mapping[str, str] | None = None
     margins: Mapping[str, float]
-    variables: Mapping[str, Any]
+    variables: Mapping[str, Margin]
     nearest_limits: Sequence[str]
     binding: Sequence[str]
-    equations: Mapping[str, Any]
+    equations: Mapping[str, Mapping[str, Any]]
     rates_left: Mapping[str, float]
     search: Mapping[str, Any]
-    performance: Mapping[str, float] | None = None
-    performance_units: Mapping[str, str] | None = None
     status: str
     reason: str | None = None
     warnings: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Performance(Result):
+    """What an aircraft does at a trim.
+
+    performance: of the HFA weight, lift coefficient, load factor and so on; of others their
+        outputs.
+    performance_units: unit of each.
+    """
+
+    performance: Mapping[str, float]
+    performance_units: Mapping[str, str]
 
 
 @checks_arguments
@@ -112,14 +116,15 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
     if unbalanced:
         rows = [(name, *degrees(rate, model.rate_unit(name))) for name, rate in unbalanced.items()]
         parts.append(Table(("not balanced", "rate", "unit"), rows))
-    data = TrimData(
-        **scheduled_data(point),
+    data = TrimResult(
+        dihedral_deg=point.dihedral_deg,
+        scheduled=point.scheduled,
         dynamics=point.dynamics,
-        operating_point=PointData.of(point),
+        operating_point=point,
         scaled_residuals=point.scaled_residuals,
         balance_limit=BALANCE,
         margins={margin.name: margin.distance for margin in limited},
-        variables={name: margin.to_dict() for name, margin in margins.items()},
+        variables=margins,
         nearest_limits=[margin.name for margin in nearest],
         binding=[margin.name for margin in nearest if margin.at_limit and margin.role != "held"],
         equations=equations,
@@ -127,11 +132,11 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
         search=search,
         status=str(point.status),
         warnings=point.warnings,
-    ).to_dict()
+    ).as_data()
     if model.describe_trim is None:
         outputs = model.outputs_at(point.states, point.inputs)
         units = {name: model.unit(name) for name in outputs}
-        data |= {"performance": outputs, "performance_units": units}
+        data |= Performance(outputs, units).as_data()
         if outputs:
             parts.append(_outputs_table(outputs, units))
     report = Report(point.title, parts, point.warnings, data, point.records())

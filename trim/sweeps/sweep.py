@@ -4,7 +4,7 @@ memory."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
-from hfa_support.reporting.results import Matrix, Result, Stack
+from hfa_support.reporting.results import Matrix, Result, RootTable, Stack
 from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import fastest_first, modes_of
@@ -117,65 +117,14 @@ def slow_note(one_by_one: int, count: int) -> list[str]:
     ]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SweepData(Result):
-    """A sweep as data; angles in radians.
-
-    dynamics: published or newton, or the name of another model.
-    variables: what is varied.
-    variable_units: unit of each.
-    grid: variable -> its unit and its values, listed, or start, step and count.
-    condition: what else the trim imposes.
-    values: (N, variables) values of each point.
-    reasons: why a point has no trim, "" where it has one.
-    states: names of the states of A and B, in order.
-    state_units: unit of each state.
-    inputs: names of the inputs, in order.
-    input_units: unit of each input.
-    operating_states: (N, all states of the model) X0.
-    operating_inputs: (N, m) U0.
-    A: (N, n, n), null without a trim.
-    B: (N, n, m).
-    mode_names: mode of each eigenvalue.
-    eigenvalues: (N, n, 2) re and im, 1/s, each column one mode.
-    warnings: what to know before trusting the result."""
-
-    schema = "hfa.sweep/1"
-    made_by = "hfa sweep"
-
-    dynamics: str
-    variables: Sequence[str]
-    variable_units: Sequence[str]
-    grid: Mapping[str, Any]
-    condition: Mapping[str, Any]
-    values: Matrix
-    reasons: Sequence[str]
-    states: Sequence[str]
-    state_units: Sequence[str]
-    inputs: Sequence[str]
-    input_units: Sequence[str]
-    operating_states: Matrix
-    operating_inputs: Matrix
-    A: Stack
-    B: Stack
-    mode_names: Sequence[str]
-    eigenvalues: Stack
-    warnings: Sequence[str]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Field -> value; arrays stay arrays, which a million points need."""
-        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        return {"schema": self.schema, **values}
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(ByValue, Reported):
+class Sweep(ByValue, Result, Reported):
     """N points in the order of the grid, the last variable running fastest; units of the model.
 
     plan: what was swept.
     values: (N, variables), all combinations of its values.
     reasons: (N,), "" where trimmed, else why not.
-    states: (N, n), X0; nan where the trim failed, as in all arrays below.
+    states: (N, n), X0, all states of the model; nan where the trim failed, as in all arrays below.
     inputs: (N, m), U0.
     A: (N, k, k), of the k linear states of the model.
     B: (N, k, m).
@@ -185,14 +134,23 @@ class Sweep(ByValue, Reported):
     one_by_one: number of points that were trimmed one by one.
     """
 
+    schema = "hfa.sweep/1"
+    made_by = "hfa sweep"
+    keys = (
+        "dynamics=plan.dynamics variables=plan.variables variable_units=plan.units grid=plan.grid "
+        "condition=plan.condition_changes values reasons states=state_names state_units "
+        "inputs=input_names input_units operating_states=states operating_inputs=inputs A B "
+        "mode_names eigenvalues warnings"
+    )
+
     plan: SweepPlan
-    values: np.ndarray
+    values: Matrix
     reasons: tuple[str, ...]
-    states: np.ndarray
-    inputs: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
-    eigenvalues: np.ndarray
+    states: Matrix
+    inputs: Matrix
+    A: Stack
+    B: Stack
+    eigenvalues: RootTable
     mode_names: tuple[str, ...]
     kinks: dict[int, tuple[str, ...]] = field(default_factory=dict)
     one_by_one: int = 0
@@ -206,6 +164,26 @@ class Sweep(ByValue, Reported):
     def variables(self) -> tuple[str, ...]:
         """Names of what varies, in order."""
         return self.plan.variables
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states of A and B, in order."""
+        return self.model.linear
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Unit of each state."""
+        return self.model.units(self.model.linear)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return tuple(self.model.inputs)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit of each input."""
+        return self.model.units(self.input_names)
 
     @property
     def trimmed(self) -> np.ndarray:
@@ -347,7 +325,7 @@ class Sweep(ByValue, Reported):
             title=f"Sweep, {self.model.title}: {count - len(failed)} of {count} points trimmed",
             parts=tuple(parts),
             notes=self.warnings,
-            data=self.to_dict(),
+            data=self.as_data(),
             records=self.records(),
         )
 
@@ -445,28 +423,6 @@ class Sweep(ByValue, Reported):
         for name, unit in zip(plan.variables, plan.units, strict=True):
             dataset[name].attrs["units"] = unit
         return dataset
-
-    def to_dict(self) -> dict[str, Any]:
-        """The sweep as data (`SweepData`)."""
-        model = self.model
-        inputs = tuple(model.inputs)
-        return SweepData(
-            dynamics=model.name,
-            **self.plan.varied,
-            values=self.values,
-            reasons=self.reasons,
-            states=model.linear,
-            state_units=model.units(model.linear),
-            inputs=inputs,
-            input_units=model.units(inputs),
-            operating_states=self.states,
-            operating_inputs=self.inputs,
-            A=self.A,
-            B=self.B,
-            mode_names=self.mode_names,
-            eigenvalues=np.stack([self.eigenvalues.real, self.eigenvalues.imag], axis=-1),
-            warnings=self.warnings,
-        ).to_dict()
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:

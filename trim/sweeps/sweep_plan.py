@@ -154,19 +154,23 @@ class SweepPlan:
         return beyond_range(self.model, farthest)
 
     @property
-    def varied(self) -> dict[str, Any]:
-        """What varies, over which values and about which condition, as JSON data; `grid`: variable
-        -> its unit and its values, listed, or start, step and count."""
+    def dynamics(self) -> str:
+        """Published or newton, or the name of another model."""
+        return self.model.name
+
+    @property
+    def grid(self) -> dict[str, Any]:
+        """Variable -> its unit and its values, listed, or start, step and count."""
         grid = {}
         for (name, values), unit in zip(self.axes.items(), self.units, strict=True):
             content = asdict(values) if isinstance(values, Steps) else {"values": list(values)}
             grid[name] = content | {"unit": unit}
-        return {
-            "variables": list(self.variables),
-            "variable_units": list(self.units),
-            "grid": grid,
-            "condition": self.condition.to_dict(),
-        }
+        return grid
+
+    @property
+    def condition_changes(self) -> dict[str, Any]:
+        """What else the trim imposes."""
+        return self.condition.to_dict()
 
     def values(self, start: int, stop: int) -> np.ndarray:
         """Rows start .. stop - 1 of the (N, variables) table of values."""

@@ -7,7 +7,7 @@ FLY = CommandEntry(
     "simulate a policy on the nonlinear aircraft, beside the linear prediction",
     "hfa_flight.commands.fly:fly",
     example="hfa fly --dihedral 15 --gust 400:5",
-    results=("hfa_flight.step_flight:StepFlightData",),
+    results=("hfa_flight.step_flight:StepFlight",),
 )
 EXPORT = CommandEntry(
     "exchange",

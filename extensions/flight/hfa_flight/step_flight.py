@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,90 +17,65 @@ from hfa_support.reporting.text import Table
 _ROWS = 11
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class StepFlightData(Result):
-    """A flight in steps.
-
-    plant: file of the plant.
-    policy: what flew.
-    states: names.
-    inputs: names.
-    x: state before each step and after the last.
-    u: input of each step.
-    cost: of all steps, discounted.
-    spectral_radius: of A - B K.
-    decays: whether it is below 1; exit code 0.
-    warnings: defaults of the plant that were taken."""
-
-    schema = "hfa.step-flight/1"
-    made_by = "hfa fly --model"
-
-    plant: str
-    policy: str
-    states: Sequence[str]
-    inputs: Sequence[str]
-    x: Matrix
-    u: Matrix
-    cost: float
-    spectral_radius: float
-    decays: bool
-    warnings: Sequence[str] | None = None
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class StepFlight(Reported):
+class StepFlight(Result, Reported):
     """What was flown.
 
     problem: the plant and its cost
-    policy: what it is called
-    states: (N + 1, n)
-    inputs: (N, m)
+    policy: what flew
+    states: (N + 1, n), before each step and after the last
+    inputs: (N, m), of each step
     costs: (N,), αᵏ (x'Qx + 2x'Nu + u'Ru) of each step
     radius: the spectral radius of A - B K
+    warnings: defaults of the plant that were taken
     """
+
+    schema = "hfa.step-flight/1"
+    made_by = "hfa fly --model"
+    keys = (
+        "plant=problem.step.names.origin policy states=problem.step.names.states "
+        "inputs=problem.step.names.inputs x=states u=inputs cost spectral_radius=radius decays "
+        "warnings"
+    )
 
     problem: DiscreteGame
     policy: str
-    states: np.ndarray
-    inputs: np.ndarray
+    states: Matrix
+    inputs: Matrix
     costs: np.ndarray
     radius: float
+    warnings: tuple[str, ...] = ()
 
-    def data(self) -> StepFlightData:
-        """As data."""
-        names = self.problem.step.names
-        return StepFlightData(
-            plant=names.origin,
-            policy=self.policy,
-            states=names.states,
-            inputs=names.inputs,
-            x=self.states,
-            u=self.inputs,
-            cost=float(self.costs.sum()),
-            spectral_radius=self.radius,
-            decays=self.radius < 1.0,
-        )
+    @property
+    def cost(self) -> float:
+        """Of all steps, discounted."""
+        return float(self.costs.sum())
+
+    @property
+    def decays(self) -> bool:
+        """Whether the spectral radius is below 1; exit code 0."""
+        return self.radius < 1.0
 
     def report(self) -> Report:
         """Whether it decays, its cost, and some steps; files have all."""
-        data = self.data()
+        names = self.problem.step.names
         count = len(self.inputs)
-        verdict = "decays" if data.decays else "does NOT decay"
+        verdict = "decays" if self.decays else "does NOT decay"
         rows = []
         for k in range(count + 1):
-            u = self.inputs[k] if k < count else np.full(len(data.inputs), np.nan)
+            u = self.inputs[k] if k < count else np.full(len(names.inputs), np.nan)
             rows.append((k, *self.states[k].tolist(), *u.tolist()))
         shown = np.unique(np.linspace(0, count, _ROWS).round().astype(int))
         texts = [
             (str(k), *("" if np.isnan(value) else f"{value:.5g}" for value in rows[k][1:]))
             for k in shown
         ]
-        header = ("step", *data.states, *data.inputs)
-        line = f"A - B K has the spectral radius {self.radius:.7g}; cost {data.cost:.7g}"
+        header = ("step", *names.states, *names.inputs)
+        line = f"A - B K has the spectral radius {self.radius:.7g}; cost {self.cost:.7g}"
         return Report(
-            f"Flight of {data.plant} in {count} steps, {self.policy}: {verdict}",
+            f"Flight of {names.origin} in {count} steps, {self.policy}: {verdict}",
             (line, Table(header, texts)),
-            data=data.to_dict(),
+            data=self.as_data(),
             records=Table(header, rows),
         )
 

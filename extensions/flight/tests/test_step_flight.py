@@ -21,7 +21,7 @@ def test_a_flight_costs_what_its_value_says():
     start = np.array([1.0, -0.5])
     flight = fly_steps(PROBLEM, solution.K, "exact", start, 600)
     assert flight.costs.sum() == pytest.approx(start @ solution.P @ start, rel=1e-10)
-    assert flight.data().decays
+    assert flight.decays
     worse = fly_steps(PROBLEM, 1.1 * solution.K, "other", start, 600)
     assert worse.costs.sum() > flight.costs.sum()
     with pytest.raises(NoSolutionError, match="grows without bound"):

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.limit_cycle import LimitCycle
 from hfa_policy.cost_lost import CostLost, cost_lost
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
@@ -22,6 +21,7 @@ from hfa_policy.rest import Rest, RestSearch
 from hfa_policy.sampled_loop import Delays, Margins, chain_of, delays, margins
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, shown
 from hfa_support.progress import Progress
+from hfa_support.reporting.results import Result
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
@@ -38,7 +38,7 @@ _ELSEWHERE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class AssessedPoint:
+class AssessedPoint(Result):
     """What a policy does at one trim.
 
     point: the trim.
@@ -47,9 +47,16 @@ class AssessedPoint:
     delays: what delays do to it; None without a rest.
     margins: of a stable loop; None else.
     cost: percent lost against the optimum; None where the card has no cost, or has no optimum.
-    flights, disturbed: of the seeded starts; None where none were asked for.
+    flights: what becomes of the seeded starts; None where none were asked for.
+    disturbed: the same with pushes.
     findings: what to know, a sentence each.
     """
+
+    keys = (
+        "holds spectral_radius=radius delay_limit=delays.limit delay_limit_fine=delays.fine "
+        "delay_searched=delays.searched radii disk_margin=margins.disk.disk input_margins "
+        "rest=rest_states rest_inputs K=rest.K cost_lost=cost flights disturbed findings"
+    )
 
     point: OperatingPoint
     place: Place
@@ -92,70 +99,43 @@ class AssessedPoint:
         rows = [list(model.states).index(name) for name in model.linear]
         return (self.rest.states - np.array(self.point.states))[rows]
 
-    def to_dict(self) -> dict[str, Any]:
-        """The data of the point."""
-        model = self.point.model
-        data: dict[str, Any] = scheduled_value(self.point)
-        rest = self.rest
-        data |= {
-            "holds": self.holds,
-            "spectral_radius": _number(self.radius),
-            "delay_limit": None if self.delays is None else self.delays.limit,
-            "delay_limit_fine": None if self.delays is None else self.delays.fine,
-            "delay_searched": None if self.delays is None else self.delays.searched,
-            "radii": [] if self.delays is None else list(self.delays.radii),
-            "disk_margin": None if self.margins is None else self.margins.disk.disk,
-            "input_margins": self._input_margins(),
-            "rest": None,
-            "rest_inputs": None,
-            "K": None,
-            "cost_lost": None,
-            "flights": None if self.flights is None else outcome_data(self.flights),
-            "disturbed": None if self.disturbed is None else outcome_data(self.disturbed),
-            "findings": list(self.findings),
-        }
-        if rest is not None:
-            data["rest"] = dict(zip(model.states, rest.states.tolist(), strict=True))
-            data["rest_inputs"] = dict(zip(model.inputs, rest.inputs.tolist(), strict=True))
-            data["K"] = rest.K.tolist()
-        if self.cost is not None:
-            data["cost_lost"] = {
-                name: _number(value) for name, value in self.cost._asdict().items()
-            }
-        return data
+    @property
+    def radii(self) -> tuple[float, ...]:
+        """Spectral radius with 0, 1, 2, ... whole samples of delay."""
+        return () if self.delays is None else self.delays.radii
 
-    def _input_margins(self) -> list[dict[str, Any]]:
+    @property
+    def rest_states(self) -> dict[str, float] | None:
+        """Where it rests, by state."""
+        if self.rest is None:
+            return None
+        return dict(zip(self.point.model.states, self.rest.states.tolist(), strict=True))
+
+    @property
+    def rest_inputs(self) -> dict[str, float] | None:
+        """Inputs there."""
+        if self.rest is None:
+            return None
+        return dict(zip(self.point.model.inputs, self.rest.inputs.tolist(), strict=True))
+
+    def as_data(self) -> dict[str, Any]:
+        """The value of the scheduling variable by its key, and the entries."""
+        return scheduled_value(self.point) | super().as_data()
+
+    @property
+    def input_margins(self) -> list[dict[str, float]]:
+        """Of each commanded input: gain_low, gain_high, phase_deg, disk."""
         if self.margins is None:
             return []
         return [
             {
                 "gain_low": loop.gain_low,
-                "gain_high": _number(loop.gain_high),
-                "phase_deg": _number(loop.phase),
+                "gain_high": loop.gain_high,
+                "phase_deg": loop.phase,
                 "disk": loop.disk,
             }
             for loop in self.margins.inputs
         ]
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def outcome_data(outcome: Outcome) -> dict[str, Any]:
-    """What became of flights, for JSON."""
-    cycle: LimitCycle | None = outcome.cycle
-    return {
-        "starts": outcome.starts,
-        "returned": outcome.returned,
-        "lost": outcome.lost,
-        "worst_start": outcome.worst_start,
-        "worst_ends": outcome.worst_ends,
-        "slowest_return": outcome.slowest,
-        "rest_elsewhere": outcome.elsewhere,
-        "elsewhere": outcome.elsewhere_at,
-        "limit_cycle": None if cycle is None else cycle._asdict(),
-    }
 
 
 def scheduled_value(point: OperatingPoint) -> dict[str, float]:

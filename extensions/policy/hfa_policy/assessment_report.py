@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,55 +26,29 @@ NEEDS = {"delay": "s", "margin": "disk margin", "cost": "percent over the optimu
 _AT_TRIM = 0.01
 
 
-@dataclass(frozen=True, eq=False)
-class AssessmentData(Result):
-    """A policy assessed as it is deployed.
-
-    dynamics: name of the model.
-    card: the file of the deployment.
-    first_line: for who reads one line.
-    holds: whether it holds at every trim and the files prove no mistake.
-    dt: s, sample time.
-    delay: s, of the deployment.
-    network: its layers in words.
-    commanded: the inputs that it moves, the rows of K.
-    states: the linear states, the columns of K.
-    mistakes: of the deployment: kind, proved, text.
-    points: what it does at each trim: the value of the scheduling variable, holds, spectral_radius,
-        delay_limit (s, the first whole number of samples that is lost), disk_margin, rest, K
-        (-du/dx at rest), cost_lost (percent over the optimum: worst, mean, sampled_worst), flights
-        (starts, returned, lost, worst_start), disturbed, findings.
-    unmet: what of the needs is not met."""
-
-    schema = "hfa.assessment/1"
-    made_by = "hfa assess"
-
-    dynamics: str
-    card: str
-    first_line: str
-    holds: bool
-    dt: float
-    delay: float
-    network: str
-    commanded: Sequence[str]
-    states: Sequence[str]
-    mistakes: Sequence[Mapping[str, Any]]
-    points: Sequence[Mapping[str, Any]]
-    unmet: Sequence[str] | None = None
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Assessment(Reported):
+class Assessment(Result, Reported):
     """A policy assessed as it is deployed, at one or more trims.
 
     deployed: the policy on its aircraft.
-    points: what it does at each trim.
+    points: what it does at each trim, by the value of the scheduling variable.
     mistakes: of its deployment, proved or likely.
+    needs: delay, s, margin or cost, percent -> what is asked for.
     """
+
+    schema = "hfa.assessment/1"
+    made_by = "hfa assess"
+    keys = (
+        "dynamics=deployed.model.name card=deployed.deployment.origin first_line holds "
+        "dt=deployed.deployment.dt delay=deployed.deployment.delay "
+        "network=deployed.deployment.actor.chain commanded=deployed.commanded "
+        "states=deployed.model.linear mistakes points unmet"
+    )
 
     deployed: Deployed
     points: tuple[AssessedPoint, ...]
     mistakes: tuple[Mistake, ...]
+    needs: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def holds(self) -> bool:
@@ -82,10 +56,11 @@ class Assessment(Reported):
         wrong = any(mistake.proved for mistake in self.mistakes)
         return all(point.holds for point in self.points) and not wrong
 
-    def unmet(self, needs: Mapping[str, float]) -> list[str]:
-        """What of the needs (delay s, margin, cost percent) is not met, a sentence each."""
+    @property
+    def unmet(self) -> list[str]:
+        """What of the needs is not met, a sentence each."""
         sentences = []
-        for name, need in needs.items():
+        for name, need in self.needs.items():
             refuse_unknown("there is no need", name, NEEDS)
             wrong = [point for point in self.points if not _meets(point, name, need)]
             if wrong:
@@ -93,10 +68,11 @@ class Assessment(Reported):
                 if len(self.points) == 1:
                     where = "here"
                 sentences.append(f"{name} {need:g} ({NEEDS[name]}) is not met {where}")
-        if "cost" in needs and self.deployed.deployment.cost is None:
+        if "cost" in self.needs and self.deployed.deployment.cost is None:
             raise BadInputError("--need cost needs the [cost] that the policy was trained for")
         return sentences
 
+    @property
     def first_line(self) -> str:
         """For who reads one line."""
         clauses = [
@@ -212,19 +188,17 @@ class Assessment(Reported):
             return f"costs up to {1.0 + max(worst) / 100.0:.2g} x the optimum"
         return f"costs up to {max(worst):.2g} % more than the optimum"
 
-    def report(self, needs: Mapping[str, float] | None = None) -> Report:
-        """The first line, the trims, the findings; the data are those of `to_dict`."""
+    def report(self) -> Report:
+        """The first line, the trims, the findings."""
         model = self.deployed.model
         deployment = self.deployed.deployment
-        lines = [f"{self.first_line()}", "", f"Assessment of {deployment.origin} on {model.title}"]
-        unmet = self.unmet(needs or {})
-        lines += [f"not met: {sentence}" for sentence in unmet]
+        lines = [f"{self.first_line}", "", f"Assessment of {deployment.origin} on {model.title}"]
+        lines += [f"not met: {sentence}" for sentence in self.unmet]
         for mistake in self.mistakes:
             lines.append(f"{'mistake' if mistake.proved else 'perhaps'}: {mistake.text}")
         parts: list[Any] = [deployment.actor.chain, self._table()]
         parts += self._findings()
-        data = self.to_dict() | {"unmet": unmet}
-        return Report("\n".join(lines), tuple(parts), data=data, records=self._records())
+        return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())
 
     def _findings(self) -> list[str]:
         """Each finding once, with where it is said."""
@@ -275,30 +249,12 @@ class Assessment(Reported):
         rows = []
         for number, point in enumerate(self.points):
             value = next(iter(scheduled_value(point.point).values()), float(number))
-            data = point.to_dict()
+            data = point.as_data()
             flown = point.flights
             counts = (0, 0, 0) if flown is None else (flown.returned, flown.lost, flown.starts)
             names = ("holds", "spectral_radius", "delay_limit", "disk_margin")
             rows.append((value, *(data[name] for name in names), *counts))
         return Table(header, rows)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The assessment as data."""
-        deployment = self.deployed.deployment
-        model = self.deployed.model
-        return AssessmentData(
-            dynamics=model.name,
-            card=deployment.origin,
-            first_line=self.first_line(),
-            holds=self.holds,
-            dt=deployment.dt,
-            delay=deployment.delay,
-            network=deployment.actor.chain,
-            commanded=self.deployed.commanded,
-            states=model.linear,
-            mistakes=[mistake._asdict() for mistake in self.mistakes],
-            points=[point.to_dict() for point in self.points],
-        ).to_dict()
 
     def figure(self) -> Figure:
         """Radius over delay, and what becomes of the starts, over the trims."""

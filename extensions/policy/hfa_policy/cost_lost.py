@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,18 +17,22 @@ from hfa_policy.deployed import Deployed
 from hfa_policy.rest import Rest
 from hfa_policy.sampled_loop import Chain
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.results import Result
 
 #: An eigenvalue of the optimal cost below this part of the largest is that of a state that costs
 #: nothing.
 _COSTS_NOTHING = 1e-12
 
 
-class CostLost(NamedTuple):
+@dataclass(frozen=True)
+class CostLost(Result):
     """Percent of the optimal cost, from deviations from the point of rest; inf without bound.
 
-    worst, mean: of u = -K x in continuous time, without delay.
-    sampled_worst, sampled_mean: of the sampled loop with its delay, against the sampled optimum
-        without; a step of dt costs dt (x'Qx + u'Ru) at its start.
+    worst: of u = -K x in continuous time, without delay.
+    mean: the same, of all starts.
+    sampled_worst: of the sampled loop with its delay, against the sampled optimum without; a step
+        of dt costs dt (x'Qx + u'Ru) at its start.
+    sampled_mean: the same, of all starts.
     """
 
     worst: float

@@ -6,5 +6,5 @@ ASSESS = CommandEntry(
     "critic",
     "whether a policy flies as it is deployed: sampled, normalized, late",
     "hfa_policy.commands.assess:assess",
-    results=("hfa_policy.assessment_report:AssessmentData",),
+    results=("hfa_policy.assessment_report:Assessment",),
 )

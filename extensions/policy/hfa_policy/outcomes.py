@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from hfa_flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_policy.flights import SampledFlight, Window, in_threads
 from hfa_policy.rest import Rest
 from hfa_support.progress import Progress
+from hfa_support.reporting.results import Result
 from trim.point.operating_point import OperatingPoint
 
 #: Seconds after which a flight that is neither back nor lost is looked at as it is.
@@ -67,7 +68,8 @@ class Place:
     stable: bool
 
 
-class Outcome(NamedTuple):
+@dataclass(frozen=True)
+class Outcome(Result):
     """What became of the flights of one place.
 
     starts: how many.
@@ -80,6 +82,11 @@ class Outcome(NamedTuple):
     elsewhere: how many of those came to rest, but not at the point of rest.
     elsewhere_at: linear state -> value where the first of them is at rest.
     """
+
+    keys = (
+        "starts returned lost worst_start worst_ends slowest_return=slowest "
+        "rest_elsewhere=elsewhere elsewhere=elsewhere_at limit_cycle=cycle"
+    )
 
     starts: int
     returned: int

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfa_policy.deployed import Deployed
+from hfa_support.reporting.results import Matrix
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
@@ -36,7 +37,7 @@ class Rest:
 
     states: np.ndarray
     inputs: np.ndarray
-    K: np.ndarray
+    K: Matrix
     K_inputs: np.ndarray
     A: np.ndarray
     B: np.ndarray

@@ -18,13 +18,14 @@ from hfa_printed.comparison import Position, change, compare, in_signs
 from hfa_printed.exact_answer import answer_of, certified_value, rough_values
 from hfa_printed.printed_file import PrintedFile
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.results import Result
 
 #: A rough answer is right to this part of the largest entry of its block.
 _ROUGH = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class ChangedEntry:
+class ChangedEntry(Result):
     """An entry of the plant, with another value of which every printed digit is right.
 
     position: of the entry
@@ -35,12 +36,19 @@ class ChangedEntry:
     slip: what happened to the text
     """
 
+    keys = "entry typed value lowest highest slip"
+
     position: Position
     typed: str
     lowest: float
     highest: float
     value: str
     slip: str
+
+    @property
+    def entry(self) -> str:
+        """Where it stands."""
+        return str(self.position)
 
     def __str__(self) -> str:
         return f"{self.position} = {self.value}, not {self.typed} ({self.slip})"

@@ -6,5 +6,5 @@ PRINTED = CommandEntry(
     "critic",
     "say whether every digit of a printed answer is right, and of which entry else",
     "hfa_printed.commands.printed:printed",
-    results=("hfa_printed.printed_verdict:PrintedData",),
+    results=("hfa_printed.printed_verdict:PrintedVerdict",),
 )

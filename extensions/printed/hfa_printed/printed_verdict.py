@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from controller.critic.critic import from_parts
 from controller.game.discrete_game import DiscreteGame
-from hfa_printed.classes import Class, Classified, classify
+from hfa_printed.classes import Classified, classify
 from hfa_printed.comparison import Comparison
 from hfa_printed.exact_answer import policies
 from hfa_printed.printed_file import PrintedFile, load_printed
@@ -27,78 +26,43 @@ from verification.critic.discrete_check import check_discrete
 _ENTRIES = 12
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PrintedData(Result):
-    """A printed answer judged.
-
-    ok: exit code 0.
-    verdict: the class of the answer.
-    reason: why, one line.
-    title: of the file.
-    relative_error: |printed - exact| / |exact|, the largest of the blocks.
-    cost_lost_percent: of an answer that is close, at most; null of others.
-    entries: block, row and column (from 1), printed, exact, half_unit, half_units_off each.
-    other_plants: entries of the plant with another value of which all digits are right: entry,
-        typed, value, lowest and highest of the interval, slip."""
-
-    schema = "hfa.printed-check/1"
-    made_by = "hfa printed"
-
-    ok: bool
-    verdict: Class
-    reason: str
-    title: str
-    relative_error: float
-    cost_lost_percent: float
-    entries: Sequence[Mapping[str, Any]]
-    other_plants: Sequence[Mapping[str, Any]]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class PrintedVerdict(Reported):
+class PrintedVerdict(Result, Reported):
     """What the digits of a printed answer say.
 
     file: what was judged
     classified: its class, the comparison and the search
-    cost_lost: percent, of a close answer; else nan
+    cost_lost: percent, of an answer that is close, at most; nan of others
+    limit_cost: percent, up to which a close answer passes
     """
+
+    schema = "hfa.printed-check/1"
+    made_by = "hfa printed"
+    keys = (
+        "ok verdict=classified.name reason=classified.reason title=file.title "
+        "relative_error=classified.comparison.relative_error cost_lost_percent=cost_lost entries "
+        "other_plants=classified.changed"
+    )
 
     file: PrintedFile
     classified: Classified
     cost_lost: float
+    limit_cost: float | None = None
 
-    def holds(self, limit_cost: float | None = None) -> bool:
-        """As printed, cut off, or close and costing no more than the limit, percent."""
+    @property
+    def ok(self) -> bool:
+        """As printed, cut off, or close and costing no more than the limit; exit code 0."""
         if self.classified.name == "close":
-            return limit_cost is not None and self.cost_lost <= limit_cost
+            return self.limit_cost is not None and self.cost_lost <= self.limit_cost
         return self.classified.name in ("as printed", "cut off")
 
-    def data(self, limit_cost: float | None = None) -> PrintedData:
-        """As data."""
-        comparison = self.classified.comparison
-        others = [
-            {
-                "entry": str(entry.position),
-                "typed": entry.typed,
-                "value": entry.value,
-                "lowest": entry.lowest,
-                "highest": entry.highest,
-                "slip": entry.slip,
-            }
-            for entry in self.classified.changed
-        ]
-        return PrintedData(
-            ok=self.holds(limit_cost),
-            verdict=self.classified.name,
-            reason=self.classified.reason,
-            title=self.file.title,
-            relative_error=comparison.relative_error,
-            cost_lost_percent=self.cost_lost,
-            entries=[dict(zip(_COLUMNS, row, strict=True)) for row in _rows(comparison)],
-            other_plants=others,
-        )
+    @property
+    def entries(self) -> list[dict[str, Any]]:
+        """Block, row and column (from 1), printed, exact, half_unit, half_units_off each."""
+        rows = _rows(self.classified.comparison)
+        return [dict(zip(_COLUMNS, row, strict=True)) for row in rows]
 
-    def report(self, limit_cost: float | None = None) -> Report:
+    def report(self) -> Report:
         """The class in the first line, then the entries that are farthest off."""
         comparison = self.classified.comparison
         line = f"{self.classified.name}: {self.classified.reason}"
@@ -123,7 +87,7 @@ class PrintedVerdict(Reported):
         return Report(
             line,
             parts,
-            data=self.data(limit_cost).to_dict(),
+            data=self.as_data(),
             records=Table(_COLUMNS, rows),
         )
 

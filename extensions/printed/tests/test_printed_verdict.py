@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -144,7 +145,7 @@ def small_case(decimals=5):
 def test_all_digits_right(verdict_of):
     verdict = verdict_of(DIESEL)
     assert verdict.classified.name == "as printed"
-    assert verdict.holds()
+    assert verdict.ok
     comparison = verdict.classified.comparison
     index = [str(position) for position in comparison.positions].index("P12")
     assert comparison.errors[index] == pytest.approx(0.99, abs=0.01)
@@ -157,7 +158,7 @@ def test_digits_cut_off(verdict_of):
 def test_a_digit_dropped_in_the_plant_is_named(verdict_of):
     verdict = verdict_of(MULTIPLAYER)
     assert verdict.classified.name == "the answer belongs to another plant"
-    assert not verdict.holds(limit_cost=100.0)
+    assert not replace(verdict, limit_cost=100.0).ok
     (entry,) = verdict.classified.changed
     assert str(entry) == "A21 = 0.0741349, not 0.074349 (a digit is missing)"
     assert entry.lowest == pytest.approx(0.0741338, abs=1e-7)
@@ -208,8 +209,8 @@ def test_a_learned_answer_is_close_and_accuses_nobody(verdict_of):
     assert verdict.classified.name == "close"
     assert verdict.classified.changed == ()
     assert 0.0 < verdict.cost_lost < 0.01
-    assert not verdict.holds()
-    assert verdict.holds(limit_cost=0.01)
+    assert not verdict.ok
+    assert replace(verdict, limit_cost=0.01).ok
 
 
 def test_rounding_of_the_plant_decides_nothing(verdict_of):

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
-from hfa_support.reporting.report import Report
+from hfa_stores.zarr_store import OfAStore, RowJob, array_of_rows, fill_store
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from trim.sweeps.points import STATUS, is_square
@@ -27,32 +27,83 @@ MISSING = -1
 _POINT = "point"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class StoredSweepData(Result):
+@dataclass(frozen=True, eq=False)
+class SweepAttributes(Result):
+    """The attributes of a store of a sweep.
+
+    plan: what is swept."""
+
+    schema = "hfa.sweep-store/3"
+    made_by = "hfa sweep -o FILE.zarr: attributes of the store"
+    keys = (
+        "variables=plan.variables variable_units=plan.units grid=plan.grid "
+        "condition=plan.condition_changes states state_units inputs input_units status "
+        "warnings=plan.warnings plan=plan.text"
+    )
+
+    plan: SweepPlan
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, in order."""
+        return tuple(self.plan.model.states)
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Unit of each state."""
+        return self.plan.model.units(self.states)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return tuple(self.plan.model.inputs)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit of each input."""
+        return self.plan.model.units(self.inputs)
+
+    @property
+    def status(self) -> tuple[str, ...]:
+        """Meaning of the numbers of status."""
+        return tuple(map(str, STATUS))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StoredSweep(Result, Reported):
     """What a store holds.
 
+    plan: what is swept.
     store: where it is.
-    dynamics: published or newton, or the name of another model.
-    variables: what is varied.
-    variable_units: unit of each.
-    grid: variable -> its unit and its values, listed, or start, step and count.
-    condition: what else the trim imposes.
-    points: number of points.
     counts: points by status, "missing" for those not computed yet.
     warnings: what to know before trusting the result."""
 
     schema = "hfa.sweep-summary/1"
     made_by = "hfa sweep -o FILE.zarr"
+    keys = (
+        "store dynamics=plan.dynamics variables=plan.variables variable_units=plan.units "
+        "grid=plan.grid condition=plan.condition_changes points=plan.count counts warnings"
+    )
 
+    plan: SweepPlan
     store: str
-    dynamics: str
-    variables: Sequence[str]
-    variable_units: Sequence[str]
-    grid: Mapping[str, Any]
-    condition: Mapping[str, Any]
-    points: int
     counts: Mapping[str, int]
     warnings: Sequence[str]
+
+    def report(self) -> Report:
+        """How many points have which status."""
+        rows = [(status, str(count)) for status, count in self.counts.items()]
+        return Report(
+            title=f"Sweep over {', '.join(self.plan.variables)}, {self.plan.model.title}, "
+            f"in {self.store}",
+            parts=(Table(("status", "points"), rows),),
+            notes=self.warnings,
+            data=self.as_data(),
+        )
+
+
+#: What a sweep writes with a store, and what the store has.
+RESULTS = ((StoredSweep,), (SweepAttributes, OfAStore))
 
 
 def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
@@ -64,7 +115,7 @@ def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
 
 def reported_sweep(plan: SweepPlan, path: Path, **options: Any) -> Report:
     """The report on `stream_sweep`, the part "sweep.zarr" of `hfa sweep`."""
-    return stored_sweep_report(plan, stream_sweep(plan, path, **options), path)
+    return stored_sweep(plan, stream_sweep(plan, path, **options), path).report()
 
 
 def _template(plan: SweepPlan) -> Any:
@@ -99,24 +150,12 @@ def _template(plan: SweepPlan) -> Any:
     for name, unit in zip(plan.variables, plan.units, strict=True):
         varied = {"long_name": "what is varied", "units": unit}
         coordinates[name] = array_of_rows((_POINT,), (plan.count,), np.nan, chunk, varied)
-    attributes = {
-        "schema": "hfa.sweep-store/3",
-        **plan.varied,
-        "states": list(states),
-        "state_units": list(model.units(states)),
-        "inputs": list(inputs),
-        "input_units": list(model.units(inputs)),
-        "status": [str(word) for word in STATUS],
-        "warnings": plan.warnings,
-        "plan": plan.text,
-    }
-
     import xarray
 
-    return xarray.Dataset(arrays, coordinates, attributes)
+    return xarray.Dataset(arrays, coordinates, SweepAttributes(plan).as_data())
 
 
-def stored_sweep_report(plan: SweepPlan, dataset: Any, path: Path) -> Report:
+def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
     """Points by status, "missing" for those not computed yet; how many lie at a kink.
 
     dataset: what `stream_sweep` returned for the plan, from the store at `path`.
@@ -136,18 +175,4 @@ def stored_sweep_report(plan: SweepPlan, dataset: Any, path: Path) -> Report:
             "kinks counts them)"
         )
     counts = dict(zip(("missing", *STATUS), totals.tolist(), strict=True))
-    rows = [(status, str(count)) for status, count in counts.items()]
-    data = StoredSweepData(
-        store=str(path),
-        dynamics=plan.model.name,
-        **plan.varied,
-        points=plan.count,
-        counts=counts,
-        warnings=notes,
-    )
-    return Report(
-        title=f"Sweep over {', '.join(plan.variables)}, {plan.model.title}, in {path}",
-        parts=(Table(("status", "points"), rows),),
-        notes=notes,
-        data=data.to_dict(),
-    )
+    return StoredSweep(plan, str(path), counts, notes)

@@ -15,6 +15,7 @@ import hashlib
 import json
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -24,10 +25,24 @@ from hfa_stores.workers import open_workers
 from hfa_support.errors import BadInputError, on_one_line, shown
 from hfa_support.files import read_json, temporary_folder
 from hfa_support.progress import Progress
+from hfa_support.reporting.results import Result
 from hfa_support.version import VERSION
 
 #: Attributes of a store that are not the job's.
 _OF_ONE_RUN = ("toolchain", "provenance")
+
+
+@dataclass(frozen=True)
+class OfAStore(Result):
+    """What every store has beside the attributes of its rows.
+
+    toolchain: version that wrote it.
+    coordinates: arrays that are coordinates, as in the CF conventions."""
+
+    toolchain: str
+    coordinates: str | None = None
+
+
 #: The array of checksums, a row a chunk and a column an array that is computed; its axes.
 _CHECKSUM = "checksum"
 _CHUNKS = "chunk"
@@ -255,7 +270,7 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
     )
     names = np.array(job.arrays, dtype=object)
     template = job.template.assign({_CHECKSUM: checksums}).assign_coords({_CHECKED: names})
-    template = template.assign_attrs(toolchain=VERSION)
+    template = template.assign_attrs(**OfAStore(VERSION).as_data())
     if provenance is not None:
         template = template.assign_attrs(provenance=dict(provenance))
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -14,7 +15,8 @@ from jsonschema import Draft202012Validator
 
 from hfa.formats import written_results
 from hfa_support.provenance import Provenance
-from hfa_support.reporting.results import Matrix, Result, Roots, json_schema, meanings, parts_of
+from hfa_support.reporting.results import Matrix, Result, Roots, Vector
+from hfa_support.reporting.schemas import json_schema, meaning, parts_of
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def test_the_data_are_the_fields() -> None:
 
 def test_the_schema_says_types_and_meanings_and_accepts_the_data() -> None:
     schema = json_schema(Whole)
-    assert meanings(Leaf)["roots"] == "(k,) complex, 1/s."
+    assert meaning(Leaf, ("roots",)) == "(k,) complex, 1/s."
     assert schema["properties"]["size"]["description"] == "a number."
     assert schema["required"] == ["schema", "A", "size", "kind", "leaves", "by_name"]
     assert parts_of(Whole) == [Leaf]
@@ -78,7 +80,40 @@ def test_the_schema_says_types_and_meanings_and_accepts_the_data() -> None:
         assert list(validator.iter_errors(data | fault)) != []
 
 
-@pytest.mark.parametrize("kind", [*written_results(), Provenance])
+@dataclass(frozen=True)
+class Value(Result):
+    """A value with derived entries.
+
+    leaf: a part.
+    winds: (k,) where there are some."""
+
+    keys = "twice name=leaf.name roots=leaf.roots winds?"
+
+    leaf: Leaf
+    winds: Vector
+
+    @property
+    def twice(self) -> tuple[str, ...]:
+        """The name, two times."""
+        return (self.leaf.name, self.leaf.name)
+
+
+def test_derived_entries_are_properties_and_those_of_parts() -> None:
+    value = Value(WHOLE.leaves[0], np.zeros(0))
+    expected = {"twice": ["a", "a"], "name": "a", "roots": [[1.0, 2.0]]}
+    assert value.to_dict() == expected
+    with_winds = replace(value, winds=np.array([3.0, np.nan]))
+    assert with_winds.to_dict() == expected | {"winds": [3.0, None]}
+    schema = json_schema(Value)
+    assert schema["required"] == [*expected]
+    assert schema["properties"]["twice"]["description"] == "The name, two times."
+    assert schema["properties"]["roots"]["description"] == "(k,) complex, 1/s."
+    validator = Draft202012Validator(schema)
+    assert validator.is_valid(with_winds.to_dict())
+    assert not validator.is_valid(expected | {"winds": 3.0})
+
+
+@pytest.mark.parametrize("kind", [*chain(*written_results()), Provenance])
 def test_every_field_that_is_written_has_a_meaning(kind: type[Result]) -> None:
     for part in (kind, *parts_of(kind)):
         json_schema(part)  # KeyError for a field whose docstring has no line

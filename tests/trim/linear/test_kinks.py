@@ -103,9 +103,7 @@ def test_a_sweep_and_a_store_have_the_means_and_say_where(tmp_path: Path) -> Non
     dataset = stores.stream_sweep(result.plan, tmp_path / "a.zarr")
     assert dataset.kinks.values.tolist() == [0, 1, 0]
     np.testing.assert_array_equal(dataset.A, result.A)
-    assert (
-        "kinks at 1 points" in stores.stored_sweep_report(result.plan, dataset, tmp_path).notes[0]
-    )
+    assert "kinks at 1 points" in stores.stored_sweep(result.plan, dataset, tmp_path).warnings[0]
 
 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:

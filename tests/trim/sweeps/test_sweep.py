@@ -386,7 +386,7 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
     axes = {"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}
     plan = SweepPlan(axes, hfa_model.aircraft(parameters=parameters))
     dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
-    counts = stores.stored_sweep_report(plan, dataset, tmp_path).data["counts"]
+    counts = stores.stored_sweep(plan, dataset, tmp_path).counts
     assert counts == {"missing": 0, "trimmed": 4, "beyond limits": 0, "no trim": 0}
     attributes = zarr.open_group(str(tmp_path / "a.zarr"), mode="r").attrs
     assert (attributes["schema"], attributes["state_units"][0]) == ("hfa.sweep-store/3", "ft/s")
@@ -495,7 +495,7 @@ def test_points_that_were_trimmed_one_by_one_are_counted(
     )
     assert run_plan(plan).warnings == [note]
     dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
-    assert note in stores.stored_sweep_report(plan, dataset, tmp_path).notes
+    assert note in stores.stored_sweep(plan, dataset, tmp_path).warnings
 
 
 def test_the_root_locus_shows_direction_and_values() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -125,9 +125,9 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
         policy = f"the policy of {request.weights}"
     start = np.array([request.initial.get(name, 0.0) for name in request.model.states])
     flight = fly_steps(problem, K, policy, start, int(duration))
-    report = flight.report().with_data(warnings=list(stored.notes))
-    show(report, request, notes=stored.notes)
-    return 0 if flight.radius < 1.0 else 1
+    flight = replace(flight, warnings=tuple(stored.notes))
+    show(flight.report(), request, notes=stored.notes)
+    return 0 if flight.decays else 1
 
 
 def _fly_members(request: FlyRequest) -> int:

@@ -120,6 +120,6 @@ def assess(request: AssessRequest) -> int:
     assessor = Assessor(deployed, tuple(points), request.samples, request.seed, request.box)
     assessed = assessor.assessed(ProgressLine("fly"))
     mistakes = mistakes_of(assessor, assessed)
-    result = Assessment(deployed, tuple(assessed), tuple(mistakes))
-    show(result.report(request.need), request, figure=result.figure, points=points)
-    return 0 if result.holds and not result.unmet(request.need) else 1
+    result = Assessment(deployed, tuple(assessed), tuple(mistakes), request.need)
+    show(result.report(), request, figure=result.figure, points=points)
+    return 0 if result.holds and not result.unmet else 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +42,6 @@ def printed(request: PrintedRequest) -> int:
     """Say whether every digit of the printed answer of a paper is right, and of which entry else.
 
     Exit code 0 only when it is, or with --limit-cost when the answer costs no more than that."""
-    verdict = check_printed(request.file)
-    show(verdict.report(request.limit_cost), request)
-    return 0 if verdict.holds(request.limit_cost) else 1
+    verdict = replace(check_printed(request.file), limit_cost=request.limit_cost)
+    show(verdict.report(), request)
+    return 0 if verdict.ok else 1

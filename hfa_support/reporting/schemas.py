@@ -1,0 +1,140 @@
+"""The JSON Schema of results, from the annotations and docstrings of their classes."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+import types
+import typing
+from collections.abc import Iterator, Mapping, Sequence
+from enum import Enum
+from functools import cached_property
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+from hfa_support.reporting.results import Result, declared_entries
+
+#: A number; null where it is not finite or does not exist.
+NUMBER = {"type": ["number", "null"]}
+_PLAIN: dict[Any, dict[str, Any]] = {
+    Any: {},
+    bool: {"type": "boolean"},
+    int: {"type": "integer"},
+    float: NUMBER,
+    str: {"type": "string"},
+    complex: {"type": "array", "items": NUMBER},
+    types.NoneType: {"type": "null"},
+}
+
+
+def meaning(kind: Any, path: tuple[str, ...]) -> str:
+    """What an entry is: the line "name: meaning" of the docstring of the class or of a base of it,
+    or the docstring of the property. KeyError where nothing says it."""
+    kind = _without_none(annotation(kind, path[:-1]))
+    name = path[-1]
+    for ancestor in kind.__mro__:
+        text = inspect.cleandoc(vars(ancestor).get("__doc__") or "")
+        line = re.search(rf"^{name}: (.+(?:\n +.+)*)", text, re.MULTILINE)
+        if line:
+            return " ".join(line[1].split())
+        of_property = getattr(vars(ancestor).get(name), "__doc__", None)
+        if of_property:
+            return " ".join(of_property.split())
+    raise KeyError(f"{kind.__name__}.{name} has no meaning: add a line to the docstring")
+
+
+def annotation(kind: Any, path: tuple[str, ...]) -> Any:
+    """The annotation of the field or property that a path leads to; the class where it is empty."""
+    none = types.NoneType
+    is_optional = False
+    for name in path:
+        kind = _annotation(_without_none(kind), name)
+        is_optional |= none in get_args(kind)
+    return typing.Union[kind, None] if is_optional else kind  # noqa: UP007
+
+
+def _annotation(kind: Any, name: str) -> Any:
+    for ancestor in kind.__mro__:
+        value = vars(ancestor).get(name)
+        function = value.func if isinstance(value, cached_property) else getattr(value, "fget", 0)
+        if function:
+            return typing.get_type_hints(function, include_extras=True)["return"]
+        text = vars(ancestor).get("__annotations__", {}).get(name)
+        if text is not None:
+            alone = types.SimpleNamespace(__annotations__={name: text})
+            known = vars(sys.modules[ancestor.__module__])
+            return typing.get_type_hints(alone, known, include_extras=True)[name]
+    raise KeyError(f"{kind.__name__} has no entry {name}")
+
+
+def json_schema(kind: type[Result]) -> dict[str, Any]:
+    """The JSON Schema of a class of results; parts are referred to by "#/$defs/" and their name."""
+    properties: dict[str, Any] = {}
+    required = []
+    if kind.schema:
+        properties["schema"] = {"const": kind.schema}
+        required.append("schema")
+    for name, path, is_optional in declared_entries(kind):
+        hint = annotation(kind, path)
+        if is_optional:
+            hint = _without_none(hint)
+        else:
+            required.append(name)
+        properties[name] = type_schema(hint) | {"description": meaning(kind, path)}
+    title = {"title": kind.made_by} if kind.made_by else {}
+    return title | {"type": "object", "required": required, "properties": properties}
+
+
+def type_schema(hint: Any) -> dict[str, Any]:
+    """The JSON Schema of an annotation."""
+    if isinstance(hint, type) and issubclass(hint, Result):
+        return {"$ref": f"#/$defs/{hint.__name__}"}
+    if hint in _PLAIN:
+        return _PLAIN[hint]
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return {"enum": [str(each.value) for each in hint]}
+    if hasattr(hint, "_fields"):
+        inside = typing.get_type_hints(hint, include_extras=True).items()
+        properties = {name: type_schema(each) for name, each in inside}
+        return {"type": "object", "required": [*properties], "properties": properties}
+    origin = get_origin(hint)
+    arguments = get_args(hint)
+    if origin is Annotated:
+        return _nested(arguments[1]) if isinstance(arguments[1], int) else type_schema(arguments[1])
+    if origin is Literal:
+        return {"enum": list(arguments)}
+    if origin in (types.UnionType, typing.Union):
+        kinds = [type_schema(argument) for argument in arguments]
+        return kinds[0] if kinds[0] in (NUMBER, {}) else {"anyOf": kinds}
+    if origin is not None and issubclass(origin, Mapping):
+        return {"type": "object", "additionalProperties": type_schema(arguments[1])}
+    if origin is not None and issubclass(origin, Sequence):
+        return {"type": "array", "items": type_schema(arguments[0])}
+    raise TypeError(f"{hint}: a result cannot have it; add it to hfa_support.reporting.results")
+
+
+def parts_of(kind: type[Result]) -> list[type[Result]]:
+    """The classes of results that a class refers to, directly or not."""
+    parts: list[type[Result]] = []
+    waiting = list(_annotations(kind))
+    while waiting:
+        hint = waiting.pop()
+        if isinstance(hint, type) and issubclass(hint, Result) and hint not in parts:
+            parts.append(hint)
+            waiting += _annotations(hint)
+        waiting += get_args(hint)
+    return parts
+
+
+def _without_none(hint: Any) -> Any:
+    """The annotation without `| None`, of what is left out where it is None."""
+    kinds = tuple(each for each in get_args(hint) if each is not types.NoneType)
+    return typing.Union[kinds] if types.NoneType in get_args(hint) else hint  # noqa: UP007
+
+
+def _annotations(kind: type[Result]) -> Iterator[Any]:
+    return (annotation(kind, entry.path) for entry in declared_entries(kind))
+
+
+def _nested(axes: int) -> dict[str, Any]:
+    return NUMBER if axes == 0 else {"type": "array", "items": _nested(axes - 1)}
