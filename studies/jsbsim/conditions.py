@@ -12,12 +12,11 @@ from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
-from studies.jsbsim.reference import GRAVITY, RADIUS, answered
+from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
 from trim import find_operating_point
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 
-_AXES = ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")
 #: Aircraft -> calibrated airspeed, kt, and altitude, ft.
 _FLIGHTS = {
     "737": {"kcas": 250.0, "altitude": 10000.0},
@@ -73,7 +72,7 @@ def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> fl
         "point": {"state": point.states._asdict(), "commands": point.inputs._asdict()},
     }
     (answer,) = answered([item])
-    return max(abs(answer[axis]) for axis in _AXES)
+    return max(abs(answer[axis]) for axis in AXES)
 
 
 def _earth(name: str, held: Mapping[str, float], heading: float) -> tuple[float, float]:

@@ -11,10 +11,12 @@ import json
 import math
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +63,8 @@ _COMMANDS = {
     "flap": "fcs/flap-cmd-norm",
     "gear": "gear/gear-cmd-norm",
 }
+#: Accelerations, ft/s^2 and rad/s^2.
+AXES = ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")
 _MEASURED = {
     "udot": "accelerations/udot-ft_sec2",
     "vdot": "accelerations/vdot-ft_sec2",
@@ -89,6 +93,12 @@ _MEASURED = {
 #: JSBSim's steps a second, and how long it flies in place at most, s.
 _RATE = 120
 _LONGEST = 120
+#: What moves by less than this in a second is steady.
+_STEADY = 1e-9
+#: Steps after which the past of the forces no longer counts.
+_STEPS = 10
+#: How often an item is asked for.
+_TRIES = 5
 _MOST_TANKS = 20
 #: Step of a flight, s.
 _FINE = 1e-3
@@ -101,7 +111,7 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
 
     name: of an aircraft of JSBSim.
     points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, of `Model`
-        names, or {"trim": {"kcas", "altitude"}}.
+        names, or {"trim": {"kcas", "altitude"}}; "held": properties that no component sets then.
     """
     items = [{"aircraft": name, "point": point} for point in points]
     answers = answered(items, seconds)
@@ -157,15 +167,36 @@ def main() -> int:
 
 
 def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
-    """What JSBSim finds at an item, or its error."""
+    """What JSBSim finds at an item, or its error. Where this is no number it is asked again: at the
+    first step it reads memory that nothing has set (fokker50)."""
+    answer: dict[str, Any] = {}
+    for _ in range(_TRIES):
+        try:
+            answer = _found(item)
+        except Exception as error:  # JSBSim has its own
+            return {"error": " ".join(str(error).split())[:200]}
+        if not math.isnan(answer.get("udot", 0.0)):
+            break
+    return answer
+
+
+def _found(item: Mapping[str, Any]) -> dict[str, Any]:
+    """What JSBSim finds at an item."""
     point = item["point"]
-    try:
-        simulator = _simulator(item)
-        if "flight" in point:
-            return _flown(simulator, point)
-        return _trimmed(simulator, point) if "trim" in point else _settled(simulator, point)
-    except Exception as error:  # JSBSim has its own
-        return {"error": " ".join(str(error).split())[:200]}
+    simulator = _simulator(item)
+    for name in _missing(item["aircraft"], item.get("root")):
+        simulator[name] = 0.0
+    if "flight" in point:
+        return _flown(simulator, point)
+    return _trimmed(simulator, point) if "trim" in point else _settled(simulator, point)
+
+
+@lru_cache
+def _missing(aircraft: str, root: str | None) -> list[str]:
+    """The properties that JSBSim misses when it initialises an aircraft, which is not to be flown
+    after that: the exceptions leave their mark on it."""
+    simulator = _simulator({"aircraft": aircraft, "root": root, "point": {}})
+    return _run(simulator.run_ic, simulator)
 
 
 def _simulator(item: Mapping[str, Any]) -> Any:
@@ -173,20 +204,44 @@ def _simulator(item: Mapping[str, Any]) -> Any:
     import jsbsim
 
     name = item["aircraft"]
-    simulator = jsbsim.FGFDMExec(item.get("root") or str(Path(jsbsim.__file__).parent))
-    simulator.set_debug_level(0)
-    if "flight" in item["point"]:
-        simulator.set_dt(_FINE)  # filters take the step that there is when they are loaded
-    if item.get("earth") == "own":
-        simulator.load_model(name)
-        return simulator
+    held = item["point"].get("held", {})
+    root = Path(item.get("root") or Path(jsbsim.__file__).parent)
     with tempfile.TemporaryDirectory() as folder:
+        if held:
+            root = _cut(root, name, held, Path(folder))
+        simulator = jsbsim.FGFDMExec(str(root))
+        simulator.set_debug_level(0)
+        if "flight" in item["point"]:
+            simulator.set_dt(_FINE)  # filters take the step that there is when they are loaded
+        if item.get("earth") == "own":
+            _load_model(simulator, name)
+            return simulator
         planet = Path(folder) / "planet.xml"
         planet.write_text(_PLANET)
         simulator.load_planet(str(planet), False)
-    simulator.load_model(name)
+        _load_model(simulator, name)
     simulator["simulation/gravity-model"] = 0
     return simulator
+
+
+def _load_model(simulator: Any, name: str) -> None:
+    """Load an aircraft; RuntimeError where JSBSim says on its output alone that it does not."""
+    if not simulator.load_model(name):
+        raise RuntimeError("JSBSim does not load it")
+
+
+def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
+    """A copy of JSBSim's data with this aircraft alone, in which no component sets what is held."""
+    copy = folder / "data"
+    shutil.copytree(root / "aircraft" / name, copy / "aircraft" / name)
+    shutil.copytree(root / "systems", copy / "systems")
+    (copy / "engine").symlink_to(root / "engine")
+    stems = "|".join(re.escape(full_name) for full_name in held)
+    sets = re.compile(rf'(<output>\s*|name\s*=\s*")({stems})(\[0\])?(?=[\s<"])')
+    for path in copy.rglob("*.xml"):
+        text = path.read_bytes().decode("latin-1")
+        path.write_bytes(sets.sub(r"\1cut/\2\3", text).encode("latin-1"))
+    return copy
 
 
 def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, float]) -> None:
@@ -266,8 +321,10 @@ def _load(simulator: Any, commands: Mapping[str, float]) -> None:
             simulator[f"inertia/pointmass-weight-lbs{place}"] = value
 
 
-def _run(step: Callable[[], Any], simulator: Any) -> None:
-    """Run; properties that JSBSim misses, because FlightGear would set them, are set to 0."""
+def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
+    """Run; properties that JSBSim misses, because FlightGear would set them, are set to 0.
+    Returned: their names."""
+    names: list[str] = []
     for _ in range(_MISSING):
         try:
             step()
@@ -278,8 +335,9 @@ def _run(step: Callable[[], Any], simulator: Any) -> None:
             simulator[missing[1]] = 0.0
             # An initialisation that is cut short leaves the time step at 0.
             simulator.set_dt(1.0 / _RATE)
+            names.append(missing[1])
         else:
-            return
+            return names
     raise RuntimeError("too many properties are missing")
 
 
@@ -291,23 +349,30 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
             simulator[f"simulation/integrator/{kind}/{motion}"] = 0
     commands = point.get("commands", {})
     _start(simulator, point["state"], commands)
+    for name, value in point.get("held", {}).items():
+        simulator[name] = value
+    simulator.set_trim_status(True)  # as in JSBSim's own trims actuators begin at rest
+    _run(simulator.run, simulator)
+    simulator.set_trim_status(False)
     simulator["propulsion/fuel_freeze"] = 0 if point.get("burn") else 1
     for name, value in point.get("override", {}).items():
         simulator[name] = value
     _fail(simulator, commands)
-    speeds = _propeller_speeds(simulator)
+    values = _unsettled(simulator)
     steady = 0
     for second in range(_LONGEST):
         for _ in range(_RATE):
             _run(simulator.run, simulator)
-        before = speeds
-        speeds = _propeller_speeds(simulator)
-        moved = max((abs(a - b) for a, b in zip(before, speeds, strict=True)), default=0.0)
-        steady = steady + 1 if moved < 1e-9 else 0
+        before = values
+        values = _unsettled(simulator)
+        moved = max(abs(a - b) for a, b in zip(before, values, strict=True))
+        steady = steady + 1 if moved < _STEADY else 0
         if second >= point.get("settle", 20) and steady >= 2:
             break
-    tanks = _contents(simulator)  # the mass of the last step is that before it
-    _run(simulator.run, simulator)
+    for _ in range(_STEPS):
+        _load(simulator, commands)  # fuel systems move fuel at each step
+        tanks = _contents(simulator)  # the mass of a step is that before it
+        _run(simulator.run, simulator)
     answer: dict[str, Any] = tanks | {
         name: _value(simulator, full_name) for name, full_name in _MEASURED.items()
     }
@@ -354,10 +419,13 @@ def _contents(simulator: Any) -> dict[str, float]:
     return contents
 
 
-def _propeller_speeds(simulator: Any) -> list[float]:
-    """Speeds of all propellers, rpm."""
+def _unsettled(simulator: Any) -> list[float]:
+    """What moves until engines and control system are steady: speeds of all propellers, rpm, and
+    the accelerations."""
     count = simulator.get_propulsion().get_num_engines()
-    return [_value(simulator, f"{_engine(number)}/propeller-rpm") for number in range(count)]
+    names = [f"{_engine(number)}/propeller-rpm" for number in range(count)]
+    names += [_MEASURED[axis] for axis in AXES]
+    return [_value(simulator, name) for name in names]
 
 
 def _engine(number: int) -> str:

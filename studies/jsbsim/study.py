@@ -10,7 +10,7 @@ from typing import Any
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
-from studies.jsbsim.reference import GRAVITY, RADIUS, measured
+from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, measured
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.reasons import explained
@@ -53,7 +53,7 @@ def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     flown = model.with_parameters(gravity=gravity)
     condition = release(usual_condition(flown), hold=held)
-    point: dict[str, Any] = {"held": dict(held)}
+    point: dict[str, Any] = {"at": dict(held)}
     begun = time.perf_counter()
     try:
         solution = find_operating_point(flown, condition)
@@ -83,21 +83,41 @@ def _solution(model: Model, condition: TrimCondition) -> OperatingPoint | None:
 def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
     """States and inputs of a trim."""
     point["state"] = solution.states._asdict()
-    point["commands"] = solution.inputs._asdict()
-    units = solution.model.units(tuple(solution.model.inputs))
-    point["by_commands"] = "rad" not in units
+    contents = {
+        name: signal.start
+        for name, signal in solution.model.parameters.items()
+        if name.startswith("tank")
+    }
+    point["commands"] = solution.inputs._asdict() | contents
+    point["held"] = positions(solution.model, solution.inputs._asdict())
+
+
+def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
+    """JSBSim's properties that are inputs of a model in the place of the pilot's commands."""
+    held = {}
+    for name, signal in model.inputs.items():
+        if signal.unit == "rad":
+            sides = {"left-": 1.0, "right-": -1.0} if name == "aileron" else {"": 1.0}
+            for side, sign in sides.items():
+                held[f"fcs/{side}{name}-pos-rad"] = sign * inputs[name]
+    for note in model.notes:
+        if note.startswith("throttle-cmd-norm reaches no engine "):
+            number = note.split(";")[0].rsplit(" ", 1)[-1]
+            index = "" if number == "0" else f"[{number}]"
+            held[f"fcs/throttle-cmd-norm{index}"] = inputs["throttle"]
+            held[f"fcs/throttle-pos-norm{index}"] = inputs["throttle"]
+    return held
 
 
 def _measure(name: str, points: list[dict[str, Any]]) -> None:
-    """Accelerations, ft/s^2 and rad/s^2, that JSBSim has at our trims, where its control system
-    takes our inputs."""
-    measurable = [point for point in points if point.get("by_commands")]
+    """Accelerations, ft/s^2 and rad/s^2, that JSBSim has at our trims; what its own control system
+    moves in place of our inputs is held."""
+    measurable = [point for point in points if point["kind"] != "none"]
     answers = measured(name, measurable, 300.0) if measurable else []
     for point, answer in zip(measurable, answers, strict=True):
         if answer is None:
             continue
-        axes = ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")
-        point["residual"] = max(abs(answer[axis]) for axis in axes)
+        point["residual"] = max(abs(answer[axis]) for axis in AXES)
 
 
 def _short(text: str) -> str:

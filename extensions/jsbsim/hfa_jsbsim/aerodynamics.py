@@ -54,9 +54,6 @@ class Aerodynamics:
         where = element.where if element else ""
         computed = {
             "aero/cl-squared": self._lift_squared,
-            "forces/fwx-aero-lbs": lambda: self._sum("DRAG"),
-            "forces/fwy-aero-lbs": lambda: self._sum("SIDE"),
-            "forces/fwz-aero-lbs": lambda: self._sum("LIFT"),
             "forces/load-factor": lambda: self._sum("LIFT") / body.mass.weight,
         }
         for name, compute in computed.items():

@@ -27,7 +27,7 @@ from hfa_jsbsim.clock import moves_with_time
 from hfa_jsbsim.control_system import add_control_systems
 from hfa_jsbsim.engines import Effect, EngineFile, Surroundings
 from hfa_jsbsim.functions import function_value, named, table_value
-from hfa_jsbsim.parts import Parts
+from hfa_jsbsim.parts import LOADED, Parts
 from hfa_jsbsim.powerplant import computing
 from hfa_jsbsim.propeller import STEP
 from hfa_jsbsim.properties import Properties, Writer, plain
@@ -286,16 +286,18 @@ class Equations:
 
     def _define_functions(self) -> None:
         """Let <property value="..."> and functions with names set their properties."""
-        sections: list[tuple[Element, int | None]] = [(part, None) for part in self.parts.sections]
+        loaded = sorted(self.parts.sections, key=lambda part: LOADED.index(part.name))
+        sections: list[tuple[Element, int | None]] = [(part, None) for part in loaded]
         sections += [(file.engine, file.number) for file in self.parts.engines]
         for section, number in sections:
             for element in section.all("property"):
-                self._define_property(element)
+                self._define_property(element, overrides=element.file != section.file)
             for part in named(section):
                 self._define_function(part, number)
 
-    def _define_property(self, element: Element) -> None:
-        """Give a property of a file its value; JSBSim's own that can be set take it too."""
+    def _define_property(self, element: Element, overrides: bool) -> None:
+        """Give a property of a file its value, unless it has one and this does not override it;
+        JSBSim's own that can be set take it too."""
         value = element.as_number(element.attributes.get("value", "0"))
         rights = access(plain(element.text))
         if rights == "R":
@@ -313,7 +315,7 @@ class Equations:
             self.properties.compute(
                 element.text, Writer(lambda: value, element.where, 0, element=element)
             )
-        elif not rights:
+        elif not rights and (overrides or not self.properties.is_known(element.text)):
             self.properties.define_initial(element.text, value)
 
     def _define_function(self, element: Element, number: int | None) -> None:

@@ -75,6 +75,11 @@ _NUMBER = re.compile(r"\[\d+\]")
 #: Names that these small aircraft give themselves.
 _OWN = ("IdleThrust", "MilThrust", "push/")
 
+#: Properties that JSBSim takes where a file sets them, and that it lists nowhere.
+_UNLISTED = (
+    *("atmosphere/override/temperature", "atmosphere/override/pressure"),
+    "atmosphere/override/density",
+)
 #: Ends of names that components give properties of their own: failures, limits that are reached.
 _OF_COMPONENTS = (
     *("/malfunction/fail_zero", "/malfunction/fail_hardover", "/malfunction/fail_stuck"),
@@ -112,7 +117,7 @@ def main() -> int:
     """Write the file."""
     import jsbsim
 
-    found: dict[str, str] = {}
+    found: dict[str, str] = dict.fromkeys(_UNLISTED, "W")
     for kind, (engine, thruster) in _ENGINES.items():
         with tempfile.TemporaryDirectory() as root:
             folder = Path(root) / "aircraft" / "small"

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -17,7 +18,7 @@ from hfa_jsbsim.properties import (
     is_constant,
     lower_dashes,
 )
-from hfa_jsbsim.xml_file import Element
+from hfa_jsbsim.xml_file import Element, number_of
 from hfa_support.errors import shortened
 
 #: Surfaces that JSBSim has in rad, deg and as a magnitude; one of them sets the others.
@@ -208,6 +209,8 @@ def detents(component: Element) -> tuple[float, float]:
     if len(settings) < 2:
         raise component.error("<kinematic> has one setting only; give at least two")
     positions = [setting.need("position").number() for setting in settings]
+    if any(later < earlier for earlier, later in pairwise(positions)):
+        raise component.error("the positions of <kinematic> do not increase; sort them")
     return positions[0], positions[-1]
 
 
@@ -284,25 +287,31 @@ def _function(component: Element, properties: Properties) -> Any:
 
 def _lag(component: Element, properties: Properties) -> Any:
     """c1 / (s + c1)."""
+    rate = _settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its lag is left out")
-        component.find("c1")
         return _input(component, properties)
     state = properties.add_state(component)
-    rate = _parameter(component, "c1", properties, 0.0)
     properties.set_rate(state, lambda: rate * (_input(component, properties) - state))
     return state
 
 
+def _settling(component: Element, properties: Properties) -> Any:
+    """<c1> of a filter, 1/s. BadInputError where the filter never settles."""
+    rate = _parameter(component, "c1", properties, 0.0)
+    if is_constant(rate) and float(rate) <= 0.0:
+        raise component.error(f"<c1> is {float(rate):g}: the filter never settles; give another")
+    return rate
+
+
 def _washout(component: Element, properties: Properties) -> Any:
     """s / (s + c1): 0 when the input is steady."""
+    rate = _settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "it is 0, as for a steady input")
         component.find("input")
-        component.find("c1")
         return 0.0
     state = properties.add_state(component)
-    rate = _parameter(component, "c1", properties, 0.0)
     value = _input(component, properties)
     properties.set_rate(state, lambda: rate * (value - state))
     return value - state
@@ -379,6 +388,9 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
         sign = _WORDS.get(words[1], words[1]) if len(words) == 3 else ""
         if sign not in _COMPARISONS:
             fault = f"{shortened(text)!r} is no condition; write: property lt number"
+            raise test.error_at(line, fault)
+        if number_of(words[0]) is not None:
+            fault = f"{shortened(text)!r} begins with a number; write: property lt number"
             raise test.error_at(line, fault)
         one, other = (properties.value(word, test) for word in (words[0], words[2]))
         conditions.append(_COMPARISONS[sign](ca.SX(one), ca.SX(other)))

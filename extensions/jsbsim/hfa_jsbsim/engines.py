@@ -23,6 +23,8 @@ _COMPUTED = (
     *("thrust-lbs", "power-hp", "map-inhg", "map-pa", "thrust-coefficient", "advance-ratio"),
     *("prop-induced-velocity_fps", "helical-tip-Mach"),
 )
+#: ft lb/s in a horsepower.
+HP = 550.0
 KINDS = ("turbine_engine", "rocket_engine", "piston_engine", "turboprop_engine", "electric_engine")
 
 
@@ -268,6 +270,8 @@ def _share(file: EngineFile, around: Surroundings, name: str) -> Any:
         own_name = function.attributes.get("name", "")
         if own_name.rsplit("/", 1)[-1] == name:
             return function_value(function, around.properties, file.number)
+    if name in ("IdleThrust", "MilThrust"):
+        raise file.engine.error(f"the turbine has no function {name}; add it")
     return 0.0
 
 
@@ -309,8 +313,11 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
     if engine.find("maxpower") is not None:
         power = ca.fmin(power, engine.value_of("maxpower", 0.0))
     limiter = engine.find("ielumaxtorque")
-    if limiter is not None:
-        note = f"{limiter.where}: the limiter of torque is left out"
+    if limiter is not None and file.has_propeller:
+        torque = limiter.number("FT*LB")
+        turns = getattr(around.states, f"rpm{file.number}") / 60.0
+        power = ca.fmin(power, torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP)
+        note = f"{limiter.where}: at most {torque:g} ft lb; in JSBSim the limiter swings about that"
         if note not in around.properties.notes:
             around.properties.notes.append(note)
     dragged = ca.if_else(engine_rpm(file, around) > 5.0, -0.012, 0.0)

@@ -261,6 +261,8 @@ _AXES = {"": 0, "row": 0, "axis1": 0, "column": 1, "axis2": 1, "table": 2, "axis
 
 def table_value(element: Element, properties: Properties, number: int | None = None) -> Any:
     """The value of a <table> at its independent variables."""
+    if "type" in element.attributes:
+        raise element.error("a table with a type takes no independentVar here; leave the type out")
     table = read_table(element)
     arguments: dict[int, Any] = {}
     for variable in element.all("independentVar"):
@@ -286,5 +288,7 @@ def named(section: Element) -> Iterator[Element]:
         is_table = part.name in ("table", "t") and any(
             child.name == "independentVar" for child in part.children
         )
+        if is_table and not section.name.endswith("_engine"):
+            is_table = all(part is not child for child in section.children)  # nobody makes these
         if (part.name == "function" or is_table) and "name" in part.attributes:
             yield part

@@ -16,11 +16,12 @@ from hfa_jsbsim.engines import EngineFile, read_engine, refusal
 from hfa_jsbsim.xml_file import Element, Folders
 from hfa_support.errors import BadInputError, shortened
 
-#: Sections that are read, in the order in which JSBSim runs those of the control system.
+#: Sections of the control system, in the order in which JSBSim loads and runs them.
 _SYSTEMS = ("system", "autopilot", "flight_control")
-_READ = (
-    *(*_SYSTEMS, "metrics", "mass_balance", "propulsion", "aerodynamics"),
-    *("external_reactions", "buoyant_forces"),
+#: All that are read, in the order in which JSBSim loads them.
+LOADED = (
+    *("metrics", "mass_balance", "external_reactions", "buoyant_forces", "propulsion"),
+    *(*_SYSTEMS, "aerodynamics"),
 )
 
 
@@ -57,8 +58,11 @@ class Parts:
         self.choices = choices
         self.name = root.attributes.get("name", path.stem)
         self.notes: list[str] = []
-        children = [child.take() for child in root.children if child.name in _READ]
-        self.sections = [folders.merged(child) for child in children]
+        self.sections: list[Element] = []
+        for child in root.children:
+            is_first = self.section(child.name) is None  # JSBSim reads no second one
+            if child.name in LOADED and (is_first or child.name == "system"):
+                self.sections.append(folders.merged(child.take()))
         gas = self.section("buoyant_forces")
         if gas is not None and not choices.partial:
             raise gas.error("<buoyant_forces> is not read; the aircraft must fly without gas")

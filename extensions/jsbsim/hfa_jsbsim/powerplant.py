@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from hfa_jsbsim import engines as jets
-from hfa_jsbsim.engines import Effect, EngineFile, Surroundings
+from hfa_jsbsim.engines import HP, Effect, EngineFile, Surroundings
 from hfa_jsbsim.piston import piston_power
-from hfa_jsbsim.propeller import HP, propeller_effect
+from hfa_jsbsim.propeller import propeller_effect
 
 
 def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:

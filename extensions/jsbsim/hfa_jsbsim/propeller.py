@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 
 from hfa_jsbsim.engines import (
+    HP,
     Effect,
     EngineFile,
     Surroundings,
@@ -18,7 +19,6 @@ from hfa_jsbsim.engines import (
     pushed,
 )
 
-HP = 550.0
 #: JSBSim's step, s: its governor moves the blades once a step and stops them at their limits.
 STEP = 1.0 / 120.0
 #: Rate at which blades feather, 1/s: a 300th of what is left in each step.

@@ -29,6 +29,7 @@ AFTER_ALL = 1 << 30
 #: Properties that follow from the sum of forces, on which the control system may not depend.
 _OF_ALL_FORCES = ("accelerations/", "forces/", "moments/")
 #: Properties of wheels, which are 0 in the air.
+_NAME = re.compile(r"/?[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*")
 _ON_GROUND = re.compile(
     r"gear/unit(\[\d+\])?/"
     "(WOW|wheel-speed-fps|compression-ft|compression-velocity-fps|slip-angle-deg)"
@@ -165,6 +166,9 @@ class Properties:
                 raise BadInputError(f"{where}: {shortened(name)} has several signs; give one")
             return -self.read(name[1:], where)
         key = plain(name)
+        if not _NAME.fullmatch(key):
+            fault = f"{where}: {shortened(name)!r} is no number and no name of a property"
+            raise BadInputError(f"{fault}; correct it")
         self.asked.add(key)
         writers = self._writers.get(key)
         if not writers:
@@ -231,6 +235,8 @@ class Properties:
         """A number, or the value of the property that a text names."""
         if len(element.lines) > 1 and element.name != "test":
             raise element.error(f"<{element.name}> holds several lines; give a number or a name")
+        if not text:
+            raise element.error(f"<{element.name}> is empty; give a number or a name")
         number = number_of(text)
         if number is None:
             return self.read(text, element.where)
@@ -240,8 +246,9 @@ class Properties:
 
 
 def plain(name: str) -> str:
-    """The name of a property without what may be left out: [0] and the name of JSBSim's tree."""
-    return name.strip().replace("[0]", "").removeprefix("/fdm/jsbsim/").lstrip("/")
+    """The name of a property without what may be left out: [0] and the name of JSBSim's tree. Names
+    that begin with another / are not of that tree."""
+    return name.strip().replace("[0]", "").removeprefix("/fdm/jsbsim/")
 
 
 def _identifier(component: Element, taken: list[ca.SX]) -> str:

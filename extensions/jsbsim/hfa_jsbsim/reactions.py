@@ -28,7 +28,8 @@ class Reactions:
         ]:
             base = _base(element)
             element.attributes.get("frame")
-            properties.define_initial(f"{base}/{_magnitude(element)}", 0.0)
+            if not properties.is_known(f"{base}/{_magnitude(element)}"):
+                properties.define_initial(f"{base}/{_magnitude(element)}", 0.0)
             for axis, value in zip(axes, _direction(element), strict=True):
                 self._own[f"{base}/{axis}"] = value
             if element.name == "force":

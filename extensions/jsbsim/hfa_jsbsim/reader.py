@@ -64,8 +64,10 @@ ALIASES = {
 _ADVANCE_RATIO = 0.72
 #: Where the throttles but the first of several are held by default.
 _HALF = 0.5
-#: Speeds of a propeller among which that of a dead engine is looked for.
-_SPEEDS_TRIED = 41
+#: Speeds of a propeller among which that of a dead engine is looked for, and the highest of them,
+#: in usual speeds.
+_SPEEDS_TRIED = 121
+_FASTEST = 3.0
 #: Nodes of expressions in which common ones are no longer looked for: a table of that size.
 _LARGE = 200_000
 _MODES = {
@@ -298,9 +300,14 @@ class _Declaration:
         return signals
 
     def _of_dead_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
-        """Speed and blade angle at which the propellers of engines that are out come to rest, from
-        high speed on: where the air drives them as much as friction brakes, or not at all."""
-        dead = [file for file in self.parts.engines if values.get(f"engine{file.number}") == 0.0]
+        """Speed and blade angle at which the propellers of engines that are out, or without fuel,
+        come to rest, from high speed on: where the air drives them as much as friction brakes, or
+        not at all."""
+        dead = [
+            file
+            for file in self.parts.engines
+            if file.dry_of or values.get(f"engine{file.number}") == 0.0
+        ]
         ends: dict[str, float] = {}
         for file in dead:
             if not file.has_propeller or np.size(values["speed"]) > 1:
@@ -312,7 +319,7 @@ class _Declaration:
                 blade[f"blade{file.number}"] = file.thruster.value_of(end, 0.0)
             ends |= blade
             ends[rpm_name] = 0.0
-            for rpm in np.linspace(_rpm(file, True).start, 0.0, _SPEEDS_TRIED):
+            for rpm in np.linspace(_FASTEST * _rpm(file, True).start, 0.0, _SPEEDS_TRIED):
                 if self._rate(rpm_name, {**values, **blade, rpm_name: rpm}) >= 0.0:
                     ends[rpm_name] = float(rpm)
                     break

@@ -10,7 +10,7 @@ from hfa_aircraft.loading import load_model
 from hfa_jsbsim.reader import read_model
 from hfa_support import BadInputError
 from studies.jsbsim.constructs.jet import coefficient, jet
-from studies.jsbsim.reference import GRAVITY, RADIUS, answered
+from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
 from trim import find_operating_point, linearize
 from trim.point.condition import release, usual_condition
 
@@ -31,9 +31,8 @@ def residual(name, held, parameters, free=()):
     commands = point.inputs._asdict() | parameters
     point_of_jsbsim = {"state": point.states._asdict(), "commands": commands}
     (answer,) = answered([{"aircraft": name, "point": point_of_jsbsim}])
-    axes = ("udot", "vdot", "wdot", "pdot", "qdot", "rdot")
     weight = model.outputs_at(point.states, point.inputs, ["weight"])["weight"]
-    return max(abs(answer[axis]) for axis in axes), weight, answer["weight"]
+    return max(abs(answer[axis]) for axis in AXES), weight, answer["weight"]
 
 
 @needs_jsbsim

@@ -179,6 +179,9 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "feed of no tank": {"engine": "<feed>7</feed>"},
     "refuel rate": {"propulsion": '<refuel-rate unit="LBS/SEC"> 10 </refuel-rate>'},
     "dump rate": {"propulsion": '<dump-rate unit="LBS/MIN"> 10 </dump-rate>'},
+    "turbine without thrust at idle": {
+        "shares": '<function name="MilThrust"> <v>0.9</v> </function>'
+    },
     "turbine, bleed": _turbine("<bleed> 0.1 </bleed>"),
     "turbine, fuel flow": _turbine("<tsfc> 0.8 </tsfc> <atsfc> 1.7 </atsfc>"),
     "turbine, bypass": _turbine("<bypassratio> 4 </bypassratio>"),
@@ -304,6 +307,10 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "external force of a property": _external(
         '<property value="250">fcs/pull</property> <force name="push" frame="BODY">'
         f" <function> <p>fcs/pull</p> </function> {_FORCE_PLACE} {_DIRECTION} </force>"
+    ),
+    "external force of a magnitude that is set": _external(
+        '<property value="200">external_reactions/push/magnitude</property>'
+        f' <force name="push" frame="BODY"> {_FORCE_PLACE} {_DIRECTION} </force>'
     ),
     "external force by its magnitude": _external(
         f'<force name="push" frame="BODY"> {_FORCE_PLACE} {_DIRECTION} </force>'

@@ -18,6 +18,14 @@ def _clip(low: float, high: float, attributes: str = "") -> str:
     return f"<clipto {attributes}> <min>{low}</min> <max>{high}</max> </clipto>"
 
 
+def _g(value: float) -> str:
+    """A property of the file's own that has a value."""
+    return f'<property value="{value}">fcs/g</property>'
+
+
+_TAKES_G = _of("pure_gain", "<gain>fcs/g</gain>")
+
+
 def _switch(test: str, default: str = '<default value="0.2"/>') -> dict[str, str]:
     return component(f'<switch name="fcs/c"> {default} {test} {_OUT} </switch>')
 
@@ -110,12 +118,20 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         " <position>3</position> <time>1</time> </setting> <setting> <position>12</position>"
         " <time>1</time> </setting> </traverse>",
     ),
+    "kinematic, falling detents": _of(
+        "kinematic",
+        "<traverse> <setting> <position>10</position> <time>0</time> </setting> <setting>"
+        " <position>0</position> <time>1</time> </setting> </traverse>",
+        "fcs/flap-cmd-norm",
+    ),
     "deadband": _of("deadband", "<width>0.3</width>"),
     "deadband, gain": _of("deadband", "<width>0.3</width> <gain>2</gain>"),
     "deadband of a property": _of("deadband", "<width>aero/alpha-rad</width>"),
     "lag filter": _of("lag_filter", "<c1>20</c1>"),
     "lag filter of a rate": _of("lag_filter", "<c1>20</c1>", _Q),
     "lag filter by a property": _of("lag_filter", "<c1>velocities/vc-kts</c1>"),
+    "lag filter that grows": _of("lag_filter", "<c1>-2</c1>"),
+    "lag filter that stays": _of("lag_filter", "<c1>0</c1>"),
     "lag filter, clip": _of("lag_filter", f"<c1>20</c1> {_clip(-0.1, 0.1)}"),
     "lead lag filter": _of("lead_lag_filter", "<c1>1</c1> <c2>4</c2> <c3>1</c3> <c4>5</c4>"),
     "lead lag, no constant": _of("lead_lag_filter", "<c1>1</c1> <c2>0</c2> <c3>1</c3> <c4>5</c4>"),
@@ -223,6 +239,7 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         '<test logic="AND" value="0.7"> <test logic="OR"> velocities/vc-kts gt 1\n'
         " velocities/vc-kts lt 1 </test> <test> velocities/vc-kts gt 1 </test> </test>"
     ),
+    "switch, number before the sign": _switch('<test value="0.4"> 0 lt aero/alpha-rad </test>'),
     "switch, minus property": _switch(
         '<test value="-aero/alpha-rad"> velocities/vc-kts gt 1 </test>'
     ),
@@ -240,6 +257,20 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "channel, execute by a state": _channel('execute="aero/alpha-rad"'),
     "channel, execute of nothing": _channel('execute="fcs/nothing"'),
     "channel, execrate": _channel('execrate="4"'),
+    "gain, input of another tree": _of("pure_gain", "<gain>2</gain>", f"/{_STICK}"),
+    "gain, output to another tree": component(
+        f'<pure_gain name="fcs/c"> <input>{_STICK}</input> <output>/fcs/probe</output> </pure_gain>'
+    ),
+    "gain, empty": _of("pure_gain", "<gain/>"),
+    "gain in base 16": _of("pure_gain", "<gain>0x10</gain>"),
+    "gain as FORTRAN writes it": _of("pure_gain", "<gain>1d-3</gain>"),
+    "gain, plus property": _of("pure_gain", "<gain>2</gain>", f"+{_STICK}"),
+    "property set twice": _TAKES_G | {"control": f"{_g(0.6)} {_g(0.9)}"},
+    "property set without a value": _TAKES_G | {"control": f"<property>fcs/g</property> {_g(0.9)}"},
+    "property set in two systems": _TAKES_G
+    | {"sections": f'<system name="a">{_g(0.6)}</system> <system name="b">{_g(0.9)}</system>'},
+    "property set in the air first": _TAKES_G | {"control": _g(0.6), "air": _g(0.9)},
+    "property set by the engines": _TAKES_G | {"control": _g(0.6), "propulsion": _g(0.9)},
     "property with a value": _channel("") | {"control": '<property value="3">fcs/gain</property>'},
     "property that a gain reads": _of("pure_gain", "<gain>fcs/g</gain>")
     | {"control": '<property value="0.6">fcs/g</property>'},
@@ -261,6 +292,20 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
             " </pure_gain> </channel> </system>"
         ),
         "pitch": pitching("fcs/probe"),
+    },
+    "second flight control": {
+        "sections": (
+            '<flight_control name="two"> <channel name="a"> <pure_gain name="fcs/c">'
+            f" <input>{_STICK}</input> {_OUT} </pure_gain> </channel> </flight_control>"
+        ),
+        "pitch": pitching("fcs/probe"),
+    },
+    "table that stands in a system": {
+        "sections": (
+            '<system name="s"> <table name="s/f"> <independentVar>aero/alpha-rad</independentVar>'
+            " <tableData>\n 0 0.1\n 0.2 0.3\n </tableData> </table> </system>"
+        ),
+        "pitch": pitching("s/f"),
     },
     "function in flight control": {
         "control": '<function name="fcs/f"> <p>aero/alpha-rad</p> </function>',

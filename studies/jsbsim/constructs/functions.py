@@ -139,6 +139,9 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         **function("<p>aero/T</p>"),
     },
     "table of a minus variable": _table("-1 0.3\n 1 0.2", _variable("-aero/alpha-rad")),
+    "table of an engine in a function": function(
+        f'<table type="internal"> {_ALPHA} <tableData>\n 0 0.1\n 0.2 0.3\n </tableData> </table>'
+    ),
     "table with nan": _table("-1 nan\n 1 0.2", _ALPHA),
     "table with one row": _table("-1 0.3", _ALPHA),
     "table unsorted": _table("1 0.3\n -1 0.2\n 2 0.1", _ALPHA),

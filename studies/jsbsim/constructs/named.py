@@ -6,6 +6,7 @@ from studies.jsbsim.constructs.jet import SLOTS, coefficient, component, reading
 
 #: Property that is read -> its size.
 _READ = {
+    "forces/fwx-aero-lbs": 1000.0,
     "velocities/v-north-fps": 300.0,
     "velocities/v-east-fps": 300.0,
     "velocities/v-down-fps": 30.0,
@@ -108,6 +109,8 @@ _WRITTEN = {
     "atmosphere/gust-down-fps": 5.0,
     "atmosphere/delta-T": 20.0,
     "atmosphere/T-R": 500.0,
+    "atmosphere/override/temperature": 500.0,
+    "atmosphere/override/density": 0.002,
     "atmosphere/turb-type": 0.0,
     "propulsion/tank/contents-lbs": 200.0,
     "propulsion/tank/priority": 0.0,
@@ -160,6 +163,9 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "switch of the time": component(_TIMED),
     "property sets the wind": {
         "control": '<property value="25">atmosphere/wind-east-fps</property>'
+    },
+    "property sets the pressure": {
+        "control": '<property value="1500">atmosphere/override/pressure</property>'
     },
     "property sets a command": {
         "control": '<property value="0.5">fcs/flap-cmd-norm</property>',
