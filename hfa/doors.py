@@ -21,7 +21,7 @@ class CommandEntry(NamedTuple):
     group: under which it is listed, one of those of the core or a new one.
     about: what it does, in one line.
     command: where its `Command` is, "package.module:name".
-    example: of the group, where this command is it.
+    example: a line that ends its help, after those of the commands listed before it.
     install: what pip installs where a package of its own is missing, ".[proof]".
     results: where the results are that only it writes, "package.module:Class"."""
 
@@ -36,7 +36,7 @@ class CommandEntry(NamedTuple):
         """The command."""
         module, _, name = self.command.partition(":")
         found: Command = getattr(import_module(module), name)
-        return found._replace(install=self.install)
+        return found._replace(install=self.install, example=self.example)
 
 
 #: The commands of the core, in the order of the help.
@@ -45,6 +45,7 @@ CORE = {
         "model",
         "trim the aircraft and report variables, limits, residuals, loads, performance",
         "hfa.commands.trim:trim",
+        example="hfa trim --dihedral 10",
     ),
     "linearize": CommandEntry(
         "model",
@@ -56,27 +57,31 @@ CORE = {
         "model",
         "trims and linear models over a grid, modes tracked",
         "hfa.commands.sweep:sweep",
+        example="hfa sweep --dihedral 0:20:5 -o sweep.csv",
     ),
     "regenerate": CommandEntry(
         "model",
         "regenerate both printed pairs (A, B) and compare them entry by entry",
         "hfa.commands.regenerate:regenerate",
+        example="hfa regenerate --all",
     ),
     "solve": CommandEntry(
         "critic",
         "exact solution of the zero-sum game, with certificate and smallest delta",
         "hfa.commands.game:solve",
+        example="hfa solve --dihedral 15 --delta 300",
     ),
     "learn": CommandEntry(
         "critic",
         "learn the value and the gain of the game with a critic",
         "hfa.commands.game:learn",
+        example="hfa learn --dihedral 15 -o learned.npz",
     ),
     "verify": CommandEntry(
         "critic",
         "compare a learned critic with the exact game solution",
         "hfa.commands.verify:verify",
-        example="hfa verify --dihedral 15 --weights mine.npz",
+        example="hfa verify --dihedral 15 --weights learned.npz",
     ),
 }
 

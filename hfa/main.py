@@ -226,6 +226,7 @@ def filled(parser: Parser, command: Command, model: Model) -> Parser:
     """A parser with the options of a command, in the names and units of a model."""
     parser.description = inspect.cleandoc(command.run.__doc__ or "")
     parser.declare(command.request.options(model))
+    parser.example = command.example
     if parser.prog.startswith("hfa "):
         parser.words = words_after(parser.prog.removeprefix("hfa "))
     return parser

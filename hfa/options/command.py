@@ -12,11 +12,13 @@ R = TypeVar("R", bound=Request)
 
 class Command(NamedTuple):
     """request: the class whose fields are the options. run: request -> exit code; its docstring is
-    the help. install: what pip installs where a package that it needs is missing."""
+    the help. install: what pip installs where a package that it needs is missing. example: a line
+    that ends the help."""
 
     request: type[Request]
     run: Callable[[Any], int]
     install: str = ""
+    example: str = ""
 
 
 def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:

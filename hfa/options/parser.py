@@ -28,6 +28,8 @@ class Parser(argparse.ArgumentParser):
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
         self._options: dict[str, Option] = {}
+        #: The line that ends the help.
+        self.example = ""
         #: Words that may follow the program -> what the command of both does, for the help.
         self.words: Mapping[str, str] = {}
         self._words: dict[str, list[str]] = {}
@@ -57,9 +59,10 @@ class Parser(argparse.ArgumentParser):
         self.usage = f"{self.prog}{words} [options]"
 
     def format_help(self, more: bool = False) -> str:
-        """Usage, description and options; without `more` the rare ones by name only."""
+        """Usage, description, options (without `more` the rare ones by name only), example."""
         words = "".join(f"  {self.prog} {word:<10}{about}\n" for word, about in self.words.items())
-        return self._options_help(more) + (f"\n{words}" if words else "")
+        example = f"example: {self.example}\n" if self.example else ""
+        return "\n".join(filter(None, [self._options_help(more), words, example]))
 
     def _options_help(self, more: bool) -> str:
         for action in self._actions:

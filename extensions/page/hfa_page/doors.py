@@ -6,5 +6,6 @@ REPORT = CommandEntry(
     "model",
     "the main job on one page: trims, models, games, critics over the dihedral angle",
     "hfa_page.commands.report:report",
+    example="hfa report --dihedral 15 -o report.html",
     install=".[page]",
 )

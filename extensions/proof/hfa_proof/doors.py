@@ -6,30 +6,34 @@ CHECK = CommandEntry(
     "proof",
     "verify a certificate of one of the following: hfa prove --check FILE",
     "hfa_proof.commands.check:prove",
+    example="hfa prove --check certificate.json",
     install=".[proof]",
 )
 SCHEDULE = CommandEntry(
     "proof",
     "a gain schedule stabilizes at every angle of an interval",
     "hfa_proof.commands.schedule:schedule",
-    example="hfa prove schedule --dihedral 14:15",
+    example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
     install=".[proof]",
 )
 MODELS = CommandEntry(
     "proof",
     "the fewest linear models that interpolate within a tolerance",
     "hfa_proof.commands.models:models",
+    example="hfa prove models --dihedral 14:14.5 --limit-error 0.05",
     install=".[proof]",
 )
 SOLUTION = CommandEntry(
     "proof",
     "a game has one stabilizing solution, within a radius of P",
     "hfa_proof.commands.games:solution",
+    example="hfa prove solution --dihedral 15",
     install=".[proof]",
 )
 CRITIC = CommandEntry(
     "proof",
     "the distance of a critic from the exact solution",
     "hfa_proof.commands.games:critic",
+    example="hfa prove critic learned.npz --dihedral 15",
     install=".[proof]",
 )

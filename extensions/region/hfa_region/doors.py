@@ -6,5 +6,6 @@ REGION = CommandEntry(
     "proof",
     "from which states a nonlinear loop with saturated inputs returns to its trim",
     "hfa_region.commands.region:region",
+    example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
     install=".[proof]",
 )

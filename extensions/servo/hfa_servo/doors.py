@@ -6,4 +6,5 @@ DESIGN = CommandEntry(
     "flight",
     "the certified controller of a design at every dihedral angle, as one file",
     "hfa_servo.commands.design:design",
+    example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
 )

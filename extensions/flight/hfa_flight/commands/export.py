@@ -64,15 +64,13 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
 
 @command(ExportRequest)
 def export(request: ExportRequest) -> int:
-    """The aircraft for other tools; the suffix of -o says which.
+    """Write the aircraft for other tools; -o says which.
 
-    FOLDER: C source that needs no library: equations of motion, the trim at --dihedral, its A and
-    B, and the gain of a policy, with an example of a 100 Hz loop. FILE.fmu: the nonlinear aircraft
-    trimmed at --dihedral as an FMU 2.0 for model exchange and co-simulation; with --law, its policy
-    flies. Needs a C compiler. --controller FILE: in both, a scheduled controller with its states in
-    place of the policy; in the FMU behind --actuators, with which the C files have an example of a
-    100 Hz loop too. FILE.m: a function of MATLAB and Octave that makes state-space systems of what
-    `hfa sweep` and `hfa linearize` write as .mat."""
+    A folder gets C source that needs no library: the equations, the trim at --dihedral, A, B, a
+    gain, and a loop of 100 Hz. FILE.fmu is the nonlinear aircraft as an FMU 2.0, with --law under
+    its policy, and needs a C compiler. --controller FILE takes the place of the policy. FILE.m is a
+    function of MATLAB and Octave that makes state-space systems of what `hfa sweep` and `hfa
+    linearize` write as .mat."""
     alone = request.controller is None and request.weights is None and not request.law
     if alone:
         request = replace(request, law="exact")

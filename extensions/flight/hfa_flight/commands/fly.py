@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +27,7 @@ from hfa.output import ProgressLine, print_report, show
 from hfa_flight.options import FlightOptions
 from hfa_support.errors import BadInputError
 from hfa_support.files import MATRIX_FILES
+from trim.point.operating_point import at_scheduled
 
 _MOST_MEMBERS = 10_000_000
 _MOST_STEPS = 1_000_000
@@ -81,6 +83,10 @@ def fly(request: FlyRequest) -> int:
     if request.output is not None and request.output.suffix == ".zarr":
         raise BadInputError(f"{request.output} is the store of many members; add --samples N")
     flight = request.flight()
+    if request.at is None and request.model.schedule == "dihedral":
+        warnings.warn(
+            f"no --dihedral is given: the flight is {at_scheduled(flight.point)}", stacklevel=2
+        )
     # A linear model about the first trim says nothing about the others.
     predict = not isinstance(flight.policy, ScheduledGainPolicy)
     result = fly(*flight, predict=predict, progress=ProgressLine("simulate"))

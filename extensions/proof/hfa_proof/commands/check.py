@@ -49,11 +49,11 @@ class CheckRequest(WeightOptions, AircraftOptions, OutputOptions):
 
 @command(CheckRequest)
 def prove(request: CheckRequest) -> int:
-    """Verify a certificate: every statement is proved anew, in ball arithmetic, from the
-    certificate alone; of an aircraft of your own also from its file, --aircraft.
+    """Verify a certificate: each statement is proved anew in ball arithmetic from the certificate
+    alone, and of your own aircraft also from its file.
 
-    Exit 0: proved. Exit 1: not proved, or not about what the other options name. Needs
-    python-flint (`pip install .[proof]`)."""
+    The exit code is 0 when it is proved, 1 when it is not, or not about what other options name. It
+    needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.checker.checker import check_certificate, kind_of
     from hfa_proof.search.checked_report import checked_report

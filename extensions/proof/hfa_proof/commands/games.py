@@ -84,11 +84,11 @@ class CriticRequest(SolutionRequest):
 
 @command(SolutionRequest)
 def solution(request: SolutionRequest) -> int:
-    """The game has one stabilizing solution within a radius of P, its value, with a proof in ball
-    arithmetic; with a bracket of delta_min.
+    """Prove in ball arithmetic that the game has one stabilizing solution within a radius of P, and
+    bracket its smallest delta.
 
-    -o FILE.json writes a certificate, which hfa prove --check FILE verifies. Exit 0: proved. Exit
-    1: refuted, or left open. Needs python-flint (`pip install .[proof]`)."""
+    -o FILE.json writes a certificate for hfa prove --check FILE. The exit code is 0 when it is
+    proved, 1 when it is refuted or left open. It needs `pip install .[proof]`."""
     from hfa_proof.search.solution_proof import prove_solution
 
     _prepared(request)
@@ -100,11 +100,11 @@ def solution(request: SolutionRequest) -> int:
 
 @command(CriticRequest)
 def critic(request: CriticRequest) -> int:
-    """Whether the gain in a file stabilizes, and the distance of its W, P or K from the exact
-    solution of the game, from below and from above, with a proof in ball arithmetic.
+    """Prove in ball arithmetic whether the gain in a file stabilizes, and bound the distance of its
+    W, P or K from the exact solution, from below and from above.
 
-    -o FILE.json writes a certificate, which hfa prove --check FILE verifies. Exit 0: proved. Exit
-    1: refuted, or left open. Needs python-flint (`pip install .[proof]`)."""
+    -o FILE.json writes a certificate for hfa prove --check FILE. The exit code is 0 when it is
+    proved, 1 when it is refuted or left open. It needs `pip install .[proof]`."""
     from controller.critic.critic_file import Reading, critic_in
     from hfa_proof.search.solution_proof import prove_critic
 

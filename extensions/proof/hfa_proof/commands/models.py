@@ -22,11 +22,11 @@ class ModelsRequest(RangeOptions):
 
 @command(ModelsRequest)
 def models(request: ModelsRequest) -> int:
-    """The fewest linear models between which A, B, the inputs and the exact K are interpolated
-    within --limit-error, with a proof in ball arithmetic for every dihedral of LOW:HIGH.
+    """Find the fewest linear models between which A, B, the inputs and the exact K are interpolated
+    within --limit-error, and prove it in ball arithmetic for every dihedral of LOW:HIGH.
 
-    -o FILE.json writes a certificate, which hfa prove --check FILE verifies; -o of another suffix
-    the models. Needs python-flint (`pip install .[proof]`)."""
+    -o FILE.json writes a certificate for hfa prove --check FILE; another suffix writes the models.
+    It needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.search.models_grid import prove_models
 

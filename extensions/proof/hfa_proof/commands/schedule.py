@@ -80,14 +80,12 @@ class ScheduleRequest(WeightOptions, RangeOptions):
 
 @command(ScheduleRequest)
 def schedule(request: ScheduleRequest) -> int:
-    """A gain schedule stabilizes, with a proof in ball arithmetic: at every dihedral of LOW:HIGH,
-    and not at the points of a grid, the trim exists within its limits and the scheduled gain makes
-    the loop Hurwitz, with --bandwidth through all actuators of intervals, also delayed and of less
-    effect.
+    """Prove in ball arithmetic that a gain schedule stabilizes at every dihedral of LOW:HIGH.
 
-    -o FILE.json writes a certificate, which hfa prove --check FILE verifies. Exit 0: proved. Exit
-    1: refuted, or left open. Needs python-flint, with --bandwidth also cvxpy (`pip install
-    .[proof]`)."""
+    The trim is shown to exist within its limits, and the loop to be Hurwitz, at every angle and not
+    only at the points of a grid; with --bandwidth through every actuator of an interval.
+    -o FILE.json writes a certificate for hfa prove --check FILE. The exit code is 0 when it is
+    proved, 1 when it is refuted or left open. It needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()

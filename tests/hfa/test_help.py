@@ -1,0 +1,50 @@
+"""The help of every command: its length, and the example that ends it, which runs."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+from cli import hfa
+from project import ROOT
+
+from hfa.doors import commands
+
+NAMES = list(commands())
+#: In an order in which each finds the files of those before.
+EXAMPLES = sorted(
+    (entry.example for entry in commands().values()), key=lambda words: "hfa prove --check" in words
+)
+QUICK = ("trim", "linearize", "sweep", "solve", "printed")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_help_is_short_and_ends_with_its_example(name: str) -> None:
+    text = hfa(*name.split(), "--help").out
+    *_, last = text.splitlines()
+    assert last == f"example: {commands()[name].example}"
+    assert last.startswith(f"example: hfa {name} ")
+    assert len(text.splitlines()) <= 60
+    whole = hfa(*name.split(), "--help", "more").out
+    assert whole.splitlines()[-1] == last
+
+
+def ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, examples: list[str]) -> dict[str, int]:
+    """Example -> exit code of its run, one after the other in a folder."""
+    monkeypatch.chdir(tmp_path)
+    for folder in ("examples", "studies"):
+        Path(folder).symlink_to(ROOT / folder)
+    return {example: hfa(*shlex.split(example)[1:]).code for example in examples}
+
+
+def test_the_quick_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    codes = ran(tmp_path, monkeypatch, [commands()[name].example for name in QUICK])
+    assert list(codes.values()) == [0] * len(QUICK)
+
+
+@pytest.mark.slow
+def test_every_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    codes = ran(tmp_path, monkeypatch, EXAMPLES)
+    assert {name: code for name, code in codes.items() if code} == {}
+    assert len(codes) == len(NAMES)
