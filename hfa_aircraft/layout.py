@@ -13,7 +13,7 @@ import numpy as np
 
 from hfa_aircraft.signals import VECTORS, record
 from hfa_support.errors import BadInputError, refuse_unknown, shown
-from hfa_support.native.bound import BoundFunction, cached_per_thread
+from hfa_support.native.bound import RowFunction
 
 #: What equations raise that do not take expressions.
 _FAILURES = (
@@ -284,9 +284,12 @@ def linearized(
     return ca.Function("linearized", [x, u, p], dense, ["x", "u", "p"], names)
 
 
-@cached_per_thread(maxsize=16)
-def bound_linearized(
+@lru_cache(maxsize=16)
+def linearized_rows(
     layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
-) -> BoundFunction:
-    """`linearized`, bound to memory of its own in each thread."""
-    return BoundFunction(linearized(layout, outputs, disturbances))
+) -> RowFunction:
+    """(x, u, p) -> the parts of `linearized`, row by row, in one column."""
+    function = linearized(layout, outputs, disturbances)
+    vectors = layout.symbols("x", "u", "p")
+    flat = ca.vertcat(*(ca.vec(part.T) for part in function(*vectors)))
+    return RowFunction(ca.Function("flat", vectors, [flat]))

@@ -17,9 +17,9 @@ import numpy as np
 from hfa_aircraft.layout import (
     Layout,
     Linearization,
-    bound_linearized,
     components,
     linearized,
+    linearized_rows,
 )
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
@@ -364,20 +364,20 @@ class Model:
 
         FloatingPointError where one is not finite.
         """
-        bound = bound_linearized(self.layout, tuple(outputs), tuple(disturbances))
-        for memory, value in zip(bound.inputs, (x, u, self.p), strict=True):
-            memory[:] = value
-        bound()
+        rows = linearized_rows(self.layout, tuple(outputs), tuple(disturbances))
+        (table,) = rows((x,), (u,), (self.p,))
         n = len(self.states)
         m = len(self.inputs)
         k = len(outputs)
         d = len(disturbances)
-        shapes = ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d))
         parts = []
-        for column, shape in zip(bound.results, shapes, strict=True):
-            parts.append(np.array(column.reshape(shape, order="F"), order="C"))
+        first = 0
+        for shape in ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d)):
+            last = first + math.prod(shape)
+            parts.append(table[0, first:last].reshape(shape))
+            first = last
         result = Linearization(*parts)
-        if not all(np.isfinite(part).all() for part in result):
+        if not np.isfinite(table).all():
             values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
             raise FloatingPointError(self.not_finite(result.f, values, list(self.states)))
         return result

@@ -94,6 +94,8 @@ def _tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Te
 
 
 def _any_of(tests: Sequence[_Test]) -> _Test:
+    if len(tests) == 1:
+        return tests[0]
     return lambda value: any(test(value) for test in tests)
 
 

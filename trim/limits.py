@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -25,12 +24,16 @@ class Limits:
     names: (k,), states, inputs, outputs or parameters
     lowest: (k,), -inf where there is no limit
     highest: (k,), inf where there is no limit
+    least: (k,), the lowest values that are within
+    most: (k,), the highest values that are within
     """
 
     model: Model
     names: tuple[str, ...]
     lowest: np.ndarray
     highest: np.ndarray
+    least: np.ndarray
+    most: np.ndarray
 
     @staticmethod
     def of(
@@ -40,12 +43,16 @@ class Limits:
     ) -> Limits:
         """The limits of the named signals: min and max of their declarations, or the pairs in
         `changes`, name -> (lowest, highest)."""
-        lowest = np.array([model.signals[name].min for name in names])
-        highest = np.array([model.signals[name].max for name in names])
-        for index, name in enumerate(names):
+        rows = []
+        for name in names:
+            signal = model.signals[name]
+            lowest, highest = signal.min, signal.max
             if changes and name in changes:
-                lowest[index], highest[index] = changes[name]
-        return Limits(model, tuple(names), lowest, highest)
+                lowest, highest = changes[name]
+            least = lowest - SLACK * (signal.nominal + abs(lowest))
+            most = highest + SLACK * (signal.nominal + abs(highest))
+            rows.append((lowest, highest, least, most))
+        return Limits(model, tuple(names), *np.array(rows).reshape(-1, 4).T)
 
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Which of the values (..., k) lie between their limits, give or take `SLACK`; nan does
@@ -71,23 +78,13 @@ class Limits:
     def broken(self, values: np.ndarray | Sequence[float]) -> list[str]:
         """One sentence for each of the values (k,) that is not within its limits."""
         sentences = []
-        for name, value, within in zip(self.names, values, self.within(values), strict=True):
-            if not within:
-                needed = self.model.describe(name, float(value))
-                sentences.append(
-                    f"{name} would have to be {needed}, it must lie between {self.between(name)}"
-                )
+        for index in np.flatnonzero(~self.within(values)).tolist():
+            name = self.names[index]
+            needed = self.model.describe(name, float(values[index]))
+            sentences.append(
+                f"{name} would have to be {needed}, it must lie between {self.between(name)}"
+            )
         return sentences
-
-    @cached_property
-    def least(self) -> np.ndarray:
-        """(k,), the lowest values that are within."""
-        return self.lowest - SLACK * self._measure(self.lowest)
-
-    @cached_property
-    def most(self) -> np.ndarray:
-        """(k,), the highest values that are within."""
-        return self.highest + SLACK * self._measure(self.highest)
 
     def _measure(self, limit: np.ndarray) -> np.ndarray:
         """(k,) nominal + |limit|; 0 where there is no limit."""

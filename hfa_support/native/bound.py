@@ -42,26 +42,37 @@ class BoundFunction:
 
 
 #: Rows a call of a mapped function, the most that there are.
-_TOGETHER = (250, 16, 1)
+_TOGETHER = (250, 16)
 
 Rows = list[np.ndarray]
 
 
-class RowFunction:
+class RowFunction(threading.local):
     """Calls a dense CasADi Function once a row of its arguments; columns of a matrix come one after
-    the other in a row. Not for two threads at once."""
+    the other in a row. Each thread has memory of its own.
+
+    function: what is called
+    """
 
     def __init__(self, function: ca.Function) -> None:
-        self._function = function
+        self.function = function
         self._bound: dict[int, tuple[BoundFunction, Rows, Rows]] = {}
 
-    def __call__(self, *tables: np.ndarray) -> list[np.ndarray]:
+    def __call__(self, *tables: Any) -> list[np.ndarray]:
         """Of arguments (N, size of the argument) the results (N, size of the result)."""
         count = len(tables[0])
-        together = next((size for size in _TOGETHER if size <= count), 1)
+        together = 1
+        for size in _TOGETHER:
+            if together < size <= count:
+                together = size
         if together not in self._bound:
             self._bound[together] = self._bind(together)
         evaluate, inputs, results = self._bound[together]
+        if count == together:
+            for memory, table in zip(inputs, tables, strict=True):
+                memory[:] = table
+            evaluate()
+            return [rows.copy() for rows in results]
         tables_out = [np.empty((count, rows.shape[1])) for rows in results]
         for first in range(0, count, together):
             last = min(first + together, count)
@@ -74,8 +85,9 @@ class RowFunction:
 
     def _bind(self, together: int) -> tuple[BoundFunction, Rows, Rows]:
         """The function of so many rows, and its memory, a row a row."""
-        mapped = self._function.map(together) if together > 1 else self._function
-        bound = BoundFunction(mapped)
+        with _MAKING:
+            mapped = self.function.map(together) if together > 1 else self.function
+            bound = BoundFunction(mapped)
         inputs = [memory.reshape(together, -1) for memory in bound.inputs]
         results = [memory.reshape(together, -1) for memory in bound.results]
         return bound, inputs, results

@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
-from hfa_support.native.bound import RowFunction, cached_per_thread
+from hfa_support.native.bound import RowFunction
 
 _ONE_ARGUMENT = {ca.OP_FABS, ca.OP_SIGN}
 _TWO_ARGUMENTS = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
@@ -81,12 +81,12 @@ def _near_switches(
     switches = _switches(model.layout)
     if switches is None:
         return np.zeros(0, dtype=int), everything
-    values, slopes = _rows_of(switches)(x, u, np.broadcast_to(p, (len(x), p.shape[1])))
-    # Of a point the columns of ∂s/∂(x, u) come one after the other.
-    by_column = slopes.reshape(len(x), -1, values.shape[1])
-    sizes = np.abs(by_column.transpose(2, 0, 1)) * _steps(model)
-    near = np.abs(values.T) <= 2 * sizes.sum(axis=2)
-    points = np.flatnonzero(near.any(axis=0))[:_MOST]
+    values, slopes = switches(x, u, p)
+    sizes = np.abs(slopes.reshape(*values.shape, -1)) * _steps(model)
+    near = np.abs(values) <= 2 * sizes.sum(axis=2)
+    points = np.flatnonzero(near.any(axis=1))[:_MOST]
+    if not points.size:
+        return points, everything
     moving = sizes[near]
     if not moving.any(axis=1).all():  # a switch that moves in second order only
         return points, everything
@@ -116,9 +116,9 @@ def _calls_functions(layout: Layout) -> bool:
 
 
 @lru_cache(maxsize=16)
-def _switches(layout: Layout) -> ca.Function | None:
-    """(x, u, p) -> s and ∂s/∂(x, u): what each |.|, sign, min, max, comparison and rounding in the
-    equations switches over at s = 0. None without any."""
+def _switches(layout: Layout) -> RowFunction | None:
+    """(x, u, p) -> s and ∂s/∂(x, u) row by row: what each |.|, sign, min, max, comparison and
+    rounding in the equations switches over at s = 0. None without any."""
     rates = _rates(layout)
     instructions = range(rates.n_instructions())
     operations = {rates.instruction_id(k) for k in instructions}
@@ -149,12 +149,8 @@ def _switches(layout: Layout) -> ca.Function | None:
     if not s.numel():
         return None
     slopes = ca.jacobian(s, ca.vertcat(*vectors[:2]))
-    return ca.Function("switches", vectors, [ca.densify(s), ca.densify(slopes)])
-
-
-@cached_per_thread(maxsize=16)
-def _rows_of(function: ca.Function) -> RowFunction:
-    return RowFunction(function)
+    parts = [ca.densify(s), ca.vec(ca.densify(slopes).T)]
+    return RowFunction(ca.Function("switches", vectors, parts))
 
 
 def _slopes(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray) -> np.ndarray:

@@ -435,35 +435,34 @@ def linearize(
     (6, 6)
     """
     point.refuse_other(model)
-    states = tuple(model.states)
-    if outputs is None and disturbances is None:
-        shown = states
-    else:
-        shown = tuple(outputs or (states if full else model.linear))
+    every_state = tuple(model.states)
+    states = every_state if full else model.linear
+    rows = [every_state.index(name) for name in states]
+    shown = tuple(outputs or states)
     if disturbances is None:
         disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
-    _positions("output", shown, (*states, *model.outputs))
+    if outputs:
+        _positions("output", shown, (*every_state, *model.outputs))
     _positions("disturbance", disturbances, tuple(model.disturbances))
     exact = model.at(point.states, point.inputs, shown, disturbances)
     x = np.array([point.states])
     u = np.array([point.inputs])
     smoothed = with_means_at_kinks(model, x, u, model.p[None], exact.A[None], exact.B[None])
-    linear = LinearModel(
-        A=smoothed.A[0],
-        B=smoothed.B[0],
+    return LinearModel(
+        A=smoothed.A[0][rows][:, rows],
+        B=smoothed.B[0][rows],
         states=states,
         inputs=tuple(model.inputs),
         point=point,
         outputs=shown,
-        C=exact.C,
+        C=exact.C[:, rows],
         D=exact.D,
-        E=exact.E,
+        E=exact.E[rows],
         F=exact.F,
         output_offsets=exact.y,
         disturbances=tuple(disturbances),
         kinks=smoothed.notes.get(0, ()),
     )
-    return linear if full else linear.select(model.linear)
 
 
 @checks_arguments

@@ -175,7 +175,7 @@ class CompiledTrim:
         return ends, status == _SETTLED, status == _SINGULAR
 
     def linear(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
-        """(N, ..), a row of `linear_function` a point."""
+        """(N, ..), a row of `Equations.linear_rows` a point."""
         flat = np.empty((len(z), self._flat))
         unknowns = np.ascontiguousarray(z)
         constants = np.ascontiguousarray(c)

@@ -37,9 +37,7 @@ def newton(
     elif len(system.scales) > FEW:
         return _halving(system, z, c)
     else:
-        best, norms = system.full_steps(z, c)
-        falls = (norms[:, 1:] < norms[:, :-1]) | (norms[:, 1:] <= NEARLY)
-        settled = falls.all(axis=1) & (norms[:, -1] <= NEARLY)
+        best, settled = system.full_steps(z, c)
         unsolved = ~settled
     if unsolved.any():
         best[unsolved], settled[unsolved] = _halving(system, z[unsolved], c[unsolved])

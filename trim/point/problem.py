@@ -3,38 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import record
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from trim.point.condition import TrimCondition
 from trim.point.newton import newton
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
-from trim.point.system import TrimSystem
+from trim.point.system import Evaluation, TrimSystem
 
 #: Starting points that are tried beside the usual one, and how far they lie from it where there is
 #: no limit, in scaled units.
 STARTS = 8
 _FAR = 10.0
-
-
-class Evaluation(NamedTuple):
-    """The equations at one point.
-
-    x, u, y: states, inputs and watched outputs
-    residual: (e,), in scaled units
-    jacobian: (e, k), by the scaled unknowns
-    """
-
-    x: np.ndarray
-    u: np.ndarray
-    y: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
 
 
 class TrimProblem:
@@ -86,16 +69,12 @@ class TrimProblem:
         key = z.tobytes()
         if self._last is not None and self._last[0] == key:
             return self._last[1]
-        residual, moved = self.system.residuals(z[None], self.c)
-        x, u, y = (part[0] for part in self.system.points(z[None], self.c))
+        evaluation = self.system.at(z, self.c)
         if self.model.check is not None:
-            self.model.check(record(tuple(self.model.states))(*x.tolist()))
-        if not (np.isfinite(residual).all() and np.isfinite(moved).all() and np.isfinite(y).all()):
-            self.model.at(x, u)  # says which rate is not a number
+            self.model.check(self.model.layout.record("x", evaluation.x.tolist()))
+        if not evaluation.finite:
+            self.model.at(evaluation.x, evaluation.u)  # says which rate is not a number
             raise FloatingPointError(f"{self.model.name}: an output is not a number")
-        jacobian = np.zeros((len(self.names), len(z)))
-        jacobian[: self.system.moved] = moved[0]
-        evaluation = Evaluation(x, u, y, residual[0], jacobian)
         self._last = key, evaluation
         return evaluation
 
@@ -106,7 +85,7 @@ class TrimProblem:
 
     def clip(self, z: np.ndarray) -> np.ndarray:
         """The nearest unknowns within the limits."""
-        return np.clip(z, self.system.lowest, self.system.highest)
+        return np.minimum(np.maximum(z, self.system.lowest), self.system.highest)
 
     def solved(self, z: np.ndarray) -> bool:
         """Whether the equations balance within all limits."""
@@ -161,8 +140,8 @@ class TrimProblem:
         structure = self.system.structure
         in_order = [name for name, _ in (*structure.rates, *structure.outputs)]
         return OperatingPoint(
-            record(tuple(self.model.states))(*evaluation.x.tolist()),
-            record(tuple(self.model.inputs))(*evaluation.u.tolist()),
+            self.model.layout.record("x", evaluation.x.tolist()),
+            self.model.layout.record("u", evaluation.u.tolist()),
             {name: float(scaled[name]) for name in in_order},
             status,
             self.model,

@@ -4,8 +4,8 @@ unknowns z and of what differs from point to point, c."""
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -15,14 +15,15 @@ import numpy as np
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
 from hfa_support.linear_table import LinearTable
-from hfa_support.native.bound import RowFunction, cached_per_thread
+from hfa_support.native.bound import RowFunction
 from trim.limits import Limits
 from trim.point.condition import TrimCondition
-from trim.point.machine import compiled_trim
+from trim.point.machine import NEARLY, compiled_trim
 
 #: Steps of Newton's method that one evaluation takes, and with how many unknowns at most.
 FULL_STEPS = 4
 FEW = 6
+_UNLIMITED = (-math.inf, math.inf)
 
 
 class Structure(NamedTuple):
@@ -45,14 +46,19 @@ class Structure(NamedTuple):
     watched: tuple[tuple[str, float], ...]
 
 
-class Equations(NamedTuple):
-    """r(z, c) = 0 as CasADi expressions, in scaled units.
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """r(z, c) = 0 as CasADi expressions, in scaled units, and as functions of rows (z, c).
 
+    layout: equations and names of the model
     z: (k, 1), the unknowns divided by their scales
     c: the values of `constants`, then the parameters
     x, u, y: states, inputs and watched outputs
     residual: (e, 1); the equations that the unknowns can move come first
     jacobian: (m, k) of those
+    scales: (k,), one scaled unit of each unknown
+    row_scales: (e,), one scaled unit of each equation
+    moved: m
     names: the e equations, states for their rates and outputs
     unknowns: the k free variables that move an equation
     idle: free variables that are in no equation; c gives their values
@@ -61,6 +67,7 @@ class Equations(NamedTuple):
     by its zeros alone
     """
 
+    layout: Layout
     z: ca.SX
     c: ca.SX
     x: ca.SX
@@ -68,36 +75,79 @@ class Equations(NamedTuple):
     y: ca.SX
     residual: ca.SX
     jacobian: ca.SX
+    scales: np.ndarray
+    row_scales: np.ndarray
+    moved: int
     names: tuple[str, ...]
     unknowns: tuple[str, ...]
     idle: tuple[str, ...]
     constants: tuple[str, ...]
     square: bool
 
+    @cached_property
+    def residual_rows(self) -> RowFunction:
+        """(z, c) -> r (e,) and J (m, k) row by row."""
+        parts = ca.cse([self.residual, ca.vec(self.jacobian.T)])
+        return RowFunction(ca.Function("residual", [self.z, self.c], parts))
+
+    @cached_property
+    def step_rows(self) -> RowFunction:
+        """(z, c) -> z after `FULL_STEPS` steps of Newton's method, none of them halved, and whether
+        it is settled: |r| fell at each of them, to `NEARLY` before the last."""
+        moved = self.residual[: self.moved]
+        after = self.z - ca.solve(self.jacobian, moved)
+        step = ca.Function("step", [self.z, self.c], [after, ca.norm_2(moved)], {"cse": True})
+        z, norm = step(self.z, self.c)
+        settled = ca.SX(1)
+        for _ in range(FULL_STEPS - 1):
+            before = norm
+            z, norm = step(z, self.c)
+            falls = ca.logic_or(norm < before, norm <= NEARLY)
+            settled = ca.logic_and(settled, falls)
+        settled = ca.logic_and(settled, norm <= NEARLY)
+        return RowFunction(ca.Function("steps", [self.z, self.c], [z, settled], {"cse": True}))
+
+    @cached_property
+    def point_rows(self) -> RowFunction:
+        """(z, c) -> x, u, the watched outputs y, r, and J row by row, in one column."""
+        flat = ca.vertcat(self.x, self.u, self.y, self.residual, ca.vec(self.jacobian.T))
+        return RowFunction(ca.Function("point", [self.z, self.c], [ca.cse(ca.densify(flat))]))
+
+    @cached_property
+    def linear_rows(self) -> RowFunction:
+        """(z, c) -> x, u, y, A and B row by row, and r, in one column."""
+        x, u = self.layout.symbols("x", "u")
+        p = self.c[len(self.constants) :]
+        f, _ = self.layout.expressions([components(x), components(u), components(p)], ())
+        derivatives = [ca.jacobian(f, x), ca.jacobian(f, u)]
+        jacobians = ca.substitute(derivatives, [x, u], [self.x, self.u])
+        A, B = (ca.vec(ca.densify(jacobian).T) for jacobian in jacobians)
+        flat = ca.vertcat(self.x, self.u, self.y, A, B, self.residual)
+        return RowFunction(ca.Function("linear", [self.z, self.c], [ca.cse(ca.densify(flat))]))
+
 
 def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] = ()) -> Structure:
     """The structure of a condition where these variables, outputs or rates have other values at
     each point."""
-    imposed = {name for name, value in condition.imposed.items() if value != 0.0}
-    imposed |= {name for name in condition.imposed if name in model.outputs}
-    imposed |= {f"{name}_dot" for name, rate in condition.rates.items() if rate != 0.0}
-    imposed |= set(varied)
+    given = {*varied}
+    given.update(
+        name for name, value in condition.imposed.items() if value != 0.0 or name in model.outputs
+    )
+    given.update(f"{name}_dot" for name, rate in condition.rates.items() if rate != 0.0)
     states_in_balance = [
         name for name in model.states if name in condition.rates or f"{name}_dot" in varied
     ]
     held = {*condition.imposed, *varied}
-    outputs = [name for name in model.outputs if name in held and name not in model.variables]
     free = [name for name in model.variables if name not in held]
-    limited = {name for name, ends in model.limits.items() if any(map(math.isfinite, ends))}
-    limited |= set(condition.limits)
-    watched = [
-        name
-        for name in (*model.states, *model.outputs)
-        if name in limited and name not in held and name not in model.variables
-    ]
+    following = [name for name in (*model.states, *model.outputs) if name not in model.variables]
+    outputs = [name for name in following if name in held]
+    watched = []
+    for name in following:
+        if name not in held and condition.limits_of(name) != _UNLIMITED:
+            watched.append(name)
     return Structure(
         model.layout,
-        tuple(name for name in (*model.holdable, *model.rates) if name in imposed),
+        tuple(name for name in (*model.holdable, *model.rates) if name in given),
         tuple((name, model.signals[name].nominal) for name in free),
         tuple((name, model.rate_scale(name)) for name in states_in_balance),
         tuple((name, model.signals[name].nominal) for name in outputs),
@@ -138,14 +188,15 @@ def equations(structure: Structure) -> Equations:
     square = square and ca.sprank(jacobian[moved, moving]) == len(moving)
 
     idle_symbols = [free[j] for j in idle]
-    scales = ca.DM([structure.free[j][1] for j in moving])
+    scales = np.array([structure.free[j][1] for j in moving])
     z = ca.SX.sym("z", len(moving))
-    jacobian = ca.densify(jacobian[moved, moving]) @ ca.diag(scales)
+    jacobian = ca.densify(jacobian[moved, moving]) @ ca.diag(ca.DM(scales))
     y = ca.vertcat(ca.SX(0, 1), *components(y)[len(outputs) :])
     parts = [x, u, y, residual[[*moved, *still]], jacobian]
-    x, u, y, residual, jacobian = ca.substitute(parts, [free[moving]], [z * scales])
-    every = [*(name for name, _ in structure.rates), *outputs]
+    x, u, y, residual, jacobian = ca.substitute(parts, [free[moving]], [z * ca.DM(scales)])
+    every = [(*structure.rates, *structure.outputs)[i] for i in (*moved, *still)]
     return Equations(
+        layout,
         z,
         ca.vertcat(ca.SX(0, 1), *components(symbols), *idle_symbols, *components(p)),
         x,
@@ -153,7 +204,10 @@ def equations(structure: Structure) -> Equations:
         ca.densify(y),
         ca.densify(residual),
         jacobian,
-        tuple(every[i] for i in (*moved, *still)),
+        scales,
+        np.array([scale for _, scale in every]),
+        len(moved),
+        tuple(name for name, _ in every),
         tuple(names[j] for j in moving),
         tuple(names[j] for j in idle),
         (*structure.given, *(names[j] for j in idle)),
@@ -161,52 +215,21 @@ def equations(structure: Structure) -> Equations:
     )
 
 
-@lru_cache(maxsize=16)
-def residual_function(structure: Structure) -> ca.Function:
-    """(z, c) -> r (e,) and J (m, k) row by row."""
-    e = equations(structure)
-    return ca.Function("residual", [e.z, e.c], ca.cse([e.residual, ca.vec(e.jacobian.T)]))
+class Evaluation(NamedTuple):
+    """The equations at one point.
 
+    x, u, y: states, inputs and watched outputs
+    residual: (e,), in scaled units
+    jacobian: (e, k), by the scaled unknowns
+    finite: whether all of them are numbers
+    """
 
-@lru_cache(maxsize=16)
-def steps_function(structure: Structure) -> ca.Function:
-    """(z, c) -> z after `FULL_STEPS` steps of Newton's method, and |r| before each of them."""
-    e = equations(structure)
-    moved = e.residual[: e.jacobian.shape[0]]
-    after = e.z - ca.solve(e.jacobian, moved)
-    step = ca.Function("step", [e.z, e.c], [after, ca.norm_2(moved)], {"cse": True})
-    z = e.z
-    norms = []
-    for _ in range(FULL_STEPS):
-        z, norm = step(z, e.c)
-        norms.append(norm)
-    return ca.Function("steps", [e.z, e.c], [z, ca.vertcat(*norms)], {"cse": True})
-
-
-@lru_cache(maxsize=16)
-def point_function(structure: Structure) -> ca.Function:
-    """(z, c) -> x, u and the watched outputs y in one column."""
-    e = equations(structure)
-    return ca.Function("point", [e.z, e.c], [ca.cse(ca.densify(ca.vertcat(e.x, e.u, e.y)))])
-
-
-@lru_cache(maxsize=16)
-def linear_function(structure: Structure) -> ca.Function:
-    """(z, c) -> x, u, y, A and B row by row, and r, in one column."""
-    e = equations(structure)
-    layout = structure.layout
-    x, u = layout.symbols("x", "u")
-    p = e.c[len(e.constants) :]
-    f, _ = layout.expressions([components(x), components(u), components(p)], ())
-    jacobians = ca.substitute([ca.jacobian(f, x), ca.jacobian(f, u)], [x, u], [e.x, e.u])
-    A, B = (ca.vec(ca.densify(jacobian).T) for jacobian in jacobians)
-    flat = ca.vertcat(e.x, e.u, e.y, A, B, e.residual)
-    return ca.Function("linear", [e.z, e.c], [ca.cse(ca.densify(flat))])
-
-
-@cached_per_thread(maxsize=16)
-def _rows_of(function: ca.Function) -> RowFunction:
-    return RowFunction(function)
+    x: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    finite: bool
 
 
 class TrimSystem:
@@ -242,20 +265,18 @@ class TrimSystem:
         self.begin = begin
         self.structure = structure_of(model, condition, varied)
         self.equations = equations(self.structure)
-        self.scales = np.array([model.signals[name].nominal for name in self.equations.unknowns])
+        self.scales = self.equations.scales
         self.start = self.unknowns(begin)
         self.limits = condition.limits_on(self.equations.unknowns)
         self.lowest = self.limits.lowest / self.scales
         self.highest = self.limits.highest / self.scales
         self.watched = condition.limits_on([name for name, _ in self.structure.watched])
-        scales = dict(self.structure.rates) | dict(self.structure.outputs)
-        self.row_scales = np.array([scales[name] for name in self.equations.names])
-        self.moved = self.equations.jacobian.shape[0]
-        self._functions = threading.local()
+        self.row_scales = self.equations.row_scales
+        self.moved = self.equations.moved
         self.machine = None
         if compile_code and self.equations.square:
             self.machine = compiled_trim(
-                residual_function(self.structure), linear_function(self.structure)
+                self.equations.residual_rows.function, self.equations.linear_rows.function
             )
 
     @property
@@ -272,21 +293,33 @@ class TrimSystem:
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
-        residual, jacobian = self._rows(residual_function)(z, c)
+        residual, jacobian = self.equations.residual_rows(z, c)
         return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
 
     def full_steps(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """z (N, k) after `FULL_STEPS` steps of Newton's method, none of them halved, and |r| before
-        each (N, FULL_STEPS)."""
-        after, norms = self._rows(steps_function)(z, c)
-        return after, norms
+        """z (N, k) after `FULL_STEPS` steps of Newton's method, none of them halved, and which
+        points are settled (N,)."""
+        after, settled = self.equations.step_rows(z, c)
+        return after, settled[:, 0] == 1.0
 
-    def points(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """States (N, n), inputs (N, m) and watched outputs (N, w)."""
-        (flat,) = self._rows(point_function)(z, c)
+    def at(self, z: np.ndarray, c: np.ndarray) -> Evaluation:
+        """The equations at one point, unknowns z (k,) and constants c (1, ..)."""
+        (rows,) = self.equations.point_rows(z[None], c)
+        flat = rows[0]
         states = len(self.model.states)
         inputs = states + len(self.model.inputs)
-        return flat[:, :states], flat[:, states:inputs], flat[:, inputs:]
+        watched = inputs + len(self.structure.watched)
+        equations = watched + len(self.row_scales)
+        jacobian = np.zeros((len(self.row_scales), len(z)))
+        jacobian[: self.moved] = flat[equations:].reshape(self.moved, len(z))
+        return Evaluation(
+            flat[:states],
+            flat[states:inputs],
+            flat[inputs:watched],
+            flat[watched:equations],
+            jacobian,
+            bool(np.isfinite(flat).all()),
+        )
 
     def linear(
         self, z: np.ndarray, c: np.ndarray
@@ -295,7 +328,7 @@ class TrimSystem:
         if self.machine is not None:
             flat = self.machine.linear(z, c)
         else:
-            (flat,) = self._rows(linear_function)(z, c)
+            (flat,) = self.equations.linear_rows(z, c)
         n = len(self.model.states)
         m = len(self.model.inputs)
         end = n + m + len(self.structure.watched)
@@ -313,8 +346,7 @@ class TrimSystem:
             have those of the condition and the model
         """
         columns = columns or {}
-        table = np.empty((count, len(self._row)))
-        table[:] = self._row
+        table = np.repeat(self._row[None], count, axis=0)
         for index, name in self._tables:
             scheduled = self.model.schedule
             at = columns.get(scheduled, self.condition.imposed.get(scheduled, 0.0))
@@ -323,13 +355,6 @@ class TrimSystem:
             if name in self._index:
                 table[:, self._index[name]] = values
         return table
-
-    def _rows(self, make: Callable[[Structure], ca.Function]) -> RowFunction:
-        """One of the functions above, bound to memory of this thread."""
-        functions: dict[Any, RowFunction] = self._functions.__dict__
-        if make not in functions:
-            functions[make] = _rows_of(make(self.structure))
-        return functions[make]
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -340,11 +365,10 @@ class TrimSystem:
     @cached_property
     def _tables(self) -> list[tuple[int, str]]:
         """The constants that change with the scheduling variable: column, name."""
-        imposed = self.condition.imposed
         return [
-            (index, name)
-            for name, index in self._index.items()
-            if isinstance(imposed.get(name), LinearTable)
+            (self._index[name], name)
+            for name, value in self.condition.imposed.items()
+            if isinstance(value, LinearTable) and name in self._index
         ]
 
     @cached_property
@@ -358,7 +382,7 @@ class TrimSystem:
             elif name in self.model.rates:
                 value = self.condition.rates.get(name.removesuffix("_dot"), 0.0)
             row.append(0.0 if isinstance(value, LinearTable) else value)
-        return np.array([*row, *self.model.p.tolist()])
+        return np.concatenate([row, self.model.p])
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
         """(k,), the scaled unknowns among the values of all variables."""
