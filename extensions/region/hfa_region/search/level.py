@@ -23,6 +23,8 @@ from hfa_support.errors import NoSolutionError
 #: Least margin of a sum of squares, relative to the largest coefficient: the check adds errors of
 #: the solver, 1e-8 or so, to the Gram matrices.
 MARGIN = 2e-7
+#: A margin with which a level is taken to hold while the largest is looked for.
+_ENOUGH = 10.0 * MARGIN
 #: How much larger than the set the ball is, and extents than what they hold.
 _SLACK = 1e-7
 #: Steps of the bisection.
@@ -122,8 +124,12 @@ class LevelSearch:
         rest = sum((float(norm) for norm in norms[degree + 1 :]), float(whole.remainder))
         return Terms.of(power_of_length(self.ball.n, degree)).scaled(rest)
 
-    def decrease(self, part: Mapping[str, str], share: float) -> dict[str, Any] | None:
-        """Evidence that V' < 0 on a part of {V <= share rho}; None where none is found."""
+    def decrease(
+        self, part: Mapping[str, str], share: float, enough: float | None = None
+    ) -> dict[str, Any] | None:
+        """Evidence that V' < 0 on a part of {V <= share rho}; None where none is found.
+
+        enough: a margin with which the solver may stop"""
         low = 1 if all(what == FREE for what in part.values()) else 0
         half = self.setting.half
         one = Terms(np.zeros(1, dtype=np.int64), np.array([share]))
@@ -133,7 +139,7 @@ class LevelSearch:
             constraints.append((BALL, _within(self.ball.n), (low, half - 1)))
         for name, polynomial in limits_of(self.ball, part).items():
             constraints.append((name, Terms.of(polynomial), (low, half - 1)))
-        found = positive(self.target(part), constraints, (low, half), self.ball.n)
+        found = positive(self.target(part), constraints, (low, half), self.ball.n, enough)
         if found is None or found[0] < MARGIN:
             return None
         return found[1]
@@ -142,7 +148,7 @@ class LevelSearch:
         """Whether V' < 0 is found on every part of {V <= share rho}; the part that refused last is
         tried first."""
         for index, part in enumerate(self.parts):
-            if self.decrease(part, share) is None:
+            if self.decrease(part, share, _ENOUGH) is None:
                 self.parts.insert(0, self.parts.pop(index))
                 return False
         return True

@@ -13,7 +13,7 @@ from hfa_region.check.statement import SaturatedLoop, model_limits
 from trim.linear.linear_model import LinearModel
 
 #: Steps of a simulation in the time constant of the fastest mode.
-_STEPS = 6.0
+_STEPS = 3.0
 #: Nominal deviations beyond which a trajectory is lost, whatever the limits.
 _FAR = 1e4
 #: A value V of many deviations (N, n), and its slope there (N, n).

@@ -24,6 +24,8 @@ _REACHES = (1.35, 1.1)
 _GAIN = 1.004
 #: Shares of the level of a new V that are tried, that of its step being 1.
 _SHARES = (1.0, 0.93, 0.85, 0.7, 0.5)
+#: A proof takes as long as so many turns: the last turn begins earlier.
+_TURNS_OF_A_PROOF = 5.0
 #: How far above 1 a level of the last V is tried.
 _GROWTH = 1.6
 #: Lyapunov matrices of the loop that are tried.
@@ -105,7 +107,7 @@ class RegionSearch:
         self._P = P
         self._begin = time.process_time()
         self._seconds = seconds
-        self._degree = degree
+        self._settings = settings_of(len(loop.states), degree)
         self._progress = progress
         self._save = save
         self.best: ProvedLevel | None = None
@@ -127,9 +129,9 @@ class RegionSearch:
         Equilibrium(self.loop)  # refuses equations that a proof does not take
         V = known or self._start()
         if known:
-            self._prove(V, 1.0, "V of the certificate", settings_of(self._n)[0])
-        for setting in settings_of(self._n):
-            if setting.degree <= self._degree and self._left() > 0.0:
+            self._prove(V, 1.0, "V of the certificate", self._settings[0])
+        for setting in self._settings:
+            if self._left() > 0.0:
                 V = self._climb(self._proved_V(V), setting)
         if self.best is None:
             raise NoSolutionError(
@@ -180,7 +182,7 @@ class RegionSearch:
         where none is, the first."""
         candidates = self._sampled()
         for _, V, origin in candidates[:_TRIED]:
-            if self._prove(V, 1.0, origin, settings_of(self._n)[0]):
+            if self._prove(V, 1.0, origin, self._settings[0]):
                 return V
         return candidates[0][1]
 
@@ -228,7 +230,7 @@ class RegionSearch:
         if turn is None:
             return V
         for reach in _REACHES:
-            while self._left() > 0.0:
+            while self._left() > _TURNS_OF_A_PROOF * turn.seconds:
                 found = better(turn.search, turn.share, self._room, reach)
                 after = None if found is None else self._turn(found, setting)
                 grown = 0.0 if after is None else after.size / turn.size
@@ -242,6 +244,7 @@ class RegionSearch:
 
     def _turn(self, V: PolynomialFunction, setting: Setting) -> _Turn | None:
         """A level of V at 1 or a little below, in floating point; None where none is found."""
+        begin = time.process_time()
         held = holding_ball(V, 1.0, self._T_of(V))
         if held is None:
             return None
@@ -254,7 +257,7 @@ class RegionSearch:
             return None
         size = measured(V, share, held)
         self._tell(f"V of degree {setting.degree}, size {size:.4g}")
-        return _Turn(V, search, share, size)
+        return _Turn(V, search, share, size, time.process_time() - begin)
 
     def _highest(self, V: PolynomialFunction) -> float:
         """A level above 1 that may be proved: within the limits of the states, V' < 0 where it is
@@ -340,12 +343,14 @@ class _Turn:
     search: in the ball that holds it
     share: of the level of the search
     size: of its set
+    seconds: processor time it took
     """
 
     V: PolynomialFunction
     search: LevelSearch
     share: float
     size: float
+    seconds: float
 
 
 def _first_lost(
@@ -378,10 +383,13 @@ def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
     return float((volume * abs(np.linalg.det(T))) ** (1.0 / n))
 
 
-def settings_of(n: int) -> list[Setting]:
-    """How V of each degree is tried, by the number of states: what a minute or so allows."""
+def settings_of(n: int, degree: int) -> list[Setting]:
+    """How V is tried, by the number of states and its highest degree: what a minute allows."""
     if n <= 2:
-        return [Setting(8, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
-    if n <= 4:
-        return [Setting(6, 3, 2), Setting(7, 4, 2), Setting(7, 4, 4)]
-    return [Setting(5, 2, 2)]
+        tried = [Setting(8, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
+    elif n <= 4:
+        # A second quadratic V costs as much as one of degree 4.
+        tried = [Setting(6, 3, 2), Setting(7, 4, 4 if degree > 2 else 2)]
+    else:
+        tried = [Setting(5, 2, 2)]
+    return [setting for setting in tried if setting.degree <= degree]

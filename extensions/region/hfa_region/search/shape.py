@@ -14,14 +14,12 @@ import numpy as np
 
 from hfa_region.check.checker import limits_of
 from hfa_region.check.loop import FREE
-from hfa_region.check.polynomial import exponents_of, monomials
+from hfa_region.check.polynomial import exponents_of, monomials, power_of_length
 from hfa_region.check.witness import LEVEL
 from hfa_region.search.function import PolynomialFunction
-from hfa_region.search.level import LevelSearch
+from hfa_region.search.level import MARGIN, LevelSearch
 from hfa_region.search.squares import Identity, Squares, Terms
 
-#: Margin of every Gram matrix of a step, relative to the largest coefficient of its target.
-_MARGIN = 1e-6
 #: V is at least this much of |y|².
 _LEAST = 1e-3
 #: Longest time of a step, s.
@@ -67,7 +65,7 @@ class _Step:
             if np.isfinite(low) or np.isfinite(high):
                 self._bounded(self._beyond(index, low, high), 1)
         self.problem.cost(self.theta, _means(self.exponents))
-        solution = self.problem.solve(margin=_MARGIN, seconds=_SECONDS)
+        solution = self.problem.solve(margin=MARGIN, seconds=_SECONDS)
         if solution is None:
             return None
         coefficients = solution.x[self.theta]
@@ -101,12 +99,12 @@ class _Step:
         identity.constants += [sigma.scaled(-1.0), search.rest(part).scaled(-scale)]
         for key, value in zip(sigma.keys.tolist(), sigma.values.tolist(), strict=True):
             problem.add(identity, self.keys + key, self.theta, np.full(len(self.keys), value))
-        problem.subtract(identity, problem.gram(low, half))
+        problem.subtract(identity, low, half)
         if search.setting.degree > 2:
             in_ball = Terms.packed(_ball(self.n, self.reach)).scaled(-1.0)
-            problem.subtract(identity, problem.gram(low, half - 1), in_ball)
+            problem.subtract(identity, low, half - 1, in_ball)
         for polynomial in limits_of(search.ball, part).values():
-            problem.subtract(identity, problem.gram(low, half - 1), Terms.of(polynomial))
+            problem.subtract(identity, low, half - 1, Terms.of(polynomial))
         return True
 
     def _rates(self, part: Mapping[str, str], highest: int) -> tuple[np.ndarray, np.ndarray]:
@@ -123,9 +121,10 @@ class _Step:
     def _positive(self) -> None:
         """V - least |y|² is a sum of squares."""
         problem = self.problem
-        identity = problem.identity(Terms.packed(_ball(self.n, 1.0)).scaled(-_LEAST))
+        length = Terms.of(power_of_length(self.n, 2))
+        identity = problem.identity(length.scaled(-_LEAST))
         problem.add(identity, self.keys, self.theta, np.ones(len(self.keys)))
-        problem.subtract(identity, problem.gram(1, self.search.setting.degree // 2))
+        problem.subtract(identity, 1, self.search.setting.degree // 2)
 
     def _bounded(self, beyond: Terms, degree: int) -> None:
         """V > 1 wherever a polynomial of degree 2, negative at 0, is not negative."""
@@ -133,8 +132,8 @@ class _Step:
         half = self.search.setting.degree // 2
         identity: Identity = problem.identity(Terms(np.zeros(1, dtype=np.int64), -np.ones(1)))
         problem.add(identity, self.keys, self.theta, np.ones(len(self.keys)))
-        problem.subtract(identity, problem.gram(0, half))
-        problem.subtract(identity, problem.gram(0, half - degree), beyond)
+        problem.subtract(identity, 0, half)
+        problem.subtract(identity, 0, half - degree, beyond)
 
     def _beyond(self, index: int, low: float, high: float) -> Terms:
         """(z_i - low) (z_i - high) / |low high| in y; with one end that end twice."""
@@ -148,10 +147,9 @@ class _Step:
 
 
 def _ball(n: int, radius: float) -> PolynomialFunction:
-    """|y|² / radius² - 1; for a radius of 1 without the constant."""
+    """|y|² / radius² - 1."""
     exponents = np.concatenate([2 * np.eye(n, dtype=int), np.zeros((1, n), dtype=int)])
-    constant = 0.0 if radius == 1.0 else -1.0
-    return PolynomialFunction(np.array([radius**-2.0] * n + [constant]), exponents)
+    return PolynomialFunction(np.array([radius**-2.0] * n + [-1.0]), exponents)
 
 
 def _means(exponents: np.ndarray) -> np.ndarray:

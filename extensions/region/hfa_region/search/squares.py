@@ -1,4 +1,4 @@
-"""Sums of squares in floating point: problems for Clarabel, in Gram matrices and free numbers."""
+"""Sums of squares in floating point: problems in Gram matrices and free numbers."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ import scipy.sparse as sp
 
 from hfa_region.check.polynomial import Polynomial, exponents_of, monomials
 from hfa_region.search.function import PolynomialFunction
+from hfa_region.search.interior import Group, Matrix, minimized
 
 #: Base of the exponents in one whole number.
 _BASE = 16
 #: Largest margin that is asked of a Gram matrix, of a target whose largest coefficient is 1.
 _MOST_MARGIN = 1e-3
-#: Of a root of the solver.
-_TOLERANCE = 1e-9
+#: How near to its least value a cost is left, relatively.
+_NEAR = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,10 @@ class Terms:
         return float(np.max(np.abs(self.values), initial=0.0))
 
 
+#: The polynomial 1.
+ONE = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
+
+
 @cache
 def _packed(key: int) -> int:
     return sum(power * _BASE**i for i, power in enumerate(exponents_of(key)))
@@ -73,35 +78,38 @@ def packed_monomials(variables: int, low: int, high: int) -> np.ndarray:
     return np.array([_packed(key) for key in monomials(variables, low, high)], dtype=np.int64)
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Gram:
-    """One matrix of a problem.
+    """One matrix of a problem, positive definite with the margin.
 
     low, high: degrees of its monomials
     size: number of them
-    start: first of its entries among the unknowns: the lower triangle, row by row
-    margin: whether it shall be positive definite with the margin
+    identity, place: number of its identity, and its own among the matrices of that
     """
 
     low: int
     high: int
     size: int
-    start: int
-    margin: bool
+    identity: int
+    place: int
 
 
 @dataclass(eq=False)
 class Identity:
-    """Coefficients of a polynomial that must be 0: Σ value x_column + constant.
+    """Coefficients of a polynomial that must be 0: constants + Σ value x_column - Σ m'Q m factor.
 
-    keys, columns, values: parallel, of the unknowns
+    number: of the identity in its problem
+    keys, columns, values: parallel, of the free unknowns
     constants: what is without unknowns
+    grams: each with its factor
     """
 
+    number: int
     keys: list[np.ndarray] = field(default_factory=list)
     columns: list[np.ndarray] = field(default_factory=list)
     values: list[np.ndarray] = field(default_factory=list)
     constants: list[Terms] = field(default_factory=list)
+    grams: list[tuple[Gram, Terms]] = field(default_factory=list)
 
 
 class Squares:
@@ -113,7 +121,6 @@ class Squares:
     def __init__(self, variables: int) -> None:
         self.variables = variables
         self._count = 1
-        self._grams: list[Gram] = []
         self._identities: list[Identity] = []
         self._costs: dict[int, float] = {}
 
@@ -123,35 +130,18 @@ class Squares:
         self._count += count
         return np.arange(start, self._count)
 
-    def gram(self, low: int, high: int, *, margin: bool = True) -> Gram:
-        """A new positive semidefinite matrix."""
-        size = len(monomials(self.variables, low, high))
-        gram = Gram(low, high, size, self._count, margin)
-        self._count += size * (size + 1) // 2
-        self._grams.append(gram)
-        return gram
-
     def identity(self, target: Terms) -> Identity:
         """target + .. = 0, to which others are added."""
-        identity = Identity(constants=[target])
+        identity = Identity(len(self._identities), constants=[target])
         self._identities.append(identity)
         return identity
 
-    def subtract(self, identity: Identity, gram: Gram, factor: Terms | None = None) -> None:
-        """Add -m'Q m factor to an identity."""
-        keys = packed_monomials(self.variables, gram.low, gram.high)
-        rows, columns = np.tril_indices(gram.size)
-        pairs = keys[rows] + keys[columns]
-        weights = np.where(rows == columns, 1.0, 2.0)
-        unknowns = gram.start + np.arange(len(rows))
-        if factor is None:
-            factor = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
-        for key, value in zip(factor.keys, factor.values, strict=True):
-            self.add(identity, pairs + key, unknowns, -weights * value)
-            if gram.margin:
-                diagonal = pairs[rows == columns] + key
-                margin = np.zeros(len(diagonal), dtype=np.int64)
-                self.add(identity, diagonal, margin, np.full(len(diagonal), -value))
+    def subtract(self, identity: Identity, low: int, high: int, factor: Terms = ONE) -> Gram:
+        """Add -m'Q m factor to an identity, Q new, m the monomials of degree low to high."""
+        size = len(monomials(self.variables, low, high))
+        gram = Gram(low, high, size, identity.number, len(identity.grams))
+        identity.grams.append((gram, factor))
+        return gram
 
     def add(
         self, identity: Identity, keys: np.ndarray, columns: np.ndarray, values: np.ndarray
@@ -167,83 +157,91 @@ class Squares:
         for column, value in zip(columns.tolist(), values.tolist(), strict=True):
             self._costs[column] = self._costs.get(column, 0.0) + value
 
-    def solve(self, margin: float | None = None, seconds: float = 600.0) -> Solution | None:
+    def solve(
+        self, margin: float | None = None, seconds: float = np.inf, enough: float | None = None
+    ) -> Solution | None:
         """The best unknowns; None where the solver finds none.
 
-        margin: that of the Gram matrices, instead of the largest
-        seconds: longest time
+        margin: that of the Gram matrices, instead of the largest; then the least cost is found to
+            `_NEAR` of it
+        seconds: longest processor time
+        enough: a margin that suffices; where it cannot be reached, any margin is returned
         """
-        import clarabel
-
-        A, b = self._equalities()
-        equalities = A.shape[0]
-        ends = [(0, _MOST_MARGIN, 1.0)]
-        if margin is not None:
-            ends = [(0, margin, 1.0), (0, -margin, -1.0)]
-        rows = sp.coo_matrix(
-            ([sign for *_, sign in ends], (range(len(ends)), [0] * len(ends))),
-            shape=(len(ends), self._count),
-        )
-        blocks = [A, rows]
-        bounds = [b, np.array([end for _, end, _ in ends])]
-        cones: list[Any] = [
-            clarabel.ZeroConeT(equalities),
-            clarabel.NonnegativeConeT(len(ends)),
-        ]
-        for gram in self._grams:
-            blocks.append(_cone_rows(gram, self._count))
-            bounds.append(np.zeros(blocks[-1].shape[0]))
-            cones.append(clarabel.PSDTriangleConeT(gram.size))
-        q = np.zeros(self._count)
-        if self._costs:
-            q[list(self._costs)] = list(self._costs.values())
+        groups = [self._group(identity) for identity in self._identities]
+        cost = np.zeros(self._count)
+        for column, value in self._costs.items():
+            cost[column] = value
+        if margin is None:
+            cost[0] = -1.0
+            limit = Matrix(1, sp.csr_matrix(np.ones((1, 1))))
+            groups.append(Group(np.eye(1, self._count), np.array([_MOST_MARGIN]), [limit]))
         else:
-            q[0] = -1.0
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.time_limit = seconds
-        settings.max_threads = 1
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
-        zero = sp.csc_matrix((self._count, self._count))
-        whole = sp.csc_matrix(sp.vstack(blocks))
-        result = clarabel.DefaultSolver(
-            zero, q, whole, np.concatenate(bounds), cones, settings
-        ).solve()
-        if str(result.status) not in ("Solved", "AlmostSolved", "InsufficientProgress"):
-            return None
-        return Solution(np.array(result.x), str(result.status))
+            groups = [_with_margin(group, margin) for group in groups]
+            cost = cost[1:]
 
-    def _equalities(self) -> tuple[sp.coo_matrix, np.ndarray]:
-        """A x = b, a row for each coefficient of each identity."""
+        def suffices(now: float, bound: float) -> bool:
+            if margin is not None:
+                return now - bound < _NEAR * abs(now)
+            return enough is not None and (-now >= enough or -bound < enough)
+
+        point = minimized(groups, cost, enough=suffices, seconds=seconds)
+        if point is None:
+            return None
+        x = point.f if margin is None else np.concatenate([[margin], point.f])
+        return Solution(x, point.matrices)
+
+    def _group(self, identity: Identity) -> Group:
+        """The equations of an identity, one a monomial."""
+        constant = identity.constants[0]
+        for more in identity.constants[1:]:
+            constant = constant + more
+        products = [self._products(gram, factor) for gram, factor in identity.grams]
+        lists = [*identity.keys, *(keys for keys, *_ in products), constant.keys]
+        known = np.unique(np.concatenate(lists))
+        E = np.zeros((len(known), self._count))
+        for keys, columns, values in zip(
+            identity.keys, identity.columns, identity.values, strict=True
+        ):
+            np.add.at(E, (np.searchsorted(known, keys), columns), values)
         matrices = []
-        sides = []
-        for identity in self._identities:
-            constant = identity.constants[0]
-            for more in identity.constants[1:]:
-                constant = constant + more
-            keys = np.concatenate([*identity.keys, constant.keys])
-            known, place = np.unique(keys, return_inverse=True)
-            count = len(keys) - len(constant.keys)
-            columns = np.concatenate(identity.columns)
-            values = np.concatenate(identity.values)
-            shape = (len(known), self._count)
-            matrices.append(sp.coo_matrix((values, (place[:count], columns)), shape=shape))
-            side = np.zeros(len(known))
-            np.subtract.at(side, place[count:], constant.values)
-            sides.append(side)
-        return sp.vstack(matrices), np.concatenate(sides)
+        for (keys, entries, values), (gram, _) in zip(products, identity.grams, strict=True):
+            rows = np.searchsorted(known, keys)
+            shape = (len(known), gram.size**2)
+            equations = sp.csr_matrix((values, (rows, entries)), shape=shape)
+            matrices.append(Matrix(gram.size, equations))
+            diagonal = np.arange(gram.size) * (gram.size + 1)
+            E[:, 0] += np.asarray(equations[:, diagonal].sum(axis=1)).ravel()
+        b = np.zeros(len(known))
+        np.subtract.at(b, np.searchsorted(known, constant.keys), constant.values)
+        return Group(E, b, matrices)
+
+    def _products(self, gram: Gram, factor: Terms) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Keys, entries of the matrix and values of -m m' factor."""
+        keys = packed_monomials(self.variables, gram.low, gram.high)
+        pairs = (keys[:, None] + keys[None, :]).ravel()
+        entries = np.tile(np.arange(len(pairs)), len(factor.keys))
+        return (
+            (factor.keys[:, None] + pairs[None, :]).ravel(),
+            entries,
+            np.repeat(-factor.values, len(pairs)),
+        )
+
+
+def _with_margin(group: Group, margin: float) -> Group:
+    """The equations with the first unknown given."""
+    return Group(group.E[:, 1:], group.b - margin * group.E[:, 0], group.matrices)
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Unknowns of a problem.
 
-    x: their values
-    status: of the solver
+    x: the free ones
+    matrices: those of each identity, without the margin
     """
 
     x: np.ndarray
-    status: str
+    matrices: list[list[np.ndarray]]
 
     @property
     def margin(self) -> float:
@@ -252,26 +250,8 @@ class Solution:
 
     def matrix(self, gram: Gram) -> np.ndarray:
         """A Gram matrix, its margin in it."""
-        rows, columns = np.tril_indices(gram.size)
-        values = np.zeros((gram.size, gram.size))
-        values[rows, columns] = self.x[gram.start : gram.start + len(rows)]
-        values[columns, rows] = values[rows, columns]
-        if gram.margin:
-            values += self.margin * np.eye(gram.size)
-        return values
-
-
-@lru_cache(maxsize=64)
-def _cone_entries(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """The lower triangle row by row is the upper triangle column by column: weights of each."""
-    rows, columns = np.tril_indices(size)
-    return np.arange(len(rows)), np.where(rows == columns, 1.0, np.sqrt(2.0))
-
-
-def _cone_rows(gram: Gram, count: int) -> sp.coo_matrix:
-    """-svec(Q), so that 0 - A x is in the cone."""
-    places, weights = _cone_entries(gram.size)
-    return sp.coo_matrix((-weights, (places, gram.start + places)), shape=(len(places), count))
+        without = self.matrices[gram.identity][gram.place]
+        return without + self.margin * np.eye(gram.size)
 
 
 def positive(
@@ -279,6 +259,7 @@ def positive(
     constraints: Sequence[tuple[str, Terms, tuple[int, int]]],
     degrees: tuple[int, int],
     variables: int,
+    enough: float | None = None,
 ) -> tuple[float, dict[str, Any]] | None:
     """The margin with which a target is a sum of squares where the constraints are not negative,
     and the Gram matrices; None where the solver fails.
@@ -287,30 +268,25 @@ def positive(
     constraints: name, polynomial and the degrees of the monomials of its multiplier
     degrees: of the monomials of the target's Gram matrix
     variables: of the polynomials
+    enough: a margin with which the solver may stop; default: the largest
 
     The margin is relative to the largest coefficient of the target.
     """
     size = target.size
     problem = Squares(variables)
-    main = problem.gram(*degrees)
     identity = problem.identity(target.scaled(1.0 / size))
-    problem.subtract(identity, main)
+    main = problem.subtract(identity, *degrees)
     multipliers = {}
-    for name, constraint, (low, high) in constraints:
-        gram = problem.gram(low, high)
-        problem.subtract(identity, gram, constraint)
-        multipliers[name] = gram
-    solution = problem.solve()
+    for name, constraint, multiplied in constraints:
+        multipliers[name] = problem.subtract(identity, *multiplied, constraint)
+    solution = problem.solve(enough=enough)
     if solution is None:
         return None
-    content = square_content(main, solution.matrix(main) * size)
-    content["multipliers"] = {
-        name: square_content(gram, solution.matrix(gram) * size)
-        for name, gram in multipliers.items()
-    }
-    return solution.margin, content
 
+    def content(gram: Gram) -> dict[str, Any]:
+        values = solution.matrix(gram) * size
+        return {"degrees": [gram.low, gram.high], "gram": values.tolist()}
 
-def square_content(gram: Gram, values: np.ndarray) -> dict[str, Any]:
-    """A Gram matrix as a witness has it."""
-    return {"degrees": [gram.low, gram.high], "gram": values.tolist()}
+    evidence = content(main)
+    evidence["multipliers"] = {name: content(gram) for name, gram in multipliers.items()}
+    return solution.margin, evidence

@@ -1,0 +1,61 @@
+"""The solver of sums of squares, on problems whose answers are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from hfa_region.search.interior import Group, Matrix, minimized
+from hfa_region.search.squares import Terms, positive
+
+
+def _correlations(diagonal: float) -> Group:
+    """Q = [diagonal, t; t, 1]: three equations in t and the four entries of Q."""
+    entries = np.array([[1, 0, 0, 0], [0, 0, 0, 1], [0, 0.5, 0.5, 0]], dtype=float)
+    E = np.array([[0.0], [0.0], [-1.0]])
+    return Group(E, np.array([diagonal, 1.0, 0.0]), [Matrix(2, sp.csr_matrix(entries))])
+
+
+def test_the_largest_entry_of_a_positive_matrix() -> None:
+    point = minimized([_correlations(4.0)], np.array([-1.0]))
+    assert point is not None
+    assert point.f[0] == pytest.approx(2.0, abs=1e-7)
+    assert np.allclose(point.matrices[0][0], [[4.0, 2.0], [2.0, 1.0]], atol=1e-7)
+
+
+def test_groups_share_their_free_numbers() -> None:
+    point = minimized([_correlations(4.0), _correlations(0.25)], np.array([-1.0]))
+    assert point is not None
+    assert point.f[0] == pytest.approx(0.5, abs=1e-7)
+
+
+def test_no_point_where_there_is_none() -> None:
+    assert minimized([_correlations(-1.0)], np.array([-1.0])) is None
+
+
+def test_a_search_ends_where_it_has_enough() -> None:
+    asked: list[float] = []
+
+    def steps(gap: float) -> int:
+        """How often it asks until a cost and its bound are as near as that."""
+        asked.clear()
+
+        def enough(cost: float, bound: float) -> bool:
+            asked.append(cost)
+            return bound > -np.inf and bound > min(cost, -1.0) - gap
+
+        assert minimized([_correlations(4.0)], np.array([-1.0]), enough=enough) is not None
+        return len(asked)
+
+    assert steps(1.5) < steps(0.0)
+
+
+def test_the_margin_of_a_sum_of_squares() -> None:
+    # x² - 2 c x + 1 in the monomials 1 and x: eigenvalues 1 + c and 1 - c.
+    target = Terms(np.array([0, 1, 2]), np.array([1.0, -1.9998, 1.0]) / 1.9998)
+    found = positive(target, [], (0, 1), 1)
+    assert found is not None
+    assert found[0] == pytest.approx(1e-4 / 1.9998, abs=2e-8)
+    refused = positive(Terms(np.array([0, 1, 2]), np.array([1.0, -2.1, 1.0])), [], (0, 1), 1)
+    assert refused is None or refused[0] < 0.0
