@@ -41,7 +41,7 @@ class BoundFunction:
         self._evaluate()
 
 
-#: Rows a call of a mapped function, the most that there are.
+#: Rows a call of a mapped function: the most of which there are at least half.
 _TOGETHER = (250, 16)
 
 Rows = list[np.ndarray]
@@ -63,7 +63,7 @@ class RowFunction(threading.local):
         count = len(tables[0])
         together = 1
         for size in _TOGETHER:
-            if together < size <= count:
+            if together < size <= 2 * count:
                 together = size
         if together not in self._bound:
             self._bound[together] = self._bind(together)

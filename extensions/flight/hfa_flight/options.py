@@ -164,6 +164,12 @@ def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
     return linear
 
 
+def card_option() -> Any:
+    """The field `policy`."""
+    about = "the card of a policy, sampled and held as it is deployed"
+    return option(about, "CARD.toml", input_file(".toml"))
+
+
 def controller_option() -> Any:
     """The field `controller`."""
     about = "a controller of hfa design, or scheduled gains"
@@ -321,9 +327,7 @@ class FlightOptions(ScenarioOptions):
     law: str = law_option(NONE, "exact")
     weights: Path | None = weights_option()
     controller: Path | None = controller_option()
-    policy: Path | None = option(
-        "the card of a policy, sampled and held as it is deployed", "CARD.toml", input_file(".toml")
-    )
+    policy: Path | None = card_option()
     command: Mapping[str, list[tuple[float, float]]] = option(
         f"steps to follow, s and degrees off trim; with --law {NONE} steps of inputs; repeatable",
         _COMMAND,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -207,21 +208,32 @@ class Assessor:
         """What the policy does at each trim."""
         flight = self.flight()
         places = self.places(flight)
-        outcomes: list[Outcome | None] = [None] * len(places)
-        disturbed: list[Outcome | None] = [None] * len(places)
+        plain: Sequence[Outcome | None] = [None] * len(places)
+        disturbed = plain
         if self.samples:
-            count = self.samples
-            outcomes = [*fly_places(flight, places, count, self.seed, False, progress)]
-            disturbed = [*fly_places(flight, places, count, self.seed, True, progress)]
-        rows = zip(places, outcomes, disturbed, strict=True)
-        return [self._point(place, flown, pushed) for place, flown, pushed in rows]
+            plain, disturbed = fly_places(flight, places, self.samples, self.seed, progress)
+        with ThreadPoolExecutor() as pool:
+            late = [*pool.map(self._delays, places)]
+        rows = zip(places, late, plain, disturbed, strict=True)
+        return [self._point(*row) for row in rows]
 
-    def _point(self, place: Place, flown: Outcome | None, pushed: Outcome | None) -> AssessedPoint:
+    def _delays(self, place: Place) -> Delays | None:
+        deployment = self.deployed.deployment
+        if place.rest is None:
+            return None
+        return delays(place.rest, deployment.dt, deployment.delay)
+
+    def _point(
+        self,
+        place: Place,
+        loop_delays: Delays | None,
+        flown: Outcome | None,
+        pushed: Outcome | None,
+    ) -> AssessedPoint:
         deployment = self.deployed.deployment
         rest = place.rest
         findings: list[str] = []
         radius = math.nan
-        loop_delays: Delays | None = None
         loop_margins: Margins | None = None
         cost: CostLost | None = None
         if rest is None:
@@ -229,7 +241,6 @@ class Assessor:
         else:
             chain = chain_of(rest, deployment.dt, deployment.delay)
             radius = chain.radius
-            loop_delays = delays(rest, deployment.dt, deployment.delay)
             findings += rest_findings(rest)
             if radius < 1.0:
                 try:

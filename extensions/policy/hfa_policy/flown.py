@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -20,6 +20,9 @@ from hfa_policy.deployment import Deployment
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from hfa_flight.export.exported_loop import ExportedLoop
 
 #: Longest step of a flight through moving air or behind actuators, s.
 _FINE = 0.001
@@ -95,6 +98,20 @@ def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolic
     identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
     held = np.zeros((1, len(model.inputs)))
     return DeployedPolicy(f"of {path}", deployed, point, held=held, identity=identity)
+
+
+def exported_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
+    """The policy as C, file -> text."""
+    from hfa_policy.exported import c_policy_texts
+
+    return c_policy_texts(policy, origin)
+
+
+def exported_loop(policy: DeployedPolicy) -> ExportedLoop:
+    """The policy as `write_fmu` takes it."""
+    from hfa_policy.exported import policy_loop
+
+    return policy_loop(policy)
 
 
 def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: OperatingPoint) -> Scenario:

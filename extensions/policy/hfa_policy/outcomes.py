@@ -27,7 +27,12 @@ PUSHED = 1.0
 PUSH = 0.5
 #: Seconds of the flight in which a limit cycle is measured.
 _CYCLE_SECONDS = 20.0
-_FLYING, _RETURNED, _LOST = range(3)
+_FLYING, _RETURNED, _LOST, _CYCLING = range(4)
+#: A flight cycles, and is flown no further, where the least swing in a window of some state is so
+#: many balls, and over two blocks of windows that of the block before, but for this part.
+_BLOCK = 5
+_CYCLES = 3.0
+_SAME = 0.05
 #: A flight about an unstable point of rest is back only where it has not grown by this factor over
 #: its last `_GROWTH_WINDOWS` windows: it buzzes within the ball.
 _GROWN = 1.02
@@ -113,7 +118,7 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
 
 
 class FlownRows:
-    """Flights of several places, flown until each is back, lost, or the time is over."""
+    """Flights of several places, flown until each is back, lost, cycles, or the time is over."""
 
     def __init__(
         self, flight: SampledFlight, places: list[Place], rows: np.ndarray, owners: np.ndarray
@@ -138,6 +143,8 @@ class FlownRows:
         self.stable = np.array([place.stable for place in places])[owners]
         self.nearest = np.full(len(rows), np.inf)
         self.earlier = np.full(len(rows), np.inf)
+        shape = (3, len(rows), len(model.linear))
+        self.swings_of_blocks = np.full(shape, np.inf)
 
     def fly(self, seconds: float, window: Window, progress: Progress | None = None) -> None:
         """Fly all of them for so many seconds."""
@@ -159,6 +166,7 @@ class FlownRows:
         in_threads(window, work, count)
         if progress is not None:
             progress(windows, windows)
+        self.status[self.status == _CYCLING] = _FLYING
         left = self.status == _FLYING
         grows = self.nearest > _GROWN * self.earlier
         back = left & (self.nearest <= 1.0) & (self.stable | ~grows)
@@ -188,8 +196,23 @@ class FlownRows:
         nearer = distance <= self.nearest[flying]
         back = self.stable[flying] & (distance <= 1.0) & nearer & (self.nearest[flying] <= 1.0)
         self.nearest[flying] = distance
+        cycling = self._cycling(flying, (highest - lowest) / 2.0, number)
+        self.status[flying[cycling]] = _CYCLING
         self.status[flying[back]] = _RETURNED
         self.status[flying[lost]] = _LOST
+
+    def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
+        """Which of the flights, which swing so far in this window, cycle."""
+        blocks = self.swings_of_blocks[:, flying]
+        blocks[0] = np.minimum(blocks[0], swings / self.balls[flying])
+        cycling = np.zeros(len(flying), dtype=bool)
+        if (number + 1) % _BLOCK == 0:
+            least, most = blocks.min(axis=0), blocks.max(axis=0)
+            cycling = np.any((least >= _CYCLES) & (most - least <= _SAME * least), axis=1)
+            blocks[1:] = blocks[:-1].copy()
+            blocks[0] = np.inf
+        self.swings_of_blocks[:, flying] = blocks
+        return cycling
 
     def swings(self) -> np.ndarray:
         """(N, k), half of what each linear state moved by in the last window."""
@@ -264,19 +287,21 @@ def fly_places(
     places: list[Place],
     samples: int,
     seed: int = 0,
-    pushed: bool = False,
     progress: Progress | None = None,
-) -> list[Outcome]:
-    """What becomes of `samples` seeded flights at each place, with or without disturbance."""
+) -> tuple[list[Outcome], list[Outcome]]:
+    """What becomes of `samples` seeded flights at each place without disturbance, and with it."""
     rows = []
-    for place in places:
-        starts, pushes = seeded_starts(place, samples, seed, pushed)
-        trim = flight.deployed.trim_vector(place.point)
-        rows.append(flight.rows(starts, np.tile(trim, (samples, 1)), pushes))
-    owners = np.repeat(np.arange(len(places)), samples)
-    flown = FlownRows(flight, places, np.vstack(rows), owners)
+    for pushed in (False, True):
+        for place in places:
+            starts, pushes = seeded_starts(place, samples, seed, pushed)
+            trim = flight.deployed.trim_vector(place.point)
+            rows.append(flight.rows(starts, np.tile(trim, (samples, 1)), pushes))
+    flown_places = places + places
+    owners = np.repeat(np.arange(len(flown_places)), samples)
+    flown = FlownRows(flight, flown_places, np.vstack(rows), owners)
     flown.fly(HORIZON, flight.window(len(owners), HORIZON), progress)
-    return [flown.outcome(owner, place) for owner, place in enumerate(places)]
+    outcomes = [flown.outcome(owner, place) for owner, place in enumerate(flown_places)]
+    return outcomes[: len(places)], outcomes[len(places) :]
 
 
 def ends_from_trim(

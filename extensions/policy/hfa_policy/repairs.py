@@ -116,11 +116,12 @@ def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Ite
 
 
 def _flies_well(point: AssessedPoint) -> bool:
-    """Whether it holds at a trim with every start back, at a moderate cost."""
-    if not point.holds or point.flights is None or point.cost is None:
+    """Whether every start comes back at a trim, at a moderate cost where it is stable there."""
+    if point.flights is None or point.flights.returned < point.flights.starts:
         return False
-    every = point.flights.returned == point.flights.starts
-    return every and point.cost.sampled_mean <= _WELL
+    if point.buzzes:
+        return True
+    return point.holds and point.cost is not None and point.cost.sampled_mean <= _WELL
 
 
 class _Trial:

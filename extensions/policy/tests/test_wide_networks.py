@@ -8,8 +8,8 @@ from policy_cases import AIRCRAFT, aircraft, card, gtm_card, trims
 
 from hfa_networks.files.activations import ACTIVATIONS
 from hfa_networks.files.row_network import ROW_ACTIVATIONS
-from hfa_policy.assessment import Assessor, assess
-from hfa_policy.outcomes import seeded_starts
+from hfa_policy.assessment import Assessor, trims_of
+from hfa_policy.outcomes import FlownRows, seeded_starts
 
 
 def wide_file(path, width, seed=0):
@@ -43,6 +43,33 @@ def test_the_network_on_rows_is_that_of_the_graph(name):
     np.testing.assert_array_equal(observations, kept)
 
 
+def test_a_wide_network_is_computed_in_single_precision(tmp_path):
+    card = gtm_card({"file": wide_file(tmp_path / "wide.npz", 256), "activation": "relu"})
+    observations = np.random.default_rng(1).normal(size=(20, 4))
+    double = np.array(card.actor.function(observations.T)).T
+    single = card.actor.rows(observations)
+    assert 1e-12 < np.abs(single - double).max() < 1e-6
+
+
+def test_a_flight_that_cycles_is_not_flown_to_its_end():
+    strong = card("ppo_gtm").changed(timing={"dt": 0.12})
+    assessor = Assessor(strong.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
+    flight = assessor.flight()
+    places = assessor.places(flight)
+    flown = FlownRows(flight, places, flown_rows(flight, places[0], 8), np.zeros(8, dtype=int))
+    flown.fly(60.0, flight.window(8, 60.0))
+    outcome = flown.outcome(0, places[0])
+    assert (outcome.returned, outcome.lost) == (0, 0)
+    assert outcome.cycle is not None
+    assert flown.times.max() < 40.0
+
+
+def flown_rows(flight, place, count):
+    starts, pushes = seeded_starts(place, count, 0, False)
+    trim = flight.deployed.trim_vector(place.point)
+    return flight.rows(starts, np.tile(trim, (count, 1)), pushes)
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 @pytest.mark.parametrize("name", ["ppo_gtm", "td3_gtm"])
 def test_a_window_of_flights_is_the_samples_of_each_alone(name, delay):
@@ -50,29 +77,27 @@ def test_a_window_of_flights_is_the_samples_of_each_alone(name, delay):
     assessor = Assessor(late.on(aircraft(name)), trims(name)[:1], samples=0)
     flight = assessor.flight()
     (place,) = assessor.places(flight)
-    starts, pushes = seeded_starts(place, 5, 0, True)
-    trim = flight.deployed.trim_vector(place.point)
-    rows = flight.rows(starts, np.tile(trim, (5, 1)), pushes)
+    rows = flown_rows(flight, place, 5)
     together = flight.window(5, 1.0)(rows)
     alone = flight.sample().fold(flight.samples_in_window)
     for after, row in zip(together, rows, strict=True):
         np.testing.assert_allclose(after, np.array(alone(row)).ravel(), rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize(("width", "activation"), [(64, "tanh"), (256, "relu")])
+@pytest.mark.parametrize(
+    ("width", "activation"), [pytest.param(64, "tanh", marks=pytest.mark.slow), (256, "relu")]
+)
 def test_networks_of_the_default_sizes_are_assessed(tmp_path, width, activation):
     file = wide_file(tmp_path / "wide.npz", width)
-    result = assess(
-        aircraft("ppo_gtm"), gtm_card({"file": file, "activation": activation}), [45.0], samples=12
-    )
-    (point,) = result.points
+    deployed = gtm_card({"file": file, "activation": activation}).on(aircraft("ppo_gtm"))
+    (point,) = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=12).assessed()
     assert np.isfinite(point.radius)
     assert point.flights.starts == 12
     rest = point.rest
     step = 1e-6 * np.array([1.0, 0.1, 0.1, 0.1])
     columns = [list(point.point.model.states).index(name) for name in point.point.model.linear]
-    commanded = result.deployed.command
-    trim = result.deployed.trim_vector(point.point)
+    commanded = deployed.command
+    trim = deployed.trim_vector(point.point)
     for number, column in enumerate(columns):
         moved = np.zeros(len(rest.states))
         moved[column] = step[number]

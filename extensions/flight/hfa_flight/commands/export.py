@@ -19,6 +19,7 @@ from hfa_flight.options import (
     LawOptions,
     actuators_of,
     actuators_option,
+    card_option,
     controller_option,
     noted_linear_model,
     weights_option,
@@ -60,6 +61,7 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
     weights: Path | None = weights_option()
     controller: Path | None = controller_option()
     actuators: tuple[float, ...] | None = actuators_option()
+    policy: Path | None = card_option()
 
 
 @command(ExportRequest)
@@ -68,10 +70,12 @@ def export(request: ExportRequest) -> int:
 
     A folder gets C source that needs no library: the equations, the trim at --dihedral, A, B, a
     gain, and a loop of 100 Hz. FILE.fmu is the nonlinear aircraft as an FMU 2.0, with --law under
-    its policy, and needs a C compiler. --controller FILE takes the place of the policy. FILE.m is a
-    function of MATLAB and Octave that makes state-space systems of what `hfa sweep` and `hfa
-    linearize` write as .mat."""
-    alone = request.controller is None and request.weights is None and not request.law
+    its policy, and needs a C compiler. --controller FILE takes the place of the policy. --policy
+    CARD.toml gives the command of a deployed policy at a sample alone, normalizer, clip and map
+    inside. FILE.m is a function of MATLAB and Octave that makes state-space systems of what `hfa
+    sweep` and `hfa linearize` write as .mat."""
+    instead = (request.controller, request.weights, request.policy)
+    alone = instead == (None, None, None) and not request.law
     if alone:
         request = replace(request, law="exact")
     if request.at is None and not request.own:
@@ -97,9 +101,26 @@ def export(request: ExportRequest) -> int:
     request.check_policy()
     model = request.flown_aircraft()
     point = request.operating_point(model)
-    written = _written(request, model, point, origin, with_gain=not (alone and target.suffix))
+    if request.policy is not None:
+        written = _written_card(request, request.policy, model, point, origin)
+    else:
+        written = _written(request, model, point, origin, with_gain=not (alone and target.suffix))
     print_report(_report(written), request, notes=point.warnings)
     return 0
+
+
+def _written_card(
+    request: ExportRequest, card: Path, model: Model, point: OperatingPoint, origin: str
+) -> list[Path]:
+    """What a deployed policy commands at a sample."""
+    from hfa_flight.export.fmu import write_fmu
+
+    policies = part(PARTS, "policies", "--policy")
+    policy = policies.flown_card(card, model, point)
+    if request.output.suffix:
+        write_fmu(policies.exported_loop(policy), request.output, request.provenance)
+        return [request.output]
+    return write_texts(request.output, policies.exported_texts(policy, origin))
 
 
 def _written(

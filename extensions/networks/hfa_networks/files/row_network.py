@@ -1,6 +1,7 @@
-"""A chain of linear layers on many rows at once: products of matrices in NumPy, in doubles.
+"""A chain of linear layers on many rows at once: products of matrices in NumPy.
 
-A row of a network of 256 x 256 costs some microseconds so, and a hundred one by one.
+A row of a network of 256 x 256 costs some microseconds so, and a hundred one by one. Such a wide
+one is computed in single precision, as it was trained and as it flies; others in double.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ def _elu(x: np.ndarray) -> np.ndarray:
     return np.maximum(x, 0.0) + np.expm1(np.minimum(x, 0.0))
 
 
+#: Numbers of a layer's matrix from which on a network is wide.
+_WIDE = 2**14
 #: Rows a product: what is between the layers stays in the cache of the processor.
 _TOGETHER = 500
 #: Those of `hfa_networks.files.activations.ACTIVATIONS` that NumPy computes on arrays, which they
@@ -42,8 +45,10 @@ def row_network(layers: Sequence[tuple[np.ndarray, np.ndarray, str]]) -> RowNetw
     where an activation is not among `ROW_ACTIVATIONS`."""
     if any(activation not in ROW_ACTIVATIONS for _, _, activation in layers):
         return None
+    is_wide = max(weight.size for weight, _, _ in layers) >= _WIDE
+    kind = np.float32 if is_wide else np.float64
     turned = [
-        (np.ascontiguousarray(weight.T, dtype=float), bias.astype(float), activation)
+        (np.ascontiguousarray(weight.T, dtype=kind), bias.astype(kind), activation)
         for weight, bias, activation in layers
     ]
 
@@ -55,7 +60,8 @@ def row_network(layers: Sequence[tuple[np.ndarray, np.ndarray, str]]) -> RowNetw
         return x
 
     def on_rows(x: np.ndarray) -> np.ndarray:
+        x = x.astype(kind)
         parts = [on_some(x[first : first + _TOGETHER]) for first in range(0, len(x), _TOGETHER)]
-        return np.concatenate(parts)
+        return np.concatenate(parts).astype(float)
 
     return on_rows

@@ -1,0 +1,103 @@
+"""A card as C and as an FMU commands what the card commands."""
+
+import ctypes
+import subprocess
+import zipfile
+
+import numpy as np
+import pytest
+from policy_cases import AIRCRAFT, FOLDER, aircraft, trims
+
+from hfa.main import main
+from hfa_policy.flown import flown_card
+from hfa_support.native.machine_code import c_compiler
+
+needs_compiler = pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
+
+
+def exported(name, point, target):
+    where = AIRCRAFT[name][0]
+    value = getattr(point.states, "speed")  # noqa: B009
+    words = ["export", "--policy", str(FOLDER / f"{name}.toml"), "--aircraft", where]
+    return main([*words, "--at", repr(float(value)), "-o", str(target)])
+
+
+def differences(policy, command):
+    """Of a compiled command from that of the card, at states and inputs about the trim."""
+    model = policy.deployed.model
+    random = np.random.default_rng(0)
+    states = [signal.nominal for signal in model.states.values()]
+    inputs = [signal.nominal for signal in model.inputs.values()]
+    trim = policy.deployed.trim_vector(policy.point)
+    largest = 0.0
+    for size in (0.0, 0.1, 1.0, 10.0):
+        X = np.array(policy.point.states) + size * random.uniform(-1, 1, len(states)) * states
+        U = np.array(policy.point.inputs) + size * random.uniform(-1, 1, len(inputs)) * inputs
+        expected = np.array(policy.deployed.command(X, U, trim)).ravel()
+        largest = max(largest, np.abs((command(X, U) - expected) / inputs).max())
+    return largest
+
+
+def compiled(folder):
+    """(X, U before) -> U of the exported C."""
+    library = folder / "policy.so"
+    words = [c_compiler(), "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared"]
+    source = folder / "deployed_policy.c"
+    subprocess.run([*words, str(source), "-o", str(library), "-lm"], check=True)
+    call = ctypes.CDLL(str(library)).deployed_policy
+    pointer = ctypes.POINTER(ctypes.c_double)
+
+    def command(X, U):
+        out = np.zeros(len(U))
+        call(*(array.ctypes.data_as(pointer) for array in (X, U, out)))
+        return out
+
+    return command
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    "name", ["ppo_gtm", "td3_gtm", pytest.param("ppo_c172", marks=pytest.mark.slow)]
+)
+def test_the_exported_C_commands_what_the_card_commands(name, tmp_path, capsys):
+    point = trims(name)[0]
+    assert exported(name, point, tmp_path / "c") == 0
+    policy = flown_card(FOLDER / f"{name}.toml", aircraft(name), point)
+    assert differences(policy, compiled(tmp_path / "c")) < 1e-12
+    header = (tmp_path / "c" / "deployed_policy.h").read_text()
+    assert f"#define POLICY_DT {policy.deployed.deployment.dt!r}" in header
+
+
+@needs_compiler
+def test_the_exported_FMU_commands_what_the_card_commands(tmp_path, capsys):
+    name = "ppo_gtm"
+    point = trims(name)[0]
+    assert exported(name, point, tmp_path / "policy.fmu") == 0
+    with zipfile.ZipFile(tmp_path / "policy.fmu") as archive:
+        library = next(each for each in archive.namelist() if each.startswith("binaries/"))
+        archive.extract(library, tmp_path)
+        description = archive.read("modelDescription.xml").decode()
+    assert 'name="before_elevator"' in description
+    loop = ctypes.CDLL(str(tmp_path / library)).fmu_loop
+    pointer = ctypes.POINTER(ctypes.c_double)
+    policy = flown_card(FOLDER / f"{name}.toml", aircraft(name), point)
+
+    def command(X, U):
+        clock, rate, out = np.zeros(1), np.zeros(1), np.zeros(len(U))
+        arrays = (clock, np.concatenate([X, U]), rate, out)
+        loop(*(array.ctypes.data_as(pointer) for array in arrays))
+        return out
+
+    assert differences(policy, command) < 1e-12
+
+
+def test_what_a_card_says_is_no_option_beside_it(tmp_path, capsys):
+    words = [
+        "export",
+        "--policy",
+        str(FOLDER / "ppo_gtm.toml"),
+        "--aircraft",
+        AIRCRAFT["ppo_gtm"][0],
+    ]
+    assert main([*words, "--law", "certified", "-o", str(tmp_path / "c")]) == 2
+    assert "--law changes nothing beside --policy" in capsys.readouterr().err
