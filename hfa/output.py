@@ -176,7 +176,7 @@ class ProgressLine:
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
         """Show the percentage of `done` in `total`, and the current step."""
         self._announce(done, total)
-        line = f"\r\033[K{self._name}: {int(100 * done / total):3d} %"
+        line = f"{self._name}: {int(100 * done / total):3d} %"
         if what:
             line += f"  {what}"
         if self._shown and line != self._last:

@@ -40,11 +40,13 @@ def say(text: str) -> None:
 
 
 def say_aside(text: str, end: str = "\n") -> None:
-    """Print the text on standard error; nowhere when that is closed or cannot be written."""
+    """Print the text on standard error, on a terminal in place of an unfinished line of progress;
+    nowhere when that is closed or cannot be written."""
     if sys.stderr is None:
         return
     try:
-        print(text, end=end, file=sys.stderr, flush=True)
+        start = "\r\033[K" if sys.stderr.isatty() else ""
+        print(start + text, end=end, file=sys.stderr, flush=True)
     except OSError:
         drop(sys.stderr)
 

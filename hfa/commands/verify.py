@@ -31,6 +31,7 @@ from hfa_aircraft.model import Model
 from hfa_model.printed_matrices import published_models
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
+from hfa_support.progress import told
 from verification.critic.about_trim import box_within_limits, nonlinear_plant
 from verification.critic.critic_check import check_critic, check_history
 from verification.critic.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
@@ -130,9 +131,9 @@ def verify(request: VerifyRequest) -> int:
         verdicts[""] = check_critic(
             named.game, critic, run=run, limit=request.limit_error, scope=scope
         )
-    for count, path in enumerate(paths):
-        if len(paths) > 1:
-            progress(count, len(paths))
+    if paths:
+        progress(0, len(paths))
+    for path in told(paths, progress):
         with named.asking_for_time():
             verdicts[str(path)] = _check_file(path, request, named, scope, len(paths))
     cost = request.limit_cost

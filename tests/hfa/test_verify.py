@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa
+from cli import Terminal, answer, assert_refused, hfa
 from game_files import AT_15, LABELS, QUICK, checks_of, small, stored
 
 from controller import Game, load_game
@@ -43,6 +43,12 @@ def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suf
     assert data["K_rel_error"] <= 1e-14
     assert (data["P_rel_error"] is None) == (kind == "K")
     assert not {"data_rank", "settling_time"} & set(checks_of(data))
+
+
+def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
+    file = stored("critic.npz", K=solve_game(game).K)
+    said = hfa("verify", *AT_15, "--weights", file, err=Terminal()).err
+    assert said == "\r\033[Kcompare:   0 %\r\033[Kcompare: 100 %\r\033[K"
 
 
 def test_a_weight_that_leaves_P_and_K_alone_is_refused_with_its_reason(game: Game) -> None:

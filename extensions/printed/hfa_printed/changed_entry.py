@@ -18,6 +18,7 @@ from hfa_printed.comparison import Position, change, compare, in_signs
 from hfa_printed.exact_answer import answer_of, certified_value, rough_values
 from hfa_printed.printed_file import PrintedFile
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.progress import Progress, told
 from hfa_support.reporting.results import Result
 
 #: A rough answer is right to this part of the largest entry of its block.
@@ -70,11 +71,13 @@ class _Edit(NamedTuple):
     highest: float
 
 
-def changed_entries(file: PrintedFile) -> list[ChangedEntry]:
+def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list[ChangedEntry]:
     """Every interval of one entry of A, B, E, N, Q, R or gamma that makes all digits right and
-    holds an edit of the typed text. More than one: the answer does not decide between them."""
+    holds an edit of the typed text. More than one: the answer does not decide between them.
+
+    progress: called with the entries that were searched and their number."""
     entries = []
-    for position, text in _positions(file):
+    for position, text in told(list(_positions(file)), progress):
         for edits in _by_interval(_fitting(file, position, text)):
             entry = _likeliest(file, position, text, edits)
             if entry is not None:

@@ -14,6 +14,7 @@ from hfa_printed.comparison import Comparison, Position, change, compare, compar
 from hfa_printed.exact_answer import answer_of, certified_value
 from hfa_printed.printed_file import TIMES, PrintedFile
 from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.progress import Progress
 from verification.critic.diagnosis import named_with_noise
 from verification.critic.hypotheses import Hypothesis, View
 
@@ -55,8 +56,10 @@ class Classified:
     changed: tuple[ChangedEntry, ...] = ()
 
 
-def classify(file: PrintedFile) -> Classified:
+def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
     """The class of a printed answer: the first that its digits allow.
+
+    progress: of `changed_entries`.
 
     NoSolutionError where the plant as typed has no certified answer; it names the other time, or
     entries of the plant one of which, changed, makes the printed answer right. BadInputError where
@@ -70,7 +73,7 @@ def classify(file: PrintedFile) -> Classified:
         question = fitting_time(file)
         if question:
             raise NoSolutionError(f"{failure}; {question}") from failure
-        entries = [str(entry) for entry in changed_entries(file)]
+        entries = [str(entry) for entry in changed_entries(file, progress)]
         if not entries:
             raise
         changes = "; or with ".join(entries)
@@ -82,7 +85,7 @@ def classify(file: PrintedFile) -> Classified:
     if by_digits is not None:
         name, reason = by_digits
         return Classified(name, reason, comparison, P)
-    changed = tuple(changed_entries(file))
+    changed = tuple(changed_entries(file, progress))
     mistake = _known_mistake(file, P, comparison)
     by_search = _by_search(file, comparison, changed, mistake)
     if by_search is not None:

@@ -16,6 +16,7 @@ from hfa_printed.comparison import Comparison
 from hfa_printed.exact_answer import policies
 from hfa_printed.printed_file import PrintedFile, load_printed
 from hfa_support.errors import said_of
+from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -95,14 +96,16 @@ class PrintedVerdict(Result, Reported):
 _COLUMNS = ("block", "row", "column", "printed", "exact", "half_unit", "half_units_off")
 
 
-def check_printed(path: Path) -> PrintedVerdict:
+def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdict:
     """The verdict on the printed answer of a TOML file.
+
+    progress: called with the entries of the plant that were searched and their number.
 
     BadInputError for a file that cannot be read; NoSolutionError where the plant as typed has no
     certified answer."""
     file = load_printed(path)
     with said_of(path):
-        classified = classify(file)
+        classified = classify(file, progress)
     cost_lost = math.nan
     if classified.name == "close":
         cost_lost = _cost_lost(file)

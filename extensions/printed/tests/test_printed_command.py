@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli import answer, assert_refused, hfa
+from cli import Terminal, answer, assert_refused, hfa
 
 from hfa.main import BAD_INPUT, DONE, FAILED
 
@@ -25,6 +25,25 @@ def test_a_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
     data = answer("printed", str(file), code=FAILED)
     assert data["verdict"] == "one entry of the answer"
     assert data["entries"][-1]["half_unit"] == 5e-5
+
+
+def test_a_search_shows_on_a_terminal_how_far_it_is(tmp_path: Path) -> None:
+    """The printed answer belongs to A21 = 1, so that every entry of the plant is tried; an error
+    takes the place of the line."""
+    file = tmp_path / "printed.toml"
+    other = (
+        'time = "continuous"\n[plant]\nA = "0 1; 0 0"\nB = "0; 1"\nQ = "1 0; 0 2"\nR = "1"\n'
+        '[printed]\nK = "2.4142 2.6131"\n'
+    )
+    file.write_text(other)
+    said = hfa("printed", str(file), err=Terminal()).err.split("\r\033[K")
+    assert said[:2] == ["", "compare:   0 %"]
+    shares = [int(line.removeprefix("compare:").removesuffix("%")) for line in said[1:-1]]
+    assert len(shares) > 5
+    assert shares == sorted(shares)
+    assert said[-2:] == ["compare: 100 %", ""]
+    file.write_text(other.replace("2.4142", "x"))
+    assert hfa("printed", str(file), err=Terminal()).err.split("\r\033[K")[-1].startswith("hfa: ")
 
 
 def test_bad_input_of_a_printed_answer_is_one_line(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from hfa.options.argument_types import input_file, positive
 from hfa.options.command import command
 from hfa.options.request import option
 from hfa.options.trims import OutputOptions
-from hfa.output import show
+from hfa.output import ProgressLine, show
 from hfa_printed.printed_verdict import check_printed
 
 
@@ -42,6 +42,9 @@ def printed(request: PrintedRequest) -> int:
     """Say whether every digit of the printed answer of a paper is right, and of which entry else.
 
     Exit code 0 only when it is, or with --limit-cost when the answer costs no more than that."""
-    verdict = replace(check_printed(request.file), limit_cost=request.limit_cost)
+    progress = ProgressLine("compare")
+    progress(0, 1)
+    verdict = replace(check_printed(request.file, progress), limit_cost=request.limit_cost)
+    progress(1, 1)
     show(verdict.report(), request)
     return 0 if verdict.ok else 1
