@@ -21,20 +21,26 @@ from hfa_support.reporting.schemas import json_schema, parts_of
 _PLAIN = {"object", "array", "string", "number", "integer", "boolean", "null"}
 
 
-#: Results that commands of the core write: the class, "module:Class", and those of what may be
-#: added to it. Those of formats.toml wait to be declared so.
+#: Results that commands of the core write, "module:Class module:Class?": the class and those of
+#: what is added to it, with ? where that is not always. Those of formats.toml wait to be declared.
 RESULTS = (
     "trim.point.trim_report:TrimResult trim.point.trim_report:Performance"
-    " hfa_model.trim_loads:TrimLoads",
+    " hfa_model.trim_loads:TrimLoads?",
     "trim.linear.linear_model:LinearModel trim.hfa.printed:OfTheHfa"
-    " trim.linear.handling_qualities:Qualities trim.linear.frequency:Responses",
+    " trim.linear.handling_qualities:Qualities? trim.linear.frequency:Responses?",
     "trim.sweeps.sweep:Sweep",
+    "verification.regeneration:Regeneration",
+    "controller.riccati.solution_report:AnalysedGame hfa.options.games:NamedGame",
+    "controller.riccati.discrete_report:AnalysedDiscreteGame hfa.options.games:NamedGame",
+    "controller.game.training_run:TrainingRun hfa.options.games:NamedGame hfa.commands.game:Judged",
+    "verification.critic.verdict:Verdict verification.critic.verdict:Details"
+    " hfa.options.games:Weights hfa.options.games:NamedGame",
+    "verification.critic.verdict:DiscreteVerdict verification.critic.verdict:Details"
+    " hfa.options.games:Weights hfa.options.games:NamedGame",
+    "verification.critic.verdict:Verdicts hfa.options.games:Weights hfa.options.games:NamedGame",
 )
 #: Parts that only formats.toml refers to.
-PARTS_OF_TABLES = (
-    "hfa_support.provenance:Provenance",
-    "trim.point.operating_point:OperatingPoint",
-)
+PARTS_OF_TABLES = "hfa_support.provenance:Provenance trim.point.operating_point:OperatingPoint"
 
 
 @dataclass(frozen=True)
@@ -48,20 +54,17 @@ class Stamp(Result):
     provenance: Provenance | None = None
 
 
-def written_results() -> tuple[tuple[type[Result], ...], ...]:
-    """The results that commands write: of the core, and of the packages that are installed; each
-    with what may be added to it."""
+def written() -> tuple[str, ...]:
+    """The results that commands write, as in `RESULTS`: of the core and of what is installed."""
     of_commands = [text for entry in commands().values() for text in entry.results]
     of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("results.")]
-    written = [tuple(map(_class_at, text.split())) for text in (*RESULTS, *of_commands)]
-    return *written, *(result for entry in of_parts for result in loaded(entry))
+    return (*RESULTS, *of_commands, *(text for entry in of_parts for text in loaded(entry)))
 
 
-def _class_at(text: str) -> type[Result]:
-    """The class at "module:Class"."""
-    module, _, name = text.partition(":")
-    found: type[Result] = getattr(import_module(module), name)
-    return found
+def classes_of(text: str) -> list[type[Result]]:
+    """The classes of "module:Class module:Class?"."""
+    places = (place.removesuffix("?").split(":") for place in text.split())
+    return [getattr(import_module(module), name) for module, name in places]
 
 
 @cache
@@ -71,14 +74,12 @@ def formats() -> dict[str, Any]:
     tables = declared["parts"] | declared["outputs"]
     definitions = {name: _value(text) for name, text in declared["types"].items()}
     definitions |= {name: _object(table, declared["keys"]) for name, table in tables.items()}
-    results = written_results()
-    parts = [*map(_class_at, PARTS_OF_TABLES)]
-    for kind in (*parts, *(kind for result in results for kind in result)):
+    parts = classes_of(PARTS_OF_TABLES)
+    for kind in (*parts, *(kind for text in written() for kind in classes_of(text))):
         parts += parts_of(kind)
-    for result in results:
-        definitions[_name(result[0])] = _joined(*result, Stamp)
-    definitions |= {part.__name__: json_schema(part) for part in parts}
-    outputs = [*(_name(result[0]) for result in results), *declared["outputs"]]
+    results = {_name(classes_of(text)[0]): _joined(text) for text in written()}
+    definitions |= results | {part.__name__: json_schema(part) for part in parts}
+    outputs = [*results, *declared["outputs"]]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": declared["id"],
@@ -96,11 +97,16 @@ def _name(result: type[Result]) -> str:
     return result.schema.removeprefix("hfa.").partition("/")[0]
 
 
-def _joined(kind: type[Result], *added: type[Result]) -> dict[str, Any]:
-    """The schema of a result with the entries that others may add."""
-    schema = json_schema(kind)
-    for each in added:
-        schema["properties"] = schema["properties"] | json_schema(each)["properties"]
+def _joined(text: str) -> dict[str, Any]:
+    """The schema of a result with the entries that are added to it."""
+    first, *added = classes_of(text)
+    schema = json_schema(first)
+    for kind, place in zip((*added, Stamp), (*text.split()[1:], ""), strict=True):
+        more = json_schema(kind)
+        schema["properties"] = schema["properties"] | more["properties"]
+        if not place.endswith("?"):
+            schema["required"] += more["required"]
+    schema["required"] = list(dict.fromkeys(schema["required"]))
     return schema
 
 

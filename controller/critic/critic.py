@@ -20,6 +20,7 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, shape_text
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, is_finite, numbers_in
 from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.results import Matrix
 
 #: What a network may give: V, ∂V/∂z, u.
 FUNCTIONS = ("V", "gradient", "policy")
@@ -51,8 +52,8 @@ class Critic(Shown):
         "from_gain(game, K), from_value(game, P), from_weights(game, W) or from_network"
     )
 
-    K: np.ndarray
-    P: np.ndarray | None
+    K: Matrix
+    P: Matrix | None
     origin: str
     weights: np.ndarray | None = None
     basis: Basis | None = None

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from controller.game.basis import basis
 from controller.game.names import UNNAMED, PlantNames
-from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import RowsMade, Table, matrix_table
 
-SCHEMA = "hfa.learning-result/1"
 #: Largest residual of a settled critic, relative to the terms that cancel in it.
 SETTLED = 1e-9
 _HISTORY = ("times", "weights", "residual_norm", "law_residual_norm")
 
 
 @dataclass(frozen=True)
-class Excitation:
+class Excitation(Result):
     """Richness of a recorded stack: Σ = Σ_j σ̄_j σ̄_j' (paper Assumption 1), σ̄ = σ / sqrt(1 +
     σ'σ).
 
@@ -44,7 +43,7 @@ class Excitation:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TrainingRun(Reported):
+class TrainingRun(Result, Reported):
     """The training run of one learner on one game.
 
     law: the name of the learner
@@ -64,14 +63,21 @@ class TrainingRun(Reported):
     clock: the unit of `times`: s, or iterations
     """
 
+    schema = "hfa.learning-result/1"
+    made_by = "hfa learn"
+    keys = (
+        "law basis times? weights? residual_norm? law_residual_norm? K excitation settings seed "
+        "diagnostics clock P settling_time status=outcome W weight_units?"
+    )
+
     law: str
     basis: str
-    times: np.ndarray
-    weights: np.ndarray
-    residual_norm: np.ndarray
-    law_residual_norm: np.ndarray
+    times: Vector
+    weights: Matrix
+    residual_norm: Vector
+    law_residual_norm: Vector
     settling_residual: np.ndarray
-    K: np.ndarray
+    K: Matrix
     excitation: Excitation
     settings: dict[str, Any]
     seed: int
@@ -80,9 +86,21 @@ class TrainingRun(Reported):
     clock: str = "s"
 
     @property
-    def P(self) -> np.ndarray:
-        """P of the quadratic part of the last weights, (n, n)."""
+    def P(self) -> Matrix:
+        """P of the quadratic part of the last weights, (n, n), value z'P z."""
         return basis(self.basis, self.K.shape[1]).matrix(self.weights[-1])
+
+    @property
+    def W(self) -> Vector:
+        """The last weights of the basis."""
+        return self.weights[-1]
+
+    @property
+    def weight_units(self) -> list[str]:
+        """Unit of each weight, where those of the states are known."""
+        if not any(self.names.state_units):
+            return []
+        return basis(self.basis, self.K.shape[1]).weight_units(self.names.state_units)
 
     @property
     def settling_time(self) -> float:
@@ -115,14 +133,8 @@ class TrainingRun(Reported):
         also all rows over time."""
         m, n = self.K.shape
         names = self.names.completed(n, m)
-        weight_units: list[str] = []
-        if any(names.state_units):
-            weight_units = basis(self.basis, n).weight_units(names.state_units)
-        data = self.to_dict()
+        data = self.as_data()
         rows_over_time = {name: data.pop(name) for name in _HISTORY}
-        data["W"] = self.weights[-1].tolist()
-        if weight_units:
-            data["weight_units"] = weight_units
         if history:
             data |= rows_over_time
         data_rank = self.excitation
@@ -144,33 +156,21 @@ class TrainingRun(Reported):
             title=f"Law {self.law!r}, basis {self.basis!r}, on {names.origin}: {self.outcome}",
             parts=tuple(parts),
             data=data,
-            records=self._records(weight_units),
+            records=self._records(),
         )
 
-    def _records(self, weight_units: list[str]) -> Table:
+    def _records(self) -> Table:
         """One row a kept tick: time, residuals, weights."""
         columns = [f"W{i + 1}" for i in range(self.weights.shape[1])]
-        if weight_units:
-            columns = [f"{name} [{unit}]" for name, unit in zip(columns, weight_units, strict=True)]
+        units = self.weight_units
+        if units:
+            columns = [f"{name} [{unit}]" for name, unit in zip(columns, units, strict=True)]
         residuals = self.residual_norm, self.law_residual_norm
         rows = RowsMade(
             len(self.times),
             lambda i: (self.times[i], *(column[i] for column in residuals), *self.weights[i]),
         )
         return Table((f"time [{self.clock}]", "residual_norm", "law_residual_norm", *columns), rows)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain JSON values; a number that is not finite becomes None."""
-        values = {member.name: getattr(self, member.name) for member in fields(self)}
-        del values["settling_residual"], values["names"]
-        values |= {
-            "P": self.P,
-            "excitation": asdict(self.excitation),
-            "settling_time": self.settling_time,
-            "status": self.outcome,
-        }
-        plain: dict[str, Any] = jsonable({"schema": SCHEMA} | values)
-        return plain
 
 
 def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:

@@ -25,6 +25,7 @@ from controller.riccati.derivations import (
 from controller.riccati.normal_form import MODERATE, NormalForm
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import RELATIONS, Check, Checked, checked
+from hfa_support.reporting.results import Result
 
 #: Four orders above rounding: closer to the axis, rounding hides whether the spectrum of the
 #: Hamiltonian splits.
@@ -63,15 +64,14 @@ Measured = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Certificate(Checked):
-    """Every test that P went through; it counts only when all of them hold."""
+class Certificate(Checked, Result):
+    """Every test that P went through; it counts only when all of them hold.
+
+    checks: of P, all of which must hold."""
+
+    keys = "ok checks"
 
     checks: tuple[Check, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values: {"ok": bool, "checks": [{"name", "value", "limit", "ok", "reason"},
-        ...]}."""
-        return {"ok": self.ok, "checks": [check.to_dict() for check in self.checks]}
 
 
 class Certified(NamedTuple):

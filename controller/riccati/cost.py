@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.gare import Solution
 from controller.riccati.normal_form import NormalForm
 from hfa_support.errors import NoSolutionError
-from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.checks import Check, at_most
+from hfa_support.reporting.results import Result
 
 COST_TOLERANCE = 1e-8
 #: An eigenvalue of P* below this part of the largest is that of a state that costs nothing.
@@ -64,21 +64,24 @@ def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
     return at_most(name, error, COST_TOLERANCE, reason)
 
 
-#: What data call the numbers of `FlightCost`.
-_KEYS = (
-    *("cost_lost_worst_percent", "cost_lost_mean_percent", "l2_gain", "l2_gain_exact"),
-    *("distance_to_instability", "distance_to_instability_exact"),
-)
-
-
-class FlightCost(NamedTuple):
+@dataclass(frozen=True)
+class FlightCost(Result):
     """Cost lost by u = -K z against the optimum, percent of z'P*z, each under its own worst
-    disturbance.
+    disturbance; inf where there is no bound: the gain is not below delta or the loop not stable.
 
-    worst, mean: over starts; the mean over starts of equal optimal cost. inf: no bound, the gain is
-    not below delta or the loop is not stable. gain, exact_gain: L2 gains, to be below delta.
-    distance, exact_distance: the smallest change that takes A - B K to an undamped mode, as a part
-    of its norm in balanced units; 0 for an unstable loop."""
+    worst: over starts.
+    mean: over starts of equal optimal cost.
+    gain: L2 gain, to be below delta.
+    exact_gain: the same of the optimum.
+    distance: the smallest change that takes A - B K to an undamped mode, as a part of its norm in
+        balanced units; 0 for an unstable loop.
+    exact_distance: the same of the optimum."""
+
+    keys = (
+        "cost_lost_worst_percent=worst cost_lost_mean_percent=mean l2_gain=gain "
+        "l2_gain_exact=exact_gain distance_to_instability=distance "
+        "distance_to_instability_exact=exact_distance"
+    )
 
     worst: float
     mean: float
@@ -86,10 +89,6 @@ class FlightCost(NamedTuple):
     exact_gain: float
     distance: float
     exact_distance: float
-
-    def to_dict(self) -> dict[str, float | None]:
-        """Ready for JSON, with the unit in the name."""
-        return dict(zip(_KEYS, map(finite_or_none, self), strict=True))
 
 
 def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:

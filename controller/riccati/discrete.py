@@ -30,6 +30,7 @@ from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.results import Matrix
 
 #: δ² I - E'P E, relative to δ², must exceed this.
 SADDLE = 1e-12
@@ -39,18 +40,18 @@ SADDLE = 1e-12
 class DiscreteSolution(Shown):
     """The value x'P x of a game in discrete time, its policies u = -K x and w = L x.
 
-    P: (n, n)
-    K: (m, n)
-    disturbance_gain: L, (k, n)
+    P: (n, n), value x'P x
+    K: (m, n), gain, u = -K x
+    disturbance_gain: L, (k, n), of the worst disturbance w = L x
     problem: the game
     certificate: the tests that hold
     radius: the spectral radius of A - B K, which decides whether the policy stabilizes
     discounted_radius: of sqrt(discount) (A - B K), on which the cost depends
     """
 
-    P: np.ndarray
-    K: np.ndarray
-    disturbance_gain: np.ndarray
+    P: Matrix
+    K: Matrix
+    disturbance_gain: Matrix
     problem: DiscreteGame
     certificate: Certificate
     radius: float
@@ -68,11 +69,11 @@ class DiscreteSolution(Shown):
 
     @property
     def discount(self) -> float:
-        """α of a step."""
+        """Factor α of a step."""
         return self.problem.discount
 
     @property
-    def H(self) -> np.ndarray:
+    def H(self) -> Matrix:
         """The Q-function over (x, u, w), `DiscreteGame.q_function`."""
         return self.problem.q_function(self.P)
 

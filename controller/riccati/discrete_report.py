@@ -9,22 +9,41 @@ import numpy as np
 from controller.game.discrete_game import DiscreteGame
 from controller.riccati.discrete import DiscreteSolution, minimum_delta_discrete, solve_discrete
 from controller.riccati.smallest_delta import DeltaMin
-from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Result, Roots
 from hfa_support.reporting.text import matrix_table
-
-SCHEMA = "hfa.discrete-solution/1"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AnalysedDiscreteGame(Shown):
+class AnalysedDiscreteGame(Result, Shown):
     """A certified solution in discrete time and the smallest delta that has one."""
+
+    schema = "hfa.discrete-solution/1"
+    made_by = "hfa solve, of a plant in discrete time"
+    keys = (
+        "states=solution.names.states inputs=solution.names.inputs P=solution.P K=solution.K "
+        "disturbance_gain=solution.disturbance_gain H=solution.H delta=solution.game.delta "
+        "discount=solution.discount delta_min=delta_min.value delta_margin "
+        "certificate=solution.certificate spectral_radius=solution.radius "
+        "discounted_spectral_radius=solution.discounted_radius closed_loop_eigenvalues"
+    )
 
     solution: DiscreteSolution
     delta_min: DeltaMin
+
+    @property
+    def delta_margin(self) -> float:
+        """delta / delta_min."""
+        return self.delta_min.margin(self.solution.game.delta)
+
+    @property
+    def closed_loop_eigenvalues(self) -> Roots:
+        """Of A - B K of a step."""
+        step = self.solution.game
+        return np.linalg.eigvals(step.A - step.B @ self.solution.K)
 
 
 def analyse_discrete(
@@ -47,13 +66,11 @@ def discrete_report(analysed: AnalysedDiscreteGame) -> Report:
     states = solution.names.states
     inputs = solution.names.inputs
     delta = solution.game.delta
-    margin = analysed.delta_min.margin(delta)
     stabilizes = "stabilizes" if solution.radius < 1.0 else "does NOT stabilize"
-    eigenvalues = np.linalg.eigvals(solution.game.A - solution.game.B @ solution.K)
     return Report(
         title=f"Exact game solution in discrete time for {solution.names.origin}\n"
-        f"delta {delta:.6g}, smallest possible {analysed.delta_min.value:.7g}, margin {margin:.4g},"
-        f" discount {solution.discount:g} a step",
+        f"delta {delta:.6g}, smallest possible {analysed.delta_min.value:.7g}, "
+        f"margin {analysed.delta_margin:.4g}, discount {solution.discount:g} a step",
         parts=(
             matrix_table("P", states, states, solution.P),
             matrix_table("K", inputs, states, solution.K),
@@ -61,21 +78,5 @@ def discrete_report(analysed: AnalysedDiscreteGame) -> Report:
             f" sqrt(discount) (A - B K) {solution.discounted_radius:.7g}",
             checks_block(solution.certificate.checks),
         ),
-        data={
-            "schema": SCHEMA,
-            "states": list(states),
-            "inputs": list(inputs),
-            "P": solution.P.tolist(),
-            "K": solution.K.tolist(),
-            "disturbance_gain": solution.disturbance_gain.tolist(),
-            "H": solution.H.tolist(),
-            "delta": finite_or_none(delta),
-            "discount": solution.discount,
-            "delta_min": analysed.delta_min.value,
-            "delta_margin": finite_or_none(margin),
-            "certificate": solution.certificate.to_dict(),
-            "spectral_radius": solution.radius,
-            "discounted_spectral_radius": solution.discounted_radius,
-            "closed_loop_eigenvalues": [[value.real, value.imag] for value in eigenvalues],
-        },
+        data=analysed.as_data(),
     )

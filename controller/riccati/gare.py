@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -24,11 +23,11 @@ from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import smallest_delta_of
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Matrix, Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table
 
 #: Games of one stack: enough to forget the cost of a call, few enough for the cache.
@@ -36,28 +35,33 @@ TOGETHER = 256
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solution(Reported):
+class Solution(Result, Reported):
     """The value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
 
-    P: (n, n)
-    K: (m, n)
-    disturbance_gain: L, (k, n)
-    delta: of the game
+    P: (n, n), value z'P z
+    K: (m, n), gain, u = -K z
+    disturbance_gain: L, (k, n), of the worst disturbance w = L z
+    delta: disturbance weight of the game
     certificate: the tests that hold
-    closed_loop_eigenvalues: of A - B K, the flight without disturbance, rad/s
+    closed_loop_eigenvalues: of A - B K, the flight without disturbance, 1/s
     worst_case_eigenvalues: of A - S P = A - B K + E L, the flight against the worst disturbance
     abscissa_error: by which rounding of A, B and K may move the abscissa of A - B K, 1/s, to first
         order
     names: of the states and inputs
     """
 
-    P: np.ndarray
-    K: np.ndarray
-    disturbance_gain: np.ndarray
+    keys = (
+        "P K disturbance_gain delta certificate closed_loop_eigenvalues "
+        "closed_loop_abscissa_error=abscissa_error worst_case_eigenvalues"
+    )
+
+    P: Matrix
+    K: Matrix
+    disturbance_gain: Matrix
     delta: float
     certificate: Certificate
-    closed_loop_eigenvalues: np.ndarray
-    worst_case_eigenvalues: np.ndarray
+    closed_loop_eigenvalues: Roots
+    worst_case_eigenvalues: Roots
     abscissa_error: float
     names: PlantNames
 
@@ -77,22 +81,8 @@ class Solution(Reported):
                 ),
                 checks_block(self.certificate.checks),
             ),
-            data=self.to_dict(),
+            data=self.as_data(),
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain lists and floats for JSON; eigenvalues as [real, imaginary]; delta = inf becomes
-        None."""
-        return {
-            "P": self.P.tolist(),
-            "K": self.K.tolist(),
-            "disturbance_gain": self.disturbance_gain.tolist(),
-            "delta": finite_or_none(self.delta),
-            "certificate": self.certificate.to_dict(),
-            "closed_loop_eigenvalues": _pairs(self.closed_loop_eigenvalues),
-            "closed_loop_abscissa_error": finite_or_none(self.abscissa_error),
-            "worst_case_eigenvalues": _pairs(self.worst_case_eigenvalues),
-        }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -237,7 +227,3 @@ def _abscissa_error(form: NormalForm, form_of_X: NormalForm, X: np.ndarray) -> f
     moved += np.sum(y * (np.abs(B) @ np.abs(K) @ x), axis=0)
     bound = values.real + len(A) * np.finfo(float).eps * moved
     return float(bound.max() - values.real.max())
-
-
-def _pairs(eigenvalues: np.ndarray) -> list[list[float]]:
-    return [[float(value.real), float(value.imag)] for value in eigenvalues]

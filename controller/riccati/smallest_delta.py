@@ -36,8 +36,12 @@ class DeltaMin(NamedTuple):
     """delta_min = inf{δ : there is a solution}, bracketed: refused < delta_min <= value.
 
     value / refused <= 1 + 1e-6, or more where rounding hides the minimum (`uncertain`).  Both are 0
-    when the disturbance does not reach what is paid for. condition: of a generalized plant, the one
-    that ends there, or "none"."""
+    when the disturbance does not reach what is paid for.
+
+    value: smallest delta with a solution, from above
+    refused: and from below
+    condition: of a generalized plant, the one that ends there, or "none"
+    """
 
     value: float
     refused: float

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,18 +15,16 @@ from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
-from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
-
-SCHEMA = "hfa.game-solution/1"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AnalysedGame(Shown):
+class AnalysedGame(Result, Shown):
     """A certified solution and what it means.
 
     solution: P, K and their certificate
@@ -37,11 +34,37 @@ class AnalysedGame(Shown):
     disk: margin of all inputs at once
     """
 
+    schema = "hfa.game-solution/1"
+    made_by = "hfa solve"
+    keys = (
+        "states=solution.names.states inputs=solution.names.inputs P=solution.P K=solution.K "
+        "disturbance_gain=solution.disturbance_gain delta=solution.delta "
+        "certificate=solution.certificate closed_loop_eigenvalues=solution.closed_loop_eigenvalues "
+        "closed_loop_abscissa_error=solution.abscissa_error "
+        "worst_case_eigenvalues=solution.worst_case_eigenvalues delta_min=delta_min.value "
+        "delta_margin meaning loop_margins disk_margin=disk state_units=solution.names.state_units "
+        "input_units=solution.names.input_units"
+    )
+
     solution: Solution
     delta_min: DeltaMin
     meaning: tuple[Check, ...]
     loops: tuple[LoopMargin, ...]
     disk: DiskMargin
+
+    @property
+    def delta_margin(self) -> float:
+        """delta / delta_min."""
+        return self.delta_min.margin(self.solution.delta)
+
+    @property
+    def loop_margins(self) -> dict[str, dict[str, float]]:
+        """Input -> gain, phase (deg) and disk margins."""
+        found = {}
+        for name, loop in zip(self.solution.names.inputs, self.loops, strict=True):
+            gain, phase = disk_sizes(loop.disk)
+            found[name] = {**loop._asdict(), "disk_gain": gain, "disk_phase": phase}
+        return found
 
 
 @checks_arguments
@@ -88,7 +111,6 @@ def solution_report(analysed: AnalysedGame) -> Report:
     inputs = solution.names.inputs
     units = (solution.names.state_units, solution.names.input_units)
     disk = analysed.disk
-    margin = analysed.delta_min.margin(solution.delta)
     poles = [value for value in solution.closed_loop_eigenvalues if value.imag >= 0]
     return Report(
         title=_title(analysed),
@@ -102,19 +124,7 @@ def solution_report(analysed: AnalysedGame) -> Report:
             f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
             f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s",
         ),
-        data={
-            "schema": SCHEMA,
-            "states": list(states),
-            "inputs": list(inputs),
-            **solution.to_dict(),
-            "delta_min": analysed.delta_min.value,
-            "delta_margin": finite_or_none(margin),
-            "meaning": [check.to_dict() for check in analysed.meaning],
-            "loop_margins": dict(zip(inputs, map(_loop_data, analysed.loops), strict=True)),
-            "disk_margin": _finite(disk._asdict()),
-            "state_units": list(units[0]),
-            "input_units": list(units[1]),
-        },
+        data=analysed.as_data(),
         records=Table(
             ("matrix", "row", "column", "value", "unit"),
             entry_rows((solution.P,), (solution.K,), (states, inputs), units),
@@ -143,13 +153,3 @@ def _margins_table(analysed: AnalysedGame) -> Table:
         gain = f"{loop.gain_low:.3g} to {loop.gain_high:.3g}"
         rows.append((name, gain, f"{loop.phase:.4g}", f"{loop.disk:.4g}"))
     return Table(("margins at the input", "gain", "phase deg", "disk"), rows)
-
-
-def _loop_data(margin: LoopMargin) -> dict[str, Any]:
-    gain, phase = disk_sizes(margin.disk)
-    return _finite({**margin._asdict(), "disk_gain": gain, "disk_phase": phase})
-
-
-def _finite(margins: dict[str, float]) -> dict[str, Any]:
-    """Ready for JSON; infinite values become null."""
-    return {key: finite_or_none(value) for key, value in margins.items()}

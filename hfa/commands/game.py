@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,8 @@ from hfa.options.games import GameOptions, LearningOptions, NamedGame
 from hfa.options.trims import OutputOptions
 from hfa.output import ProgressLine, show
 from hfa_support.entry_points import PARTS, part
+from hfa_support.reporting.checks import Check
+from hfa_support.reporting.results import Matrix, Result
 
 if TYPE_CHECKING:
     from controller.game.discrete_game import DiscreteGame
@@ -52,12 +55,12 @@ def solve(request: GameRequest) -> int:
 
         analysed = analyse_discrete(named.discrete, ProgressLine("solve"))
         discrete = discrete_report(analysed)
-        show(discrete.with_data(**named.labels()), request, notes=named.warnings)
+        show(discrete.with_data(**named.as_data()), request, notes=named.warnings)
         return 0
     with named.asking_for_time():
         analysed_game = analyse_game(named.game, ProgressLine("solve"))
     report = solution_report(analysed_game)
-    show(report.with_data(**named.labels()), request, notes=named.warnings)
+    show(report.with_data(**named.as_data()), request, notes=named.warnings)
     return 0
 
 
@@ -95,26 +98,37 @@ def _learn_steps(request: LearnRequest, named: NamedGame, problem: DiscreteGame)
     run, H = learn_steps(problem, request.seed, progress=ProgressLine("learn"))
     critic = from_parts(problem.step, {"P": run.P, "K": run.K})
     verdict = check_discrete(problem, critic, more={"H": H})
-    return _show_learned(request, named, run, verdict, H=H.tolist())
+    return _show_learned(request, named, run, verdict, H)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged(Result):
+    """How what was learned was judged.
+
+    certificates: the checks of the judge.
+    converged: whether every check of the judge holds.
+    H: of a plant in discrete time, Q(x, u, w) = [x; u; w]' H [x; u; w]."""
+
+    keys = "converged certificates H?"
+
+    certificates: Sequence[Check]
+    converged: bool
+    H: Matrix | None
 
 
 def _show_learned(
-    request: LearnRequest, named: NamedGame, run: TrainingRun, verdict: Verdict, **more: Any
+    request: LearnRequest, named: NamedGame, run: TrainingRun, verdict: Verdict, H: Any = None
 ) -> int:
     """Report what was learned and how it was judged; the exit code.
 
-    more: entries of the data
+    H: the Q-function that was learned
     """
     from hfa_support.reporting.checks import checks_block
 
-    judged = {
-        "converged": verdict.ok,
-        "certificates": [check.to_dict() for check in verdict.checks],
-        **more,
-    }
+    judged = Judged(verdict.checks, verdict.ok, H).as_data()
     report = run.report()
     parts = (verdict.headline(), *report.parts, checks_block(verdict.checks))
-    report = replace(report, parts=parts).with_data(**named.labels(), **judged)
+    report = replace(report, parts=parts).with_data(**named.as_data(), **judged)
     whole = {**run.report(history=True).data, **judged}
     show(report, request, only_in_files=whole, notes=named.warnings)
     return 0 if verdict.ok else 1

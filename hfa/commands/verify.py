@@ -144,7 +144,7 @@ def verify(request: VerifyRequest) -> int:
     else:
         figure = partial(_figures, verdicts, named.game.names.origin)
         report = verdicts_report(verdicts, named.game.names.origin, cost)
-    report = report.with_data(**named.labels(), **named.weights())
+    report = report.with_data(**named.as_data(), **named.weights.as_data())
     show(report, request, figure=figure, notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
 
@@ -178,7 +178,8 @@ def _verify_discrete(
         verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
     cost = request.limit_cost
     report = verdict.report(limit_cost=cost, about=_about(named, verdict, cost))
-    show(report.with_data(**named.labels(), **named.weights()), request, notes=named.warnings)
+    report = report.with_data(**named.as_data(), **named.weights.as_data())
+    show(report, request, notes=named.warnings)
     return 0 if verdict.holds(cost) else 1
 
 

@@ -23,6 +23,7 @@ from hfa_aircraft.model import Model
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, NoSolutionError, said_of
 from hfa_support.files import MATRIX_FILES
+from hfa_support.reporting.results import Matrix, Result
 from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
@@ -239,14 +240,36 @@ USUAL_WEIGHTS = {
 
 
 @dataclass(frozen=True, eq=False)
-class NamedGame:
-    """A game, and where it comes from.
+class Weights(Result):
+    """The weights of a game.
 
+    Q: (n, n) of the game.
+    R: (m, m) of the game.
+    weights_from: Q, R, delta -> given, file, design or default."""
+
+    Q: Matrix
+    R: Matrix
+    weights_from: Mapping[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class NamedGame(Result):
+    """A game, and where it comes from: what the numbers of a result are about.
+
+    game: which.
+    warnings: what to know before trusting the result.
+    plant_provenance: of a plant from a file.
     linear: the linear model that the game is of; None of a plant from a file or of a design.
     discrete: of a plant in discrete time the game whose step `game` is.
     has_time: whether it is known to be in continuous or discrete time; a file may not say it.
     weights_from: "Q", "R", "delta" -> whose they are: "given", "file", "design" or "default".
     """
+
+    keys = (
+        "plant=game.names.origin plant_provenance?=origins states=game.names.states "
+        "inputs=game.names.inputs state_units=game.names.state_units "
+        "input_units=game.names.input_units delta=game.delta warnings"
+    )
 
     game: Game
     warnings: tuple[str, ...] = ()
@@ -256,9 +279,15 @@ class NamedGame:
     has_time: bool = True
     weights_from: Mapping[str, str] = field(default_factory=dict)
 
-    def weights(self) -> dict[str, Any]:
-        """Q, R and whose they and delta are, as data."""
-        return {"Q": self.game.Q, "R": self.game.R, "weights_from": dict(self.weights_from)}
+    @property
+    def origins(self) -> dict[str, str] | None:
+        """Of a plant from a file that says where it comes from."""
+        return dict(self.plant_provenance) or None
+
+    @property
+    def weights(self) -> Weights:
+        """Q, R and whose they and delta are."""
+        return Weights(self.game.Q, self.game.R, self.weights_from)
 
     def weights_line(self) -> str:
         """Which Q, R and delta the game has, and whose they are."""
@@ -285,22 +314,6 @@ class NamedGame:
                     solve_discrete(DiscreteGame(self.game))
                     question = '; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
             raise NoSolutionError(f"{failure}{question}") from failure
-
-    def labels(self) -> dict[str, Any]:
-        """What the numbers of a result are about; units are "" for a plant of the user's own."""
-        names = self.game.names
-        delta = self.game.delta if math.isfinite(self.game.delta) else None
-        origin = {"plant_provenance": dict(self.plant_provenance)} if self.plant_provenance else {}
-        return {
-            "plant": names.origin,
-            **origin,
-            "states": list(names.states),
-            "inputs": list(names.inputs),
-            "state_units": list(names.state_units),
-            "input_units": list(names.input_units),
-            "delta": delta,
-            "warnings": list(self.warnings),
-        }
 
 
 def _weight_text(matrix: np.ndarray) -> str:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.report import Part
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table
 
 #: What a number may be asked to be of its limit; a value that is not a number is none of them.
@@ -20,7 +21,8 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
 }
 
 
-class Check(NamedTuple):
+@dataclass(frozen=True)
+class Check(Result):
     """A named number that must be `value relation limit`.
 
     name: of what is checked
@@ -33,6 +35,8 @@ class Check(NamedTuple):
         "game loop", "cost", "gain" or "data".
     """
 
+    keys = "name value limit ok reason"
+
     name: str
     value: float
     limit: float
@@ -40,11 +44,6 @@ class Check(NamedTuple):
     reason: str
     relation: str = "<="
     kind: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; a number that is not finite becomes None."""
-        numbers = {"value": finite_or_none(self.value), "limit": finite_or_none(self.limit)}
-        return {"name": self.name} | numbers | {"ok": self.ok, "reason": self.reason}
 
     @property
     def sentence(self) -> str:

@@ -56,9 +56,9 @@ class Result:
         """Key -> value as files have it; arrays stay arrays."""
         data: dict[str, Any] = {"schema": self.schema} if self.schema else {}
         for entry in declared_entries(type(self)):
-            value = plain(reduce(_attribute, entry.path, self))
+            value = reduce(_attribute, entry.path, self)
             if not (entry.is_optional and _is_empty(value)):
-                data[entry.name] = value
+                data[entry.name] = plain(value)
         return data
 
     def to_dict(self) -> dict[str, Any]:
@@ -96,7 +96,7 @@ def _is_empty(value: Any) -> bool:
     """Whether there is nothing: None, or an array without elements."""
     if isinstance(value, np.ndarray):
         return value.size == 0
-    return value is None or value == []
+    return value is None or value in ([], ())
 
 
 def declared_entries(kind: type[Result]) -> tuple[Entry, ...]:

@@ -42,7 +42,7 @@ MOST_HALF_UNITS = (1.0, 2.0, 3.0)
 
 
 @dataclass(frozen=True)
-class EntryRow:
+class EntryRow(Result):
     """One entry of A or B.
 
     matrix: "A" or "B"
@@ -52,6 +52,8 @@ class EntryRow:
     computed: what the model has
     half_unit: half a unit of the last printed digit
     """
+
+    keys = "name printed computed half_units percent"
 
     matrix: str
     row: str
@@ -83,13 +85,6 @@ class EntryRow:
     def name(self) -> str:
         """For example A(alpha, pitch_rate)."""
         return f"{self.matrix}({self.row}, {self.column})"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON."""
-        return {
-            name: getattr(self, name)
-            for name in ("name", "printed", "computed", "half_units", "percent")
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +230,11 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
 def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
     """The same with all digits; printed angle (deg) -> entries."""
     rows = [
-        (angle, *entry.to_dict().values(), hfa_model.aircraft().entry_unit(entry.row, entry.column))
+        (
+            angle,
+            *(entry.name, entry.printed, entry.computed, entry.half_units, entry.percent),
+            hfa_model.aircraft().entry_unit(entry.row, entry.column),
+        )
         for angle, group in entries.items()
         for entry in group
     ]

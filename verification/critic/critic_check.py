@@ -32,7 +32,7 @@ from verification.critic.critic_errors import (
     relative_error,
 )
 from verification.critic.scope import LIMIT, Scope
-from verification.critic.verdict import ErrorTable, Section, Verdict, explained
+from verification.critic.verdict import Details, ErrorTable, Section, Verdict, explained
 
 if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun
@@ -118,7 +118,7 @@ def check_critic(
         cost_lost,
         states,
         proof,
-        sections=(Section((f"Box of states: {box.about}",), {"box": box.to_dict()}), *sections),
+        sections=(Section((f"Box of states: {box.about}",), Details(box=box)), *sections),
         table=table,
     )
 
@@ -280,11 +280,11 @@ def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCos
         ("margin of all inputs, gain", _margin(learned, "gain"), _margin(best, "gain")),
         ("margin of all inputs, phase, deg", _margin(learned, "phase"), _margin(best, "phase")),
     ]
-    data = {
-        "graded": lost.to_dict(),
-        "disk_margin": None if learned is None else learned.disk,
-        "disk_margin_exact": best.disk,
-    }
+    data = Details(
+        graded=lost,
+        disk_margin=math.nan if learned is None else learned.disk,
+        disk_margin_exact=best.disk,
+    )
     table = Table(("in flight, under the worst disturbance", "learned", "exact"), rows)
     return Section((table,), data)
 
@@ -298,7 +298,7 @@ def _polynomial_section(critic: Critic) -> Section:
         "origin": critic.origin,
     }
     text = f"Polynomial, {critic.precision} weights, V(0) = {critic.constant:.4g}"
-    return Section((text,), {"network": data})
+    return Section((text,), Details(network=data))
 
 
 def _margin(margin: DiskMargin | None, name: str) -> str:

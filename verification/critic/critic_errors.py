@@ -11,7 +11,7 @@ The scale of a linear problem is arbitrary, so each bound holds for every box λ
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.checks import Check, at_most
+from hfa_support.reporting.results import Matrix, Vector
 
 REACH = 10.0
 #: An entry below this part of the largest is compared with that part.
@@ -32,12 +33,12 @@ class Exact(Protocol):
     """The exact solution: the value z'Pz and the policies u = -K z, d = L z."""
 
     @property
-    def P(self) -> np.ndarray:
-        """(n, n)."""
+    def P(self) -> Matrix:
+        """The exact solution."""
 
     @property
-    def K(self) -> np.ndarray:
-        """(m, n)."""
+    def K(self) -> Matrix:
+        """Its gain."""
 
     @property
     def disturbance_gain(self) -> np.ndarray:
@@ -55,12 +56,8 @@ class Box(NamedTuple):
     about: where they come from.
     """
 
-    half_widths: np.ndarray
+    half_widths: Vector
     about: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON."""
-        return self._asdict()
 
 
 def balanced_box(game: Game) -> Box:

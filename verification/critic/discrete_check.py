@@ -28,7 +28,7 @@ from verification.critic.critic_errors import (
 )
 from verification.critic.implied_policy import discrete_critic
 from verification.critic.scope import LIMIT, Scope
-from verification.critic.verdict import Section, Verdict, explained
+from verification.critic.verdict import Details, DiscreteVerdict, Section, Verdict, explained
 
 #: (the exact solution, the critic, half widths of the box (n,)) -> its mistake, or "".
 Diagnose = Callable[[DiscreteSolution, Critic, np.ndarray], str]
@@ -63,7 +63,7 @@ def check_discounted(
     return replace(
         verdict,
         problem=f"solution of the discounted game, discount {discount:g} a step of {dt:g} s",
-        sections=(section._replace(data=section.data | {"dt": dt}), *verdict.sections[1:]),
+        sections=(section._replace(data=replace(section.data, dt=dt)), *verdict.sections[1:]),
     )
 
 
@@ -132,7 +132,7 @@ def _judged(
         checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
     lost = discounted_cost_lost(exact, critic.K)
     text = "L2 gain, margins and the box of states belong to continuous time and are not checked"
-    data = {"discount": problem.discount, "cost_lost_worst_percent": lost}
+    data = Details(discount=problem.discount, cost_lost_worst_percent=lost)
     sections = [Section((text,), data)]
     states = 0
     proof = None
@@ -146,11 +146,11 @@ def _judged(
         lost = max(lost, network.flown.cost_lost_flown_percent)
         where = f"Box of states: {box.about}"
         text = "L2 gain and margins belong to continuous time and are not checked"
-        sections = [Section((where, text), data | {"box": box.to_dict()}), network.section]
+        sections = [Section((where, text), replace(data, box=box)), network.section]
     diagnosis = ""
     if not all(check.ok for check in errors):
         diagnosis = diagnose(exact, critic, box.half_widths)
-    return Verdict(
+    return DiscreteVerdict(
         critic,
         exact,
         explained(checks, diagnosis),
@@ -160,7 +160,6 @@ def _judged(
         states,
         proof,
         problem=f"solution of the game in discrete time, discount {problem.discount:g} a step",
-        schema="hfa.discounted-check/1",
         sections=tuple(sections),
     )
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.training_run import settled_at
-from hfa_support.jsonable import finite_or_none, jsonable
+from controller.riccati.cost import FlightCost
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
 from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.results import Result, Vector, plain
 from hfa_support.reporting.text import Cell, Table, entry_rows
-from verification.critic.critic_errors import Exact
+from verification.critic.critic_errors import Box, Exact
 
 #: What is computed for each row of a table of critics, and the head of its column and curve.
 COLUMNS = {
@@ -61,7 +62,7 @@ class Proved(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorTable:
+class ErrorTable(Result):
     """Errors of a critic at each time of its history.
 
     times: (N,), s.
@@ -71,7 +72,9 @@ class ErrorTable:
     predefined_time: T_w, s; None when none is promised.
     """
 
-    times: np.ndarray
+    keys = "time=times limit settling_time predefined_time predefined_time_kept"
+
+    times: Vector
     errors: Mapping[str, np.ndarray]
     decides: str
     limit: float
@@ -84,6 +87,18 @@ class ErrorTable:
         return settled_at(self.times, self.errors[self.decides], self.limit)
 
     @property
+    def predefined_time_kept(self) -> bool | None:
+        """Whether it settles in the time that is promised."""
+        if self.predefined_time is None:
+            return None
+        return self.settling_time <= self.predefined_time
+
+    def as_data(self) -> dict[str, Any]:
+        """The errors by their names, among the entries."""
+        data = super().as_data()
+        return {"time": data.pop("time"), **plain(self.errors), **data}
+
+    @property
     def sentence(self) -> str:
         """When it settles, in words."""
         what = f"the {COLUMNS[self.decides]}"
@@ -92,20 +107,6 @@ class ErrorTable:
         last = self.errors[self.decides][-1]
         return f"{what} ends at {last:.3g} and does not settle within {self.limit:g}"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON."""
-        kept = None
-        if self.predefined_time is not None:
-            kept = self.settling_time <= self.predefined_time
-        return {
-            "time": self.times,
-            **self.errors,
-            "limit": self.limit,
-            "settling_time": finite_or_none(self.settling_time),
-            "predefined_time": self.predefined_time,
-            "predefined_time_kept": kept,
-        }
-
     def section(self) -> Section:
         """Some rows and the settling time for a report, all rows for a file."""
         columns = np.column_stack([self.times, *self.errors.values()])
@@ -113,24 +114,52 @@ class ErrorTable:
         rows = [(f"{time:.4g}", *map(_number, errors)) for time, *errors in columns[some].tolist()]
         shown = Table(("time, s", *(COLUMNS[name] for name in self.errors)), rows)
         records = Table(("time [s]", *self.errors), columns)  # type: ignore[arg-type]
-        return Section((shown, self.sentence), {"history": self.to_dict()}, records)
+        return Section((shown, self.sentence), Details(history=self), records)
+
+
+@dataclass(frozen=True, eq=False)
+class Details(Result):
+    """What a verdict may have beside its checks.
+
+    graded: cost lost, L2 gain, distance to instability; with a limit of the cost, whether it holds.
+    disk_margin: of K.
+    disk_margin_exact: of the exact gain.
+    discount: factor of a step.
+    cost_lost_worst_percent: more than the optimum, from the worst start.
+    box: half widths of the box of states that V and the policies are compared over, and where they
+        come from.
+    dt: s, of a sampled plant.
+    history: of a critic over time: the errors of each row.
+    network: of a neural network: what it computes, V(0), and the largest errors that were found and
+        proved over the box.
+    """
+
+    graded: FlightCost | None = None
+    disk_margin: float | None = None
+    disk_margin_exact: float | None = None
+    discount: float | None = None
+    cost_lost_worst_percent: float | None = None
+    box: Box | None = None
+    dt: float | None = None
+    history: ErrorTable | None = None
+    network: Mapping[str, Any] | None = None
 
 
 class Section(NamedTuple):
     """A part of a verdict.
 
     part: of the report.
-    data: entries of the JSON.
+    data: entries of the verdict.
     records: rows of a file, in place of the entries of P and K.
     """
 
     part: Part
-    data: dict[str, Any]
+    data: Details
     records: Table | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Verdict(Checked, Reported):
+class Verdict(Checked, Result, Reported):
     """The verdict on one critic: PASS when every check holds.
 
     critic: what was judged.
@@ -142,10 +171,16 @@ class Verdict(Checked, Reported):
     searched: how many states were searched, where the errors over the box are no bounds; else 0.
     proof: what is proved of them all the same.
     problem: what the exact solution is of.
-    schema: of the JSON.
     sections: what else was found.
     table: errors over time, of a history or a training run; else None.
     """
+
+    schema = "hfa.critic-check/1"
+    made_by = "hfa verify"
+    keys = (
+        "ok grade P_rel_error K_rel_error diagnosis checks=checks_with_kinds P=critic.P K=critic.K "
+        "P_exact=exact.P K_exact=exact.K"
+    )
 
     critic: Critic
     exact: Exact
@@ -156,7 +191,6 @@ class Verdict(Checked, Reported):
     searched: int = 0
     proof: Proved | None = None
     problem: str = "game solution"
-    schema: str = "hfa.critic-check/1"
     sections: tuple[Section, ...] = field(default_factory=tuple)
     table: ErrorTable | None = None
 
@@ -253,28 +287,21 @@ class Verdict(Checked, Reported):
             return f"{words}, {'' if proof.is_of_all else 'V '}proved {proof.where}"
         return f"exact within {self.limit:g}"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON."""
-        data: dict[str, Any] = {
-            "schema": self.schema,
-            "ok": self.ok,
-            "grade": self.grade,
-            "P_rel_error": self.P_rel_error,
-            "K_rel_error": self.K_rel_error,
-            "diagnosis": self.reason,
-            "checks": [check.to_dict() | {"kind": check.kind} for check in self.checks],
-            "P": self.critic.P,
-            "K": self.critic.K,
-            "P_exact": self.exact.P,
-            "K_exact": self.exact.K,
-        }
+    @property
+    def checks_with_kinds(self) -> list[dict[str, Any]]:
+        """Name, value, limit, ok, reason and kind of each check."""
+        return [check.as_data() | {"kind": check.kind} for check in self.checks]
+
+    def as_data(self) -> dict[str, Any]:
+        """The entries, and those of the sections."""
+        data = super().as_data()
         for section in self.sections:
-            data |= section.data
-        return dict(jsonable(data))
+            data |= section.data.as_data()
+        return data
 
     def data(self, limit_cost: float | None = None) -> dict[str, Any]:
-        """`to_dict`, and the verdict on the cost where that has a limit."""
-        data = self.to_dict()
+        """The data, with the verdict on the cost where that has a limit."""
+        data = self.as_data()
         if limit_cost is not None and "graded" in data:
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
         return data
@@ -353,13 +380,34 @@ class Verdict(Checked, Reported):
         return (table, f"{which}; -o FILE has all")
 
 
+class DiscreteVerdict(Verdict):
+    """The same of a problem in discrete time."""
+
+    schema = "hfa.discounted-check/1"
+    made_by = "hfa verify --discount --dt"
+
+
+@dataclass(frozen=True, eq=False)
+class Verdicts(Result):
+    """Several critics of one game.
+
+    ok: whether all pass.
+    critics: file -> what `hfa verify` says of that critic alone."""
+
+    schema = "hfa.critic-checks/1"
+    made_by = "hfa verify of several critics"
+
+    ok: bool
+    critics: Mapping[str, Any]
+
+
 def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
     """The checks; the first that failed carries the diagnosis, where a reader looks first."""
     with_reason = list(checks)
     for index, check in enumerate(checks):
         if not check.ok:
             if diagnosis not in check.reason:
-                with_reason[index] = check._replace(reason=f"{check.reason}: {diagnosis}")
+                with_reason[index] = replace(check, reason=f"{check.reason}: {diagnosis}")
             break
     return tuple(with_reason)
 
@@ -405,11 +453,10 @@ def verdicts_report(
     return Report(
         title=f"{passed} of {len(verdicts)} critics on {origin} pass against the exact solution",
         parts=(*parts, Table(header, rows), tuple(reasons)),
-        data={
-            "schema": "hfa.critic-checks/1",
-            "ok": passed == len(verdicts),
-            "critics": {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
-        },
+        data=Verdicts(
+            passed == len(verdicts),
+            {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
+        ).as_data(),
         records=Table(header, rows),
     )
 

@@ -43,7 +43,7 @@ def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
     assert [row[1] for row in verdicts(job).rows] == ["PASS"] * 3
     pair = job.regeneration.pairs[0]
     wrong = replace(
-        pair, checks=(pair.checks[0]._replace(ok=False, reason="planted"), *pair.checks[1:])
+        pair, checks=(replace(pair.checks[0], ok=False, reason="planted"), *pair.checks[1:])
     )
     planted = replace(
         job, regeneration=replace(job.regeneration, pairs=(wrong, *job.regeneration.pairs[1:]))

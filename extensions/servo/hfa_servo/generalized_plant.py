@@ -378,7 +378,7 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
             raise NoSolutionError(f"the {name} Riccati equation: {error}") from error
         values.append(solution.form.value(solution.X))
         for check in solution.certificate.checks:
-            checks.append(check._replace(name=f"{name}_{check.name}"))
+            checks.append(replace(check, name=f"{name}_{check.name}"))
     result: OutputFeedback | StateFeedback
     if len(plant.C2):
         result = _output_feedback(plant, values[0], values[1], delta)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_stores.zarr_store import OfAStore, RowJob, array_of_rows, fill_store
+from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -103,7 +103,10 @@ class StoredSweep(Result, Reported):
 
 
 #: What a sweep writes with a store, and what the store has.
-RESULTS = ((StoredSweep,), (SweepAttributes, OfAStore))
+RESULTS = (
+    "hfa_stores.sweep_store:StoredSweep",
+    "hfa_stores.sweep_store:SweepAttributes hfa_stores.zarr_store:OfAStore",
+)
 
 
 def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:

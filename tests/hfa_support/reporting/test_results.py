@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from hfa.formats import written_results
+from hfa.formats import classes_of, written
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.results import Matrix, Result, Roots, Vector
 from hfa_support.reporting.schemas import json_schema, meaning, parts_of
@@ -113,7 +113,7 @@ def test_derived_entries_are_properties_and_those_of_parts() -> None:
     assert not validator.is_valid(expected | {"winds": 3.0})
 
 
-@pytest.mark.parametrize("kind", [*chain(*written_results()), Provenance])
+@pytest.mark.parametrize("kind", [*chain(*map(classes_of, written())), Provenance])
 def test_every_field_that_is_written_has_a_meaning(kind: type[Result]) -> None:
     for part in (kind, *parts_of(kind)):
         json_schema(part)  # KeyError for a field whose docstring has no line

@@ -28,7 +28,7 @@ from hfa_networks.judge.network_flights import (
 )
 from hfa_support.reporting.checks import Check
 from verification.critic.critic_errors import SMALL, Exact, error_check
-from verification.critic.verdict import Section
+from verification.critic.verdict import Details, Section
 
 if TYPE_CHECKING:
     from verification.critic.scope import Scope
@@ -315,7 +315,7 @@ def network_section(
         "value_at": value,
         **flown._asdict(),
     }
-    return Section((*lines, *_flown_lines(flown)), {"network": data})
+    return Section((*lines, *_flown_lines(flown)), Details(network=data))
 
 
 def _row(numbers: np.ndarray) -> str:
