@@ -14,8 +14,13 @@ STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
-.venv/ready: .venv/report requirements.lock
-	@echo "Installing the $$(grep -c == requirements.lock) packages that tests and documents need into .venv"
+.venv/tests: .venv/report requirements-test.lock
+	@echo "Installing the $$(grep -c == requirements-test.lock) packages that the tests need into .venv"
+	$(BIN)/python -m pip install --disable-pip-version-check -r requirements-test.lock
+	@touch $@
+
+.venv/ready: .venv/tests requirements.lock
+	@echo "Installing the $$(grep -c == requirements.lock) packages of documents, linters and other tools into .venv"
 	$(BIN)/python -m pip install --disable-pip-version-check -r requirements.lock
 	@touch $@
 
@@ -35,6 +40,7 @@ pictures: .venv/ready
 
 # The documentation as a site of HTML pages; opens without a network.
 docs: .venv/ready
+	@echo "Writing the pages of commands, formats and public names, then the site: a minute or two"
 	$(BIN)/python -m sphinx -W -n -q docs site
 	@echo "wrote site/index.html"
 
@@ -42,11 +48,11 @@ docs: .venv/ready
 studies: .venv/ready
 	@for name in $(STUDIES); do echo "studies.$$name"; $(BIN)/python -m studies.$$name || exit 1; done
 
-test: .venv/ready
+test: .venv/tests
 	$(BIN)/python -m pytest -m "not slow"
 
 # The tests of the core where no extension is installed.
-test-core: .venv/ready
+test-core: .venv/tests
 	$(BIN)/python tests/core_alone.py
 
 test-all: .venv/ready
@@ -55,7 +61,7 @@ test-all: .venv/ready
 # Many hostile inputs by every way in: numbers FIRST, FIRST + 1, ... of each.
 FUZZ_INPUTS ?= 250
 FIRST ?= 0
-fuzz: .venv/ready
+fuzz: .venv/tests
 	HOSTILE_INPUTS=$(FUZZ_INPUTS) HOSTILE_FIRST=$(FIRST) $(BIN)/python -m pytest tests/hfa/test_hostile_inputs.py
 
 # The oldest and the newest versions of the dependencies, with every Python that is found.
@@ -78,11 +84,12 @@ EXECUTE = import sys, nbformat, nbclient; [nbformat.write(nbclient.NotebookClien
 notebooks: .venv/ready
 	$(BIN)/python -c "$(EXECUTE)" examples/*.ipynb
 
-# Rewrites the exact versions from the lower bounds in pyproject.toml: of everything, then of what the report needs.
+# Rewrites the exact versions from the lower bounds in pyproject.toml: of everything, then of what tests and the report need.
 FREEZE = .venv-lock/bin/python -m pip freeze --all --exclude pip --exclude hfa-toolchain
 INSTALL = rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock && .venv-lock/bin/python -m pip install --quiet --disable-pip-version-check
 lock:
 	$(INSTALL) "setuptools>=68" ".[dev]" && $(FREEZE) > requirements.lock
+	$(INSTALL) -c requirements.lock "setuptools>=68" ".[test]" && $(FREEZE) > requirements-test.lock
 	$(INSTALL) -c requirements.lock "setuptools>=68" ".[page]" && $(FREEZE) > requirements-report.lock
 	rm -rf .venv-lock
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib.metadata
+import tomllib
 
 import pytest
 from packaging.markers import default_environment
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
+from packaging.utils import canonicalize_name
 from project import ROOT
 
 PYTHONS = ("3.11.0", "3.12.0", "3.13.0", "3.14.0")
@@ -23,7 +25,10 @@ def without(pythons: str) -> list[str]:
     return [python for python in PYTHONS if not SpecifierSet(pythons).contains(python)]
 
 
-@pytest.mark.parametrize("lock", ["requirements.lock", "requirements-report.lock"])
+LOCKS = ("requirements-report.lock", "requirements-test.lock", "requirements.lock")
+
+
+@pytest.mark.parametrize("lock", LOCKS)
 def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
     """Of each pinned distribution that is installed here in the locked version."""
     excluded = {}
@@ -43,6 +48,23 @@ def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
             excluded[str(pin)] = missing
     assert compared >= 10
     assert excluded == {}
+
+
+def test_each_lock_has_the_pins_of_the_one_before_and_all_that_its_extra_needs() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    needed = {"requirements-report.lock": extras["page"], "requirements-test.lock": extras["test"]}
+    needed["requirements.lock"] = [each for each in extras["dev"] if "[test]" not in each]
+    smaller: set[str] = set()
+    for lock in LOCKS:
+        pinned = {str(pin) for pin in pins(lock)}
+        assert smaller <= pinned, lock
+        smaller = pinned
+        versions = {canonicalize_name(pin.name): pin for pin in pins(lock)}
+        for line in (*project["dependencies"], *needed[lock]):
+            wanted = Requirement(line)
+            (exact,) = versions[canonicalize_name(wanted.name)].specifier
+            assert wanted.specifier.contains(exact.version), (lock, line)
 
 
 def test_a_pin_that_needs_a_later_patch_is_seen() -> None:

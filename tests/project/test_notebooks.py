@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from IPython.core.pylabtools import print_figure
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from project import ROOT
@@ -73,10 +72,17 @@ def is_drawn_as(figure: Figure, png: str) -> bool:
     if not png:
         return False
     picture = imread(io.BytesIO(base64.b64decode(png)))
-    today = imread(io.BytesIO(print_figure(figure, bbox_inches="tight", base64=False)))
+    today = imread(io.BytesIO(png_of(figure)))
     if picture.shape != today.shape:
         return False
     return bool(np.mean(np.abs(picture - today).max(axis=2) > 0.1) < 0.005)
+
+
+def png_of(figure: Figure) -> bytes:
+    """The picture that a notebook stores of a figure."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=figure.dpi, bbox_inches="tight")
+    return file.getvalue()
 
 
 def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
@@ -128,7 +134,7 @@ def test_an_output_that_is_out_of_date_is_noticed() -> None:
 
 def test_a_picture_that_is_out_of_date_is_noticed() -> None:
     figure = "from matplotlib.figure import Figure\nfigure = Figure()\nfigure.subplots().set_facecolor({!r})\nfigure"
-    drawn = print_figure(ran(figure.format("white"), {})[1], bbox_inches="tight", base64=True)
+    drawn = base64.b64encode(png_of(ran(figure.format("white"), {})[1])).decode("ascii")
     picture = [{"output_type": "execute_result", "data": {"image/png": drawn}}]
     assert complaints([(figure.format("white"), picture)]) == []
     for outputs in (picture, []):

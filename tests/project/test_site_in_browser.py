@@ -1,0 +1,58 @@
+"""The site of `make docs` in a real browser: nothing is cut in an ordinary window."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from project import ROOT
+from test_page_in_browser import browser, seen_at
+
+WIDTHS = (1000, 1400, 1920)
+#: The first words of each code box and table that is wider than the place it has, and of a page
+#: that is wider than the window.
+_CUT = """const cut = [...document.querySelectorAll('article pre, article table, article .table')]
+    .filter((box) => box.scrollWidth > box.clientWidth + 1
+      || box.getBoundingClientRect().right > box.closest('article').getBoundingClientRect().right + 1)
+    .map((box) => box.textContent.trim().slice(0, 60));
+  if (document.documentElement.scrollWidth > window.innerWidth) cut.push('the page');
+  return cut"""
+
+
+def cut_boxes(driver: object, page: Path, width: int) -> list[str]:
+    """What of a page is cut in a window of this width, px."""
+    seen_at(driver, width)
+    driver.get(page.as_uri())  # type: ignore[attr-defined]
+    found: list[str] = driver.execute_script(_CUT)  # type: ignore[attr-defined]
+    return found
+
+
+@pytest.mark.slow
+def test_no_code_box_and_no_table_of_the_site_is_cut(tmp_path: Path) -> None:
+    pytest.importorskip("sphinx", reason="needs sphinx: pip install '.[dev]'")
+    with browser() as driver:
+        site = tmp_path / "site"
+        words = [sys.executable, "-m", "sphinx", "-q", str(ROOT / "docs"), str(site)]
+        subprocess.run(words, check=True, cwd=ROOT)
+        pages = [page for page in site.rglob("*.html") if "_modules" not in page.parts]
+        assert len(pages) > 30
+        cut = {
+            f"{page.relative_to(site)} at {width} px": boxes
+            for page in pages
+            for width in WIDTHS
+            if (boxes := cut_boxes(driver, page, width))
+        }
+        assert cut == {}
+
+
+@pytest.mark.slow
+def test_a_box_that_is_cut_is_seen(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    box = '<article style="width: 900px"><pre style="overflow: auto">{}</pre></article>'
+    with browser() as driver:
+        page.write_text(box.format("wide " * 40), encoding="utf-8")
+        assert [text[:4] for text in cut_boxes(driver, page, 1000)] == ["wide"]
+        page.write_text(box.format("narrow"), encoding="utf-8")
+        assert cut_boxes(driver, page, 1000) == []
