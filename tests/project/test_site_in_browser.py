@@ -11,11 +11,11 @@ from project import ROOT
 from test_page_in_browser import browser, seen_at
 
 WIDTHS = (1000, 1400, 1920)
-#: The first words of each code box and table that is wider than the place it has, and of a page
-#: that is wider than the window.
-_CUT = """const cut = [...document.querySelectorAll('article pre, article table, article .table')]
-    .filter((box) => box.scrollWidth > box.clientWidth + 1
-      || box.getBoundingClientRect().right > box.closest('article').getBoundingClientRect().right + 1)
+#: The first words of each code box and table that is wider than the place it has, and whether the
+#: page is wider than the window.
+_CUT = """const boxes = 'article pre, article table, article .table, article .table-wrapper';
+  const cut = [...document.querySelectorAll(boxes)]
+    .filter((box) => box.scrollWidth > box.clientWidth)
     .map((box) => box.textContent.trim().slice(0, 60));
   if (document.documentElement.scrollWidth > window.innerWidth) cut.push('the page');
   return cut"""
