@@ -32,15 +32,16 @@ class LimitCycle(NamedTuple):
     frequency: float
     unit: str
 
-    def text(self) -> str:
-        """A sentence, in degrees for angles."""
+    def motion(self) -> str:
+        """What goes on, by how much and how fast, in degrees for angles."""
         size = short_number(self.amplitude, self.unit)
         if self.unit != "1":
             size += f" {shown_unit(self.unit)}"
-        return (
-            f"limit cycle: {self.name} goes on by ±{size} at {self.frequency:.3g} rad/s;"
-            " the flight has not settled"
-        )
+        return f"{self.name} goes on by ±{size} at {self.frequency:.3g} rad/s"
+
+    def text(self) -> str:
+        """A sentence."""
+        return f"limit cycle: {self.motion()}; the flight has not settled"
 
 
 def limit_cycle(model: Model, flight: Flight, driven_until: float) -> LimitCycle | None:

@@ -304,9 +304,9 @@ def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None
     if flown is None or pushed is None:
         return findings
     if flown.cycle is not None:
-        findings.append(flown.cycle.text().partition(";")[0])
+        findings.append(f"limit cycle: {flown.cycle.motion()}")
     elif pushed.cycle is not None:
-        findings.append(f"disturbed: {pushed.cycle.text().partition(';')[0]}")
+        findings.append(f"disturbed: limit cycle: {pushed.cycle.motion()}")
     if radius >= 1.0 and flown.returned >= _MOST_OF_THEM * flown.starts:
         findings.append(
             f"unstable at its point of rest (radius {radius:.4g}), yet {flown.returned} of "

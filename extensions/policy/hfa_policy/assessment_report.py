@@ -78,6 +78,7 @@ class Assessment(Result, Reported):
         clauses = [
             self._holding(),
             self._buzzing(),
+            self._cycling(),
             self._losing(),
             self._resting(),
             self._flying(),
@@ -103,6 +104,18 @@ class Assessment(Result, Reported):
         if not buzzing:
             return ""
         return f"buzzes near its point of rest {self._where(buzzing)}, where every start stays"
+
+    def _cycling(self) -> str:
+        """The largest oscillation, in nominal sizes, and where."""
+        largest = None
+        for point in self.points:
+            cycle = None if point.flights is None else point.flights.cycle
+            if cycle is None:
+                continue
+            share = cycle.amplitude / self.deployed.model.signals[cycle.name].nominal
+            if largest is None or share > largest[0]:
+                largest = (share, f"{self._where([point])} {cycle.motion()}")
+        return "" if largest is None else largest[1].removeprefix("at the trim ")
 
     def _where(self, points: list[AssessedPoint]) -> str:
         """At which trims: "from 38 to 60 m/s", "at 45 m/s"."""

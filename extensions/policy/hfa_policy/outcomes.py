@@ -83,7 +83,8 @@ class Outcome(Result):
     worst_start: linear state -> value at the start of the worst.
     worst_ends: "lost", "cycles" or "returns".
     slowest: s, of those that returned.
-    cycle: the oscillation of those that are neither; None where there is none.
+    cycle: the oscillation of those that are neither, or that are back about an unstable point of
+        rest; None where there is none.
     elsewhere: how many of those came to rest, but not at the point of rest.
     elsewhere_at: linear state -> value where the first of them is at rest.
     """
@@ -238,6 +239,8 @@ class FlownRows:
             if settled.size < neither.size:
                 swinging = int(neither[int(np.argmax(swings))])
                 cycle = measured_cycle(self.flight, self.rows[swinging], place)
+        elif returned.size and not place.stable:
+            cycle = measured_cycle(self.flight, self.rows[returned[0]], place)
         ends = self.rows[settled[:1]][:, X][:, self.linear].ravel().tolist()
         return Outcome(
             starts=len(mine),

@@ -166,3 +166,4 @@ def test_a_policy_that_buzzes_within_the_ball_is_said_to_buzz():
     assert point.flights.returned == 16
     assert not point.holds
     assert "buzzes near its point of rest at 45 m/s" in result.first_line
+    assert "at 45 m/s elevator goes on by ±" in result.first_line
