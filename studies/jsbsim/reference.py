@@ -93,8 +93,9 @@ _MEASURED = {
 #: JSBSim's steps a second, and how long it flies in place at most, s.
 _RATE = 120
 _LONGEST = 120
-#: What moves by less than this in a second is steady.
+#: What moves by less than this in each of so many seconds is steady.
 _STEADY = 1e-9
+_LONG = 6
 #: Steps after which the past of the forces no longer counts.
 _STEPS = 10
 #: How often an item is asked for.
@@ -367,7 +368,7 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
         values = _unsettled(simulator)
         moved = max(abs(a - b) for a, b in zip(before, values, strict=True))
         steady = steady + 1 if moved < _STEADY else 0
-        if second >= point.get("settle", 20) and steady >= 2:
+        if second >= point.get("settle", 20) and steady >= _LONG:
             break
     for _ in range(_STEPS):
         _load(simulator, commands)  # fuel systems move fuel at each step

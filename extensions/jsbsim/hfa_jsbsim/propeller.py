@@ -93,12 +93,13 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
     blade = getattr(around.states, f"blade{file.number}")
     slowest = prop.value_of("minrpm", 0.0)
     advance: Any = 0.0
-    if file.kind != "turbine_engine":  # `FGTurbine` does not pass the lever on
-        lever = f"fcs/advance-pos-norm[{file.number}]"
-        advance = around.properties.read(lever, file.mount.where)
+    feather: Any = 0.0
+    if file.kind != "turbine_engine":  # `FGTurbine` does not pass the levers on
+        where = file.mount.where
+        advance = around.properties.read(f"fcs/advance-pos-norm[{file.number}]", where)
+        feather = around.properties.read(f"fcs/feather-pos-norm[{file.number}]", where)
     wanted = slowest + (prop.value_of("maxrpm", 0.0) - slowest) * advance
     rate = getattr(around.states, f"rpm{file.number}") - wanted
-    feather = around.properties.read(f"fcs/feather-pos-norm[{file.number}]", file.mount.where)
     rate = ca.if_else(ca.SX(feather) > 0.5, (highest - blade) * _FEATHERING, rate)
     next_blade = ca.fmin(ca.fmax(blade + rate * STEP, lowest), highest)
     return blade, {f"blade{file.number}": (next_blade - blade) / STEP}

@@ -12,6 +12,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.optimize import brentq
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
@@ -312,18 +313,28 @@ class _Declaration:
         for file in dead:
             if not file.has_propeller or np.size(values["speed"]) > 1:
                 continue
-            rpm_name = f"rpm{file.number}"
             blade = {}
             if file.governed:
                 end = "maxpitch" if values.get(f"feather{file.number}") else "minpitch"
                 blade[f"blade{file.number}"] = file.thruster.value_of(end, 0.0)
             ends |= blade
-            ends[rpm_name] = 0.0
-            for rpm in np.linspace(_FASTEST * _rpm(file, True).start, 0.0, _SPEEDS_TRIED):
-                if self._rate(rpm_name, {**values, **blade, rpm_name: rpm}) >= 0.0:
-                    ends[rpm_name] = float(rpm)
-                    break
+            ends[f"rpm{file.number}"] = self._speed_of_rest(file, {**values, **blade})
         return ends
+
+    def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
+        """The highest speed, rpm, at which a propeller does not get slower; 0 without one."""
+        name = f"rpm{file.number}"
+
+        def rate(rpm: float) -> float:
+            return self._rate(name, {**values, name: rpm})
+
+        fastest = _FASTEST * _rpm(file, True).start
+        faster = fastest
+        for rpm in fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2:  # close to rest finer
+            if rate(rpm) >= 0.0:
+                return float(brentq(rate, rpm, faster)) if rpm < faster else float(rpm)
+            faster = rpm
+        return 0.0
 
     def _rate(self, name: str, values: Mapping[str, Any]) -> float:
         """The rate of a state; what has no value is where the declaration begins."""

@@ -11,6 +11,7 @@ from hfa_jsbsim.reader import read_model
 from hfa_support import BadInputError
 from studies.jsbsim.constructs.jet import coefficient, jet
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
+from studies.jsbsim.study import positions
 from trim import find_operating_point, linearize
 from trim.point.condition import release, usual_condition
 
@@ -19,6 +20,14 @@ needs_jsbsim = pytest.mark.skipif(
 )
 WIND = {"wind_north": 30.0, "wind_east": -20.0, "wind_down": 4.0}
 JET = {"kcas": 250.0, "altitude": 5000.0}
+#: Aircraft, calibrated airspeed, and a throttle at which no limiter of torque acts.
+PROPELLERS = (
+    ("c310", 110.0, 1.0),
+    ("DHC6", 120.0, 0.7),
+    ("Boeing314", 130.0, 1.0),
+    ("B17", 130.0, 1.0),
+    ("fokker50", 130.0, 0.05),
+)
 LIGHT = {"kcas": 90.0, "altitude": 3000.0}
 
 
@@ -29,7 +38,8 @@ def residual(name, held, parameters, free=()):
     condition = release(usual_condition(model), hold=held, free=free)
     point = find_operating_point(model, condition)
     commands = point.inputs._asdict() | parameters
-    point_of_jsbsim = {"state": point.states._asdict(), "commands": commands}
+    held_there = positions(model, point.inputs._asdict())
+    point_of_jsbsim = {"state": point.states._asdict(), "commands": commands, "held": held_there}
     (answer,) = answered([{"aircraft": name, "point": point_of_jsbsim}])
     weight = model.outputs_at(point.states, point.inputs, ["weight"])["weight"]
     return max(abs(answer[axis]) for axis in AXES), weight, answer["weight"]
@@ -56,7 +66,12 @@ def residual(name, held, parameters, free=()):
                 ("B747", JET, {"engine1": 0.0}, ()),
                 ("T38", JET, {"engine1": 0.0}, ()),
                 ("F4N", JET, {"engine1": 0.0}, ()),
-                ("c310", {**LIGHT, "kcas": 110.0, "throttle": 1.0}, {"engine1": 0.0}, ("gamma",)),
+                *(
+                    (name, {"kcas": kcas, "altitude": 3000.0, "throttle": share}, out, ("gamma",))
+                    for name, kcas, share in PROPELLERS
+                    for out in ({"engine1": 0.0}, {"engine1": 0.0, "feather1": 1.0})
+                    if (name, len(out)) != ("DHC6", 2)  # JSBSim's still creeps after two minutes
+                ),
             )
         ),
     ],
