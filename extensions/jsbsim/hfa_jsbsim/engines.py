@@ -23,6 +23,9 @@ _COMPUTED = (
     *("thrust-lbs", "power-hp", "map-inhg", "map-pa", "thrust-coefficient", "advance-ratio"),
     *("prop-induced-velocity_fps", "helical-tip-Mach"),
 )
+#: Share of the power that a limiter of torque lets through, so that a search for more finds a
+#: direction; JSBSim's swings by as much.
+_BEYOND = 1e-3
 #: ft lb/s in a horsepower.
 HP = 550.0
 KINDS = ("turbine_engine", "rocket_engine", "piston_engine", "turboprop_engine", "electric_engine")
@@ -316,7 +319,8 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
     if limiter is not None and file.has_propeller:
         torque = limiter.number("FT*LB")
         turns = getattr(around.states, f"rpm{file.number}") / 60.0
-        power = ca.fmin(power, torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP)
+        most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP
+        power = ca.fmin(power, most + _BEYOND * (power - most))
         note = f"{limiter.where}: at most {torque:g} ft lb; in JSBSim the limiter swings about that"
         if note not in around.properties.notes:
             around.properties.notes.append(note)

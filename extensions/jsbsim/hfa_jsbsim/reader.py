@@ -119,10 +119,11 @@ def _find(text: str) -> tuple[Path, Folders]:
         path = _in_data(text.removeprefix("jsbsim:"), root)
     else:
         path = Path(text).resolve()
+    data = None if root is None else root.resolve()
     shared = [path.parent.parent.parent]
-    if root is not None and root.resolve() not in shared:
-        shared.append(root.resolve())
-    return path, Folders(path.parent, tuple(shared))
+    if data is not None and data not in shared:
+        shared.append(data)
+    return path, Folders(path.parent, tuple(shared), data)
 
 
 def _in_data(name: str, root: Path | None) -> Path:

@@ -250,11 +250,13 @@ class Folders:
 
     aircraft: the aircraft's own folder.
     shared: folders that hold the folders engine and systems, searched in this order.
+    data: the folder of JSBSim's data, whose files are named without it.
     """
 
-    def __init__(self, aircraft: Path, shared: tuple[Path, ...]) -> None:
+    def __init__(self, aircraft: Path, shared: tuple[Path, ...], data: Path | None = None) -> None:
         self.aircraft = aircraft
         self.shared = shared
+        self.data = data
         self._files: dict[Path, tuple[Element, str]] = {}
 
     @property
@@ -278,8 +280,14 @@ class Folders:
                     f"{path}: the file cannot be read ({error.strerror})"
                 ) from error
             digest = hashlib.sha256(text).hexdigest()
-            self._files[path] = (parsed(text, str(path)), digest)
+            self._files[path] = (parsed(text, self._shown(path)), digest)
         return self._files[path][0]
+
+    def _shown(self, path: Path) -> str:
+        """How messages name a file."""
+        if self.data is not None and path.is_relative_to(self.data):
+            return str(path.relative_to(self.data))
+        return str(path)
 
     def opened(self, element: Element) -> Element:
         """The element itself, or the root of the file that it names."""
