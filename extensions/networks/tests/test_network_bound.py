@@ -217,6 +217,16 @@ def test_a_narrow_bump_that_the_search_misses_is_found(game: Game, seed: int) ->
     assert proof.fraction <= np.abs(at).max() + 0.05 or proof.error >= 3.0
 
 
+def test_the_report_says_of_which_expression_it_is_proved(game: Game) -> None:
+    """CasADi makes 0 of 1e20 (0.1 (10 x) - x), which floating point makes 1e3."""
+    verdict = judged(
+        game,
+        lambda z: linear(game, z) + ca.vertcat(1e20 * (0.1 * (10.0 * z[0]) - z[0]), *[0.0] * 4),
+    )
+    assert verdict.proof is not None
+    assert "Proved of the expression as CasADi simplified it: no" in verdict.report().text()
+
+
 def test_a_fraction_ends_before_the_first_error() -> None:
     """1.25 at (1, 1) and an error above 0.5 from |y| = 0.8 on, bounded by no line."""
     y = ca.SX.sym("y", 2)

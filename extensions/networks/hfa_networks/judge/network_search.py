@@ -301,7 +301,8 @@ def network_section(
     ]
     if proof is not None:
         lines.append(
-            f"Proved: no {proof.what} above {proof.error:.3g} {proof.where} ({proof.boxes} boxes)"
+            f"Proved of the expression as CasADi simplified it: no {proof.what} above"
+            f" {proof.error:.3g} {proof.where} ({proof.boxes} boxes)"
         )
     data = {
         "output": output,
