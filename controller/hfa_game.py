@@ -14,7 +14,7 @@ from controller.game.names import UNNAMED, PlantNames, names_of_linear
 from controller.game.user_files import Defaults, file_scales, stored_game
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_aircraft.model import Model
-from hfa_model.printed_matrices import published_data
+from hfa_model.published_data import published_data
 from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown

@@ -19,7 +19,7 @@ from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.parameters import FIELDS, Parameters
-from hfa_model.printed_matrices import published_data
+from hfa_model.published_data import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
 from hfa_model.vectors import (
     INPUT_SIGNALS,

@@ -1,19 +1,15 @@
-"""What the paper prints: the two linear models, their trim condition and the settings of the game.
-
-The numbers are in `printed_matrices.json`; nothing computed here is ever written there.
-"""
+"""The two linear models that the paper prints."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
-from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_model.published_data import published_data
+from hfa_model.vectors import LINEAR_STATES
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.fields import Shown
 
@@ -42,18 +38,6 @@ class PublishedModel(ByValue, Shown):
     def dihedral_deg(self) -> float:
         """Dihedral angle as the paper states it, degrees."""
         return round(float(np.degrees(self.dihedral)), 9)
-
-
-@cache
-def published_data() -> dict[str, Any]:
-    """Everything in `printed_matrices.json`, as stored."""
-    text = files("hfa_model").joinpath("printed_matrices.json").read_text(encoding="utf-8")
-    data: dict[str, Any] = json.loads(text)
-    if tuple(data["states"]) != LINEAR_STATES or tuple(data["inputs"]) != INPUTS:
-        raise ValueError(
-            "printed_matrices.json: states or inputs are not in the order of hfa_model.vectors"
-        )
-    return data
 
 
 @cache

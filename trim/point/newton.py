@@ -7,8 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trim.point.machine import LEAST_SHARE, LONGEST, MOST_TRIALS, NEARLY
-from trim.point.system import FEW, TrimSystem
+from trim.point.system import NEARLY, TrimSystem
+
+#: Evaluations of a point, at most.
+MOST_TRIALS = 100
+#: Shortest share of a step that is tried.
+LEAST_SHARE = 2.0**-20
+#: Largest entry of a step, in scaled units; a Jacobian that asks for more counts as singular.
+LONGEST = 1e6
 
 
 def newton(
@@ -30,15 +36,9 @@ def newton(
     moving: indices of the unknowns that may move; all of them unless given
     bounded: every trial is moved to the nearest point within the limits
     """
-    if moving is not None or bounded or not system.equations.square:
+    if moving is not None or bounded or not system.is_quick:
         return _halving(system, z, c, moving, bounded)
-    if system.machine is not None:
-        best, settled, unsolved = system.machine.newton(z, c)
-    elif len(system.scales) > FEW:
-        return _halving(system, z, c)
-    else:
-        best, settled = system.full_steps(z, c)
-        unsolved = ~settled
+    best, settled, unsolved = system.quick_steps(z, c)
     if unsolved.any():
         best[unsolved], settled[unsolved] = _halving(system, z[unsolved], c[unsolved])
     return best, settled

@@ -18,8 +18,9 @@ from hfa_support.linear_table import LinearTable
 from hfa_support.native.bound import RowFunction
 from trim.limits import Limits
 from trim.point.condition import TrimCondition
-from trim.point.machine import NEARLY, compiled_trim
 
+#: Norm of the scaled residuals from which one more step ends at rounding.
+NEARLY = 1e-7
 #: Steps of Newton's method that one evaluation takes, and with how many unknowns at most.
 FULL_STEPS = 4
 FEW = 6
@@ -245,7 +246,7 @@ class TrimSystem:
     watched: limits of the states and outputs that are watched
     row_scales: (e,), one scaled unit of each equation
     moved: number of equations that the unknowns can move, the first ones
-    machine: the same as machine code, where that was asked for and a compiler works
+    is_quick: whether `quick_steps` is worth its evaluation
     """
 
     def __init__(
@@ -254,7 +255,6 @@ class TrimSystem:
         condition: TrimCondition,
         varied: Sequence[str] = (),
         begin: Mapping[str, float] | None = None,
-        compile_code: bool = False,
     ) -> None:
         """varied: variables, outputs, rates and parameters that differ between points; begin: where
         condition and declaration begin unless given."""
@@ -273,11 +273,7 @@ class TrimSystem:
         self.watched = condition.limits_on([name for name, _ in self.structure.watched])
         self.row_scales = self.equations.row_scales
         self.moved = self.equations.moved
-        self.machine = None
-        if compile_code and self.equations.square:
-            self.machine = compiled_trim(
-                self.equations.residual_rows.function, self.equations.linear_rows.function
-            )
+        self.is_quick = self.equations.square and len(self.scales) <= FEW
 
     @property
     def only_inputs(self) -> bool:
@@ -296,11 +292,13 @@ class TrimSystem:
         residual, jacobian = self.equations.residual_rows(z, c)
         return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
 
-    def full_steps(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """z (N, k) after `FULL_STEPS` steps of Newton's method, none of them halved, and which
-        points are settled (N,)."""
+    def quick_steps(
+        self, z: np.ndarray, c: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """z (N, k) after `FULL_STEPS` steps of Newton's method, none of them halved; which points
+        are settled, and which are not (N,)."""
         after, settled = self.equations.step_rows(z, c)
-        return after, settled[:, 0] == 1.0
+        return after, settled[:, 0] == 1.0, settled[:, 0] != 1.0
 
     def at(self, z: np.ndarray, c: np.ndarray) -> Evaluation:
         """The equations at one point, unknowns z (k,) and constants c (1, ..)."""
@@ -325,16 +323,18 @@ class TrimSystem:
         self, z: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """x, u and watched outputs (N, n + m + w), A (N, n, n), B (N, n, m) and r (N, e)."""
-        if self.machine is not None:
-            flat = self.machine.linear(z, c)
-        else:
-            (flat,) = self.equations.linear_rows(z, c)
+        flat = self.linear_rows(z, c)
         n = len(self.model.states)
         m = len(self.model.inputs)
         end = n + m + len(self.structure.watched)
         A = flat[:, end : end + n * n].reshape(-1, n, n)
         B = flat[:, end + n * n : end + n * (n + m)].reshape(-1, n, m)
         return flat[:, :end], A, B, flat[:, end + n * (n + m) :]
+
+    def linear_rows(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """(N, ..), a row of `Equations.linear_rows` a point."""
+        (flat,) = self.equations.linear_rows(z, c)
+        return flat
 
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None

@@ -23,6 +23,7 @@ from trim.point.newton import newton
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.solve import find_operating_point
 from trim.point.system import TrimSystem
+from trim.sweeps.machine import CompiledSystem
 
 #: What became of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
@@ -182,7 +183,8 @@ def _system(*request: Any) -> TrimSystem:
     for name in variables:
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     begin = None if start is None else start.values
-    system = TrimSystem(model, condition.freed_for(variables), variables, begin, compile_code)
+    make = CompiledSystem if compile_code else TrimSystem
+    system = make(model, condition.freed_for(variables), variables, begin)
     _last_system = (request, system)
     return system
 

@@ -13,7 +13,7 @@ from reference_riccati import reference_solution, relative_error
 
 from controller import Game, basis, run
 from controller.game.training_run import TrainingRun
-from hfa_model.printed_matrices import published_data
+from hfa_model.published_data import published_data
 from hfa_support import NoSolutionError
 from studies.update_law.published_law import (
     PublishedLaw,

@@ -12,13 +12,14 @@ from hfa_support.native.machine_code import c_compiler
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.newton import newton, newton_step
 from trim.point.system import TrimSystem
+from trim.sweeps.machine import CompiledSystem
 
 SPEEDS = np.linspace(150.0, 700.0, 40)
 
 
-def f16_system(compile_code: bool = False) -> TrimSystem:
+def f16_system(kind: type[TrimSystem] = TrimSystem) -> TrimSystem:
     """The F-16's trim in a straight flight, 12 unknowns, at speeds of its points."""
-    return TrimSystem(F16, usual_condition(F16), ("speed",), compile_code=compile_code)
+    return kind(F16, usual_condition(F16), ("speed",))
 
 
 def circle(scale: float) -> tuple[Model, TrimCondition]:
@@ -33,16 +34,17 @@ def circle(scale: float) -> tuple[Model, TrimCondition]:
 
 
 @pytest.mark.parametrize(
-    "compile_code",
+    "kind",
     [
-        False,
+        TrimSystem,
         pytest.param(
-            True, marks=pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
+            CompiledSystem,
+            marks=pytest.mark.skipif(c_compiler() is None, reason="no C compiler here"),
         ),
     ],
 )
-def test_points_are_solved_alike_alone_and_together(compile_code: bool) -> None:
-    system = f16_system(compile_code)
+def test_points_are_solved_alike_alone_and_together(kind: type[TrimSystem]) -> None:
+    system = f16_system(kind)
     c = system.constants(len(SPEEDS), {"speed": SPEEDS})
     start = np.tile(system.start, (len(SPEEDS), 1))
     together, settled = newton(system, start, c)
@@ -59,7 +61,7 @@ def test_the_c_code_takes_the_same_steps() -> None:
     c = f16_system().constants(len(SPEEDS), {"speed": SPEEDS})
     start = np.tile(f16_system().start, (len(SPEEDS), 1))
     slow, slow_settled = newton(f16_system(), start, c)
-    fast, fast_settled = newton(f16_system(compile_code=True), start, c)
+    fast, fast_settled = newton(f16_system(CompiledSystem), start, c)
     assert fast_settled.tolist() == slow_settled.tolist()
     np.testing.assert_allclose(fast[fast_settled], slow[slow_settled], rtol=1e-9, atol=1e-11)
 
@@ -108,7 +110,7 @@ def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
 def test_c_code_flags_a_singular_jacobian_and_the_point_is_solved_nevertheless() -> None:
     """At x = -y both rows of J are parallel; there the step of least norm is taken, not by C."""
-    system = TrimSystem(*circle(1.0), compile_code=True)
+    system = CompiledSystem(*circle(1.0))
     assert system.machine is not None
     starts = np.array([[0.1, 3.0], [1.0, -1.0], [2.0, 0.5]])
     constants = np.repeat(system.constants(), len(starts), axis=0)

@@ -5,18 +5,15 @@ from __future__ import annotations
 import ctypes
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-#: Norm of the scaled residuals from which one more step ends at rounding.
-NEARLY = 1e-7
-#: Evaluations of a point, at most.
-MOST_TRIALS = 100
-#: Shortest share of a step that is tried.
-LEAST_SHARE = 2.0**-20
-#: Largest entry of a step, in scaled units; a Jacobian that asks for more counts as singular.
-LONGEST = 1e6
+from hfa_support.native.machine_code import compiled
+from trim.point.newton import LEAST_SHARE, LONGEST, MOST_TRIALS
+from trim.point.system import NEARLY, TrimSystem
+
 #: What the C code answers for each point.
 _UNSETTLED, _SETTLED, _SINGULAR = range(3)
 
@@ -184,12 +181,41 @@ class CompiledTrim:
         return flat
 
 
+class CompiledSystem(TrimSystem):
+    """A system whose steps and linear models run as machine code, where a compiler works.
+
+    machine: the loops; None without a compiler, or where there is no square system
+    """
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.machine = None
+        equations = self.equations
+        if equations.square:
+            functions = (equations.residual_rows.function, equations.linear_rows.function)
+            self.machine = compiled_trim(*functions)
+            self.is_quick = self.is_quick or self.machine is not None
+
+    def quick_steps(
+        self, z: np.ndarray, c: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """z (N, k) after Newton's method, which points are settled, and where a Jacobian is
+        singular (N,)."""
+        if self.machine is None:
+            return super().quick_steps(z, c)
+        return self.machine.newton(z, c)
+
+    def linear_rows(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """(N, ..), a row of `Equations.linear_rows` a point."""
+        if self.machine is None:
+            return super().linear_rows(z, c)
+        return self.machine.linear(z, c)
+
+
 @lru_cache(maxsize=16)
 def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | None:
     """The loops over these functions of (z, c), as many equations as unknowns; None, with one note,
     where no compiler works."""
-    from hfa_support.native.machine_code import compiled
-
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
     sizes: dict[str, int] = {}
     for name, function in (("residual", residual), ("linear", linear)):

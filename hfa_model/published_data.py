@@ -1,0 +1,25 @@
+"""What the paper prints: the two linear models, their trim condition and the settings of the game.
+
+The numbers are in `printed_matrices.json`; nothing computed here is ever written there.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+
+
+@cache
+def published_data() -> dict[str, Any]:
+    """Everything in `printed_matrices.json`, as stored."""
+    text = files("hfa_model").joinpath("printed_matrices.json").read_text(encoding="utf-8")
+    data: dict[str, Any] = json.loads(text)
+    if tuple(data["states"]) != LINEAR_STATES or tuple(data["inputs"]) != INPUTS:
+        raise ValueError(
+            "printed_matrices.json: states or inputs are not in the order of hfa_model.vectors"
+        )
+    return data
