@@ -43,6 +43,8 @@ class Model:
     steady: the states whose rates a trim balances; all of them unless given.
     linear: the states of the linear model; all of them unless given.
     schedule: the state, input or parameter that sweeps, gain schedules and proofs run over.
+    names_schedule: whether options and data call it by its own name, --dihedral and dihedral_deg,
+        and not --at and scheduled.
     modes: name of a mode -> the states that take part most.
     replaced: state -> the output, affine in it, that people name in its place in a trim:
         pitch -> gamma.
@@ -92,6 +94,7 @@ class Model:
     steady: tuple[str, ...] = ()
     linear: tuple[str, ...] = ()
     schedule: str = ""
+    names_schedule: bool = False
     modes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     replaced: Mapping[str, str] = field(default_factory=dict)
     parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

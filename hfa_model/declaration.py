@@ -149,6 +149,7 @@ _DECLARED = Model(
     steady=tuple(name for name in STATES if name != "altitude"),
     linear=LINEAR_STATES,
     schedule="dihedral",
+    names_schedule=True,
     modes={
         "short period": ("alpha", "pitch_rate"),
         "phugoid": ("speed", "pitch"),

@@ -22,6 +22,7 @@ from hfa.options.trims import (
     TrimOptions,
     UnitsOption,
     WorkersOptions,
+    called_at,
     condition_or_list,
     output_option,
     picture_option,
@@ -88,7 +89,9 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         if listing is not None:
             axes = self._listed_axes(listing, condition, ranges)
         elif not ranges:
-            raise BadInputError("nothing to sweep; give --dihedral RANGE or --hold NAME=RANGE")
+            raise BadInputError(
+                f"nothing to sweep; give --{called_at(self.model)} RANGE or --hold NAME=RANGE"
+            )
         elif self.stored:
             axes = dict(ranges)
         else:
@@ -102,8 +105,8 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
                     "fix all but one"
                 )
         is_named = by in (*axes, *condition.free, *self.hold)
-        if listing is None and by == "dihedral" and not is_named:
-            warnings.warn("no --dihedral is given: every point is at 0 deg", stacklevel=2)
+        if listing is None and self.model.names_schedule and not is_named:
+            warnings.warn(f"no --{by} is given: every point is at 0 deg", stacklevel=2)
         aircraft = self.flown_aircraft()
         return SweepPlan(axes, aircraft, condition, self.start_point, listing is not None)
 

@@ -197,7 +197,7 @@ def step_model(path: Path) -> Model:
 
 def called_at(model: Model) -> str:
     """What people call --at."""
-    return "dihedral" if model.schedule == "dihedral" else "at"
+    return model.schedule if model.names_schedule else "at"
 
 
 def scheduled(
@@ -233,8 +233,8 @@ def scheduled(
         words,
         lambda model: form or ("DEG" if unit(model) == "deg" else "VALUE"),
         OfModel(convert),
-        names=lambda model: "--at --dihedral" if model.schedule == "dihedral" else "--at",
-        required=lambda model: required and model.schedule == "dihedral",
+        names=lambda model: f"--at --{model.schedule}" if model.names_schedule else "--at",
+        required=lambda model: required and model.names_schedule,
     )
 
 

@@ -61,16 +61,3 @@ def test_no_picture_is_left_when_the_file_fails(monkeypatch: pytest.MonkeyPatch)
     result = hfa("trim", "--dihedral", "15", "--picture", "trim.png", "-o", "trim.json")
     assert (result.code, result.out) == (BAD_INPUT, "")
     assert list(Path().iterdir()) == []
-
-
-@pytest.mark.slow
-def test_no_picture_is_left_of_a_report_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    from hfa.commands import report as module
-
-    def full(path: Path, text: str) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(module, "write_text", full)
-    result = hfa("report", "--dihedral", "15", "--sweep", "15", "-o", "page")
-    assert result.code == BAD_INPUT
-    assert not Path("page").exists()

@@ -126,40 +126,7 @@ REFUSED = {
         ("--design paper --dihedral 0:5", "--dihedral is '0:5'; give start:stop:step"),
         ("--design servo --units si -o a.npz", "leave --units si out"),
     ],
-    "fly": [
-        ("--dihedral 15 --law exact --seed 3", "here nothing is random"),
-        ("--dihedral 15 --gust 400:10 --turbulence 5:1750", "do not go together"),
-        ("--dihedral 15 --fault 0.2:0.5", "--fault belongs to --actuators"),
-        ("--dihedral 15 --command gamma=1:1", "a gain follows no command of 'gamma'"),
-        (
-            "--dihedral 15 --duration 1e8",
-            "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s",
-        ),
-        ("--dihedral 15 --delay 1e-9", "delay is 1e-09 s; make it a whole number of ticks"),
-        ("--dihedral 15 --resume", "--resume belongs to --samples"),
-        ("--dihedral 15 -o a.zarr", "a.zarr is the store of many members; add --samples N"),
-        ("--dihedral 15 --samples 2 --resume", "-o FILE.zarr"),
-        ("--dihedral 15 --samples 2 -o a.json", "the members of --samples go to a store"),
-        ("--dihedral 15 --samples 2 --picture a.png", "--picture shows one flight"),
-        ("--dihedral 15 --samples 2 --units si -o a.zarr", "a store is in ft"),
-    ],
-    "export": [
-        ("", "the following arguments are required: --output"),
-        (
-            "-o aircraft.zip",
-            "aircraft.zip: unknown suffix '.zip'; use one of .fmu, .m, or a folder",
-        ),
-        ("-o out --set samples=30", "--set belongs to a learning law"),
-        ("-o out --actuators 0.5:60", "--actuators belongs to --controller; leave it out"),
-    ],
-    "report": [
-        ("", "--output FILE.html or --output FOLDER"),
-        ("-o file", "cannot make the folder"),
-        ("-o a.html --free dihedral", "the angles of a report are given by --dihedral and --sweep"),
-        ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
-    ],
     "regenerate": [("--dynamics unsteady", "more than seven states")],
-    "prove": [("--units si", "unknown option --units")],
 }
 
 

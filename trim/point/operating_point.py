@@ -127,14 +127,15 @@ class OperatingPoint(Result, Reported):
     @property
     def dihedral_deg(self) -> float | None:
         """Of the HFA the dihedral angle, degrees."""
-        return in_degrees(self.states.dihedral) if self.model.schedule == "dihedral" else None
+        model = self.model
+        return in_degrees(self.values[model.schedule]) if model.names_schedule else None
 
     @property
     def scheduled(self) -> dict[str, float] | None:
         """Of other models the scheduling variable."""
-        name = self.model.schedule
-        if name == "dihedral":
+        if self.model.names_schedule:
             return None
+        name = self.model.schedule
         return {name: self.values[name]} if name in self.values else {}
 
     @property

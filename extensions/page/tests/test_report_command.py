@@ -160,3 +160,29 @@ def test_every_angle_is_trimmed_as_asked() -> None:
     condition = data["provenance"]["condition"]
     assert condition.get("free", []) == swept["provenance"]["condition"].get("free", [])
     assert data["sweep"]["condition"] == condition
+
+
+@pytest.mark.slow
+def test_no_picture_is_left_of_a_report_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, text: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("hfa_page.commands.report.write_text", full)
+    result = hfa("report", "--dihedral", "15", "--sweep", "15", "-o", "page")
+    assert result.code == BAD_INPUT
+    assert not Path("page").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("", "--output FILE.html or --output FOLDER"),
+        ("-o file", "cannot make the folder"),
+        ("-o a.html --free dihedral", "the angles of a report are given by --dihedral and --sweep"),
+        ("-o a.html --dihedral 5 --dynamics unsteady", "more than seven states"),
+    ],
+)
+def test_bad_requests(words: str, named: str) -> None:
+    Path("file").write_text("a file", encoding="utf-8")
+    assert_refused(hfa("report", *words.split()), BAD_INPUT, named)
+    assert list(Path().iterdir()) == [Path("file")]

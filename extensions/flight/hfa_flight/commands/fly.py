@@ -83,9 +83,10 @@ def fly(request: FlyRequest) -> int:
     if request.output is not None and request.output.suffix == ".zarr":
         raise BadInputError(f"{request.output} is the store of many members; add --samples N")
     flight = request.flight()
-    if request.at is None and request.model.schedule == "dihedral":
+    if request.at is None and request.model.names_schedule:
         warnings.warn(
-            f"no --dihedral is given: the flight is {at_scheduled(flight.point)}", stacklevel=2
+            f"no --{request.model.schedule} is given: the flight is {at_scheduled(flight.point)}",
+            stacklevel=2,
         )
     # A linear model about the first trim says nothing about the others.
     predict = not isinstance(flight.policy, ScheduledGainPolicy)

@@ -64,8 +64,8 @@ def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, floa
 def breakpoint_data(model: Model, breakpoints: Any) -> Content:
     """Scheduling values as data: of the HFA dihedral_deg; of other models by the name of the
     scheduling variable."""
-    if model.schedule == "dihedral":
-        return {"dihedral_deg": breakpoints}
+    if model.names_schedule:
+        return {model.schedule_key: breakpoints}
     return {"scheduled": {model.schedule: breakpoints}}
 
 
@@ -107,7 +107,7 @@ def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
         names = ("bandwidth", "effectiveness", "delay")
         data["actuators"] = {name: getattr(statement.actuators, name) for name in names}
     if moving:
-        key = "dihedral_rate_deg_s" if model.schedule == "dihedral" else "scheduled_rate"
+        key = f"{model.schedule}_rate_deg_s" if model.names_schedule else "scheduled_rate"
         data[key] = statement.scheduled_rate or 0.0
     return data
 

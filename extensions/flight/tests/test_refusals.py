@@ -1,0 +1,42 @@
+"""What `hfa fly` and `hfa export` refuse: one line that names cause and remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from cli import assert_refused, hfa
+
+from hfa.main import BAD_INPUT
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("fly --dihedral 15 --law exact --seed 3", "here nothing is random"),
+        ("fly --dihedral 15 --gust 400:10 --turbulence 5:1750", "do not go together"),
+        ("fly --dihedral 15 --fault 0.2:0.5", "--fault belongs to --actuators"),
+        ("fly --dihedral 15 --command gamma=1:1", "a gain follows no command of 'gamma'"),
+        (
+            "fly --dihedral 15 --duration 1e8",
+            "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s",
+        ),
+        ("fly --dihedral 15 --delay 1e-9", "delay is 1e-09 s; make it a whole number of ticks"),
+        ("fly --dihedral 15 --resume", "--resume belongs to --samples"),
+        ("fly --dihedral 15 -o a.zarr", "a.zarr is the store of many members; add --samples N"),
+        ("fly --dihedral 15 --samples 2 --resume", "-o FILE.zarr"),
+        ("fly --dihedral 15 --samples 2 -o a.json", "the members of --samples go to a store"),
+        ("fly --dihedral 15 --samples 2 --picture a.png", "--picture shows one flight"),
+        ("fly --dihedral 15 --samples 2 --units si -o a.zarr", "a store is in ft"),
+        ("export ", "the following arguments are required: --output"),
+        (
+            "export -o aircraft.zip",
+            "aircraft.zip: unknown suffix '.zip'; use one of .fmu, .m, or a folder",
+        ),
+        ("export -o out --set samples=30", "--set belongs to a learning law"),
+        ("export -o out --actuators 0.5:60", "--actuators belongs to --controller; leave it out"),
+    ],
+)
+def test_bad_requests(folder: Path, words: str, named: str) -> None:
+    assert_refused(hfa(*words.split()), BAD_INPUT, named)
+    assert list(folder.iterdir()) == []
