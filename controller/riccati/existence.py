@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -164,7 +165,8 @@ def shown_gain(form: NormalForm) -> tuple[float, float]:
 
 
 def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
-    """What rounding may change of v'P v for the stabilizing P, to first order.
+    """What rounding may change of v'P v for the stabilizing P, to first order; inf where rounding
+    hides whether L is stable.
 
     form: not turned. P: (n, n) and v: (n,), in the user's coordinates.
 
@@ -178,7 +180,13 @@ def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
     n = len(form.A)
     X = form.of_value(P)
     direction = vector / form.units
-    Z = solve_continuous_lyapunov(form.A - form.S @ X, -np.outer(direction, direction))
+    loop = form.A - form.S @ X
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            Z = solve_continuous_lyapunov(loop, -np.outer(direction, direction))
+    except RuntimeWarning:  # two eigenvalues whose sum is 0 to rounding
+        return math.inf
     sizes = form.sizes
     moved = X @ Z
     by_A = np.sum(np.abs(moved) * sizes.A)

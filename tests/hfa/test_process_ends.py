@@ -282,12 +282,13 @@ RUNS = 17
 
 
 def in_one_line(ended: Ended, said: str) -> bool:
-    """Ended in one line; before the first line of the project by Python itself; or after all was
+    """Ended in one line; before the command begins by Python itself; or after all was
     done."""
     lines = [
         line for line in ended.err.splitlines(keepends=True) if not line.startswith("hfa: note: ")
     ]
-    by_python = ended.code in (1, -signal.SIGINT, -signal.SIGTERM) and "hfa/" not in ended.err
+    by_signal = ended.code in (1, -signal.SIGINT, -signal.SIGTERM)
+    by_python = by_signal and "hfa/main.py" not in ended.err
     return lines == [said] or by_python or (ended.code == 0 and not lines)
 
 
