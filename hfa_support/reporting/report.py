@@ -242,4 +242,6 @@ def _escaped(text: Any) -> str:
 
 
 def _paragraph(line: str) -> str:
-    return f"<p>{_escaped(line)}</p>"
+    """A paragraph; what stands in backquotes is set as code."""
+    text = re.sub("`([^`]+)`", r"<code>\1</code>", _escaped(line))
+    return f"<p>{text}</p>"

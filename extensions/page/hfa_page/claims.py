@@ -103,8 +103,8 @@ def load_claims(path: Path) -> Claims:
 
 
 def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
-    """A row for each claim: its criterion, the numbers of its law and of those beside it, its
-    verdict."""
+    """A row for each claim: its verdict, its criterion, the numbers of its law and of those beside
+    it."""
     rows = []
     for claim in claims:
         findings = claim["findings"]
@@ -114,16 +114,16 @@ def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
         rows.append(
             (
                 claim["number"],
+                Cell(claim["verdict"], _TONE.get(claim["verdict"], "near")),
                 claim["says"],
                 claim["measured"],
                 f"{claim['relation']} {claim['limit']:.3g}",
                 number,
                 *others,
-                Cell(claim["verdict"], _TONE.get(claim["verdict"], "near")),
             )
         )
     return Table(
-        ("claim", "the paper says", "measured", "asked for", _SUBJECT, *_BESIDE, "verdict"), rows
+        ("claim", "verdict", "the paper says", "measured", "asked for", _SUBJECT, *_BESIDE), rows
     )
 
 

@@ -7,6 +7,7 @@ import base64
 import gzip
 import html
 import json
+import tomllib
 from dataclasses import replace
 from functools import cache, partial
 from importlib.resources import files
@@ -76,6 +77,7 @@ def main_report(job: MainJob) -> Report:
             *angles,
             claims,
             Report("Every entry against the print", (job.regeneration.picture(),)),
+            Report("What the checks say", (glosses(),)),
             Report("Modes over the dihedral angle", (swept.without_pictures(),)),
             Report("The aircraft", (job.parameters.report(),)),
         ),
@@ -91,11 +93,16 @@ def main_report(job: MainJob) -> Report:
     )
 
 
+def glosses() -> Table:
+    """Each check of the page and what it says."""
+    return Table(("check", "what it says"), tuple(tomllib.loads(_file("glosses.toml")).items()))
+
+
 def verdicts(job: MainJob) -> Table:
     """What was checked and what came of it, a row each."""
     rows: list[tuple[Any, ...]] = [
         (f"printed pair at {pair.published.dihedral_deg:g} deg regenerated", verdict_text(pair.ok))
-        for pair in job.regeneration.pairs
+        for pair in sorted(job.regeneration.pairs, key=lambda pair: pair.published.dihedral_deg)
     ]
     for angle in job.angles:
         at = f"{angle.dihedral_deg:g} deg"
@@ -103,7 +110,7 @@ def verdicts(job: MainJob) -> Table:
             (f"exact game solution certified at {at}", verdict_text(angle.solution is not None))
         )
         rows.append(
-            (f"learned critic agrees with the exact solution at {at}", verdict_text(angle.ok))
+            (f"critic that hfa learned is the exact solution at {at}", verdict_text(angle.ok))
         )
     trimmed = int(job.sweep.trimmed.sum())
     rows.append(
@@ -205,7 +212,8 @@ def verdict_sentence(job: MainJob) -> str:
     sentence = (
         f"{_toned(job.ok, 'PASS', 'FAIL')}: both pairs of matrices (A, B) that the paper prints "
         f"are {regenerated} from one set of parameters ({html.escape(job.sweep.model.name)} "
-        f"dynamics), and the learned critic {agrees} with the exact solution of the game"
+        f"dynamics), and the critic that hfa learns by its own law {agrees} with the exact solution "
+        "of the game"
     )
     if job.angles:
         sentence += f" at {asked} deg"

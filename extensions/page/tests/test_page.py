@@ -17,15 +17,18 @@ import pytest
 from plotly.graph_objects import Figure
 from project import ROOT
 
+import hfa
 import hfa_model
 from hfa_aircraft.model import Model
 from hfa_model.parameters import ParameterSet
 from hfa_page.claims import Claims, claims_section, load_claims
-from hfa_page.job_report import angle_report, verdict_sentence, verdicts
+from hfa_page.job_report import angle_report, glosses, verdict_sentence, verdicts
 from hfa_page.main_job import MainJob, main_job, with_game
 from hfa_page.plots import front_view, in_script, locus_plot
 from hfa_support import BadInputError, NoSolutionError
 from trim import modes_of, sweep
+from verification import analyse_game
+from verification.critic.critic_check import check_critic
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +51,11 @@ def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
     planted = replace(
         job, regeneration=replace(job.regeneration, pairs=(wrong, *job.regeneration.pairs[1:]))
     )
-    assert [row[1] for row in verdicts(planted).rows] == ["FAIL", "PASS", "PASS"]
+    assert {row[0]: row[1] for row in verdicts(planted).rows} == {
+        "printed pair at 5 deg regenerated": "PASS",
+        "printed pair at 15 deg regenerated": "FAIL",
+        "4 of 5 angles of the sweep trimmed": "PASS",
+    }
     assert not planted.ok
 
 
@@ -73,14 +80,32 @@ def claims() -> Claims:
 def test_a_row_each_with_the_verdict_that_is_stored(job: MainJob, claims: Claims) -> None:
     said, table = claims_section(claims, job.regeneration).parts
     stored = claims.data["claims"]
-    assert [(row[0], row[-1]) for row in table.rows] == [
+    assert [row[:2] for row in table.rows] == [
         (claim["number"], claim["verdict"]) for claim in stored
     ]
-    assert {row[-1].tone for row in table.rows if row[-1] == "not confirmed"} == {"bad"}
+    assert {row[1].tone for row in table.rows if row[1] == "not confirmed"} == {"bad"}
     assert "the same matrices as" in said
     with_claims = replace(job, claims=claims)
     assert verdicts(with_claims).rows[-1][1] == "28 of 55 claims not confirmed"
     assert "28 of 55 claims not confirmed" in verdict_sentence(with_claims)
+
+
+def checks_in(data: Any) -> set[str]:
+    """The names of the checks anywhere in the data of a report."""
+    if isinstance(data, dict):
+        own = {data["name"]} if {"name", "value", "limit"} <= set(data) else set()
+        return own.union(*map(checks_in, data.values()))
+    return set().union(*map(checks_in, data)) if isinstance(data, list) else set()
+
+
+def test_every_check_of_the_page_has_a_gloss(job: MainJob) -> None:
+    game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), np.radians(15.0)))
+    run = hfa.learn(game)
+    critic = hfa.from_weights(game, run.weights[-1], run.basis)
+    reports = (job.regeneration, analyse_game(game), check_critic(game, critic, run=run))
+    names = {name for result in reports for name in checks_in(result.report().data)}
+    assert len(names) > 20
+    assert names - {name for name, _ in glosses().rows} == set()
 
 
 def test_another_aircraft_is_noticed(job: MainJob, claims: Claims) -> None:
