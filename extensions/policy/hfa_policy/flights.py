@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import os
-import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -30,7 +29,6 @@ from hfa_support.native.machine_code import machine_code
 COMPILE_FROM = 50_000
 #: Seconds after which it is asked how a flight stands.
 WINDOW = 1.0
-_MAKING = threading.Lock()
 #: A delay within this part of a sample of a whole number of them is that number.
 _WHOLE = 1e-9
 
@@ -215,7 +213,7 @@ class SampledFlight:
 
 
 class Window:
-    """Advances rows by a number of samples. Not for two threads at once: each has a copy."""
+    """Advances rows by a number of samples."""
 
     def __init__(
         self,
@@ -225,17 +223,11 @@ class Window:
         rows: RowNetwork | None,
         samples: int,
     ) -> None:
-        self._functions = (entering, network, later)
-        self._rows = rows
         self._samples = samples
         self._entering = RowFunction(entering)
         self._later = RowFunction(later)
         on_rows = RowFunction(network)
         self._network = rows or (lambda seen: on_rows(seen)[0])
-
-    def copied(self) -> Window:
-        """The same with memory of its own."""
-        return Window(*self._functions, self._rows, self._samples)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """The rows a window later."""
@@ -248,16 +240,10 @@ class Window:
         return rows
 
 
-def in_threads(window: Window, work: Callable[[Window, np.ndarray], None], count: int) -> None:
-    """Calls `work` with a window of its own and numbers of rows, in as many threads as there are
-    processors; the rows are dealt out like cards."""
+def in_threads(work: Callable[[np.ndarray], None], count: int) -> None:
+    """Calls `work` with numbers of rows, in as many threads as there are processors; the rows are
+    dealt out like cards."""
     threads = max(1, min(os.cpu_count() or 1, count // 100))
-    with _MAKING:
-        windows = [window.copied() for _ in range(threads)]
     dealt = [np.arange(first, count, threads) for first in range(threads)]
-    if threads == 1:
-        work(windows[0], dealt[0])
-        return
     with ThreadPoolExecutor(threads) as pool:
-        for done in [pool.submit(work, *pair) for pair in zip(windows, dealt, strict=True)]:
-            done.result()
+        list(pool.map(work, dealt))

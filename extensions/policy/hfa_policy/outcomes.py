@@ -152,7 +152,7 @@ class FlownRows:
         count = len(self.rows)
         windows = max(1, round(seconds / (self.flight.samples_in_window * self.flight.dt)))
 
-        def work(advance: Window, numbers: np.ndarray) -> None:
+        def work(numbers: np.ndarray) -> None:
             flying = numbers
             for number in range(windows):
                 flying = flying[self.status[flying] == _FLYING]
@@ -160,11 +160,11 @@ class FlownRows:
                     break
                 if number == windows - _GROWTH_WINDOWS:
                     self.earlier[flying] = self.nearest[flying]
-                self._window(advance, flying, number)
+                self._window(window, flying, number)
                 if progress is not None and numbers[0] == 0:
                     progress(number + 1, windows)
 
-        in_threads(window, work, count)
+        in_threads(work, count)
         if progress is not None:
             progress(windows, windows)
         self.status[self.status == _CYCLING] = _FLYING
@@ -173,7 +173,7 @@ class FlownRows:
         back = left & (self.nearest <= 1.0) & (self.stable | ~grows)
         self.status[back] = _RETURNED
 
-    def _window(self, advance: Window, flying: np.ndarray, number: int) -> None:
+    def _window(self, window: Window, flying: np.ndarray, number: int) -> None:
         """One window of the flights that go on."""
         X, _, low_X, high_X, low_U, high_U, _, push, _ = self.flight.slices
         rows = self.rows[flying]
@@ -184,7 +184,7 @@ class FlownRows:
         rows[:, high_U] = -np.inf
         if time >= PUSHED - 1e-9:
             rows[:, push] = 0.0
-        rows = advance(rows)
+        rows = window(rows)
         self.rows[flying] = rows
         self.times[flying] = time + self.flight.samples_in_window * self.flight.dt
         inside = (rows[:, low_X] >= self.least[flying]) & (rows[:, high_X] <= self.most[flying])

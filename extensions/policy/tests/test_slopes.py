@@ -1,11 +1,13 @@
 """What a card computes is what Stable-Baselines3 computes, in float64, and its slopes."""
 
 import json
+import zipfile
 
 import numpy as np
 import pytest
 from policy_cases import FOLDER, aircraft, card, trims
 
+from hfa_networks.files.tensors import tensors_in
 from hfa_policy.assessment import Assessor
 
 SLOPES = json.loads((FOLDER / "slopes.json").read_text())
@@ -35,6 +37,9 @@ def test_the_references_cover_what_is_asked():
     assert {kind.normalizer is None for kind in kinds.values()} == {True, False}
     assert kinds["sac_gtm"].box[0].tolist() == [-2.0, -1.0]
     assert "gamma" in kinds["td3_gtm"].observation
+    assert kinds["ppo_squash"].actor.squash
+    assert kinds["ppo_squash"].actor.stored.on_policy
+    assert kinds["sac_sde"].actor.clip_mean == 2.0
     assert len(kinds["ppo_c172"].observation) < len(aircraft("ppo_c172").states)
 
 
@@ -65,3 +70,30 @@ def test_the_stored_slopes_are_those_of_stable_baselines(name):
     for stored, again in zip(SLOPES[name], slopes(name), strict=True):
         for key, values in stored.items():
             np.testing.assert_allclose(values, again[key], rtol=1e-12, atol=1e-12)
+
+
+def test_a_card_of_an_ONNX_file_is_that_of_the_zip(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    zipped = card("ppo_gtm")
+    with zipfile.ZipFile(FOLDER / "ppo_gtm.zip") as archive:
+        tensors = tensors_in(archive.read("policy.pth"), ".pth")
+    names = ("mlp_extractor.policy_net.0", "mlp_extractor.policy_net.2", "action_net")
+    make = onnx.helper.make_node
+    nodes, weights, before = [], [], "o"
+    for number, name in enumerate(names):
+        parts = [f"{name}.weight", f"{name}.bias"]
+        weights += [onnx.numpy_helper.from_array(tensors[part], part) for part in parts]
+        nodes.append(make("Gemm", [before, *parts], [f"h{number}"], transB=1))
+        before = f"h{number}"
+        if name != names[-1]:
+            nodes.append(make("Tanh", [before], [f"t{number}"]))
+            before = f"t{number}"
+    rows = [onnx.helper.make_tensor_value_info("o", onnx.TensorProto.FLOAT, [1, 4])]
+    given = [onnx.helper.make_tensor_value_info(before, onnx.TensorProto.FLOAT, [1, 2])]
+    graph = onnx.helper.make_graph(nodes, "actor", rows, given, weights)
+    onnx.save(onnx.helper.make_model(graph), tmp_path / "actor.onnx")
+    policy = {"file": str(tmp_path / "actor.onnx"), "normalizer": str(FOLDER / "ppo_gtm.pkl")}
+    act = zipped.changed(policy=policy).on(aircraft("ppo_gtm")).act
+    for entry in SLOPES["ppo_gtm"]:
+        action = np.array(act(np.array(entry["observation"]))).ravel()
+        np.testing.assert_allclose(action, entry["action"], rtol=0, atol=1e-12)

@@ -51,6 +51,51 @@ def test_a_wide_network_is_computed_in_single_precision(tmp_path):
     assert 1e-12 < np.abs(single - double).max() < 1e-6
 
 
+@pytest.mark.parametrize(("width", "nearness"), [(100, 1e-12), (160, 1e-5)])
+@pytest.mark.parametrize("activation", ["gelu", "selu"])
+def test_a_wide_network_of_any_operations_is_computed_on_rows(
+    tmp_path, activation, width, nearness
+):
+    card = gtm_card({"file": wide_file(tmp_path / "wide.npz", width), "activation": activation})
+    observations = np.random.default_rng(1).normal(size=(20, 4))
+    graph = np.array(card.actor.function(observations.T)).T
+    np.testing.assert_allclose(card.actor.rows(observations), graph, rtol=0, atol=nearness)
+
+
+def test_a_wide_ONNX_graph_is_computed_on_rows(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    random = np.random.default_rng(0)
+    sizes = {
+        "first": (4, 100),
+        "gain": (100,),
+        "bias": (100,),
+        "second": (100, 100),
+        "last": (100, 2),
+    }
+    weights = [
+        onnx.numpy_helper.from_array(random.normal(size=size) / 10.0, name)
+        for name, size in sizes.items()
+    ]
+    make = onnx.helper.make_node
+    nodes = [
+        make("MatMul", ["o", "first"], ["a"]),
+        make("LayerNormalization", ["a", "gain", "bias"], ["b"]),
+        make("MatMul", ["b", "second"], ["c"]),
+        make("Gelu", ["c"], ["d"]),
+        make("Add", ["d", "b"], ["e"]),
+        make("MatMul", ["e", "last"], ["raw"]),
+    ]
+    describe = onnx.helper.make_tensor_value_info
+    taken = [describe("o", onnx.TensorProto.DOUBLE, [1, 4])]
+    given = [describe("raw", onnx.TensorProto.DOUBLE, [1, 2])]
+    graph = onnx.helper.make_graph(nodes, "actor", taken, given, weights)
+    onnx.save(onnx.helper.make_model(graph), tmp_path / "wide.onnx")
+    actor = gtm_card({"file": str(tmp_path / "wide.onnx")}).actor
+    observations = random.normal(size=(20, 4))
+    expected = np.array(actor.function(observations.T)).T
+    np.testing.assert_allclose(actor.rows(observations), expected, rtol=0, atol=1e-12)
+
+
 def test_a_flight_that_cycles_is_not_flown_to_its_end():
     strong = card("ppo_gtm").changed(timing={"dt": 0.12})
     assessor = Assessor(strong.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)

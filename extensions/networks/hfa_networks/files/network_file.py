@@ -69,7 +69,7 @@ class NetworkFile(NamedTuple):
     precision: of the weights in the file, as "float32".
     on_basis: the only layer, where it acts on the basis and not on the states; then there are no
         functions.
-    rows: the same as `functions` on many rows at once, of chains of linear layers alone.
+    rows: the same as `functions` on many rows at once, where that is faster.
     """
 
     functions: dict[str, ca.Function]
@@ -105,8 +105,8 @@ def network_in(
     with said_of(path):
         try:
             if suffix == ".onnx":
-                functions, precision, chain = graph_functions(path, states, inputs, parts)
-                return NetworkFile(functions, chain, precision)
+                functions, rows, precision, chain = graph_functions(path, states, inputs, parts)
+                return NetworkFile(functions, chain, precision, rows=rows)
             content = regular_file(path, LARGEST_FILE).read_bytes()
             tensors, precision = checked_tensors(tensors_in(content, suffix))
             networks = {
@@ -124,16 +124,15 @@ def network_in(
         if len(first) == 1 and first[0].inputs == features:
             return NetworkFile({}, f"{features} functions -> 1", precision, first[0])
         functions = {}
-        rows: dict[str, RowNetwork] = {}
+        rows = {}
         chains = []
         for name, layers in networks.items():
             check_width(layers[0].inputs, states, inputs)
             steps = _with_activations(layers, activation)
-            functions[name] = _composed(steps)
+            functions[name], on_rows = _composed(steps)
             chains.append(_chain(name, steps))
-            if all(layer.is_linear for layer, _ in steps):
-                on_rows = row_network([(layer.weight, layer.bias, a) for layer, a in steps])
-                rows |= {} if on_rows is None else {name: on_rows}
+            if on_rows is not None:
+                rows[name] = on_rows
         return NetworkFile(functions, "; ".join(chains), precision, rows=rows)
 
 
@@ -311,8 +310,8 @@ def _follows(before: Layer, layer: Layer) -> bool:
     return _kind(before) == _kind(layer) and numbers == _numbers(layer)
 
 
-def _composed(steps: list[tuple[Layer, str]]) -> ca.Function:
-    """x -> the output of the last layer."""
+def _composed(steps: list[tuple[Layer, str]]) -> tuple[ca.Function, RowNetwork | None]:
+    """x -> the output of the last layer; the same on rows, None where that is no faster."""
     x = ca.SX.sym("x", steps[0][0].inputs)
     products = Products(x)
     h = np.fromiter(ca.vertsplit(x), object)
@@ -323,7 +322,10 @@ def _composed(steps: list[tuple[Layer, str]]) -> ca.Function:
             h = normalized(h, (0,), _EPSILON) * layer.weight + layer.bias
         if activation:
             h = ACTIVATIONS[activation](h)
-    return products.function(h)
+    on_rows = None
+    if all(layer.is_linear for layer, _ in steps):
+        on_rows = row_network([(layer.weight, layer.bias, name) for layer, name in steps])
+    return products.function(h), on_rows or products.rows(h)
 
 
 def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from hfa_networks.files.activations import ACTIVATIONS, on_entries
 from hfa_networks.files.products import Products
+from hfa_networks.files.row_network import RowNetwork
 from hfa_networks.files.tensors import LARGEST_FILE, LARGEST_NETWORK, checked_tensors
 from hfa_support.errors import BadInputError, said_of, shortened
 from hfa_support.files import regular_file
@@ -307,8 +308,9 @@ _ELEMENTWISE = (
 
 def graph_functions(
     path: Path, states: int, inputs: int, outputs: Mapping[str, str]
-) -> tuple[dict[str, ca.Function], str, str]:
-    """The functions of a graph, the precision of its weights, and its operators as one line.
+) -> tuple[dict[str, ca.Function], dict[str, RowNetwork], str, str]:
+    """The functions of a graph, those of them on rows, the precision of its weights, and its
+    operators as one line.
 
     path: of the file; weights beside it are read from files of its folder.
     states, inputs: of the plant.
@@ -366,7 +368,14 @@ def graph_functions(
         precision = min(precision, node_precision)  # float32 before float64
         if node.op_type not in _ARRANGING and is_symbolic:
             steps.append(f"{node.op_type} {size}")
-    return _outputs_of(graph, arrays, products, outputs), precision, " -> ".join(steps)
+    functions = {}
+    rows = {}
+    for key, name in _outputs_of(graph, outputs).items():
+        functions[key] = products.function(arrays[name])
+        on_rows = products.rows(arrays[name])
+        if on_rows is not None:
+            rows[key] = on_rows
+    return functions, rows, precision, " -> ".join(steps)
 
 
 def _inputs_of(
@@ -521,11 +530,10 @@ def _refuse_more(size: int, inputs: Any) -> None:
         raise BadInputError(f"an operator of it gives {size:.3g} numbers, more than {most}")
 
 
-def _outputs_of(
-    graph: Any, arrays: Mapping[str, Any], products: Products, outputs: Mapping[str, str]
-) -> dict[str, ca.Function]:
+def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
+    """What was asked for, or the name of an output -> that name."""
     names = [item.name for item in graph.output]
-    functions = {}
+    found = {}
     for kind, output in outputs.items():
         for name in [output] if output else names:
             if name not in names:
@@ -533,6 +541,5 @@ def _outputs_of(
                     f"it has no output {shortened(output)!r}; its outputs are "
                     f"{shortened(', '.join(names))}"
                 )
-            key = kind if output or len(names) == 1 else name
-            functions[key] = products.function(arrays[name])
-    return functions
+            found[kind if output or len(names) == 1 else name] = name
+    return found

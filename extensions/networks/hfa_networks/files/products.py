@@ -5,6 +5,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from hfa_networks.files.row_network import RowNetwork, precision_of
+from hfa_support.native.bound import RowFunction
+
 #: Entries of a matrix up to which a product is a graph of scalars, two operations an entry.
 _SCALARS = 4096
 
@@ -47,16 +50,42 @@ class Products:
             values.append(ca.vec((factor.T @ ca.DM(matrix)).T))
         return ca.Function("network", values[:1], [self._value(_entries(outputs), values)])
 
+    def rows(self, outputs: np.ndarray) -> RowNetwork | None:
+        """x (N, n) -> the same (N, k), each product of all rows at once; None where no product is
+        large."""
+        if not self._factors:
+            return None
+        steps = []
+        for number, (entries, matrix) in enumerate(self._factors):
+            part, places = self._part(entries, number + 1)
+            steps.append((RowFunction(part), places, matrix.astype(precision_of(matrix))))
+        last, places_of_last = self._part(_entries(outputs), len(self._symbols))
+        last_rows = RowFunction(last)
+
+        def on_rows(x: np.ndarray) -> np.ndarray:
+            values = [x]
+            for part, places, matrix in steps:
+                factor = part(*(values[place] for place in places))[0]
+                product = factor.reshape(-1, len(matrix)).astype(matrix.dtype) @ matrix
+                values.append(product.reshape(len(x), -1).astype(float))
+            return last_rows(*(values[place] for place in places_of_last))[0]
+
+        return on_rows
+
     def _value(self, entries: ca.SX, values: list[ca.MX]) -> ca.MX:
         """Entries that depend on the symbols, at values of these."""
-        symbols = self._symbols[:1]
-        arguments = values[:1]
-        for symbol, value in zip(self._symbols[1 : len(values)], values[1:], strict=True):
-            if ca.depends_on(entries, symbol):
-                symbols.append(symbol)
-                arguments.append(value)
-        part = ca.Function("part", symbols, [ca.densify(entries)])
-        return part(*arguments)
+        part, places = self._part(entries, len(values))
+        return part(*(values[place] for place in places))
+
+    def _part(self, entries: ca.SX, count: int) -> tuple[ca.Function, list[int]]:
+        """x and the products among the first `count` symbols on which entries depend -> the
+        entries; and the places of these symbols."""
+        places = [0]
+        for place in range(1, count):
+            if ca.depends_on(entries, self._symbols[place]):
+                places.append(place)
+        symbols = [self._symbols[place] for place in places]
+        return ca.Function("part", symbols, [ca.densify(entries)]), places
 
 
 def _entries(array: np.ndarray) -> ca.SX:

@@ -40,13 +40,17 @@ ROW_ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 
 
+def precision_of(matrix: np.ndarray) -> type[np.floating]:
+    """In which products with a matrix are computed on rows."""
+    return np.float32 if matrix.size >= _WIDE else np.float64
+
+
 def row_network(layers: Sequence[tuple[np.ndarray, np.ndarray, str]]) -> RowNetwork | None:
     """The network of layers (weight (k, n), bias (k,), name of the activation behind it); None
     where an activation is not among `ROW_ACTIVATIONS`."""
     if any(activation not in ROW_ACTIVATIONS for _, _, activation in layers):
         return None
-    is_wide = max(weight.size for weight, _, _ in layers) >= _WIDE
-    kind = np.float32 if is_wide else np.float64
+    kind = precision_of(max((weight for weight, _, _ in layers), key=np.size))
     turned = [
         (np.ascontiguousarray(weight.T, dtype=kind), bias.astype(kind), activation)
         for weight, bias, activation in layers

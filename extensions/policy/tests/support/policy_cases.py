@@ -23,12 +23,14 @@ AIRCRAFT = {
     "ppo_c172": ("jsbsim:c172p", (120.0, 135.0, 150.0)),
     "ppo_hfa": ("", (float(np.radians(8.0)),)),
 }
+#: Hardly trained, of conventions that the others do not have.
+UNTRAINED = {"ppo_squash": (GTM, (45.0,)), "sac_sde": (GTM, (45.0,))}
 
 
 @cache
 def aircraft(name):
     """The model of a policy's aircraft."""
-    where = AIRCRAFT[name][0]
+    where = (AIRCRAFT | UNTRAINED)[name][0]
     return load_model(where) if where else hfa.aircraft()
 
 

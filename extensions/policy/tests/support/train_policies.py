@@ -41,7 +41,14 @@ PLANS = {
     "a2c_gtm": (sb3.A2C, GTM, (45,), GTM_STARTS, True, TANH, (16,), 60_000),
     "ppo_c172": (sb3.PPO, "jsbsim:c172p", (120, 135, 150), C172_STARTS, True, TANH, (16, 16), 60_000),
     "ppo_hfa": (sb3.PPO, "hfa_model:MODEL", np.radians((8, 15)), HFA_STARTS, True, TANH, (16, 16), 60_000),
+    "ppo_squash": (sb3.PPO, GTM, (45,), GTM_STARTS, True, TANH, (16,), 512),
+    "sac_sde": (sb3.SAC, GTM, (45,), GTM_STARTS, False, RELU, (16,), 600),
 }  # fmt: skip
+#: Name -> settings that it alone has.
+ALONE = {
+    "ppo_squash": {"use_sde": True, "n_steps": 128, "policy_kwargs": {"squash_output": True}},
+    "sac_sde": {"use_sde": True, "policy_kwargs": {}},
+}
 OF_ALGORITHM = {
     sb3.PPO: {"n_steps": 512, "batch_size": 256, "n_epochs": 8, "learning_rate": 1e-3},
     sb3.A2C: {"n_steps": 16},
@@ -116,6 +123,8 @@ def train(name):
         flights = VecNormalize(flights, gamma=0.98)
     settings = {"policy_kwargs": {"net_arch": list(layout), "activation_fn": activation}}
     settings |= {"seed": 1, "gamma": 0.98, "device": "cpu", **OF_ALGORITHM[algorithm]}
+    alone = ALONE.get(name, {"policy_kwargs": {}})
+    settings |= alone | {"policy_kwargs": settings["policy_kwargs"] | alone["policy_kwargs"]}
     policy = algorithm("MlpPolicy", flights, **settings)
     policy.learn(steps)
     policy.save(FOLDER / f"{name}.zip")
@@ -142,8 +151,10 @@ def slopes(name, count=5):
         row = observation[None]
         if algorithm in (sb3.PPO, sb3.A2C):
             mean = policy.action_net(policy.mlp_extractor.forward_actor(row))[0]
-            return torch.clamp(mean, low, high)
-        if algorithm is sb3.SAC:
+            if not policy.squash_output:
+                return torch.clamp(mean, low, high)
+            squashed = torch.tanh(mean)
+        elif algorithm is sb3.SAC:
             squashed = torch.tanh(policy.actor.mu(policy.actor.latent_pi(row)))[0]
         else:
             squashed = policy.actor.mu(row)[0]
