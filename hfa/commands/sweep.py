@@ -141,8 +141,7 @@ def sweep(request: SweepRequest) -> int:
     if not request.stored:
         request.refuse(OF_A_STORE, f"needs a store; add -o FILE{STORE}")
         return _in_memory(request)
-    why = "does not go with a store, which holds all seven states, in feet, and no picture"
-    request.refuse(("picture", "units"), why)
+    request.refuse(("picture",), "does not go with a store, which holds no picture")
     return _in_store(request)
 
 

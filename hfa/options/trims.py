@@ -501,9 +501,3 @@ class WorkersOptions(Request):
         rare=True,
     )
     resume: bool = option("continue an interrupted run of the same options", rare=True)
-
-
-def refuse_si(request: UnitsOption, reason: str) -> None:
-    """BadInputError when --units si is given with --output, whose file is always in feet."""
-    if request.units == "si":
-        request.refuse(("output",), f"does not go with --units si: {reason}; leave one out")

@@ -101,6 +101,7 @@ REFUSED = {
             "--hold belongs to the aircraft; leave it out with --model",
         ),
         ("--model given.json --units si", "--units belongs to the aircraft"),
+        ("--design servo --dihedral 11 --units si", "weights of a design; leave it out"),
     ],
     "learn": [
         ("--dihedral 15 --law sarsa", "--law is 'sarsa'; use one of certified"),
@@ -124,7 +125,6 @@ REFUSED = {
     "design": [
         ("given.npz", "given.npz: this is no controller file"),
         ("--design paper --dihedral 0:5", "--dihedral is '0:5'; give start:stop:step"),
-        ("--design servo --units si -o a.npz", "leave --units si out"),
     ],
     "regenerate": [("--dynamics unsteady", "more than seven states")],
 }

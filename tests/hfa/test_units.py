@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zarr
 from cli import answer, assert_refused, hfa
 
+from hfa.main import BAD_INPUT
 from hfa_support import units
 
 FOOT = 0.3048
@@ -160,6 +162,29 @@ def test_a_flight_in_metres_is_the_flight_in_feet() -> None:
     metres = answer(*FLIGHT, "--gust", f"{200 * FOOT!r}:{5 * FOOT!r}", "--units", "si")
     assert metres["final"]["speed"] == pytest.approx(feet["final"]["speed"] * FOOT, rel=1e-9)
     assert metres["final"]["alpha"] == pytest.approx(feet["final"]["alpha"], rel=1e-7, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (("sweep", "--dihedral", "5,15"), "states"),
+        (("fly", *AT, "--samples", "2", "--duration", "0.1", "--error", "chord=0.05"), "final"),
+    ],
+)
+def test_a_store_in_metres_is_the_store_in_feet(
+    words: tuple[str, ...], name: str, tmp_path: Path
+) -> None:
+    stores = {}
+    for system in ("english", "si"):
+        path = tmp_path / f"{system}.zarr"
+        result = hfa(*words, "--units", system, "-o", str(path))
+        assert result.code == 0, result.err
+        stores[system] = zarr.open_group(str(path), mode="r")
+    assert stores["si"].attrs["state_units"][:3] == ["m/s", "rad", "m"]  # type: ignore[index]
+    feet, metres = (np.asarray(store[name])[:, :3] for store in stores.values())
+    np.testing.assert_allclose(metres, feet * [FOOT, 1.0, FOOT], rtol=1e-9)
+    continued = hfa(*words, "--resume", "-o", str(tmp_path / "si.zarr"))
+    assert_refused(continued, BAD_INPUT, "belongs to another")
 
 
 @pytest.mark.parametrize("suffix", ["npz", pytest.param("mat", marks=pytest.mark.slow)])

@@ -27,7 +27,6 @@ from hfa.main import BAD_INPUT
         ("fly --dihedral 15 --samples 2 --resume", "-o FILE.zarr"),
         ("fly --dihedral 15 --samples 2 -o a.json", "the members of --samples go to a store"),
         ("fly --dihedral 15 --samples 2 --picture a.png", "--picture shows one flight"),
-        ("fly --dihedral 15 --samples 2 --units si -o a.zarr", "a store is in ft"),
         ("export ", "the following arguments are required: --output"),
         (
             "export -o aircraft.zip",

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.native_units import native_of
 from hfa_flight.signals import COMMAND_FILTER
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
@@ -297,7 +298,7 @@ _FILE = {
 @checks_arguments
 def load_design(name: str, model: Model) -> Design:
     """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its
-    file, for a model.
+    file, for a model in the units of its declaration.
 
     inputs, integrals: lists of names
     disturbance: where it enters, "states", "commands" or one of the model's, or the table
@@ -314,11 +315,8 @@ def load_design(name: str, model: Model) -> Design:
 
     BadInputError names the file, the entry and the fault.
     """
-    if model.native is not None:
-        raise BadInputError(
-            f"{name}: a design is in the units of the aircraft's declaration; leave --units si out"
-        )
-    return design_of(name, read_named("design", name, NAMED, "hfa_servo", {...: None}), model)
+    data = read_named("design", name, NAMED, "hfa_servo", {...: None})
+    return design_of(name, data, native_of(model))
 
 
 def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:

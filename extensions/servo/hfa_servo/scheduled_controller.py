@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ import numpy as np
 from controller.game.array_file import read_arrays
 from controller.game.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_aircraft.model import Model
+from hfa_aircraft.native_units import native_of
+from hfa_aircraft.units import in_si
 from hfa_servo.design import signal_unit
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shown
@@ -30,6 +32,7 @@ from hfa_support.reporting.data_files import save_data
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.text import Table, shown_value
 from hfa_support.schema import NUMBER, POSITIVE, checked
+from hfa_support.units import conversion
 
 #: What a controller may be told of a command r: its value, its rate, and the value that the filter
 #: goes to.
@@ -276,8 +279,46 @@ class ScheduledController(ByValue, Reported):
 
 
 def identity(model: Model) -> str:
-    """The hash of a model's parameters."""
-    return parameter_hash(model.layout.record("p", model.p.tolist()))
+    """The hash of a model's parameters, in the units of its declaration."""
+    native = native_of(model)
+    return parameter_hash(native.layout.record("p", native.p.tolist()))
+
+
+def in_units_of(controller: ScheduledController, model: Model) -> ScheduledController:
+    """The same controller in the units of a model, which is its own or that in SI.
+
+    With a signal s' = f s: A' = f_x A / f_x, B' = f_x B / f_y, C' = f_u C / f_x, D' = f_u D / f_y,
+    W' = f_x W / f_u.
+    """
+    if (controller.model.native is None) == (model.native is None):
+        return controller
+    measured = (*controller.measurements, *controller.commands)
+    y = _factors(controller.model, model, measured)
+    x = _factors(controller.model, model, controller.states)
+    u = _factors(controller.model, model, controller.inputs)
+    by = model.schedule
+    along = _factors(controller.model, model, (by,))[0]
+    rows = [{**row, by: row[by] * along} for row in controller.about.get("angles", ())]
+    return replace(
+        controller,
+        breakpoints=controller.breakpoints * along,
+        A=controller.A * x[:, None] / x,
+        B=controller.B * x[:, None] / y,
+        C=controller.C * u[:, None] / x,
+        D=controller.D * u[:, None] / y,
+        W=controller.W * x[:, None] / u,
+        trim_states=controller.trim_states * _factors(controller.model, model, model.states),
+        trim_inputs=controller.trim_inputs * _factors(controller.model, model, model.inputs),
+        about={**controller.about, "angles": rows},
+        model=model,
+    )
+
+
+def _factors(before: Model, after: Model, names: Iterable[str]) -> np.ndarray:
+    """By what signals in the units of one model are multiplied to be in those of another; 1 where
+    a name says no unit."""
+    found = [conversion(signal_unit(before, name), signal_unit(after, name)) for name in names]
+    return np.array([1.0 if factor is None else factor for factor in found])
 
 
 def _key(model: Model) -> str:
@@ -308,18 +349,15 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
             f"{path}: a controller is written as {' or '.join(SUFFIXES)}; choose one of them"
         )
     about = json.dumps(jsonable(controller.about))
-    save_data(target, {"schema": SCHEMA, "about": about, **_stored(controller)}, Table((), ()))
+    units = {} if controller.model.native is None else {"units": "si"}
+    content = {"schema": SCHEMA, "about": about, **_stored(controller), **units}
+    save_data(target, content, Table((), ()))
 
 
 @checks_arguments
 def load_controller(path: str | Path, model: Model) -> ScheduledController:
-    """The controller in a .npz file of `save_controller`, in the names of a model. BadInputError
-    names the file and its fault."""
-    if model.native is not None:
-        raise BadInputError(
-            f"{path}: a controller is in the units of the aircraft's declaration; "
-            "leave --units si out"
-        )
+    """The controller in a .npz file of `save_controller`, in the names and units of a model.
+    BadInputError names the file and its fault."""
     if Path(path).suffix.lower() != ".npz":
         raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")
     content = read_arrays(path)
@@ -329,7 +367,10 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
         )
     try:
         with said_of(path):
-            return _controller_of(content, model)
+            made_with = native_of(model)
+            if str(content.get("units", "english")) == "si":
+                made_with = in_si(made_with)
+            return in_units_of(_controller_of(content, made_with), model)
     except BadInputError:
         raise
     except KeyError as error:

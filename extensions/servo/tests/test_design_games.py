@@ -17,6 +17,7 @@ from servo_cases import SIMVFA, simvfa_design
 import hfa_model
 from controller import design_model, load_controller
 from hfa_aircraft.model import Model
+from hfa_aircraft.units import in_si
 
 # Solve.
 
@@ -159,6 +160,31 @@ def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
     data = answer("design", "servo.npz")
     np.testing.assert_array_equal(data["C"], controller.C)
     assert [row["dihedral"] for row in data["angles"]] == pytest.approx(controller.breakpoints)
+
+
+def test_a_controller_in_metres_is_the_controller_in_feet() -> None:
+    words = ("design", SIMVFA["simvfa-1"], "--dihedral", "11", "--bandwidth", "10")
+    feet = hfa(*words, "-o", "feet.npz")
+    metres = hfa(*words, "--units", "si", "-o", "metres.npz")
+    assert (feet.code, metres.code) == (0, 0)
+    assert metres.out.split("\n\n")[:-1] == feet.out.split("\n\n")[:-1]
+    model = hfa_model.aircraft()
+    for aircraft, factor in ((model, 1.0), (in_si(model), 0.3048)):
+        one = load_controller("feet.npz", aircraft)
+        other = load_controller("metres.npz", aircraft)
+        for name in ("A", "B", "C", "D", "W", "trim_states", "trim_inputs"):
+            expected = getattr(one, name)
+            np.testing.assert_allclose(getattr(other, name), expected, rtol=1e-12, atol=1e-14)
+        speed = one.measurements.index("speed")
+        in_feet = load_controller("feet.npz", model)
+        np.testing.assert_allclose(one.D[0][:, speed], in_feet.D[0][:, speed] / factor, rtol=1e-12)
+    flight = ("fly", *AT_11, "--controller", "feet.npz", "--actuators", "0.5:60", "--duration", "1")
+    ends = [
+        answer(*flight, "--command", "dihedral=0.2:0.5", "--units", units)["final"]
+        for units in ("english", "si")
+    ]
+    assert ends[1]["speed"] == pytest.approx(0.3048 * ends[0]["speed"], rel=1e-12)
+    assert ends[1]["alpha"] == pytest.approx(ends[0]["alpha"], rel=1e-9)
 
 
 def test_matrices_go_to_other_tools() -> None:

@@ -21,7 +21,6 @@ from hfa.options.trims import (
     WorkersOptions,
     output_option,
     picture_option,
-    refuse_si,
 )
 from hfa.output import ProgressLine, print_report, show
 from hfa_flight.options import FlightOptions
@@ -148,7 +147,6 @@ def _fly_members(request: FlyRequest) -> int:
     request.refuse(("picture",), "shows one flight; leave it out with --samples")
     if target is not None and target.suffix != ".zarr":
         raise BadInputError(f"{target}: the members of --samples go to a store; use -o FILE.zarr")
-    refuse_si(request, "a store is in ft")
     if request.resume and target is None:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
     plan = MonteCarlo(request.samples, request.seed, *request.flight())

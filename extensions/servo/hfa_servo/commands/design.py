@@ -18,12 +18,17 @@ from hfa.options.trims import (
     OutputOptions,
     UnitsOption,
     called_at,
-    refuse_si,
     scheduled,
 )
 from hfa.output import ProgressLine, print_report
+from hfa_aircraft.native_units import native_of, native_values
 from hfa_servo.design import load_design
-from hfa_servo.scheduled_controller import SUFFIXES, load_controller, save_controller
+from hfa_servo.scheduled_controller import (
+    SUFFIXES,
+    in_units_of,
+    load_controller,
+    save_controller,
+)
 from hfa_support.errors import BadInputError
 
 #: A second or two each.
@@ -67,18 +72,19 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
     )
 
     def breakpoints(self, design: Any) -> np.ndarray:
-        """The values of the scheduling variable at which there are controllers, (N,)."""
+        """The values of the scheduling variable at which there are controllers, (N,), in the units
+        of the aircraft's declaration, as the design is."""
         by = self.model.schedule
-        values = self.at
-        if values is None and design.shaping is not None:
-            values = tuple(design.shaping.breakpoints)
-        if values is None and by == "dihedral":
-            values = value_range(self.model, by, _RANGE)
-        if values is None:
+        if self.at is not None:
+            typed = array_of(f"--{called_at(self.model)}", self.at, _MOST_POINTS)
+            return native_values(self.model, (by,), typed[:, None])[:, 0]
+        if design.shaping is not None:
+            return np.array(design.shaping.breakpoints)
+        if by != "dihedral":
             raise BadInputError(
                 f"give the values of {by or 'the scheduling variable'} by --at RANGE"
             )
-        return array_of(f"--{called_at(self.model)}", values, _MOST_POINTS)
+        return array_of("--dihedral", value_range(self.model, by, _RANGE), _MOST_POINTS)
 
 
 @command(DesignRequest)
@@ -92,7 +98,6 @@ def design(request: DesignRequest) -> int:
     from hfa_servo.controllers import design_controller
     from hfa_servo.servo_loop import check_margins
 
-    refuse_si(request, "a controller is in ft, slug, lbf")
     if (request.file is None) == (request.design is None):
         raise BadInputError(
             "name one of --design NAME and a file: of a design (.toml) or of a controller (.npz)"
@@ -108,8 +113,9 @@ def design(request: DesignRequest) -> int:
         controller = load_controller(stored, model)
     else:
         controller = design_controller(
-            model, design, request.breakpoints(design), progress=ProgressLine("design")
+            native_of(model), design, request.breakpoints(design), progress=ProgressLine("design")
         )
+        controller = in_units_of(controller, model)
         origin = {**controller.about, "provenance": request.provenance.to_dict()}
         controller = replace(controller, about=origin)
     knots = controller.breakpoints
