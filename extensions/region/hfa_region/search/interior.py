@@ -21,10 +21,10 @@ import scipy.linalg
 import scipy.sparse as sp
 
 _ITERATIONS = 80
-#: Of every equation and of the gap between a cost and its bound.
+#: Of the gap between a cost and its bound.
 _TOLERANCE = 1e-9
-#: Equations that miss by more are not solved.
-_WORST = 1e-7
+#: Where nothing better comes, equations may miss by so many times their tolerance.
+_WORSE = 100.0
 #: Share of the way to the edge of a cone that a step takes.
 _SHARE = 0.95
 _SHORTEST_STEP = 1e-4
@@ -88,6 +88,7 @@ def minimized(
     cost: np.ndarray,
     *,
     enough: Enough = lambda cost, bound: False,
+    tolerance: float = _TOLERANCE,
     seconds: float = np.inf,
 ) -> Point | None:
     """The free numbers and matrices of least cost, or of one that is enough; None where the
@@ -96,9 +97,10 @@ def minimized(
     groups: of equations
     cost: (k,), c
     enough: ends the search before the least cost is found
+    tolerance: of every equation
     seconds: of processor time
     """
-    search = _Search(groups, cost)
+    search = _Search(groups, cost, tolerance)
     end = time.process_time() + seconds
     with np.errstate(all="ignore"):  # of multipliers that grow where there is no such point
         for _ in range(_ITERATIONS):
@@ -110,7 +112,7 @@ def minimized(
                 break
             if not moved:
                 break
-    if not search.missing < _WORST:
+    if not search.missing < _WORSE * tolerance:
         return None
     matrices = [[cone.Q for cone in part.cones] for part in search.parts]
     return Point(search.f, matrices)
@@ -214,8 +216,9 @@ class _Part:
 class _Search:
     """The iteration: f, and all groups."""
 
-    def __init__(self, groups: Sequence[Group], cost: np.ndarray) -> None:
+    def __init__(self, groups: Sequence[Group], cost: np.ndarray, tolerance: float) -> None:
         self._cost = cost
+        self._tolerance = tolerance
         largest = max(float(np.max(np.abs(group.b), initial=1.0)) for group in groups)
         costliest = float(np.max(np.abs(cost), initial=1.0))
         self.parts = [_Part(group, largest, costliest) for group in groups]
@@ -237,7 +240,7 @@ class _Search:
 
     def done(self, enough: Enough) -> bool:
         """Whether the least cost is found, or enough."""
-        solved = self.missing < _TOLERANCE
+        solved = self.missing < self._tolerance
         bounded = self._unbounded < 10.0 * _TOLERANCE
         if solved and bounded and self._gap < _TOLERANCE:
             return True

@@ -27,6 +27,8 @@ MARGIN = 2e-7
 _ENOUGH = 10.0 * MARGIN
 #: How much larger than the set the ball is, and extents than what they hold.
 _SLACK = 1e-7
+#: How often a level is lowered on whose ball an output may leave its limits.
+_SMALLER = 25
 #: Steps of the bisection.
 _STEPS = 11
 #: How much larger than a set of points an ellipsoid is tried, one after the other.
@@ -356,7 +358,7 @@ def proved_level(
     T: coordinates in which {V <= rho} can be measured
     """
     share = 0.0
-    for _ in range(8):
+    for _ in range(_SMALLER):
         held = holding_ball(V, rho, T)
         if held is None:
             return None
@@ -364,7 +366,7 @@ def proved_level(
             share = LevelSearch(loop, V, rho, held, setting).largest()
             break
         except NoSolutionError:  # the equations or outputs on so large a ball
-            rho /= 2.0
+            rho *= 0.8
     for _ in range(6):
         if share == 0.0:
             return None

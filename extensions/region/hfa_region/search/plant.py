@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -60,24 +61,57 @@ class Plant:
         return np.array(pairs).reshape(-1, 2) - at[:, None]
 
     @cached_property
-    def state_room(self) -> np.ndarray:
-        """(n,), the largest deviation to both sides that the limits of a state allow."""
-        room = []
-        for name, at in self.loop.trim.items():
-            low, high = self.loop.limits.get(name, (-np.inf, np.inf))
-            room.append(min(at - low, high - at))
-        return np.array(room)
+    def limited(self) -> tuple[str, ...]:
+        """Names of the moving states and of the outputs that have limits."""
+        loop = self.loop
+        return tuple(name for name in (*loop.states, *loop.model.outputs) if name in loop.limits)
 
     @cached_property
-    def _function(self) -> ca.Function:
+    def limited_rows(self) -> np.ndarray:
+        """(k, n), slopes of the limited signals in z; those of outputs at the trim."""
+        rows = np.vstack([np.eye(len(self.loop.states)), self._outputs[1]])
+        return np.asarray(rows[[self._signals.index(name) for name in self.limited]])
+
+    @cached_property
+    def room(self) -> np.ndarray:
+        """(k, 2), lowest and highest deviation of each limited signal."""
+        at = dict(zip(self._signals, (*self.loop.trim.values(), *self._outputs[0]), strict=True))
+        pairs = [np.array(self.loop.limits[name]) - at[name] for name in self.limited]
+        return np.array(pairs).reshape(-1, 2)
+
+    @property
+    def _signals(self) -> list[str]:
+        return [*self.loop.states, *self.loop.model.outputs]
+
+    @cached_property
+    def _outputs(self) -> tuple[np.ndarray, np.ndarray]:
+        """All outputs at the trim, and their slopes in z with the inputs free."""
+        z, v, states, inputs = self._symbols()
+        names = tuple(self.loop.model.outputs)
+        parameters = list(self.loop.parameters.values())
+        _, y = self.loop.model.layout.expressions((states, inputs, parameters), names)
+        if not names:
+            return np.zeros(0), np.zeros((0, z.numel()))
+        closed = ca.substitute(y, v, -ca.DM(self.loop.K) @ z)
+        function = ca.Function("outputs", [z], [closed, ca.jacobian(closed, z)])
+        values, slopes = function(np.zeros(z.numel()))
+        return np.array(values).ravel(), np.array(slopes)
+
+    def _symbols(self) -> tuple[ca.SX, ca.SX, list[Any], list[Any]]:
+        """z, the deviations of the inputs, and all states and inputs."""
         loop = self.loop
         z = ca.SX.sym("z", len(loop.states))
         v = ca.SX.sym("v", len(loop.inputs))
         moving = zip(loop.trim.items(), ca.vertsplit(z), strict=True)
         values = dict(loop.held) | {name: at + part for (name, at), part in moving}
         states = [values[name] for name in loop.model.states]
-        at_trim = loop.inputs.values()
-        inputs = [at + part for at, part in zip(at_trim, ca.vertsplit(v), strict=True)]
+        parts = zip(loop.inputs.values(), ca.vertsplit(v), strict=True)
+        return z, v, states, [at + part for at, part in parts]
+
+    @cached_property
+    def _function(self) -> ca.Function:
+        loop = self.loop
+        z, v, states, inputs = self._symbols()
         parameters = list(loop.parameters.values())
         f, _ = loop.model.layout.expressions((states, inputs, parameters), ())
         rows = [list(loop.model.states).index(name) for name in loop.states]
@@ -93,6 +127,14 @@ class Plant:
     def _rates(self) -> ca.Function:
         z = ca.SX.sym("z", len(self.loop.states))
         return ca.Function("rates", [z], [self._function(z)[0]])
+
+    def away(self, z: np.ndarray) -> np.ndarray:
+        """Which of many deviations (N, n) are beyond a limit, those of outputs by their slopes at
+        the trim, or without number."""
+        signals = z @ self.limited_rows.T
+        low, high = self.room.T
+        within = np.all((signals >= low) & (signals <= high), axis=1)
+        return ~(within & np.all(np.abs(z) <= _FAR * self.nominal, axis=1))
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """z' of many deviations (N, n)."""
@@ -185,8 +227,7 @@ def lost(
     holds: whether each of (N, n) is in the proved set
     seconds: how long each is followed
 
-    A trajectory is followed by the classical method of Runge and Kutta; one that leaves the limits
-    of a state is lost. state_room holds for both sides: the nearer limit.
+    A trajectory is followed by the classical method of Runge and Kutta; one that is `away` is lost.
     """
     fastest = float(np.max(np.abs(np.linalg.eigvals(plant.closed_matrix))))
     step = 1.0 / (_STEPS * fastest)
@@ -197,8 +238,7 @@ def lost(
         for count in range(int(np.ceil(seconds / step))):
             if count % 8 == 0:
                 now = z[flying]
-                gone = ~(np.abs(now) <= np.minimum(plant.state_room, _FAR * plant.nominal))
-                away = gone.any(axis=1)
+                away = plant.away(now)
                 result[flying[away]] = True
                 flying = flying[~(away | holds(now))]
                 if not len(flying):

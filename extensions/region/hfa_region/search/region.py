@@ -22,8 +22,8 @@ from hfa_support.progress import Progress
 _REACHES = (1.35, 1.1)
 #: A turn that makes the set larger by less than this, linearly, is the last of its reach.
 _GAIN = 1.004
-#: Shares of the level of a new V that are tried, that of its step being 1.
-_SHARES = (1.0, 0.93, 0.85, 0.7, 0.5)
+#: Levels of a new V that are tried, that of its step being 1.
+_LEVELS = (1.0, 0.93, 0.85, 0.7, 0.5)
 #: A proof takes as long as so many turns: the last turn begins earlier.
 _TURNS_OF_A_PROOF = 5.0
 #: How far above 1 a level of the last V is tried.
@@ -34,7 +34,7 @@ _CANDIDATES = 10
 _RAYS = 80
 _SHELLS = 10
 _FARTHEST = 20.0
-#: A state that reaches this share of the room to its limit touches it.
+#: A signal that reaches this share of the room to its limit touches it.
 _TOUCHES = 0.97
 #: Candidates of which a level is tried to be proved.
 _TRIED = 4
@@ -113,7 +113,6 @@ class RegionSearch:
         self.best: ProvedLevel | None = None
         self.origin = ""
         self._size = 0.0
-        self._room = np.array([self._ends(name) for name in loop.states])
 
     def found(self, known: PolynomialFunction | None = None) -> Region:
         """The largest region; NoSolutionError where none is proved.
@@ -158,12 +157,6 @@ class RegionSearch:
             done = min(self._seconds, time.process_time() - self._begin)
             self._progress(done, self._seconds, what)
 
-    def _ends(self, name: str) -> list[float]:
-        """Lowest and highest deviation of a state within its limits."""
-        low, high = self.loop.limits.get(name, (-np.inf, np.inf))
-        at = self.loop.trim[name]
-        return [low - at, high - at]
-
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
         """Positive definite matrices that may be a Lyapunov function of the loop."""
         if self._P is not None and np.all(np.linalg.eigvalsh((self._P + self._P.T) / 2) > 0.0):
@@ -200,10 +193,12 @@ class RegionSearch:
         return sorted(found, key=lambda candidate: -candidate[0])
 
     def _limit_of(self, P: np.ndarray) -> tuple[float, np.ndarray]:
-        """The largest level of z'P z within the limits of the states, and T of its ball."""
-        widths = np.diag(np.linalg.inv(P))
-        room = np.min(np.abs(self._room), axis=1)
-        room = np.minimum(room, _WIDEST * self.plant.nominal)
+        """The largest level of z'P z within the limits, and T of its ball."""
+        inverse = np.linalg.inv(P)
+        rows = np.vstack([self.plant.limited_rows, np.eye(self._n)])
+        nearest = np.min(np.abs(self.plant.room), axis=1)
+        room = np.concatenate([nearest, _WIDEST * self.plant.nominal])
+        widths = np.einsum("ki,ij,kj->k", rows, inverse, rows)
         level = float(np.min(room**2 / widths)) * (1.0 - 1e-9)
         return level, np.sqrt(level) * np.linalg.inv(np.linalg.cholesky(P)).T
 
@@ -231,45 +226,45 @@ class RegionSearch:
             return V
         for reach in _REACHES:
             while self._left() > _TURNS_OF_A_PROOF * turn.seconds:
-                found = better(turn.search, turn.share, self._room, reach)
+                found = better(turn.search, self.plant.limited_rows, self.plant.room, reach)
                 after = None if found is None else self._turn(found, setting)
                 grown = 0.0 if after is None else after.size / turn.size
                 if after is not None and grown > 1.0:
                     turn = after
                 if grown < _GAIN:
                     break
-        best = turn.V.scaled(1.0 / (turn.share * turn.search.rho))
-        self._prove(best, self._highest(best), f"V of degree {best.degree} by turns", setting)
-        return best
+        origin = f"V of degree {turn.V.degree} by turns"
+        self._prove(turn.V, self._highest(turn.V), origin, setting)
+        return turn.V
 
     def _turn(self, V: PolynomialFunction, setting: Setting) -> _Turn | None:
-        """A level of V at 1 or a little below, in floating point; None where none is found."""
+        """V with its level 1, or one a little below, that holds in floating point; None where none
+        is found."""
         begin = time.process_time()
-        held = holding_ball(V, 1.0, self._T_of(V))
-        if held is None:
-            return None
-        try:
-            search = LevelSearch(self.loop, V, 1.0, held, setting)
-            share = next((share for share in _SHARES if search.holds(share)), None)
-        except NoSolutionError:  # the equations on so large a ball
-            return None
-        if share is None:
-            return None
-        size = measured(V, share, held)
-        self._tell(f"V of degree {setting.degree}, size {size:.4g}")
-        return _Turn(V, search, share, size, time.process_time() - begin)
+        for level in _LEVELS:
+            tried = V.scaled(1.0 / level)
+            held = holding_ball(tried, 1.0, self._T_of(tried))
+            if held is None:
+                continue
+            try:
+                search = LevelSearch(self.loop, tried, 1.0, held, setting)
+                if not search.holds(1.0):
+                    continue
+            except NoSolutionError:  # the equations or outputs on so large a ball
+                continue
+            size = measured(tried, 1.0, held)
+            self._tell(f"V of degree {setting.degree}, size {size:.4g}")
+            return _Turn(tried, search, size, time.process_time() - begin)
+        return None
 
     def _highest(self, V: PolynomialFunction) -> float:
-        """A level above 1 that may be proved: within the limits of the states, V' < 0 where it is
-        sampled."""
+        """A level above 1 that may be proved: within the limits, V' < 0 where it is sampled."""
         T = self._T_of(V)
         rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
-        low, high = self._room.T
         highest = 1.0
         for level in np.geomspace(1.01, _GROWTH, 12):
             points = edge_points(V, T, level) @ T.T
-            within = np.all(points.min(axis=0) >= low) and np.all(points.max(axis=0) <= high)
-            if level > rises or not within:
+            if level > rises or np.any(self.plant.away(points)):
                 break
             highest = float(level)
         return highest
@@ -291,7 +286,7 @@ class RegionSearch:
             proved,
             V,
             self.origin,
-            Bounds(rises, self._lost(V, statement.rho, T), self._binding()),
+            Bounds(rises, self._lost(V, statement.rho, T), self._binding(V, statement.rho, T)),
             self.plant,
             T,
         )
@@ -324,31 +319,26 @@ class RegionSearch:
         values = V(starts)
         return float(values.min()), starts[values.argmin()]
 
-    def _binding(self) -> tuple[str, ...]:
-        """Names of states that come near a limit in the proved set."""
-        assert self.best is not None
-        extents = self.best.statement.extents.values()
-        names = []
-        for name, pair, room in zip(self.loop.states, extents, self._room, strict=True):
-            if pair[0] <= _TOUCHES * room[0] or pair[1] >= _TOUCHES * room[1]:
-                names.append(name)
-        return tuple(names)
+    def _binding(self, V: PolynomialFunction, rho: float, T: np.ndarray) -> tuple[str, ...]:
+        """Names of signals that come near a limit in the proved set."""
+        points = edge_points(V, T, rho) @ T.T @ self.plant.limited_rows.T
+        low, high = self.plant.room.T
+        near = (points.min(axis=0) <= _TOUCHES * low) | (points.max(axis=0) >= _TOUCHES * high)
+        return tuple(np.array(self.plant.limited)[near].tolist())
 
 
 @dataclass(frozen=True, eq=False)
 class _Turn:
-    """A level of V in floating point.
+    """A V whose level 1 holds in floating point.
 
-    V: the function
+    V: the function, its level 1
     search: in the ball that holds it
-    share: of the level of the search
     size: of its set
     seconds: processor time it took
     """
 
     V: PolynomialFunction
     search: LevelSearch
-    share: float
     size: float
     seconds: float
 

@@ -27,25 +27,24 @@ _SECONDS = 120.0
 
 
 def better(
-    search: LevelSearch, share: float, room: np.ndarray, reach: float
+    search: LevelSearch, rows: np.ndarray, room: np.ndarray, reach: float
 ) -> PolynomialFunction | None:
-    """A V, its level 1, whose set is larger than {V <= share rho}; None where none is found.
+    """A V, its level 1, whose set is larger than that of the search; None where none is found.
 
-    search: of the V at hand, whose level has been found
-    share: the level, of `rho`
-    room: (n, 2), lowest and highest deviation of each state that its limits allow
+    search: of the V at hand, whose level holds
+    rows: (k, n), slopes of the signals that have limits
+    room: (k, 2), lowest and highest deviation of each
     reach: how far beyond the ball the set of the next V may reach, above 1
     """
-    return _Step(search, share, reach).solved(room)
+    return _Step(search, reach).solved(rows, room)
 
 
 class _Step:
     """One problem for V = Σ θ_α y^α in the coordinates of a search."""
 
-    def __init__(self, search: LevelSearch, share: float, reach: float) -> None:
+    def __init__(self, search: LevelSearch, reach: float) -> None:
         self.search = search
         self.reach = reach
-        self.share = share
         n = search.ball.n
         self.n = n
         self.problem = Squares(n)
@@ -54,16 +53,15 @@ class _Step:
         self.keys = _packed(self.exponents)
         self.theta = self.problem.free(len(keys))
 
-    def solved(self, room: np.ndarray) -> PolynomialFunction | None:
+    def solved(self, rows: np.ndarray, room: np.ndarray) -> PolynomialFunction | None:
         """The next V in z, its level 1."""
         for part in self.search.parts:
             if not self._decrease(part):
                 return None
         self._positive()
         self._bounded(Terms.packed(_ball(self.n, self.reach)), 1)
-        for index, (low, high) in enumerate(room.tolist()):
-            if np.isfinite(low) or np.isfinite(high):
-                self._bounded(self._beyond(index, low, high), 1)
+        for row, (low, high) in zip(rows, room.tolist(), strict=True):
+            self._bounded(self._beyond(row, low, high), 1)
         self.problem.cost(self.theta, _means(self.exponents))
         solution = self.problem.solve(margin=MARGIN, seconds=_SECONDS)
         if solution is None:
@@ -77,7 +75,7 @@ class _Step:
         none."""
         search = self.search
         half = search.setting.half
-        evidence = search.decrease(part, self.share)
+        evidence = search.decrease(part, 1.0)
         if evidence is None:
             return False
         problem = self.problem
@@ -135,15 +133,16 @@ class _Step:
         problem.subtract(identity, 0, half)
         problem.subtract(identity, 0, half - degree, beyond)
 
-    def _beyond(self, index: int, low: float, high: float) -> Terms:
-        """(z_i - low) (z_i - high) / |low high| in y; with one end that end twice."""
+    def _beyond(self, row: np.ndarray, low: float, high: float) -> Terms:
+        """(s - low) (s - high) / |low high| in y, s = row z; with one end that end twice."""
         low = -high if not np.isfinite(low) else low
         high = -low if not np.isfinite(high) else high
-        single = [int(i == index) for i in range(self.n)]
-        exponents = np.array([[0] * self.n, single, [2 * power for power in single]])
-        coefficients = np.array([low * high, -(low + high), 1.0]) / abs(low * high)
-        in_z = PolynomialFunction(coefficients, exponents)
-        return Terms.packed(in_z.substituted(self.search.T))
+        slopes = row @ self.search.T
+        squared = PolynomialFunction.quadratic(np.outer(slopes, slopes))
+        linear = PolynomialFunction(-(low + high) * slopes, np.eye(self.n, dtype=int))
+        constant = Terms(np.zeros(1, dtype=np.int64), np.array([low * high]))
+        total = Terms.packed(squared) + Terms.packed(linear) + constant
+        return total.scaled(1.0 / abs(low * high))
 
 
 def _ball(n: int, radius: float) -> PolynomialFunction:

@@ -18,6 +18,9 @@ from hfa_region.search.interior import Group, Matrix, minimized
 _BASE = 16
 #: Largest margin that is asked of a Gram matrix, of a target whose largest coefficient is 1.
 _MOST_MARGIN = 1e-3
+#: By how much equations may miss: of evidence, and of a problem whose result is tried again.
+_EXACT = 1e-9
+_ABOUT = 1e-6
 #: How near to its least value a cost is left, relatively.
 _NEAR = 1e-4
 
@@ -184,7 +187,8 @@ class Squares:
                 return now - bound < _NEAR * abs(now)
             return enough is not None and (-now >= enough or -bound < enough)
 
-        point = minimized(groups, cost, enough=suffices, seconds=seconds)
+        tolerance = _EXACT if margin is None else _ABOUT
+        point = minimized(groups, cost, enough=suffices, tolerance=tolerance, seconds=seconds)
         if point is None:
             return None
         x = point.f if margin is None else np.concatenate([[margin], point.f])
