@@ -6,14 +6,11 @@ from __future__ import annotations
 import base64
 import json
 import re
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from chromium import browser, seen_at
 from cli import hfa
 from project import ROOT
 
@@ -65,49 +62,6 @@ _TEXTS = (
     "return [...document.querySelectorAll('#plot-trim-1 .textpoint text')].map((text) =>"
     " text.textContent)"
 )
-
-
-#: No window, no network, nothing kept from another start.
-FLAGS = (
-    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
-    *(
-        "--disable-background-networking",
-        "--disable-component-update",
-        "--disable-sync",
-        "--disable-dev-shm-usage",
-    ),
-)
-
-
-@contextmanager
-def browser() -> Iterator[Any]:
-    """Chromium, driven by selenium; the test is skipped, and says what to install, where there is
-    no browser."""
-    selenium = pytest.importorskip(
-        "selenium.webdriver", reason="needs selenium: pip install '.[dev]'"
-    )
-    program = shutil.which("chromium")
-    driver = shutil.which("chromedriver")
-    if program is None or driver is None:
-        pytest.skip("needs a browser: apt-get install chromium chromium-driver")
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        options = selenium.ChromeOptions()
-        options.binary_location = program
-        for flag in (*FLAGS, f"--user-data-dir={profile}"):
-            options.add_argument(flag)
-        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        found = selenium.Chrome(options=options, service=selenium.ChromeService(driver))
-        try:
-            yield found
-        finally:
-            found.quit()
-
-
-def seen_at(driver: Any, width: int, medium: str = "screen") -> None:
-    """Show the page at this width (px), on the screen or as printed."""
-    metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
-    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": medium})
 
 
 def settles(driver: Any, condition: str) -> bool:

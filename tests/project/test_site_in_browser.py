@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from chromium import browser, seen_at
 from project import ROOT
-from test_page_in_browser import browser, seen_at
 
 WIDTHS = (1000, 1400, 1920)
 #: The first words of each code box and table that is wider than the place it has, and whether the
