@@ -143,6 +143,12 @@ def test_a_stiff_plant_whose_modes_are_reached_is_not_told_that_they_are_not(
     assert "no delta" not in said
 
 
+def test_the_error_of_a_value_that_does_not_stabilize_has_no_bound() -> None:
+    one = np.eye(1)
+    form = NormalForm.of(Game(0.0 * one, one, one, one, one, 2.0))
+    assert value_error(form, 0.0 * one, np.ones(1)) == math.inf
+
+
 def test_a_slow_mode_that_decays_is_not_called_undamped() -> None:
     """Beside a fast state it is nearer to the axis than rounding of that state."""
     game = Game(
