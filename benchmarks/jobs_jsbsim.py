@@ -1,10 +1,12 @@
 """A sweep of the 737 of JSBSim against python-control's `find_operating_point` on the same compiled
-equations. Without JSBSim's data there are no figures."""
+equations, and the environment of the c172p against JSBSim's own steps. Without JSBSim's data there
+are no figures."""
 
 from __future__ import annotations
 
 import importlib.util
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -12,8 +14,14 @@ from benchmarks.jobs_models import f16_peer
 from benchmarks.report import Row, in_turn
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
+from hfa_policy.deployment import Deployment
+from hfa_policy.episodes import Episodes
 from trim.point.condition import release, usual_condition
+from trim.point.solve import find_operating_point
 from trim.sweeps.points import TRIMMED, trim_points
+
+#: Frames of JSBSim a second.
+_RATE = 120.0
 
 
 def rows(quick: bool = False) -> list[Row]:
@@ -40,7 +48,49 @@ def rows(quick: bool = False) -> list[Row]:
         how = "generated C" if compiled else "no compiler"
         by = "python-control (hybr, from the neighbour) + linearize"
         comparisons.append(Row(f"{job}, {how}", by, timing, 100.0))
-    return comparisons
+    return [*comparisons, _environment(1, quick), _environment(6, quick)]
+
+
+def _environment(frames: int, quick: bool) -> Row:
+    """Steps of many environments of the c172p, so many frames of JSBSim's 120 Hz long, random
+    actions."""
+    import jsbsim
+
+    dt = frames / _RATE
+    card = Deployment(
+        policy={},
+        observation={"speed": {}, "alpha": {}, "pitch_rate": {}, "pitch": {}},
+        action={"elevator": {"box": [-0.1, 0.1]}},
+        timing={"dt": dt},
+    )
+    model = load_model("jsbsim:c172p")
+    count, steps = (8, 5) if quick else (256, 100)
+    point = find_operating_point(model, usual_condition(model))
+    episodes = Episodes(card.on(model), [point], count)
+    random = np.random.default_rng(0)
+    numbers = np.arange(count)
+    actions = random.uniform(-0.1, 0.1, (count, 1))
+    simulator = jsbsim.FGFDMExec(str(Path(jsbsim.__file__).parent))
+    simulator.set_debug_level(0)
+    simulator.load_model("c172p")
+    simulator.set_dt(1.0 / _RATE)
+    for name, value in {"h-sl-ft": 5000.0, "vc-kts": 80.0}.items():
+        simulator[f"ic/{name}"] = value
+    simulator.run_ic()
+
+    def ours() -> None:
+        episodes.begin(numbers, random)
+        for _ in range(steps):
+            episodes.step(actions)
+
+    def peer() -> None:
+        simulator.reset_to_initial_conditions(0)
+        for _ in range(20 * steps * frames):
+            simulator.run()
+
+    timing = in_turn(ours, peer, count * steps, 20 * steps, repeats=1 if quick else 5)
+    job = f"a step of {1e3 * dt:.3g} ms of each of {count} environments of the c172p"
+    return Row(job, f"FGFDMExec.run of JSBSim, {frames} a step", timing, 3.0)
 
 
 def _sweep(model: Model, grid: np.ndarray, compiled: bool) -> None:

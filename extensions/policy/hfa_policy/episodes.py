@@ -3,7 +3,9 @@ deployment says, paid with its cost."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import casadi as ca
@@ -19,6 +21,8 @@ from hfa_support.native.bound import RowFunction
 from hfa_support.native.machine_code import machine_code
 from trim.point.operating_point import OperatingPoint
 
+#: Episodes from which on threads share them.
+_MANY = 100
 #: Seconds of an episode unless asked for.
 SECONDS = 20.0
 
@@ -73,6 +77,7 @@ class Episodes:
             other=_moved_by_actions(deployed, self.low, self.high),
         )
         self._step = RowFunction(machine_code(self._sample()))
+        self._threads = ThreadPoolExecutor() if count >= _MANY else None
         self._observe = RowFunction(self._observation())
         envelopes = [flight_envelope(deployed.model, point) for point in points]
         self._least = np.array([envelope.least for envelope in envelopes])
@@ -124,7 +129,7 @@ class Episodes:
         extra = self._flight.slices[-1]
         self._rows[:, extra] = actions
         with np.errstate(all="ignore"):
-            after, costs = self._step(self._rows)
+            after, costs = self._stepped()
         state = self._flight.slices[0]
         X = after[:, state]
         inside = (self._least[self.owners] <= X) & (self._most[self.owners] >= X)
@@ -136,6 +141,15 @@ class Episodes:
         rewards[lost] *= 1 + self.samples - self.done[lost]
         numbers = np.arange(len(self._rows))
         return Stepped(self.observations(numbers), rewards, lost, self.done >= self.samples)
+
+    def _stepped(self) -> Sequence[np.ndarray]:
+        """The rows a sample later and the costs, of many in as many threads as there are
+        processors."""
+        if self._threads is None:
+            return self._step(self._rows)
+        parts = np.array_split(self._rows, os.cpu_count() or 1)
+        done = self._threads.map(self._step, parts)
+        return [np.concatenate(tables) for tables in zip(*done, strict=True)]
 
     def _sample(self) -> ca.Function:
         """row -> (row a sample later, cost of the sample)."""

@@ -11,6 +11,7 @@ from hfa_flight.nonlinear_flight import fly
 from hfa_flight.scenario import Scenario
 from hfa_policy.deployment import Deployment
 from hfa_policy.environment import environment, vector_environment
+from hfa_policy.episodes import Episodes
 from hfa_policy.flown import flown_card, sampled_scenario
 from hfa_support.errors import BadInputError
 
@@ -133,3 +134,16 @@ def test_many_episodes_at_once_are_those_of_one() -> None:
         assert np.array_equal(infos[number]["terminal_observation"], observation)
         assert rewards[number] == pytest.approx(reward, rel=1e-6)
     assert observations.shape == (5, 4)
+
+
+def test_episodes_shared_by_threads_are_those_of_one_thread() -> None:
+    deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
+    many = Episodes(deployed, trims("ppo_gtm"), 120)
+    few = Episodes(deployed, trims("ppo_gtm"), 60)
+    many.begin(np.arange(120), np.random.default_rng(0))
+    few.begin_at(np.arange(60), many.owners[60:], many.states[60:])
+    actions = np.random.default_rng(1).uniform(-1.0, 1.0, (120, 2))
+    together = many.step(actions)
+    apart = few.step(actions[60:])
+    np.testing.assert_array_equal(many.states[60:], few.states)
+    np.testing.assert_array_equal(together.rewards[60:], apart.rewards)
