@@ -119,6 +119,7 @@ def test_state_feedback_is_the_game_where_nothing_crosses(game: Game) -> None:
     C1 = np.vstack([np.diag(root), np.zeros((m, n))])
     D12 = np.vstack([np.zeros((n, m)), np.sqrt(game.R)])
     plant = GeneralizedPlant(game.A, game.E, game.B, C1, D12)
+    # Two searches, within 2.5e-7 and 1e-6; Q here is the square of a root.
     assert plant.minimum_delta().value == pytest.approx(minimum_delta(game).value, rel=3e-6)
     found = solve_plant(plant, game.delta)
     exact = solve_game(game)
@@ -153,6 +154,7 @@ def test_what_u_adds_to_y_at_once_changes_nothing() -> None:
     plant = random_plant(8)
     smallest = smallest_of(8).value
     without = replace(plant, D22=np.zeros_like(plant.D22))
+    # Two searches, each within 2.5e-7, and what D22 rounds.
     assert without.minimum_delta().value == pytest.approx(smallest, rel=2e-6)
     loops = []
     for each in (plant, without):
@@ -438,6 +440,7 @@ def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
     plant = random_plant(8)
     expected = smallest_of(8).value
     scaled = replace(plant, C1=size * plant.C1, D11=size * plant.D11, D12=size * plant.D12)
+    # Two searches, each within 2.5e-7, from another begin.
     assert scaled.minimum_delta().value == pytest.approx(size * expected, rel=2e-6)
     assert all(check.ok for check in solve_plant(scaled, 2.0 * size * expected).checks)
 
@@ -526,6 +529,7 @@ def test_units_of_the_states_over_16_decades_change_nothing(seed: int) -> None:
     smallest = one.minimum_delta()
     found = other.minimum_delta()
     assert found.refused < found.value <= found.refused * (1 + 2e-6)
+    # Two searches, each within 2.5e-7.
     assert found.value == pytest.approx(smallest.value, rel=2e-6)
     assert found.condition == smallest.condition
     first: Any = solve_plant(one, 1.01 * smallest.value)

@@ -126,16 +126,17 @@ def test_what_cancels_in_turned_axes_hides_nothing() -> None:
 
 
 def test_a_turned_plant_is_solved_as_the_given_one() -> None:
-    """Its poles are from 4e-4 to 830 rad/s; the gain of the controller is that in the plant's own
+    """Its poles are from 2e-4 to 1000 rad/s; the gain of the controller is that in the plant's own
     axes, rounded."""
-    plant = mixed_sensitivity(2)
+    plant = mixed_sensitivity(12)
     delta = 1.01 * plant.minimum_delta().value
-    solutions: list[Any] = [solve_plant(plant, delta)]
-    for turned in (copy.problem for copy in copies(plant, 2, 8) if copy.kind == "turn"):
-        solutions.append(solve_plant(turned, delta))
-        assert gain_of(turned, solutions[-1]) < delta
-    couplings = [solution.coupling for solution in solutions]
-    assert couplings == pytest.approx([couplings[0]] * 3, rel=1e-5)
+    given: Any = solve_plant(plant, delta)
+    assert given.coupling > 0.9
+    for turned in (copy.problem for copy in copies(plant, 12, 8) if copy.kind == "turn"):
+        found: Any = solve_plant(turned, delta)
+        assert gain_of(turned, found) < delta
+        # Turned, the given numbers have rounding of the fast states, 1e-13 of 2e-4 rad/s, or 1e-9.
+        assert found.coupling == pytest.approx(given.coupling, rel=1e-8)
 
 
 def test_axes_are_left_as_they_were_entered() -> None:

@@ -125,6 +125,7 @@ def test_the_unit_of_the_disturbance_scales_delta_min_and_nothing_else(size: flo
     plant = equation([[0, 1], [-1, -0.5]], [[0], [1]], np.eye(2), [[1]])
     expected = minimum_delta(plant)
     found = minimum_delta(replace(plant, E=size * plant.E))
+    # The search ends within 1e-6; another size moves its begin, and so its last bracket.
     assert found.value == pytest.approx(expected.value * size, rel=3e-6)
     assert found.refused == pytest.approx(expected.refused * size, rel=3e-6)
 
