@@ -29,6 +29,7 @@ from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
 from hfa_model.printed_matrices import published_models
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
 from hfa_support.progress import told
@@ -105,6 +106,9 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
     limit_cost: float | None = option(
         "exit 0 when the critic costs at most this much more than the optimum", "PERCENT", positive
     )
+    region: float | None = option(
+        "add from where the saturated nonlinear loop returns, searched for so long", "S", positive
+    )
     picture: Path | None = picture_option(
         "P learned, exact, difference, and errors over time; of several critics their errors"
     )
@@ -145,6 +149,9 @@ def verify(request: VerifyRequest) -> int:
         figure = partial(_figures, verdicts, named.game.names.origin)
         report = verdicts_report(verdicts, named.game.names.origin, cost)
     report = report.with_data(**named.as_data(), **named.weights.as_data())
+    if request.region is not None:
+        with_region = part(PARTS, "verify.region", "--region")
+        report = with_region(report, list(verdicts.values()), named, request.region)
     show(report, request, figure=figure, notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
 
@@ -170,7 +177,7 @@ def _verify_discrete(
     if len(paths) != 1:
         raise BadInputError("a plant in discrete time needs one file of --weights")
     why = "belongs to continuous time; leave it out of a plant with time = discrete"
-    request.refuse(("discount", "dt", "picture"), why)
+    request.refuse(("discount", "dt", "region", "picture"), why)
     (path,) = paths
     critic, more = critic_of_steps(path, problem, request.reading())
     scope = Scope(progress=ProgressLine("prove"))

@@ -216,6 +216,40 @@ def test_a_search_goes_on_from_its_certificate(
     assert "another loop" in capsys.readouterr().err
 
 
+# In a verdict.
+
+
+@pytest.mark.slow
+def test_a_verdict_has_a_section_on_the_region(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    weights = str(tmp_path / "pendulum.npz")
+    assert main(["solve", "--aircraft", PENDULUM, "-o", weights]) == 0
+    capsys.readouterr()
+    words = ["verify", "--aircraft", PENDULUM, "--weights", weights, "--region", "0.1"]
+    assert main([*words, "--json"]) == 0
+    region = json.loads(capsys.readouterr().out)["region"]
+    assert region["proved"] is True
+    assert region["rho"] < region["decrease_fails_at"]["V"]
+    assert region["rho"] < region["lost_at"]["V"]
+    assert main(words) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("PASS")
+    assert all(word in shown for word in ("proved", "V' >= 0 found", "start lost"))
+
+
+def test_a_region_in_a_verdict_needs_one_linear_policy_of_an_aircraft(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plant = tmp_path / "plant.json"
+    plant.write_text('{"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]]}')
+    gain = tmp_path / "gain.json"
+    gain.write_text('{"K": [[0.41421356237309503]]}')
+    words = ["verify", "--model", str(plant), "--weights", str(gain), "--region", "1"]
+    assert main(words) == 2
+    assert "--region needs the nonlinear equations" in capsys.readouterr().err
+
+
 # Other loops.
 
 

@@ -42,11 +42,13 @@ class Setting:
     order: of the Taylor polynomials
     half: highest degree of the monomials of the Gram matrices of V'
     degree: highest degree that V may have
+    seconds: processor time that must be left for it
     """
 
     order: int
     half: int
     degree: int = 2
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -130,7 +130,7 @@ class RegionSearch:
         if known:
             self._prove(V, 1.0, "V of the certificate", self._settings[0])
         for setting in self._settings:
-            if self._left() > 0.0:
+            if self._left() > setting.seconds:
                 V = self._climb(self._proved_V(V), setting)
         if self.best is None:
             raise NoSolutionError(
@@ -378,8 +378,8 @@ def settings_of(n: int, degree: int) -> list[Setting]:
     if n <= 2:
         tried = [Setting(8, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
     elif n <= 4:
-        # A second quadratic V costs as much as one of degree 4.
-        tried = [Setting(6, 3, 2), Setting(7, 4, 4 if degree > 2 else 2)]
+        # Of V of degree 4 and rates of degree 5 or more too much is left out with half 4.
+        tried = [Setting(6, 3, 2), Setting(7, 4, 2), Setting(9, 5, 4, 200.0)]
     else:
         tried = [Setting(5, 2, 2)]
     return [setting for setting in tried if setting.degree <= degree]

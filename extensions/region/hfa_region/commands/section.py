@@ -1,0 +1,52 @@
+"""What `hfa verify --region` adds to a verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hfa.output import ProgressLine
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.report import Report
+
+if TYPE_CHECKING:
+    from hfa.options.games import NamedGame
+    from verification.critic.verdict import Verdict
+
+_TITLE = "Region of attraction of the saturated nonlinear loop"
+_DEGREE = 4
+
+
+def with_region(
+    report: Report, verdicts: list[Verdict], named: NamedGame, seconds: float
+) -> Report:
+    """A report on one critic with a section: which set is proved, where V' >= 0 was found, which
+    start was lost.
+
+    report: without the section
+    verdicts: of the critics, one of a linear policy
+    named: the game, of the linear model of an aircraft
+    seconds: of processor time for the search
+    """
+    from hfa_proof.arithmetic import flint_or_refusal
+    from hfa_region.report import region_report
+    from hfa_region.search.plant import saturated_loop
+    from hfa_region.search.region import RegionSearch
+
+    flint_or_refusal()
+    if named.linear is None:
+        raise BadInputError("--region needs the nonlinear equations of an aircraft; name one")
+    if len(verdicts) != 1 or not verdicts[0].critic.linear:
+        raise BadInputError("--region needs one critic whose policy is linear; leave it out")
+    critic = verdicts[0].critic
+    loop = saturated_loop(named.linear, critic.K)
+    progress = ProgressLine("region")
+    search = RegionSearch(loop, critic.P, seconds=seconds, degree=_DEGREE, progress=progress)
+    try:
+        section = region_report(search.found())
+    except NoSolutionError as error:
+        section = Report(
+            f"{_TITLE}: nothing proved", (f"Because {error}.",), data={"proved": False}
+        )
+    parts = (*report.parts, section)
+    return replace(report, parts=parts).with_data(region=section.data)
