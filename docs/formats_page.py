@@ -1,4 +1,4 @@
-"""The page of formats of the documentation, from hfa/formats.toml and the classes of results."""
+"""The page of formats of the documentation, from the classes of results."""
 
 from __future__ import annotations
 
@@ -35,16 +35,8 @@ def formats_page() -> str:
         title = re.sub(r"--[\w-]+", r"`\g<0>`", what["title"])
         parts.append(f"## {title}\n\n`{what['properties']['schema']['const']}`\n\n{_keys(what)}\n")
     shared = [name for name in definitions if name not in outputs]
-    rows = [
-        (name, _kind(definitions[name]), definitions[name].get("description", ""))
-        for name in shared
-    ]
-    parts.append(f"## Types\n\n{markdown_table(Table(('type', 'is', 'note'), rows))}\n")
-    parts += [
-        f"### {name}\n\n{_keys(definitions[name])}\n"
-        for name in shared
-        if "properties" in definitions[name]
-    ]
+    parts.append("## Types\n")
+    parts += [f"### {name}\n\n{_keys(definitions[name])}\n" for name in shared]
     return "\n".join(parts)
 
 
@@ -63,8 +55,8 @@ def _kind(each: dict[str, Any]) -> str:
         return str(each["$ref"].rpartition("/")[2])
     if "const" in each or "enum" in each:
         return " or ".join(f"`{word}`" for word in each.get("enum", [each.get("const")]))
-    if "oneOf" in each:
-        return " or ".join(map(_kind, each["oneOf"]))
+    if "anyOf" in each:
+        return " or ".join(map(_kind, each["anyOf"]))
     kinds = each.get("type", "any")
     if kinds == "array":
         return f"list of {_kind(each['items'])}"

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-import tomllib
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.resources import files
 from typing import Any, Literal
 
 from hfa.doors import commands
@@ -17,12 +15,8 @@ from hfa_support.provenance import Provenance
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.schemas import json_schema, parts_of
 
-#: Types of JSON.
-_PLAIN = {"object", "array", "string", "number", "integer", "boolean", "null"}
-
-
 #: Results that commands of the core write, "module:Class module:Class?": the class and those of
-#: what is added to it, with ? where that is not always. Those of formats.toml wait to be declared.
+#: what is added to it, with ? where that is not always.
 RESULTS = (
     "trim.point.trim_report:TrimResult trim.point.trim_report:Performance"
     " hfa_model.trim_loads:TrimLoads?",
@@ -39,8 +33,6 @@ RESULTS = (
     " hfa.options.games:Weights hfa.options.games:NamedGame",
     "verification.critic.verdict:Verdicts hfa.options.games:Weights hfa.options.games:NamedGame",
 )
-#: Parts that only formats.toml refers to.
-PARTS_OF_TABLES = "hfa_support.provenance:Provenance trim.point.operating_point:OperatingPoint"
 
 
 @dataclass(frozen=True)
@@ -70,25 +62,19 @@ def classes_of(text: str) -> list[type[Result]]:
 @cache
 def formats() -> dict[str, Any]:
     """The schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
-    declared = tomllib.loads(files("hfa").joinpath("formats.toml").read_text("utf-8"))
-    tables = declared["parts"] | declared["outputs"]
-    definitions = {name: _value(text) for name, text in declared["types"].items()}
-    definitions |= {name: _object(table, declared["keys"]) for name, table in tables.items()}
-    parts = classes_of(PARTS_OF_TABLES)
-    for kind in (*parts, *(kind for text in written() for kind in classes_of(text))):
-        parts += parts_of(kind)
     results = {_name(classes_of(text)[0]): _joined(text) for text in written()}
-    definitions |= results | {part.__name__: json_schema(part) for part in parts}
-    outputs = [*results, *declared["outputs"]]
+    kinds: set[type[Result]] = {Stamp, *(kind for text in written() for kind in classes_of(text))}
+    parts = {part.__name__: json_schema(part) for kind in kinds for part in parts_of(kind)}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "$id": declared["id"],
-        "title": declared["title"],
-        "description": declared["description"],
+        "$id": "hfa.formats/1",
+        "title": "What hfa prints with --json and writes into files",
+        "description": "Units: ft, slug, lbf, s, rad, unless a name ends in _deg, or `units` is "
+        "si. Keys are added, never renamed.",
         "type": "object",
         "required": ["schema"],
-        "oneOf": [{"$ref": f"#/$defs/{name}"} for name in outputs],
-        "$defs": definitions,
+        "oneOf": [{"$ref": f"#/$defs/{name}"} for name in results],
+        "$defs": results | dict(sorted(parts.items())),
     }
 
 
@@ -108,46 +94,6 @@ def _joined(text: str) -> dict[str, Any]:
             schema["required"] += more["required"]
     schema["required"] = list(dict.fromkeys(schema["required"]))
     return schema
-
-
-def _object(table: dict[str, Any], shared: dict[str, str]) -> dict[str, Any]:
-    """The schema of a table of keys, those with * required."""
-    schema = {"title": table["title"]} if "title" in table else {}
-    properties = {"schema": {"const": table["schema"]}} if "schema" in table else {}
-    names = table["keys"].split()
-    meanings = table.get("own", {})
-    for name in (key.removesuffix("*") for key in names):
-        properties[name] = _value(meanings.get(name) or shared[name])
-    required = ["schema"] * ("schema" in table) + [
-        name.removesuffix("*") for name in names if name.endswith("*")
-    ]
-    return {**schema, "type": "object", "required": required, "properties": properties}
-
-
-def _value(text: str) -> dict[str, Any]:
-    """The schema of "type: meaning"."""
-    kind, _, meaning = text.partition(": ")
-    return _type(kind) | ({"description": meaning} if meaning else {})
-
-
-def _type(kind: str) -> dict[str, Any]:
-    """Of "number or null", "list of matrix", "by name value", "'english' or 'si'", the name of a
-    table, "any"."""
-    for begin, form, inside in (
-        ("list of ", "array", "items"),
-        ("by name ", "object", "additionalProperties"),
-    ):
-        if kind.startswith(begin):
-            return {"type": form, inside: _type(kind.removeprefix(begin))}
-    words = kind.split(" or ")
-    if kind.startswith("'"):
-        plain = [word.strip("'") for word in words]
-        return {"const": plain[0]} if len(plain) == 1 else {"enum": plain}
-    if set(words) <= _PLAIN:
-        return {"type": kind if len(words) == 1 else words}
-    if len(words) > 1:
-        return {"oneOf": [_type(word) for word in words]}
-    return {} if kind == "any" else {"$ref": f"#/$defs/{kind}"}
 
 
 if __name__ == "__main__":

@@ -143,7 +143,7 @@ def assert_published(text: str) -> None:
     shape = (str(data.get("schema")), *data)
     if shape not in _SEEN:
         found = complaints_about(data)
-        assert found == [], f"{found}: correct hfa/formats.toml"
+        assert found == [], f"{found}: declare it with the result"
         _SEEN.add(shape)
 
 

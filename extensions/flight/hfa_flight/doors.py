@@ -7,11 +7,17 @@ FLY = CommandEntry(
     "simulate a policy on the nonlinear aircraft, beside the linear prediction",
     "hfa_flight.commands.fly:fly",
     example="hfa fly --dihedral 15 --gust 400:5",
-    results=("hfa_flight.step_flight:StepFlight",),
+    results=(
+        "hfa_flight.step_flight:StepFlight",
+        "hfa_flight.results:FlightData",
+        "hfa_flight.results:MemberSummary",
+        "hfa_flight.results:MemberAttributes hfa_stores.zarr_store:OfAStore",
+    ),
 )
 EXPORT = CommandEntry(
     "exchange",
     "the aircraft for other tools: C source, FMU, MATLAB",
     "hfa_flight.commands.export:export",
+    results=("hfa_flight.results:Exported",),
     example="hfa export --dihedral 15 -o folder",
 )

@@ -11,11 +11,11 @@ import numpy as np
 from hfa_flight.air import ANGLE_OF_ATTACK, OVER_GROUND, flown_through_air, limited_names
 from hfa_flight.envelope import control_limits
 from hfa_flight.monte_carlo import MonteCarlo
+from hfa_flight.results import MemberSummary
 from hfa_flight.scenario import Uncertainty
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, short_number, shown_unit
 
-SUMMARY_SCHEMA = "hfa.monte-carlo-summary/1"
 #: Shares of the members inside their envelope up to which a quantity stays below its quantile.
 QUANTILES = (0.05, 0.5, 0.95, 1.0)
 #: Note where each member is the same flight.
@@ -76,23 +76,23 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
     `QUANTILES`, None where no member stayed inside
     """
     found = outcomes(plan, read)
-    data: dict[str, Any] = {
-        "schema": SUMMARY_SCHEMA,
-        "dynamics": plan.model.name,
-        "plant": "nonlinear",
-        "law": plan.policy.name,
-        "members": plan.members,
-        "seed": plan.seed,
-        "duration": plan.scenario.duration,
-        "within_limits": found.within_limits,
-        "held": int(found.inside.sum()),
-        "first_left": found.first_left,
-        "left": found.left,
-        "exceeded": found.exceeded,
-        "limit_cycle": found.limit_cycle,
-        "quantiles": list(QUANTILES),
-        **quantiles(plan, read, found.inside),
-    }
+    by_variable: dict[str, Any] = quantiles(plan, read, found.inside)
+    data = MemberSummary(
+        dynamics=plan.model.name,
+        plant="nonlinear",
+        law=plan.policy.name,
+        members=plan.members,
+        seed=plan.seed,
+        duration=plan.scenario.duration,
+        within_limits=found.within_limits,
+        held=int(found.inside.sum()),
+        first_left=found.first_left,
+        left=found.left,
+        exceeded=found.exceeded,
+        limit_cycle=found.limit_cycle,
+        quantiles=np.array(QUANTILES),
+        **by_variable,
+    ).as_data()
     title = (
         f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.policy.name}: "
         f"{plan.members} members of {plan.scenario.duration:g} s, seed {plan.seed}"

@@ -11,6 +11,7 @@ import numpy as np
 from hfa_flight.air import limited_names
 from hfa_flight.monte_carlo import KEPT, MonteCarlo, fly_members
 from hfa_flight.nonlinear_flight import names_and_units
+from hfa_flight.results import MemberAttributes
 from hfa_stores.workers import open_workers
 from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
 from hfa_support.arguments import checks_arguments
@@ -99,13 +100,12 @@ def _template(plan: MonteCarlo) -> Any:
 
     import xarray
 
-    attributes_of_store = {
-        "schema": "hfa.monte-carlo-store/3",
-        "errors": list(errors),
-        "left": list(limited_names(model, plan.scenario.moving_air)),
-        "error_states": list(model.linear),
-        "error_units": list(model.units(model.linear)),
+    attributes_of_store = MemberAttributes(
+        errors=errors,
+        left=limited_names(model, plan.scenario.moving_air),
+        error_states=model.linear,
+        error_units=model.units(model.linear),
         **names_and_units(model),
-        "plan": plan.identity,
-    }
+        plan=plan.identity,
+    ).as_data()
     return xarray.Dataset(arrays, coordinates, attributes_of_store)

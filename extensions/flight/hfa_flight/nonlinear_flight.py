@@ -25,6 +25,7 @@ from hfa_flight.envelope import (
 from hfa_flight.flight_history import Flight
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_flight.policies import GainPolicy, OpenLoop, Policy
+from hfa_flight.results import FlightData
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
@@ -34,8 +35,6 @@ from hfa_support.reporting.report import Part, Report, Reported
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint, at_scheduled
-
-FLIGHT_SCHEMA = "hfa.flight/1"
 
 #: Note on a flight that stays at trim.
 UNDISTURBED = (
@@ -236,18 +235,18 @@ class NonlinearFlight(Reported):
         flight = self.flight
         late = flight.errors[len(flight.errors) // 2 :]
         beyond = ~control_limits(model).within(self.inputs)
+        envelope = envelope_data(self.envelope, bool(flight.winds))
         data: dict[str, Any] = {
-            "schema": FLIGHT_SCHEMA,
             "dynamics": self.point.dynamics,
             **names_and_units(model),
-            "operating_point": self.point.to_dict(),
+            "operating_point": self.point,
             "scenario": self.loop.scenario.to_dict(),
-            "envelope": envelope_data(self.envelope, bool(flight.winds)),
+            "envelope": {name: np.array(limits) for name, limits in envelope.items()},
             "within_limits": self.within_limits,
             "held": self.departure is None and self.cycle is None,
-            "departure": None if self.departure is None else self.departure._asdict(),
-            "limit_cycle": None if self.cycle is None else self.cycle._asdict(),
-            "exceeded": [excess._asdict() for excess in self.exceeded],
+            "departure": self.departure,
+            "limit_cycle": self.cycle,
+            "exceeded": self.exceeded,
             "flown": float(flight.times[-1]),
             "final": _by_name(model.states, self.states[-1]),
             "largest_deviation": _by_name(model.states, np.abs(flight.states).max(axis=0)),
@@ -267,7 +266,7 @@ class NonlinearFlight(Reported):
         commanded = self.loop.policy.tracking_errors(flight)
         if commanded:
             data["commanded"] = commanded
-        return data
+        return FlightData(**data).as_data()
 
     def _states(self, data: dict[str, Any], moving: bool) -> Table:
         """A row a state, and where the air moves one of alpha through it."""

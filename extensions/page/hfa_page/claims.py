@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa_page.results import ClaimsData
 from hfa_support.errors import BadInputError
 from hfa_support.files import read_json
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table
 from verification.regeneration import Regeneration
 
-SCHEMA = "hfa.claims/1"
+SCHEMA = ClaimsData.schema
 _TONE = {"confirmed": "good", "not confirmed": "bad"}  # any other: it cannot be decided
 #: The law that most claims are about, and those whose numbers are shown beside it.
 _SUBJECT = "published, modified"

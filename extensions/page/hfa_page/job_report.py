@@ -17,6 +17,7 @@ from controller.riccati.solution_report import solution_report
 from hfa_page.claims import claims_section
 from hfa_page.main_job import Angle, MainJob
 from hfa_page.plots import front_view, locus_plot
+from hfa_page.results import MainJobData
 from hfa_support.errors import BadInputError
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
@@ -40,7 +41,6 @@ from trim.linear.modes import modes_table
 from trim.point.trim_report import trim_report
 from verification.critic.figures import verdict_figure
 
-SCHEMA = "hfa.report/1"
 _COLORS = (
     "Colors of A and B: green prints the same (within 1 half unit of the last printed digit), "
     "yellow is one off (2 half units), violet at most 3 half units, red more. The table entry by "
@@ -81,15 +81,14 @@ def main_report(job: MainJob) -> Report:
             Report("Modes over the dihedral angle", (swept.without_pictures(),)),
             Report("The aircraft", (job.parameters.report(),)),
         ),
-        data={
-            "schema": SCHEMA,
-            "ok": job.ok,
-            "regeneration": regeneration.data,
-            "sweep": swept.data,
-            "critics": critics,
-            "angles": [report.data for report in angles],
-            "claims": claims.data or None,
-        },
+        data=MainJobData(
+            ok=job.ok,
+            regeneration=regeneration.data,
+            sweep=swept.data,
+            critics=critics,
+            angles=[report.data for report in angles],
+            claims=claims.data or None,
+        ).as_data(),
     )
 
 

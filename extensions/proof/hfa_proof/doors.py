@@ -8,6 +8,7 @@ CHECK = CommandEntry(
     "hfa_proof.commands.check:prove",
     example="hfa prove --check certificate.json",
     install=".[proof]",
+    results=("hfa_proof.search.results:ProofData", "hfa_proof.search.results:CertificateData"),
 )
 SCHEDULE = CommandEntry(
     "proof",
@@ -22,6 +23,7 @@ MODELS = CommandEntry(
     "hfa_proof.commands.models:models",
     example="hfa prove models --dihedral 14:14.5 --limit-error 0.05",
     install=".[proof]",
+    results=("hfa_proof.search.results:ModelsData",),
 )
 SOLUTION = CommandEntry(
     "proof",

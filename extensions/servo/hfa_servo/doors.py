@@ -7,4 +7,9 @@ DESIGN = CommandEntry(
     "the certified controller of a design at every dihedral angle, as one file",
     "hfa_servo.commands.design:design",
     example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
+    results=(
+        "hfa_servo.results:ControllerData",
+        "hfa_servo.results:ControllerFile",
+        "hfa_servo.results:PlantSolution",
+    ),
 )

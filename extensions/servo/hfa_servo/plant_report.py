@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from controller.riccati.balancing import spectrum
+from controller.riccati.certificate import Certificate
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_servo.generalized_plant import (
     GeneralizedPlant,
@@ -17,12 +18,13 @@ from hfa_servo.generalized_plant import (
     solve_plant,
     stored_plant,
 )
-from hfa_support.jsonable import finite_or_none
+from hfa_servo.results import PlantSolution
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, numbered
 
-SCHEMA = "hfa.plant-solution/1"
+#: Of a solution, beside its matrices.
+_SHARED = ("delta", "checks")
 #: delta / delta_min of a generalized plant that names no delta: nearer the controller gets ever
 #: faster poles.
 USUAL_MARGIN = 1.01
@@ -79,36 +81,33 @@ def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> R
     return Report(
         title=f"{title} for {origin}\n{limits}",
         parts=(*matrices, f"closed loop, 1/s: {upper}", checks_block(solution.checks)),
-        data={
-            "schema": SCHEMA,
-            "plant": origin,
-            "feedback": kind,
-            **_data(solution, smallest, poles),
-        },
+        data=_data(solution, smallest, poles, origin, kind),
         records=_records(solution, names),
     )
 
 
 def _data(
-    solution: OutputFeedback | StateFeedback, smallest: DeltaMin, poles: np.ndarray
+    solution: OutputFeedback | StateFeedback,
+    smallest: DeltaMin,
+    poles: np.ndarray,
+    origin: str,
+    kind: str,
 ) -> dict[str, Any]:
-    """What JSON has of a solution, ready for it."""
-    checks = [check.to_dict() for check in solution.checks]
-    data: dict[str, Any] = {
-        "delta": finite_or_none(solution.delta),
-        "delta_min": smallest.value,
-        "delta_min_refused": smallest.refused,
-        "delta_min_condition": smallest.condition,
-        "delta_margin": finite_or_none(smallest.margin(solution.delta)),
-    }
-    for name, value in vars(solution).items():
-        if name not in ("delta", "checks"):
-            data[name] = value.tolist() if isinstance(value, np.ndarray) else value
-    return data | {
-        "checks": checks,
-        "certificate": {"ok": all(check.ok for check in solution.checks), "checks": checks},
-        "closed_loop_eigenvalues": [[value.real, value.imag] for value in poles.tolist()],
-    }
+    """The data of a solution."""
+    matrices = {name: value for name, value in vars(solution).items() if name not in _SHARED}
+    return PlantSolution(
+        plant=origin,
+        feedback=kind,
+        delta=solution.delta,
+        delta_min=smallest.value,
+        delta_min_refused=smallest.refused,
+        delta_min_condition=smallest.condition,
+        delta_margin=smallest.margin(solution.delta),
+        **matrices,
+        checks=solution.checks,
+        certificate=Certificate(solution.checks),
+        closed_loop_eigenvalues=poles,
+    ).as_data()
 
 
 def _records(

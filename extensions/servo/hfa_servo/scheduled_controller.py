@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.native_units import native_of
 from hfa_aircraft.units import in_si
 from hfa_servo.design import signal_unit
+from hfa_servo.results import ControllerData, ControllerFile
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shown
 from hfa_support.jsonable import jsonable
@@ -40,8 +41,7 @@ COMMAND_SIGNALS = ("_command", "_command_rate", "_command_end")
 #: Values closer than this to the ends of the range, in units of the range and of its values, are
 #: inside.
 _AT_THE_END = 1e-9
-SCHEMA = "hfa.controller/1"
-DESIGN_SCHEMA = "hfa.controller-design/1"
+SCHEMA = ControllerFile.schema
 #: Formats that a controller is written in.
 SUFFIXES = (".npz", ".mat")
 _ARRAYS = ("breakpoints", "A", "B", "C", "D", "W", "trim_states", "trim_inputs", "command_filter")
@@ -263,19 +263,23 @@ class ScheduledController(ByValue, Reported):
 
     def _data(self) -> dict[str, Any]:
         """What JSON has: the file but for name and trims, and the units of its signals."""
-        data: dict[str, Any] = jsonable(_stored(self))
-        for key in ("name", "trim_states", "trim_inputs"):
-            del data[key]
+        stored = _stored(self)
         signals = (*self.measurements, *self.commands)
-        for kind, names in {"signal": signals, "state": self.states, "input": self.inputs}.items():
-            data[f"{kind}_units"] = [signal_unit(self.model, name) for name in names]
-        return data | {
-            "schema": DESIGN_SCHEMA,
-            "design": self.name,
-            "schedule": self.model.schedule,
-            "delta": self.about.get("delta"),
-            "angles": list(self.about.get("angles", [])),
+        kinds = {"signal": signals, "state": self.states, "input": self.inputs}
+        units: dict[str, Any] = {
+            f"{kind}_units": [signal_unit(self.model, name) for name in names]
+            for kind, names in kinds.items()
         }
+        for key in ("name", "trim_states", "trim_inputs"):
+            del stored[key]
+        return ControllerData(
+            **stored,
+            **units,
+            design=self.name,
+            schedule=self.model.schedule,
+            delta=self.about.get("delta", np.inf),
+            angles=list(self.about.get("angles", [])),
+        ).as_data()
 
 
 def identity(model: Model) -> str:
@@ -349,9 +353,9 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
             f"{path}: a controller is written as {' or '.join(SUFFIXES)}; choose one of them"
         )
     about = json.dumps(jsonable(controller.about))
-    units = {} if controller.model.native is None else {"units": "si"}
-    content = {"schema": SCHEMA, "about": about, **_stored(controller), **units}
-    save_data(target, content, Table((), ()))
+    units: Literal["si"] | None = None if controller.model.native is None else "si"
+    content = ControllerFile(about=about, **_stored(controller), units=units)
+    save_data(target, content.as_data(), Table((), ()))
 
 
 @checks_arguments

@@ -24,6 +24,7 @@ from hfa_flight.options import (
     noted_linear_model,
     weights_option,
 )
+from hfa_flight.results import Exported
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
 from hfa_support.files import write_text, write_texts
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from hfa_aircraft.model import Model
     from trim.point.operating_point import OperatingPoint
 
-SCHEMA = "hfa.export/1"
 #: Where the HFA is exported unless --dihedral says so.
 _DIHEDRAL = math.radians(15.0)
 
@@ -167,5 +167,5 @@ def _report(written: list[Path]) -> Report:
     return Report(
         f"Exported: {len(rows)} {'files' if len(rows) > 1 else 'file'}",
         [table],
-        data={"schema": SCHEMA, "files": listed},
+        data=Exported(files=listed).as_data(),
     )

@@ -34,12 +34,12 @@ from hfa_proof.search.certificate import Content, Proof
 from hfa_proof.search.family import Box, Family, TrimSearch, bisected
 from hfa_proof.search.lines import find_line
 from hfa_proof.search.report import breakpoint_data
+from hfa_proof.search.results import ModelsData
 from hfa_proof.search.solution_proof import weights_of
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress, told
 
-SCHEMA = "hfa.lpv/1"
 #: How much wider than what Newton's step shows the solution of the game is sought, one after the
 #: other: a narrow reach gives a sharp bound and may be too narrow.
 _REACHES = (2.5, 4.0)
@@ -108,21 +108,20 @@ def prove_models(
     ends, errors = grid.coarsest()
     statement = replace(grid.tables(ends), errors=errors)
     model = family.model
-    data = {
-        "schema": SCHEMA,
-        "dynamics": model.name,
-        "tolerance": tolerance,
-        "error": errors,
+    data = ModelsData(
+        dynamics=model.name,
+        tolerance=tolerance,
+        error=errors,
         **breakpoint_data(model, statement.breakpoints),
-        "A": statement.A,
-        "B": statement.B,
-        "K": statement.K,
-        "inputs_offset": statement.inputs[..., 0],
-        "states": list(model.linear),
-        "inputs": list(model.inputs),
-        "state_units": list(model.units(model.linear)),
-        "input_units": list(model.units(tuple(model.inputs))),
-    }
+        A=statement.A,
+        B=statement.B,
+        K=statement.K,
+        inputs_offset=statement.inputs[..., 0],
+        states=model.linear,
+        inputs=tuple(model.inputs),
+        state_units=model.units(model.linear),
+        input_units=model.units(tuple(model.inputs)),
+    ).as_data()
     return Proof(statement, {"cells": [cell.content() for cell in grid.cells]}, data)
 
 

@@ -17,10 +17,11 @@ from hfa_proof.checker.statement import (
     Statement,
     UncertainActuators,
 )
+from hfa_proof.search.results import ProofData
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, matrix_table, numbered
 
-SCHEMA = "hfa.proof/1"
+SCHEMA = ProofData.schema
 Content = dict[str, Any]
 Found = TypeVar("Found")
 INTERPOLATION_ERRORS = {

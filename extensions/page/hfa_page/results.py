@@ -1,0 +1,58 @@
+"""What `hfa report`, and a study for it, writes, each entry declared once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hfa_support.reporting.results import Result
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MainJobData(Result):
+    """The main job on one page.
+
+    ok: whether every check passes.
+    regeneration: as of hfa regenerate.
+    sweep: as of hfa sweep.
+    critics: as of hfa verify, at each asked angle.
+    angles: dihedral_deg; reason, empty where all was found; trim, model, solution and critic as of
+        hfa trim, linearize, solve and verify.
+    claims: of studies.section5, read from --claims.
+    """
+
+    schema = "hfa.report/1"
+    made_by = "hfa report"
+
+    ok: bool
+    regeneration: Mapping[str, Any]
+    sweep: Mapping[str, Any]
+    critics: Sequence[Mapping[str, Any]]
+    angles: Sequence[Mapping[str, Any]]
+    claims: Mapping[str, Any] | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClaimsData(Result):
+    """The claims of Section 5 of the paper, claims.json of `python -m studies.section5`.
+
+    setting: matrices and configuration.
+    laws: laws that were simulated.
+    verdicts: how many claims are confirmed, not confirmed, not decidable.
+    lost_flights: section, name, law, time.
+    own_failures: flights of this project's laws that failed.
+    claims: claim, number, limit, verdict.
+    experiments: flights and pictures of each section.
+    """
+
+    schema = "hfa.claims/1"
+    made_by = "studies.section5: claims.json, for hfa report --claims"
+
+    setting: Mapping[str, Any]
+    laws: Mapping[str, str]
+    verdicts: Mapping[str, float]
+    lost_flights: Sequence[Mapping[str, Any]]
+    own_failures: Sequence[str]
+    claims: Sequence[Mapping[str, Any]]
+    experiments: Sequence[Mapping[str, Any]]

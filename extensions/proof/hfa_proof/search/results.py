@@ -1,0 +1,159 @@
+"""What `hfa prove` writes, each entry declared once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from hfa_support.reporting.results import Matrix, Result, Stack, Vector
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProofData(Result):
+    """What is proved, or was checked.
+
+    statement: schedule, solution, critic or check.
+    dynamics: published or newton, or the name of another model.
+    dihedral_deg: interval, degrees.
+    proved: whether everything is proved.
+    one_branch: whether the trims of all boxes are one branch.
+    decay_rate: 1/s.
+    loop: runs of angles with their unstable modes, A - B K, and what is open.
+    modes: the same of A; open are the least and the most.
+    refuted: where it is proved unstable.
+    not_covered: what the statement is not about.
+    boxes: enclosures, or their number.
+    source: of a checked certificate of another aircraft: SHA-256 of its files.
+    P: value z' P z.
+    delta: disturbance weight, null for none.
+    scheduled: of another aircraft: scheduling variable -> interval.
+    dihedral_rate_deg_s: with --rate.
+    scheduled_rate: of another aircraft: with --rate, per second.
+    actuators: with --bandwidth: bandwidth, effectiveness, delay.
+    lyapunov: with --rate.
+    kind: of a checked certificate: schedule, game or models.
+    parameters: of a checked certificate: the set that it is about.
+    parameter_hash: of a checked certificate.
+    written: of a checked certificate: the version, command and date that it bears; not verified.
+    statement_sha256: of a checked certificate: SHA-256 of the JSON text of its statement.
+    claim: of a checked certificate: its statement, every field.
+    limits: of a checked certificate: lowest and highest value of each input and unknown of the
+        trims.
+    spread: of a checked certificate: half widths of the parameters.
+    game: of a checked certificate: Q, R, E, delta.
+    error: of checked models: proved bounds.
+    nodes: of checked models.
+    relative_radius: of the enclosure of P.
+    positive_definite: true, false or null for open.
+    worst_case_hurwitz: A - S P.
+    closed_loop_hurwitz: A - B K.
+    delta_min_above: proved lower end.
+    delta_min_at_most: proved upper end.
+    unstable_modes: of A, null where they are not counted.
+    unstable_modes_between: the least and the most.
+    distances: P, K -> at_least, at_most.
+    """
+
+    schema = "hfa.proof/1"
+    made_by = "hfa prove"
+
+    statement: str
+    dynamics: str | None = None
+    dihedral_deg: Vector | None = None
+    proved: bool | None = None
+    one_branch: bool | None = None
+    decay_rate: float | None = None
+    loop: Any = None
+    modes: Any = None
+    refuted: Sequence[Mapping[str, Any]] | None = None
+    not_covered: str | None = None
+    boxes: Any = None
+    source: str | None = None
+    P: Matrix | None = None
+    delta: float | None = None
+    scheduled: Mapping[str, Any] | None = None
+    dihedral_rate_deg_s: float | None = None
+    scheduled_rate: float | None = None
+    actuators: Mapping[str, Any] | None = None
+    lyapunov: Mapping[str, Any] | None = None
+    kind: str | None = None
+    parameters: Any = None
+    parameter_hash: str | None = None
+    written: Mapping[str, Any] | None = None
+    statement_sha256: str | None = None
+    claim: Mapping[str, Any] | None = None
+    limits: Mapping[str, Any] | None = None
+    spread: Mapping[str, Any] | None = None
+    game: Mapping[str, Any] | None = None
+    error: Mapping[str, float] | None = None
+    nodes: int | None = None
+    relative_radius: float | None = None
+    positive_definite: Any = None
+    worst_case_hurwitz: Any = None
+    closed_loop_hurwitz: Any = None
+    delta_min_above: float | None = None
+    delta_min_at_most: float | None = None
+    unstable_modes: Any = None
+    unstable_modes_between: Vector | None = None
+    distances: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModelsData(Result):
+    """Linear models that interpolate within a proved bound.
+
+    dynamics: published or newton, or the name of another model.
+    tolerance: asked for.
+    error: proved bounds.
+    dihedral_deg: nodes, degrees.
+    A: (G, 6, 6).
+    B: (G, 6, 5).
+    K: (G, 5, 6), the exact game's gain.
+    inputs_offset: (G, 5) U0.
+    states: names of the states, in order.
+    inputs: names of the inputs, in order.
+    state_units: unit of each state.
+    input_units: unit of each input.
+    scheduled: of another aircraft: scheduling variable -> nodes.
+    """
+
+    schema = "hfa.lpv/1"
+    made_by = "hfa prove models"
+
+    dynamics: str
+    tolerance: float
+    error: Mapping[str, float]
+    dihedral_deg: Vector | None = None
+    A: Stack
+    B: Stack
+    K: Stack | None = None
+    inputs_offset: Matrix
+    states: Sequence[str]
+    inputs: Sequence[str]
+    state_units: Sequence[str]
+    input_units: Sequence[str]
+    scheduled: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CertificateData(Result):
+    """The file of a certificate.
+
+    kind: see above.
+    toolchain: version that wrote it.
+    statement: what is claimed, as extensions/proof/hfa_proof/checker/statement.py declares it.
+    witness: what proves it, as extensions/proof/hfa_proof/checker/witness.py declares it.
+    digest: SHA-256 of the text before it: the same proof has the same one.
+    checksum: SHA-256 of the text before it, provenance included.
+    """
+
+    schema = "hfa.certificate/8"
+    made_by = "hfa prove -o FILE.json: the certificate"
+
+    kind: Literal["schedule", "game", "models"]
+    toolchain: str
+    statement: Mapping[str, Any]
+    witness: Mapping[str, Any]
+    digest: str
+    checksum: str

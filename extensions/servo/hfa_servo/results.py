@@ -1,0 +1,173 @@
+"""What this extension writes, each entry declared once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from controller.riccati.certificate import Certificate
+from hfa_support.reporting.checks import Check
+from hfa_support.reporting.results import Matrix, Result, Roots, Stack, Vector
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlantSolution(Result):
+    """The controller of a generalized plant.
+
+    plant: what the game is played on.
+    feedback: state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk y).
+    delta: the gain from w to z is below it.
+    delta_min: smallest delta, from above.
+    delta_min_refused: and from below.
+    delta_min_condition: the condition that fails below it.
+    delta_margin: delta / delta_min.
+    Ak: (n, n) of the controller.
+    Bk: (n, p).
+    Ck: (m, n).
+    Dk: (m, p).
+    X: solution of the control Riccati equation.
+    Y: solution of the filter Riccati equation.
+    coupling: rho(XY) / delta^2, below 1.
+    checks: of the solution.
+    certificate: ok, checks.
+    closed_loop_eigenvalues: 1/s.
+    warnings: what to know before trusting the result.
+    P: value z' P z.
+    K: gain, u = -K z.
+    disturbance_gain: worst disturbance w = L x.
+    """
+
+    schema = "hfa.plant-solution/1"
+    made_by = "hfa solve, of a generalized plant"
+
+    plant: str
+    feedback: str
+    delta: float
+    delta_min: float
+    delta_min_refused: float
+    delta_min_condition: str
+    delta_margin: float
+    Ak: Matrix | None = None
+    Bk: Matrix | None = None
+    Ck: Matrix | None = None
+    Dk: Matrix | None = None
+    X: Matrix | None = None
+    Y: Matrix | None = None
+    coupling: float | None = None
+    checks: Sequence[Check]
+    certificate: Certificate
+    closed_loop_eigenvalues: Roots
+    warnings: Sequence[str] | None = None
+    P: Matrix | None = None
+    K: Matrix | None = None
+    disturbance_gain: Matrix | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ControllerData(Result):
+    """A scheduled controller and its margins.
+
+    feedback: of the states or of outputs.
+    dynamics: of the aircraft.
+    parameters: hash of the parameters of the aircraft.
+    states: of the controller: x' = A x + B y, u = C x + D y.
+    measurements: first columns of B and D.
+    commands: last columns of B and D.
+    inputs: rows of C and D.
+    dihedrals: angles of the table, rad.
+    A: (N, n, n).
+    B: (N, n, p).
+    C: (N, m, n).
+    D: (N, m, p).
+    W: input of applied minus commanded u.
+    command_filter: bandwidth rad/s and damping, empty for none.
+    signal_units: unit of each measurement, then of each command.
+    state_units: unit of each state, empty where its name says none.
+    input_units: unit of each input.
+    design: name or file of the design.
+    schedule: what the table runs over.
+    delta: disturbance weight, null for none.
+    angles: dihedral or what the table runs over, delta_min or gamma_min, checks of each.
+    margins: ok, rows of angle, actuators, abscissa and loops: gain dB, phase deg, crossover rad/s,
+        delay s.
+    places: with --aircraft: values of the table.
+    """
+
+    schema = "hfa.controller-design/1"
+    made_by = "hfa design"
+
+    feedback: Literal["state", "output"]
+    dynamics: str
+    parameters: str
+    states: Sequence[str]
+    measurements: Sequence[str]
+    commands: Sequence[str]
+    inputs: Sequence[str]
+    dihedrals: Vector | None = None
+    places: Vector | None = None
+    A: Stack
+    B: Stack
+    C: Stack
+    D: Stack
+    W: Stack
+    command_filter: Vector
+    signal_units: Sequence[str]
+    state_units: Sequence[str]
+    input_units: Sequence[str]
+    design: str
+    schedule: str
+    delta: float
+    angles: Sequence[Mapping[str, Any]]
+    margins: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ControllerFile(Result):
+    """The file of a controller.
+
+    name: of the design.
+    feedback: of the states or of outputs.
+    dihedrals: angles of the table, rad, N.
+    places: with --aircraft: values of the table, N.
+    A: x' = A x + B y + W (applied - u).
+    B: see A.
+    C: u = C x + D y.
+    D: see C.
+    W: see A.
+    states: of x.
+    measurements: first part of y.
+    commands: second part of y.
+    inputs: of u.
+    trim_states: (N, states of the aircraft) X0.
+    trim_inputs: (N, inputs of the aircraft) U0.
+    dynamics: published or newton, or the name of another model.
+    parameters: hash of the parameters of the aircraft.
+    command_filter: bandwidth rad/s and damping, empty for none.
+    about: JSON text: the table of its design, provenance.
+    units: of every number, where they are not those of the aircraft's declaration.
+    """
+
+    schema = "hfa.controller/1"
+    made_by = "hfa design -o FILE.npz: the controller"
+
+    about: str
+    name: str
+    feedback: Literal["state", "output"]
+    dynamics: str
+    parameters: str
+    states: Sequence[str]
+    measurements: Sequence[str]
+    commands: Sequence[str]
+    inputs: Sequence[str]
+    dihedrals: Vector | None = None
+    places: Vector | None = None
+    A: Stack
+    B: Stack
+    C: Stack
+    D: Stack
+    W: Stack
+    trim_states: Matrix
+    trim_inputs: Matrix
+    command_filter: Vector
+    units: Literal["si"] | None = None
