@@ -26,7 +26,7 @@ SOURCES = Path(__file__).parent / "sources"
 RESULTS = Path(__file__).with_name("results.csv")
 PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
-HEADER = ("file", "verdict", "text")
+HEADER = ("file", "verdict")
 #: How the verdict begins where every digit is right.
 RIGHT = "as printed"
 _HEAD = """# Printed answers of others
@@ -100,7 +100,7 @@ def page_of(rows: list[Row]) -> str:
     each with the first part of its verdict."""
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
     others = [
-        (row.name, row.verdict.partition(";")[0], row.text)
+        (row.name, row.verdict.partition(";")[0])
         for row in rows
         if not row.verdict.startswith(RIGHT)
     ]
