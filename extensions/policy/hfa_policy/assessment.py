@@ -17,6 +17,7 @@ from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
+from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
 from hfa_policy.outcomes import HORIZON, Outcome, Place, ends_from_trim, fly_places, start_box
 from hfa_policy.rest import Rest, RestSearch
 from hfa_policy.sampled_loop import Delays, Margins, chain_of, delays, margins
@@ -48,6 +49,8 @@ class AssessedPoint(Result):
     delays: what delays do to it; None without a rest.
     margins: of a stable loop; None else.
     cost: percent lost against the optimum; None where the card has no cost, or has no optimum.
+    nonlinearity: how far the command is from its slope at rest over the box of starts; None without
+        a rest.
     flights: what becomes of the seeded starts; None where none were asked for.
     disturbed: the same with pushes.
     findings: what to know, a sentence each.
@@ -56,7 +59,8 @@ class AssessedPoint(Result):
     keys = (
         "holds spectral_radius=radius delay_limit=delays.limit delay_limit_fine=delays.fine "
         "delay_searched=delays.searched radii disk_margin=margins.disk.disk input_margins "
-        "rest=rest_states rest_inputs K=rest.K cost_lost=cost flights disturbed findings"
+        "rest=rest_states rest_inputs K=rest.K cost_lost=cost nonlinearity flights disturbed "
+        "findings"
     )
 
     point: OperatingPoint
@@ -65,6 +69,7 @@ class AssessedPoint(Result):
     delays: Delays | None
     margins: Margins | None
     cost: CostLost | None
+    nonlinearity: Nonlinearity | None
     flights: Outcome | None
     disturbed: Outcome | None
     findings: tuple[str, ...]
@@ -236,12 +241,14 @@ class Assessor:
         radius = math.nan
         loop_margins: Margins | None = None
         cost: CostLost | None = None
+        off_slope: Nonlinearity | None = None
         if rest is None:
             findings.append("there is no point of rest near the trim")
         else:
             chain = chain_of(rest, deployment.dt, deployment.delay)
             radius = chain.radius
             findings += rest_findings(rest)
+            off_slope = nonlinearity(self.deployed, place.point, rest, place.box)
             if radius < 1.0:
                 try:
                     loop_margins = margins(chain)
@@ -259,6 +266,7 @@ class Assessor:
             delays=loop_delays,
             margins=loop_margins,
             cost=cost,
+            nonlinearity=off_slope,
             flights=flown,
             disturbed=pushed,
             findings=tuple(findings),

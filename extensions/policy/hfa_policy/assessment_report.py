@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 #: What may be asked for, with its unit.
 NEEDS = {"delay": "s", "margin": "disk margin", "cost": "percent over the optimum"}
+#: A command that is off its slope by less is linear.
+_LINEAR = 0.01
 #: A rest off trim by less than this part of the box of starts is at the trim.
 _AT_TRIM = 0.01
 
@@ -210,7 +212,7 @@ class Assessment(Result, Reported):
         for mistake in self.mistakes:
             lines.append(f"{'mistake' if mistake.proved else 'perhaps'}: {mistake.text}")
         parts: list[Any] = [deployment.actor.chain, self._table()]
-        parts += self._findings()
+        parts += [*self._findings(), *self._off_slope()]
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())
 
     def _findings(self) -> list[str]:
@@ -222,6 +224,18 @@ class Assessment(Result, Reported):
         return [
             f"{self._where(points)}: {finding}".removeprefix("at the trim: ")
             for finding, points in where.items()
+        ]
+
+    def _off_slope(self) -> list[str]:
+        """The largest nonlinearity, and where."""
+        points = [point for point in self.points if point.nonlinearity is not None]
+        parts = [point.nonlinearity.part for point in points if point.nonlinearity is not None]
+        if max(parts, default=0.0) < _LINEAR:
+            return []
+        where = self._where([points[int(np.argmax(parts))]])
+        return [
+            f"{where}: within the box of starts the command is up to {100 * max(parts):.3g} % of "
+            "the largest linear one off its slope at rest"
         ]
 
     def _table(self) -> Table:

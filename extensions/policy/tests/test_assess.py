@@ -167,3 +167,22 @@ def test_a_policy_that_buzzes_within_the_ball_is_said_to_buzz():
     assert not point.holds
     assert "buzzes near its point of rest at 45 m/s" in result.first_line
     assert "at 45 m/s elevator goes on by ±" in result.first_line
+
+
+def test_the_nonlinearity_is_found_where_it_was_planted():
+    model = aircraft("ppo_gtm")
+    o = ca.SX.sym("o", 4)
+    bent = ca.Function("bent", [o], [ca.vertcat(0.5 * o[2] + 2.0 * ca.fmax(o[3] - 0.05, 0.0), 0.0)])
+    result = assess(model, gtm_card({"file": bent}), [45.0], samples=0)
+    found = result.points[0].nonlinearity
+    width = result.points[0].place.box[3] - (0.05 - result.points[0].rest_offset[3])
+    assert found.state["pitch"] == pytest.approx(0.1)
+    assert found.part == pytest.approx(2.0 * width / (0.5 * 0.1), rel=1e-6)
+    assert "of the largest linear one off its slope at rest" in str(result.report())
+
+
+def test_a_gain_has_no_nonlinearity():
+    o = ca.SX.sym("o", 4)
+    gain = ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])
+    result = assess(aircraft("ppo_gtm"), gtm_card({"file": gain}), [45.0], samples=0)
+    assert result.points[0].nonlinearity.part < 1e-9

@@ -1,0 +1,58 @@
+"""How far a policy is from its slope at rest, over the box of starts: searched as `hfa verify`
+searches a network."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import from_functions, symbols_for
+from controller.game.zero_sum import Game
+from hfa_networks.judge.network_search import Comparison, search
+from hfa_policy.deployed import Deployed
+from hfa_policy.rest import Rest
+from trim.point.operating_point import OperatingPoint
+
+
+class Nonlinearity(NamedTuple):
+    """The largest that was found of |u - u_rest + K z| over |z_i| <= the box, of any commanded
+    input, as a part of the largest |K z| there.
+
+    part: a lower bound of the true one.
+    state: linear state -> z where that is.
+    """
+
+    part: float
+    state: dict[str, float]
+
+
+class _Slope(NamedTuple):
+    """The linear policy that a policy is compared with, as a search takes it: it has no value."""
+
+    K: np.ndarray
+    P: np.ndarray
+
+
+def nonlinearity(
+    deployed: Deployed, point: OperatingPoint, rest: Rest, box: np.ndarray
+) -> Nonlinearity:
+    """What the search finds about a point of rest; the inputs that act before are those of rest."""
+    model = deployed.model
+    k = len(model.linear)
+    rows = [list(model.states).index(name) for name in model.linear]
+    columns = [list(model.inputs).index(name) for name in deployed.commanded]
+    z = symbols_for([deployed.command], k)
+    selection = np.zeros((len(model.states), k))
+    selection[rows, np.arange(k)] = 1.0
+    X = ca.DM(rest.states) + ca.DM(selection) @ z
+    trim = ca.DM(deployed.trim_vector(point))
+    commanded = deployed.command(X, ca.DM(rest.inputs), trim)
+    u = commanded[columns] - ca.DM(rest.inputs[columns])
+    prices = np.array([model.inputs[name].nominal ** -2.0 for name in deployed.commanded])
+    game = Game(rest.A, rest.B, np.eye(k), np.eye(k), np.diag(prices), np.inf)
+    policy = from_functions(game, z, {"policy": u}, "the deployed policy")
+    slope: Any = _Slope(rest.K, np.zeros((k, k)))
+    _, (found,) = search(Comparison(policy, slope, np.sqrt(prices), box))
+    return Nonlinearity(found.error, dict(zip(model.linear, found.at.tolist(), strict=True)))
