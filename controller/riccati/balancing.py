@@ -86,9 +86,9 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(matrix: np.ndarray) -> Spectrum:
-    """The eigenvalues of a matrix, (n, n)."""
+    """The eigenvalues of a matrix, (n, n), complex also where all are real."""
     scaled, _ = balanced(matrix)
-    eigenvalues = np.linalg.eigvals(scaled)
+    eigenvalues = np.linalg.eigvals(scaled).astype(complex)
     return Spectrum(eigenvalues[np.lexsort((eigenvalues.imag, eigenvalues.real))], scaled)
 
 
