@@ -69,10 +69,9 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         "glide",
         "own speeds",
         "residual",
-        "time, ms",
         "remark",
     ]
-    lines = [header, ["---", *[":---:"] * 6, "---"]]
+    lines = [header, ["---", *[":---:"] * 5, "---"]]
     lines += [_line(row) for row in rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
@@ -80,11 +79,10 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
 def _line(row: dict[str, Any]) -> list[str]:
     points = row["points"]
     if not points:
-        return [row["aircraft"], *["-"] * 6, row["refused"]]
+        return [row["aircraft"], *["-"] * 5, row["refused"]]
     at_speeds = points[: len(SPEEDS)]
     own_points = points[len(SPEEDS) :]
     residuals = [point["residual"] for point in points if "residual" in point]
-    times = sorted(point["seconds"] for point in points if "seconds" in point)
     remarks = [point["reason"] for point in points if "reason" in point and point["kind"] == "none"]
     remark = "" if any(point["kind"] != "none" for point in points) else remarks[-1]
     return [
@@ -94,7 +92,6 @@ def _line(row: dict[str, Any]) -> list[str]:
         str(sum(point["kind"] == "glide" for point in at_speeds)),
         str(sum(point["kind"] != "none" for point in own_points)),
         f"{max(residuals):.0e}" if residuals else "-",
-        f"{1e3 * times[len(times) // 2]:.0f}" if times else "-",
         remark,
     ]
 

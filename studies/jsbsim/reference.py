@@ -90,6 +90,11 @@ _MEASURED = {
     "m": "moments/m-aero-lbsft",
     "n": "moments/n-aero-lbsft",
 }
+_INTEGRATORS = tuple(
+    f"simulation/integrator/{kind}/{motion}"
+    for kind in ("rate", "position")
+    for motion in ("rotational", "translational")
+)
 #: JSBSim's steps a second, and how long it flies in place at most, s.
 _RATE = 120
 _LONGEST = 120
@@ -345,9 +350,7 @@ def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
 def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     """What JSBSim measures at a state that does not move, when its engines and surfaces no longer
     do."""
-    for kind in ("rate", "position"):
-        for motion in ("rotational", "translational"):
-            simulator[f"simulation/integrator/{kind}/{motion}"] = 0
+    _stand_still(simulator)
     commands = point.get("commands", {})
     _start(simulator, point["state"], commands)
     for name, value in point.get("held", {}).items():
@@ -389,11 +392,32 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     return answer
 
 
+def _stand_still(simulator: Any) -> None:
+    """Let the state no longer move."""
+    for name in _INTEGRATORS:
+        simulator[name] = 0
+
+
 def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """States after a flight of point["flight"] s in steps of 1 ms, from a state, the stick held."""
-    _start(simulator, point["state"], point.get("commands", {}))
+    """States after a flight of point["flight"] s in steps of 1 ms from a state, the stick held.
+
+    point["rest"]: s in which engines come to their speeds before. point["pulse"]: what is added to
+    commands for the second second, by name.
+    """
+    commands = dict(point.get("commands", {}))
+    _start(simulator, point["state"], commands)
     simulator["propulsion/fuel_freeze"] = 1
-    for _ in range(round(point["flight"] / _FINE)):
+    if "rest" in point:
+        orders = {name: simulator[name] for name in _INTEGRATORS}
+        _stand_still(simulator)
+        for _ in range(round(point["rest"] / _FINE)):
+            _run(simulator.run, simulator)
+        for name, order in orders.items():
+            simulator[name] = order
+    for step in range(round(point["flight"] / _FINE)):
+        pulsing = 1.0 <= step * _FINE < 2.0
+        for name, value in point.get("pulse", {}).items():
+            simulator[_COMMANDS[name]] = commands.get(name, 0.0) + (value if pulsing else 0.0)
         _run(simulator.run, simulator)
     return {name: simulator[full_name] for name, full_name in _STATE.items()}
 

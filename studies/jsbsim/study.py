@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,12 +24,10 @@ _DENSITY_RATIO = 0.8617
 
 def study(name: str) -> dict[str, Any]:
     """The row of an aircraft: its points, or why it cannot be read."""
-    begun = time.perf_counter()
     try:
         model = read_model(f"jsbsim:{name}")
     except BadInputError as error:
         return {"aircraft": name, "refused": _short(str(error)), "points": []}
-    reading = time.perf_counter() - begun
     held: list[dict[str, float]] = [
         {"kcas": kcas, "altitude": altitude} for kcas, altitude in SPEEDS
     ]
@@ -44,7 +41,7 @@ def study(name: str) -> dict[str, Any]:
     for point, answer in zip(points, own_trims, strict=False):
         point["jsbsim"] = bool(answer and answer.get("trimmed"))
     notes = [_short(note) for note in model.notes]
-    return {"aircraft": name, "seconds_reading": reading, "notes": notes, "points": points}
+    return {"aircraft": name, "notes": notes, "points": points}
 
 
 def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
@@ -54,7 +51,6 @@ def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
     flown = model.with_parameters(gravity=gravity)
     condition = release(usual_condition(flown), hold=held)
     point: dict[str, Any] = {"at": dict(held)}
-    begun = time.perf_counter()
     try:
         solution = find_operating_point(flown, condition)
         point["kind"] = "level" if "gamma" in model.trim else "glide"
@@ -68,7 +64,6 @@ def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
                 point["kind"] = "glide"
                 _add(point, gliding)
     else:
-        point["seconds"] = time.perf_counter() - begun
         _add(point, solution)
     return point
 

@@ -203,7 +203,7 @@ class _Declaration:
             alternatives=(("speed", "kcas", "mach"),),
             aliases=ALIASES | self._own_aliases(),
             begin=self._beginning(),
-            explain=partial(explain, self.parts),
+            explain=partial(explain, self.parts, bool(self.inputs)),
         )
 
     def _own_aliases(self) -> dict[str, str]:
@@ -323,26 +323,27 @@ class _Declaration:
         return ends
 
     def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """The highest speed, rpm, at which a propeller does not get slower; 0 without one."""
+        """The highest speed, rpm, at which a propeller does not get slower; 0 without one. What
+        has no value is where the declaration begins."""
         name = f"rpm{file.number}"
-
-        def rate(rpm: float) -> float:
-            return self._rate(name, {**values, name: rpm})
-
-        fastest = _FASTEST * _rpm(file, True).start
-        faster = fastest
-        for rpm in fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2:  # close to rest finer
-            if rate(rpm) >= 0.0:
-                return float(brentq(rate, rpm, faster)) if rpm < faster else float(rpm)
-            faster = rpm
-        return 0.0
-
-    def _rate(self, name: str, values: Mapping[str, Any]) -> float:
-        """The rate of a state; what has no value is where the declaration begins."""
         signals = (self._states(), self._inputs(), self._parameters())
         columns = [[values.get(key, each[key].start) for key in each] for each in signals]
-        rates = self._still(*columns)[0]
-        return float(rates[list(self.equations.rates).index(name)])
+        row = list(self.equations.rates).index(name)
+
+        def rates(speeds: np.ndarray) -> np.ndarray:
+            tables = [np.tile(np.reshape(column, (-1, 1)), len(speeds)) for column in columns]
+            tables[0][row] = speeds
+            return np.asarray(self._still.map(len(speeds)).call(tables)[0])[row]
+
+        fastest = _FASTEST * _rpm(file, True).start
+        speeds = fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2  # close to rest finer
+        (steady,) = np.nonzero(rates(speeds) >= 0.0)
+        if len(steady) == 0:
+            return 0.0
+        first = steady[0]
+        if first == 0:
+            return fastest
+        return float(brentq(lambda rpm: rates(np.array([rpm]))[0], *speeds[first - 1 : first + 1]))
 
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
         """The equations in still and in moving air."""

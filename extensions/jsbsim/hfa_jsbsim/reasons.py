@@ -16,18 +16,21 @@ from hfa_jsbsim.parts import Parts
 Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | None]
 #: Angles of attack at which the greatest lift is looked for.
 _ANGLES = np.radians(np.arange(-4.0, 40.5, 0.5))
-#: An unbalanced force that counts, as a share of the weight.
+#: An unbalanced force that counts, as a share of the weight; an acceleration, rad/s^2.
 _SOME = 1e-6
 
 
-def explain(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> str:
+def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: Solve) -> str:
     """One line: what is missing, by solves with other things free; empty where none says it.
 
-    parts: of the aircraft. imposed: values by name, as the trim imposes them.
+    parts: of the aircraft. steered: whether it has inputs.
+    imposed: values by name, as the trim imposes them.
     solve: solves the same condition with other values held and names set free.
     """
+    if not steered:
+        return "nothing that a pilot moves changes a force or a moment"
     reasons = [*_of_engines(parts, imposed, solve), *of_files(parts)]
-    return "; ".join(reasons or _of_lift(solve))
+    return "; ".join(reasons or [*_of_lift(solve)] or _of_moments(solve))
 
 
 def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
@@ -72,6 +75,17 @@ def _of_lift(solve: Solve) -> Iterator[str]:
             f"the greatest lift is {100.0 * share:.0f} % of the weight, at alpha "
             f"{math.degrees(alpha):.1f} deg"
         )
+
+
+def _of_moments(solve: Solve) -> Iterator[str]:
+    """What is left of the pitching moment where everything else that can be is balanced."""
+    for free in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
+        values = solve({}, free)
+        if values is not None:
+            left = values["pitch_rate_dot"]
+            if abs(left) > _SOME:
+                yield f"no elevator balances the pitching moment: {left:.3g} rad/s^2 are left"
+            return
 
 
 def of_files(parts: Parts) -> Iterator[str]:

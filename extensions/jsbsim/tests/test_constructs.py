@@ -1,11 +1,12 @@
 """Small jets of one construct each: they agree with JSBSim, or are refused, or named in a note."""
 
 import importlib.util
+import json
 
 import pytest
 
 from hfa_jsbsim.accounting import DATA as ELEMENTS
-from hfa_jsbsim.catalog import access
+from hfa_jsbsim.catalog import DATA as PROPERTIES, access
 from studies.jsbsim.constructs import judge as judging
 from studies.jsbsim.constructs.judge import ALL, judge, unused_slots
 
@@ -24,6 +25,10 @@ QUICK = (
     "properties: writes a point mass",
     "properties: writes atmosphere/wind-north-fps",
     "properties: reads simulation/frame",
+    "properties: writes atmosphere/override/density",
+    "control: gain, input of another tree",
+    "control: property set twice",
+    "control: second flight control",
 )
 
 
@@ -41,6 +46,10 @@ def test_constructs_that_were_dropped_in_silence_agree_or_are_named(tmp_path):
         "writes a point mass": "agrees",
         "writes atmosphere/wind-north-fps": "agrees",
         "reads simulation/frame": "refused",
+        "writes atmosphere/override/density": "refused",
+        "gain, input of another tree": "agrees",
+        "property set twice": "agrees",
+        "second flight control": "agrees",
     }
 
 
@@ -79,4 +88,6 @@ def test_the_catalogs_know_what_jsbsim_reads_and_sets():
     assert access("inertia/pointmass-weight-lbs[3]") == "RW"
     assert access("velocities/vc-kts") == "R"
     assert access("my/own") == ""
-    assert '"emptywt"' in ELEMENTS.read_text()
+    by_hand = json.loads(ELEMENTS.read_text())
+    assert "emptywt" in by_hand["elements"]["mass_balance"]["read"]
+    assert by_hand["jsbsim"] == json.loads(PROPERTIES.read_text())["jsbsim"]

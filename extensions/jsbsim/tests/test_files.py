@@ -4,10 +4,11 @@ import re
 
 import numpy as np
 import pytest
-from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, slope, written
+from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, written
 
 from hfa_aircraft.loading import load_model
 from hfa_support import BadInputError
+from studies.jsbsim.constructs.jet import slope
 from trim import find_operating_point
 from trim.point.condition import release, usual_condition
 

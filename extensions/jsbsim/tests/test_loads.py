@@ -4,12 +4,12 @@ import importlib.util
 
 import numpy as np
 import pytest
-from small_aircraft import CONTROL, LIFT, REST, force, glider, slope, written
+from small_aircraft import CONTROL, LIFT, REST, force, glider, written
 
 from hfa_aircraft.loading import load_model
 from hfa_jsbsim.reader import read_model
 from hfa_support import BadInputError
-from studies.jsbsim.constructs.jet import coefficient, jet
+from studies.jsbsim.constructs.jet import coefficient, jet, slope
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
 from studies.jsbsim.study import positions
 from trim import find_operating_point, linearize
@@ -64,6 +64,11 @@ def residual(name, held, parameters, free=()):
                 ("sgs126", {"kcas": 60.0, "altitude": 3000.0}, WIND, ()),
                 ("f15", JET, WIND, ()),
                 ("B747", JET, {"engine1": 0.0}, ()),
+                # what JSBSim's own systems move is held, actuators begin at rest
+                ("X15", {"kcas": 300.0, "altitude": 20000.0}, {}, ()),
+                ("f16", {"kcas": 300.0, "altitude": 20000.0}, {}, ()),
+                ("p51d", {"kcas": 200.0, "altitude": 10000.0}, {}, ()),
+                ("c172x", LIGHT, {}, ()),
                 ("T38", JET, {"engine1": 0.0}, ()),
                 ("F4N", JET, {"engine1": 0.0}, ()),
                 *(

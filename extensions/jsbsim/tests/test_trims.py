@@ -87,6 +87,16 @@ def test_a_governed_propeller_may_rest_at_the_limit_of_its_blades():
             r"full throttle gives 1563 lb from 4 x 520 hp: 214\d of 370\d lb of thrust missing",
         ),
         (
+            "mk82",
+            {"kcas": 200.0, "altitude": 5000.0},
+            "nothing that a pilot moves changes a force or a moment",
+        ),
+        (
+            "fokker50",
+            {"kcas": 130.0, "altitude": 5000.0},
+            r"full throttle gives 11\d\d lb from 2 x 14\d hp: 10\d\d of 22\d\d lb of thrust missing",
+        ),
+        (
             "B747",
             {"kcas": 75.0, "altitude": 1000.0},
             r"the greatest lift is 2\d % of the weight, at alpha 13.5 deg",

@@ -38,6 +38,19 @@ SLOTS = {
     "sections": "",
 }
 _ENGINE = "<turbine_engine> {turbine} {shares} </turbine_engine>"
+#: The channel that moves the surfaces.
+SURFACES = """ <channel name="surfaces">
+  <pure_gain name="Elevator Gain">
+   <input>fcs/elevator-cmd-norm</input> <gain>0.3</gain> <output>fcs/elevator-pos-rad</output>
+  </pure_gain>
+  <pure_gain name="Aileron Gain">
+   <input>fcs/aileron-cmd-norm</input> <gain>0.3</gain> <output>fcs/left-aileron-pos-rad</output>
+  </pure_gain>
+  <pure_gain name="Rudder Gain">
+   <input>fcs/rudder-cmd-norm</input> <gain>0.3</gain> <output>fcs/rudder-pos-rad</output>
+  </pure_gain>
+ </channel>
+"""
 _JET = """<?xml version="1.0"?>
 <fdm_config name="jet" version="2.0">
 {head}
@@ -71,18 +84,7 @@ _JET = """<?xml version="1.0"?>
 </propulsion>
 <flight_control name="FCS">
  {control}
- <channel name="surfaces">
-  <pure_gain name="Elevator Gain">
-   <input>fcs/elevator-cmd-norm</input> <gain>0.3</gain> <output>fcs/elevator-pos-rad</output>
-  </pure_gain>
-  <pure_gain name="Aileron Gain">
-   <input>fcs/aileron-cmd-norm</input> <gain>0.3</gain> <output>fcs/left-aileron-pos-rad</output>
-  </pure_gain>
-  <pure_gain name="Rudder Gain">
-   <input>fcs/rudder-cmd-norm</input> <gain>0.3</gain> <output>fcs/rudder-pos-rad</output>
-  </pure_gain>
- </channel>
- {channels}
+{SURFACES} {channels}
 </flight_control>
 {sections}
 <aerodynamics>
@@ -112,7 +114,8 @@ def slope(value: float, name: str) -> str:
     return f"<product> <v>{value}</v> <p>{name}</p> </product>"
 
 
-_AIR = {
+#: Axis -> its function.
+AIR = {
     "LIFT": coefficient("<v>0.3</v>", slope(5.0, "aero/alpha-rad")),
     "DRAG": coefficient("<v>0.03</v>", slope(0.5, "aero/alpha-rad")),
     "SIDE": coefficient(slope(-0.5, "aero/beta-rad")),
@@ -141,7 +144,7 @@ def jet(slots: Mapping[str, str]) -> str:
     """The text of the jet's file with these slots filled."""
     filled = SLOTS | {"engine_kind": _ENGINE} | dict(slots)
     filled["engine_kind"] = filled["engine_kind"].format(**filled)
-    return _JET.format(**filled, **_AIR)
+    return _JET.format(**filled, **AIR, SURFACES=SURFACES)
 
 
 def component(text: str, name: str = "fcs/probe") -> dict[str, str]:

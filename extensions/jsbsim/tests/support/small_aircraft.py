@@ -1,6 +1,8 @@
-"""A small aircraft as an XML file, written by the tests."""
+"""A small glider as an XML file, written by the tests from the parts of the small jet."""
 
 from pathlib import Path
+
+from studies.jsbsim.constructs.jet import AIR, SURFACES, coefficient, slope
 
 METRICS = """<metrics>
  <wingarea unit="FT2"> 150 </wingarea> <wingspan unit="FT"> 30 </wingspan> <chord unit="FT"> 5 </chord>
@@ -11,63 +13,25 @@ METRICS = """<metrics>
  <emptywt unit="LBS"> 1500 </emptywt>
  <location name="CG" unit="IN"> <x> 0 </x> <y> 0 </y> <z> 0 </z> </location>
 </mass_balance>"""
-CONTROL = """<flight_control name="stick">
- <channel name="all">
-  <pure_gain name="Elevator Gain">
-   <input>fcs/elevator-cmd-norm</input> <gain>0.3</gain> <output>fcs/elevator-pos-rad</output>
-  </pure_gain>
-  <pure_gain name="Aileron Gain">
-   <input>fcs/aileron-cmd-norm</input> <gain>0.3</gain> <output>fcs/left-aileron-pos-rad</output>
-  </pure_gain>
-  <pure_gain name="Rudder Gain">
-   <input>fcs/rudder-cmd-norm</input> <gain>0.3</gain> <output>fcs/rudder-pos-rad</output>
-  </pure_gain>
- </channel>
-</flight_control>"""
+CONTROL = f'<flight_control name="stick">\n{SURFACES}</flight_control>'
 
 
-def force(axis: str, *terms: str, head: str = "<p>aero/qbar-psf</p> <p>metrics/Sw-sqft</p>") -> str:
-    """An axis whose force is dynamic pressure times area times the sum of the terms."""
-    body = "".join(terms)
-    product = f"<product> {head} <sum> {body} <v>0</v> </sum> </product>"
-    return f'<axis name="{axis}"> <function> {product} </function> </axis>'
+def force(axis: str, *terms: str, length: str = "") -> str:
+    """An axis whose force is dynamic pressure times area times the sum of the terms; a moment with
+    a length."""
+    return f'<axis name="{axis}"> {coefficient(*terms, length=length)} </axis>'
 
 
-def slope(value: float, name: str) -> str:
-    """value * property."""
-    return f"<product> <v>{value}</v> <p>{name}</p> </product>"
-
-
-_SPAN = "<p>aero/qbar-psf</p> <p>metrics/Sw-sqft</p> <p>metrics/bw-ft</p>"
-_CHORD = "<p>aero/qbar-psf</p> <p>metrics/Sw-sqft</p> <p>metrics/cbarw-ft</p>"
 LIFT = force("LIFT", slope(5.0, "aero/alpha-rad"))
-REST = "".join(
-    [
-        force("DRAG", "<v>0.03</v>", slope(0.05, "aero/cl-squared")),
-        force("SIDE", slope(-0.5, "aero/beta-rad")),
-        force(
-            "ROLL",
-            slope(-0.1, "aero/beta-rad"),
-            slope(-0.1, "velocities/p-aero-rad_sec"),
-            slope(0.1, "fcs/left-aileron-pos-rad"),
-            head=_SPAN,
-        ),
-        force(
-            "PITCH",
-            slope(-1.0, "aero/alpha-rad"),
-            slope(-0.5, "velocities/q-aero-rad_sec"),
-            slope(-1.0, "fcs/elevator-pos-rad"),
-            head=_CHORD,
-        ),
-        force(
-            "YAW",
-            slope(0.1, "aero/beta-rad"),
-            slope(-0.1, "velocities/r-aero-rad_sec"),
-            slope(-0.1, "fcs/rudder-pos-rad"),
-            head=_SPAN,
-        ),
-    ]
+PITCH = force(
+    "PITCH",
+    slope(-1.0, "aero/alpha-rad"),
+    slope(-0.5, "velocities/q-aero-rad_sec"),
+    slope(-1.0, "fcs/elevator-pos-rad"),
+    length="cbarw-ft",
 )
+REST = force("DRAG", "<v>0.03</v>", slope(0.05, "aero/cl-squared")) + PITCH
+REST += "".join(f'<axis name="{name}"> {AIR[name]} </axis>' for name in ("SIDE", "ROLL", "YAW"))
 
 
 def glider(aerodynamics: str = LIFT + REST, control: str = CONTROL, more: str = "") -> str:

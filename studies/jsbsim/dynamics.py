@@ -1,0 +1,212 @@
+"""A and B against differences of JSBSim's accelerations, thrust at five throttles, and what a pulse
+of the elevator moves in 10 s, of aircraft of all kinds.
+
+`python -m studies.jsbsim.dynamics [NAME ...]` prints a line an aircraft. JSBSim's propellers and
+governors come to rest at each state, and so do ours: A and B are those of the other states.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_jsbsim.reader import read_model
+from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
+from studies.jsbsim.study import positions
+from trim import find_operating_point, linearize
+from trim.point.condition import release, usual_condition
+from trim.point.operating_point import OperatingPoint
+
+#: Aircraft -> calibrated airspeed, kt, and altitude, ft.
+_CONDITIONS = {
+    "737": (250.0, 10000.0),
+    "A320": (250.0, 10000.0),
+    "f15": (300.0, 10000.0),
+    "T38": (300.0, 10000.0),
+    "B747": (250.0, 10000.0),
+    "c172p": (90.0, 3000.0),
+    "c182": (100.0, 3000.0),
+    "c310": (130.0, 3000.0),
+    "J3Cub": (60.0, 3000.0),
+    "pc7": (130.0, 5000.0),
+    "DHC6": (110.0, 3000.0),
+    "sgs126": (55.0, 3000.0),
+}
+_FLOWN = ("737", "f15", "c172p", "c310", "pc7", "sgs126")
+_STATES = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch")
+#: Rows of A and B that JSBSim's accelerations give.
+_RATES = _STATES[:6]
+#: Steps of the differences, of a state's or an input's usual size.
+_STEP = 1e-3
+_THROTTLES = (0.0, 0.25, 0.5, 0.75, 1.0)
+#: Of the elevator, for a second; what engines come to rest in, and the flight, s.
+_PULSE = {"elevator": 0.02}
+_REST = 15.0
+_FLIGHT = 10.0
+
+
+def main(names: Sequence[str]) -> int:
+    """Print the lines of these aircraft, of all without a name."""
+    for name in names or _CONDITIONS:
+        kcas, altitude = _CONDITIONS[name]
+        gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
+        model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity)
+        held = {"kcas": kcas, "altitude": altitude}
+        point = find_operating_point(model, release(usual_condition(model), hold=held))
+        agree, entries, worst = slopes(name, model, point)
+        thrust = thrust_miss(name, model, point)
+        line = f"{name}: {agree} of {entries} entries of A and B to 1e-6, worst {worst}"
+        line += f"; thrust {thrust:.0e}"
+        if name in _FLOWN:
+            line += f"; flight {flight_miss(name, model, point)}"
+        print(line, flush=True)
+    return 0
+
+
+def _at(name: str, model: Model, state: Mapping[str, float], inputs: Mapping[str, float]) -> Any:
+    """What JSBSim is asked at a state and inputs."""
+    point = {"state": dict(state), "commands": dict(inputs), "held": positions(model, inputs)}
+    return {"aircraft": name, "point": point}
+
+
+def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, str]:
+    """How many entries of A and B agree with central differences of JSBSim's accelerations to 1e-6
+    (of 1, or of the entry), how many there are, and the worst one."""
+    state = point.states._asdict()
+    inputs = point.inputs._asdict()
+    columns = [*_STATES, *inputs]
+    items = []
+    for column in columns:
+        for sign in (1.0, -1.0):
+            moved = {**state, **inputs}
+            moved[column] += sign * _step(model, column)
+            there = {key: moved[key] for key in state}
+            items.append(_at(name, model, there, {key: moved[key] for key in inputs}))
+    answers = answered(items, 3000.0)
+    ours = _of_rest(model, point)
+    agree = 0
+    worst = (0.0, "")
+    for number, column in enumerate(columns):
+        ahead, behind = (
+            _rates(items[index]["point"]["state"], answers[index])
+            for index in (2 * number, 2 * number + 1)
+        )
+        difference = (ahead - behind) / (2.0 * _step(model, column))
+        misses = np.abs(difference - ours[column]) / np.maximum(1.0, np.abs(ours[column]))
+        agree += int(np.sum(misses < 1e-6))
+        row = int(np.argmax(misses))
+        worst = max(worst, (float(misses[row]), f"{_RATES[row]} by {column}"))
+    return agree, len(_RATES) * len(columns), f"{worst[0]:.0e} ({worst[1]})"
+
+
+def _step(model: Model, name: str) -> float:
+    return _STEP * (10.0 if name == "speed" else 0.1 if model.unit(name) != "1" else 1.0)
+
+
+def _of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
+    """Columns of A and B with propellers and governors at rest."""
+    linear = linearize(model, point, full=True)
+    names = list(model.states)
+    engines = [i for i, name in enumerate(names) if name.startswith(("rpm", "blade"))]
+    # a governor at the limit of its blades is at rest there
+    moving = [i for i in engines if np.any(linear.A[i, engines] != 0.0)]
+    rows = [names.index(name) for name in _RATES]
+    table = np.hstack([linear.A, linear.B])
+    rest = table[rows]
+    if moving:
+        inner = linear.A[np.ix_(moving, moving)]
+        rest = rest - linear.A[np.ix_(rows, moving)] @ np.linalg.solve(inner, table[moving])
+    every = [*names, *model.inputs]
+    return {name: rest[:, every.index(name)] for name in every}
+
+
+def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
+    """Rates of speed, alpha, beta and of the turning from JSBSim's accelerations."""
+    speed, alpha, beta = (state[name] for name in ("speed", "alpha", "beta"))
+    along = np.array(
+        [
+            math.cos(alpha) * math.cos(beta),
+            math.sin(beta),
+            math.sin(alpha) * math.cos(beta),
+        ]
+    )
+    acceleration = np.array([answer[axis] for axis in AXES[:3]])
+    u, v, w = speed * along
+    speed_rate = along @ acceleration
+    alpha_rate = (u * acceleration[2] - w * acceleration[0]) / (u**2 + w**2)
+    beta_rate = (speed * acceleration[1] - v * speed_rate) / (speed * math.hypot(u, w))
+    return np.array([speed_rate, alpha_rate, beta_rate, *(answer[axis] for axis in AXES[3:])])
+
+
+def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
+    """The largest difference of the thrust from JSBSim's at five throttles, of 1 lb or of it."""
+    if "throttle" not in model.inputs:
+        return 0.0
+    state = point.states._asdict()
+    items = []
+    for throttle in _THROTTLES:
+        items.append(_at(name, model, state, {**point.inputs._asdict(), "throttle": throttle}))
+    worst = 0.0
+    for item, answer in zip(items, answered(items, 3000.0), strict=True):
+        engines = {key: answer[key] for key in state if key.startswith(("rpm", "blade"))}
+        values = {**state, **engines}
+        commands = [item["point"]["commands"][key] for key in model.inputs]
+        ours = model.outputs_at([values[key] for key in model.states], commands, ["thrust"])
+        theirs = sum(value for key, value in answer.items() if key.startswith("thrust"))
+        worst = max(worst, abs(ours["thrust"] - theirs) / max(1.0, abs(theirs)))
+    return worst
+
+
+def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
+    """The largest difference of what the pulse moves a state by until the end of the flight from
+    what it moves JSBSim's by, relative to that or a tenth of a usual size, and of which state.
+
+    Flights with and without the pulse are compared: JSBSim's earth is round."""
+    state = point.states._asdict()
+    inputs = point.inputs._asdict()
+    items = []
+    for pulse in (_PULSE, {}):
+        item = _at(name, model, state, inputs)
+        item["point"] |= {"flight": _FLIGHT, "rest": _REST, "pulse": pulse}
+        items.append(item)
+    theirs = answered(items, 3000.0)
+    ours = [_flown(model, state, inputs, pulse) for pulse in (_PULSE, {})]
+    misses = {}
+    for key in ("speed", "alpha", "pitch_rate", "pitch", "altitude"):
+        moved = ours[0][key] - ours[1][key]
+        size = max(abs(moved), 0.1 * model.signals[key].nominal)
+        misses[key] = abs(moved - theirs[0][key] + theirs[1][key]) / size
+    worst = max(misses, key=lambda key: misses[key])
+    return f"{misses[worst]:.0e} ({worst})"
+
+
+def _flown(
+    model: Model,
+    state: Mapping[str, float],
+    inputs: Mapping[str, float],
+    pulse: Mapping[str, float],
+) -> dict[str, float]:
+    """States after the flight, by the classical method of fourth order."""
+    step = 0.005
+    x = np.array([state[name] for name in model.states])
+
+    def rates(at: np.ndarray, u: list[float]) -> np.ndarray:
+        return np.array(list(model.rates_at(at, u).values()))
+
+    for number in range(round(_FLIGHT / step)):
+        added = pulse if 1.0 <= number * step < 2.0 else {}
+        u = [inputs[name] + added.get(name, 0.0) for name in model.inputs]
+        first = rates(x, u)
+        second = rates(x + 0.5 * step * first, u)
+        third = rates(x + 0.5 * step * second, u)
+        x = x + step / 6.0 * (first + 2.0 * (second + third) + rates(x + step * third, u))
+    return dict(zip(model.states, x.tolist(), strict=True))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
