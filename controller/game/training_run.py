@@ -10,6 +10,7 @@ import numpy as np
 
 from controller.game.basis import basis
 from controller.game.names import UNNAMED, PlantNames
+from controller.game.settling import settled_at
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import RowsMade, Table, matrix_table
@@ -171,11 +172,3 @@ class TrainingRun(Result, Reported):
             lambda i: (self.times[i], *(column[i] for column in residuals), *self.weights[i]),
         )
         return Table((f"time [{self.clock}]", "residual_norm", "law_residual_norm", *columns), rows)
-
-
-def settled_at(times: np.ndarray, sizes: np.ndarray, limit: float) -> float:
-    """First time from which sizes (N,) stay within the limit to the end, s; inf when the last one
-    does not."""
-    above = np.flatnonzero(~(sizes <= limit))
-    first = int(above[-1]) + 1 if len(above) else 0
-    return float(times[first]) if first < len(times) else np.inf

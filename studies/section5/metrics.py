@@ -11,7 +11,7 @@ import numpy as np
 
 from controller import Game
 from controller.game.basis import Basis
-from controller.game.training_run import settled_at
+from controller.game.settling import settled_at
 from hfa_flight.simulation import Flight
 from hfa_model import INPUTS, LINEAR_STATES
 from studies.section5.configuration import Configuration

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller import Game, learn, published_game, random_pool, run
-from controller.game.training_run import TrainingRun, settled_at
+from controller.game.settling import settled_at
+from controller.game.training_run import TrainingRun
 from controller.riccati.balancing import is_hurwitz
 from hfa_model import published_models
 from hfa_support import NoSolutionError

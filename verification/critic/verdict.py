@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.training_run import settled_at
+from controller.game.settling import settled_at
 from controller.riccati.cost import FlightCost
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
 from hfa_support.reporting.report import Part, Report, Reported
