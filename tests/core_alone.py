@@ -26,9 +26,9 @@ def environment(folder: Path) -> Path:
     libraries = [path for path in sys.path if Path(path).name == "site-packages"]
     (packages / "core.pth").write_text("\n".join([*libraries, str(ROOT)]) + "\n")
     # It hides what the same distribution offers in the environment of the libraries.
-    about = packages / "hfa_toolchain-0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text(METADATA)
+    metadata = packages / "hfa_toolchain-0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(METADATA)
     python = folder / "bin" / "python"
     script = folder / "bin" / "hfa"
     script.write_text(SCRIPT.format(python=python))

@@ -110,7 +110,7 @@ def test_a_saved_point_starts_the_next_trim(command: str) -> None:
     again = answer(*words, "--start", "saved.json")
     plain = answer(*words)
     np.testing.assert_allclose(again["A"], plain["A"], atol=1e-9)
-    inputs = (list(each["operating_point"]["inputs"].values()) for each in (again, plain))
+    inputs = (list(data["operating_point"]["inputs"].values()) for data in (again, plain))
     np.testing.assert_allclose(*inputs, rtol=1e-9, atol=1e-12)
 
 
@@ -132,20 +132,20 @@ def test_linearize_json_keeps_the_contract() -> None:
 
 
 def test_sweep_text_and_json() -> None:
-    said = text("sweep", "--dihedral", "0:15:5")
-    assert said.startswith("Sweep, published dynamics: 4 of 4 points trimmed\n")
+    shown = text("sweep", "--dihedral", "0:15:5")
+    assert shown.startswith("Sweep, published dynamics: 4 of 4 points trimmed\n")
     assert re.search(
         r"^dihedral deg +short period 1/s +dihedral \(fast\) 1/s +phugoid 1/s +dihedral \(slow\)"
         r" 1/s$",
-        said,
+        shown,
         re.M,
     )
     data = answer("sweep", "--dihedral", "0:15:5")
     np.testing.assert_allclose(np.degrees(data["values"]).ravel(), [0, 5, 10, 15], atol=1e-12)
     for A, pairs in zip(data["A"], data["eigenvalues"], strict=True):
-        found = np.sort_complex([complex(*pair) for pair in pairs])
+        eigenvalues = np.sort_complex([complex(*pair) for pair in pairs])
         np.testing.assert_allclose(
-            found, np.sort_complex(np.linalg.eigvals(A)), rtol=1e-9, atol=1e-9
+            eigenvalues, np.sort_complex(np.linalg.eigvals(A)), rtol=1e-9, atol=1e-9
         )
 
 
@@ -155,18 +155,18 @@ def test_sweep_keeps_failed_points_as_rows() -> None:
     assert data["reasons"][1] == ""
     assert {value for row in data["A"][0] for value in row} == {None}
     assert None not in {value for row in data["A"][1] for value in row}
-    said = text("sweep", "--dihedral", "0", "--hold", "speed=20,68")
-    assert "1 of 2 points trimmed" in said
-    assert re.search(r"^0 +20( +-)+$", said, re.M)
-    assert "20: no trim" in said
+    shown = text("sweep", "--dihedral", "0", "--hold", "speed=20,68")
+    assert "1 of 2 points trimmed" in shown
+    assert re.search(r"^0 +20( +-)+$", shown, re.M)
+    assert "20: no trim" in shown
 
 
 def test_regenerate_passes_with_the_shipped_parameters() -> None:
-    said = text("regenerate")
-    assert "Both printed pairs regenerated: yes\n" in said
-    assert said.count(" PASS\n") == 4
+    shown = text("regenerate")
+    assert "Both printed pairs regenerated: yes\n" in shown
+    assert shown.count(" PASS\n") == 4
     assert text("regenerate", "--all").count(" PASS\n") == 8
-    assert "FAIL" not in said
+    assert "FAIL" not in shown
     data = answer("regenerate")
     assert data["ok"] is True
     assert [case["dihedral_deg"] for case in data["cases"]] == [15.0, 5.0]
@@ -301,10 +301,10 @@ def test_effects_are_parameters_and_sweeps_have_them() -> None:
     plain = answer("linearize", *UNSTEADY_11, *off, "--states", ",".join(LINEAR_STATES))
     newton = answer("linearize", "--dihedral", "11", "--dynamics", "newton")
     np.testing.assert_allclose(plain["A"], newton["A"], rtol=1e-9, atol=1e-10)
-    found = answer(
+    data = answer(
         "sweep", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=0,1"
     )
-    assert found["reasons"] == [""] * 2
+    assert data["reasons"] == [""] * 2
     with_mass = answer(
         "solve", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=1"
     )
@@ -317,10 +317,10 @@ def test_effects_are_parameters_and_sweeps_have_them() -> None:
 @pytest.fixture(scope="module")
 def heavy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The identified aircraft with heavier panels."""
-    known = default_parameters()
+    usual = default_parameters()
     path = tmp_path_factory.mktemp("heavy") / "heavy.toml"
     heavier = replace(
-        known, values=known.values._replace(panel_mass=10.5), covariance=np.zeros((0, 0))
+        usual, values=usual.values._replace(panel_mass=10.5), covariance=np.zeros((0, 0))
     )
     save_parameters(heavier, path, "Heavier panels.")
     return path
@@ -355,18 +355,18 @@ def test_json_has_the_whole_condition(heavy: Path) -> None:
         "--hold",
         "aileron_outer=1",
     )
-    found = answer("linearize", *words, "--limit", "throttle=0:60", "--parameters", str(heavy))[
+    data = answer("linearize", *words, "--limit", "throttle=0:60", "--parameters", str(heavy))[
         "provenance"
     ]
-    assert found["parameter_hash"] == hash_of(heavy)
-    assert found["changed"]["panel_mass"]["value"] == 10.5
-    assert found["condition"]["imposed"]["speed"] == 66.0
-    assert found["condition"]["imposed"]["aileron_outer"] == pytest.approx(np.radians(1.0))
-    assert "alpha" in found["condition"]["free"]
-    assert set(found["condition"]["limits"]) == set(found["condition"]["free"])
-    assert found["condition"]["limits"]["throttle"] == [0.0, 60.0]
-    assert found["command"].startswith("hfa linearize --dihedral 12 --hold speed=66")
-    assert (found["date"], found["dynamics"]) == ("2026-09-21T14:13:20Z", "published")
+    assert data["parameter_hash"] == hash_of(heavy)
+    assert data["changed"]["panel_mass"]["value"] == 10.5
+    assert data["condition"]["imposed"]["speed"] == 66.0
+    assert data["condition"]["imposed"]["aileron_outer"] == pytest.approx(np.radians(1.0))
+    assert "alpha" in data["condition"]["free"]
+    assert set(data["condition"]["limits"]) == set(data["condition"]["free"])
+    assert data["condition"]["limits"]["throttle"] == [0.0, 60.0]
+    assert data["command"].startswith("hfa linearize --dihedral 12 --hold speed=66")
+    assert (data["date"], data["dynamics"]) == ("2026-09-21T14:13:20Z", "published")
 
 
 @pytest.mark.parametrize("command", ["sweep", pytest.param("fly", marks=pytest.mark.slow)])

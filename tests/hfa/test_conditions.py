@@ -18,8 +18,8 @@ def test_it_matters_which_variable_is_held() -> None:
     held = answer("linearize", *words)
     free = answer("linearize", *words, "--free", "alpha", "--hold", "aileron_outer=0")
     short_periods = [
-        next(mode for mode in found["modes"] if mode["name"] == "short period")["eigenvalue"]
-        for found in (held, free)
+        next(mode for mode in result["modes"] if mode["name"] == "short period")["eigenvalue"]
+        for result in (held, free)
     ]
     assert short_periods[0] == pytest.approx([-4.64, 9.13], abs=5e-3)
     assert short_periods[1] == pytest.approx([-3.64, 9.48], abs=5e-3)
@@ -42,11 +42,11 @@ def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None
     refused = hfa(command, *words, "--limit", "throttle=0:5")
     assert (refused.code, refused.out) == (1, "")
     assert refused.err.startswith("hfa: no trim: ")
-    own = tmp_path / "own.toml"
-    own.write_text("[impose]\nspeed = 5.0\n", encoding="utf-8")
-    assert hfa(command, "--dihedral", "10", "--condition", str(own)).code == 1
-    own.write_text("[impose]\nspeeed = 5.0\n", encoding="utf-8")
-    wrong = hfa(command, "--dihedral", "10", "--condition", str(own))
+    condition_file = tmp_path / "own.toml"
+    condition_file.write_text("[impose]\nspeed = 5.0\n", encoding="utf-8")
+    assert hfa(command, "--dihedral", "10", "--condition", str(condition_file)).code == 1
+    condition_file.write_text("[impose]\nspeeed = 5.0\n", encoding="utf-8")
+    wrong = hfa(command, "--dihedral", "10", "--condition", str(condition_file))
     assert (wrong.code, wrong.err.count("\n")) == (2, 1)
     assert "unknown trim variable 'speeed'" in wrong.err
 
@@ -57,8 +57,8 @@ def test_a_held_alpha_that_is_in_the_way_is_said() -> None:
     assert refused.err.rstrip().endswith(
         "alpha is held at 2.8 deg, free it trims at 5.21893 deg: add --free alpha"
     )
-    given = hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--hold", "alpha=2")
-    assert given.err.rstrip().endswith("leave --hold alpha out and add --free alpha")
+    result = hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--hold", "alpha=2")
+    assert result.err.rstrip().endswith("leave --hold alpha out and add --free alpha")
     assert hfa("trim", "--dihedral", "10", "--hold", "speed=50", "--free", "alpha").code == 0
 
 
@@ -81,15 +81,15 @@ def test_a_point_of_a_sweep_is_that_of_linearize(words: tuple[str, ...]) -> None
     if single.code:
         assert single.err.startswith("hfa: " + json.loads(swept.out)["reasons"][0])
         return
-    found = json.loads(swept.out)
+    data = json.loads(swept.out)
     expected = json.loads(single.out)
-    np.testing.assert_allclose(found["A"][0], expected["A"], rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(found["B"][0], expected["B"], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(data["A"][0], expected["A"], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(data["B"][0], expected["B"], rtol=1e-9, atol=1e-9)
 
 
 def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
     target = tmp_path / "glide.npz"
-    found = answer(
+    data = answer(
         "sweep",
         "--dihedral",
         "10",
@@ -100,11 +100,11 @@ def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
         "-o",
         str(target),
     )
-    assert found["variables"] == ["dihedral", "throttle"]
-    assert found["grid"]["throttle"] == {"values": [0.0, 20.0, 40.0], "unit": "1"}
+    assert data["variables"] == ["dihedral", "throttle"]
+    assert data["grid"]["throttle"] == {"values": [0.0, 20.0, 40.0], "unit": "1"}
     # From pitch = alpha + gamma: the glide is -2.55 deg without thrust, nearly level with the
     # throttle of level flight.
-    states = np.array(found["operating_states"])
+    states = np.array(data["operating_states"])
     np.testing.assert_allclose(
         np.degrees(states[[0, 2], 3] - states[[0, 2], 1]), [-2.55286, 0.0], atol=0.01
     )
@@ -129,12 +129,12 @@ def test_a_range_ends_at_or_before_its_stop() -> None:
 
 def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
     target = tmp_path / "grid.mat"
-    found = answer("sweep", *GRID, "-o", str(target))
+    data = answer("sweep", *GRID, "-o", str(target))
     loaded = loadmat(target, simplify_cells=True)
     assert (loaded["A"].shape, loaded["B"].shape) == ((6, 6, 9), (6, 5, 9))
-    for i, A in enumerate(found["A"]):
+    for i, A in enumerate(data["A"]):
         np.testing.assert_array_equal(loaded["A"][:, :, i], A)
-    np.testing.assert_array_equal(loaded["values"], found["values"])
+    np.testing.assert_array_equal(loaded["values"], data["values"])
     np.testing.assert_allclose(loaded["grid"]["dihedral"]["values"], np.radians([0.0, 10.0, 20.0]))
     assert (list(loaded["grid"]), loaded["grid"]["gamma"]["unit"]) == (["dihedral", "gamma"], "rad")
 
@@ -145,9 +145,9 @@ def test_a_store_obeys_the_condition_and_keeps_to_it(tmp_path: Path) -> None:
     words = ("sweep", *GRID, *ALPHA_FREE, "-o", store)
     assert hfa(*words, "--workers", "2").code == 0
     group = zarr.open_group(store, mode="r")
-    found = answer("sweep", *GRID, *ALPHA_FREE)
+    data = answer("sweep", *GRID, *ALPHA_FREE)
     np.testing.assert_allclose(
-        group["A"][:][:, [0, 1]][:, :, [0, 1]], np.array(found["A"])[:, :2, :2], rtol=1e-12
+        group["A"][:][:, [0, 1]][:, :, [0, 1]], np.array(data["A"])[:, :2, :2], rtol=1e-12
     )
     gamma = group.attrs["grid"]["gamma"]
     assert (gamma["start"], gamma["count"], gamma["unit"]) == (np.radians(-2.0), 3, "rad")

@@ -56,7 +56,7 @@ def test_what_is_written_is_no_input_and_no_other_output(tmp_path: Path, words: 
     path = tmp_path / "plant.json"
     path.write_text("{}")
     assert_refused(hfa(*words.format(path, "./plant.json").split()), BAD_INPUT)
-    assert [each.name for each in tmp_path.iterdir()] == ["plant.json"]
+    assert [path.name for path in tmp_path.iterdir()] == ["plant.json"]
     assert path.read_text() == "{}"
 
 

@@ -78,13 +78,13 @@ def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
     with np.load(path, allow_pickle=False) as archive:
         arrays = {key: archive[key] for key in archive}
     assert str(arrays["schema"]) == data["schema"]
-    found = [
+    names = [
         value
         for array in arrays.values()
         if array.dtype.kind in "fib"
         for value in array.ravel().tolist()
     ]
-    np.testing.assert_array_equal(found, numbers(data))
+    np.testing.assert_array_equal(names, numbers(data))
     words = [
         value
         for array in arrays.values()
@@ -132,7 +132,9 @@ def test_sweep_csv(tmp_path: Path, name: str) -> None:
     ("name", "suffix"),
     [
         pytest.param(
-            name, suffix, marks=[pytest.mark.slow] * (suffix != "npz" and name != "failing")
+            name,
+            suffix,
+            marks=[] if suffix == "npz" or name == "failing" else [pytest.mark.slow],
         )
         for name in ("full", "failing")
         for suffix in SUFFIXES

@@ -78,7 +78,7 @@ def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [*TABLES, *(pytest.param(each, marks=pytest.mark.slow) for each in SLOW_TABLES)]
+    "command", [*TABLES, *(pytest.param(table, marks=pytest.mark.slow) for table in SLOW_TABLES)]
 )
 def test_tables_are_read_as_they_are(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -98,14 +98,14 @@ def test_tables_are_read_as_they_are(
         assert list(table.columns) == header
         for name, cells in zip(header, zip(*rows, strict=True), strict=True):
             if any(cells) and all(map(is_number, cells)):
-                known = [float(cell or "nan") for cell in cells]
+                numbers = [float(cell or "nan") for cell in cells]
                 np.testing.assert_allclose(
-                    table[name].to_numpy().astype(float), known, rtol=1e-15, err_msg=name
+                    table[name].to_numpy().astype(float), numbers, rtol=1e-15, err_msg=name
                 )
                 assert has_unit(name, header) != (name in (TABLES | SLOW_TABLES)[command]), name
-        about = json.loads(table["about"][0])
-        assert about["schema"].startswith("hfa.")
-        assert about["provenance"]["command"].startswith(f"hfa {command}")
+        data = json.loads(table["about"][0])
+        assert data["schema"].startswith("hfa.")
+        assert data["provenance"]["command"].startswith(f"hfa {command}")
 
 
 def is_number(cell: str) -> bool:

@@ -133,8 +133,8 @@ def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> N
 
 def test_a_linear_model_keeps_its_names() -> None:
     assert hfa("linearize", "--dihedral", "12", "-o", "plant.json").code == 0
-    found = answer("solve", "--model", "plant.json")
-    assert (tuple(found["states"]), tuple(found["inputs"])) == (LINEAR_STATES, INPUTS)
-    assert found["state_units"][:2] == ["ft/s", "rad"]
-    assert found["plant_provenance"]["parameters"] == "identified"
-    assert found["plant_provenance"]["command"].startswith("hfa linearize --dihedral 12 -o ")
+    data = answer("solve", "--model", "plant.json")
+    assert (tuple(data["states"]), tuple(data["inputs"])) == (LINEAR_STATES, INPUTS)
+    assert data["state_units"][:2] == ["ft/s", "rad"]
+    assert data["plant_provenance"]["parameters"] == "identified"
+    assert data["plant_provenance"]["command"].startswith("hfa linearize --dihedral 12 -o ")

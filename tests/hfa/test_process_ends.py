@@ -72,8 +72,8 @@ def stat(process: int) -> list[str]:
 
 def workers(parent: int) -> list[int]:
     """Worker processes of a run; the one that looks after semaphores is none."""
-    found = [int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit()]
-    children = [each for each in found if int(stat(each)[1]) == parent]
+    processes = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdigit()]
+    children = [process for process in processes if int(stat(process)[1]) == parent]
     return [
         each for each in children if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()
     ]
@@ -100,12 +100,12 @@ def run(
     Ctrl-C goes to all processes of the run, as from a terminal; the others to the one that was
     started."""
     (folder / "temporary").mkdir(parents=True, exist_ok=True)
-    place = {**os.environ, "TMPDIR": str(folder / "temporary")}
+    environment = {**os.environ, "TMPDIR": str(folder / "temporary")}
     begun = time.monotonic()
     seen = set[int]()
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen(
-        [SCRIPT, *words], cwd=folder, env=place, text=True, start_new_session=True, **streams
+        [SCRIPT, *words], cwd=folder, env=environment, text=True, start_new_session=True, **streams
     )
     try:
         if number is not None:
@@ -138,9 +138,9 @@ def result_of(folder: Path) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
-        left = ("provenance", "digest", "checksum")
-        return {key: _plain(each) for key, each in value.items() if key not in left}
-    return [_plain(each) for each in value] if isinstance(value, list) else value
+        dropped = ("provenance", "digest", "checksum")
+        return {key: _plain(entry) for key, entry in value.items() if key not in dropped}
+    return [_plain(entry) for entry in value] if isinstance(value, list) else value
 
 
 RUN = {
@@ -305,14 +305,18 @@ def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(
     for number in range(RUNS):
         folder = tmp_path / str(number)
         again: tuple[str, ...] = ()
-        for each, said in SIGNALS.items():
+        for signal_number, log in SIGNALS.items():
             ended = run(
-                folder, *LONG[name], *again, number=each, after=moments.uniform(0.0, whole.seconds)
+                folder,
+                *LONG[name],
+                *again,
+                number=signal_number,
+                after=moments.uniform(0.0, whole.seconds),
             )
             assert until(
                 lambda seen=ended.workers: all(stat(worker)[0] in "XZ" for worker in seen), 10.0
             )
-            assert said is None or in_one_line(ended, said), (number, ended)
+            assert log is None or in_one_line(ended, log), (number, ended)
             again = ("--resume",) if (folder / LONG[name][-1]).exists() else ()
         assert run(folder, *LONG[name], *again).code == 0
         assert result_of(folder) == expected, number
@@ -353,7 +357,7 @@ def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
 def test_what_is_lost_of_a_cluster_costs_no_result(tmp_path: Path, lost: str) -> None:
     pytest.importorskip("distributed")
     dask = (sys.executable, "-m", "dask")
-    known = tmp_path / "scheduler.json"
+    scheduler_file = tmp_path / "scheduler.json"
     whole = tmp_path / "whole"
     whole.mkdir()
     undisturbed = hfa_process(*WORDS, folder=whole)
@@ -362,7 +366,7 @@ def test_what_is_lost_of_a_cluster_costs_no_result(tmp_path: Path, lost: str) ->
         *dask,
         "worker",
         "--scheduler-file",
-        str(known),
+        str(scheduler_file),
         "--nthreads",
         "1",
         "--no-nanny",
@@ -371,12 +375,12 @@ def test_what_is_lost_of_a_cluster_costs_no_result(tmp_path: Path, lost: str) ->
     with ExitStack() as around:
         cluster = [
             around.enter_context(
-                running(*scheduler, "--scheduler-file", str(known), folder=tmp_path)
+                running(*scheduler, "--scheduler-file", str(scheduler_file), folder=tmp_path)
             )
         ]
-        assert until(lambda: known.exists() and bool(known.read_text()))
+        assert until(lambda: scheduler_file.exists() and bool(scheduler_file.read_text()))
         cluster += [around.enter_context(running(*worker, folder=tmp_path)) for _ in range(2)]
-        address = json.loads(known.read_bytes())["address"]
+        address = json.loads(scheduler_file.read_bytes())["address"]
         assert until(
             lambda: all(
                 "Registered to" in (tmp_path / f"log-{number}").read_text() for number in (1, 2)
@@ -388,9 +392,9 @@ def test_what_is_lost_of_a_cluster_costs_no_result(tmp_path: Path, lost: str) ->
         assert until(lambda: any((tmp_path / "a.zarr" / "flown").glob("c*")))
         cluster[0 if lost == "scheduler" else 1].kill()
         run.wait(timeout=120)
-        said = (tmp_path / "log-3").read_text()
-    assert (run.returncode, said.count("\n")) == (
+        log = (tmp_path / "log-3").read_text()
+    assert (run.returncode, log.count("\n")) == (
         (FAILED, 1) if lost == "scheduler" else (DONE, 0)
-    ), said
+    ), log
     resumed = hfa_process(*WORDS, "--resume", folder=tmp_path)
     assert (resumed.code, resumed.out) == (undisturbed.code, undisturbed.out)

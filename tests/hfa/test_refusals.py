@@ -132,7 +132,7 @@ REFUSED = {
 
 @pytest.mark.parametrize(
     ("command", "words", "named"),
-    [(command, *each) for command, some in REFUSED.items() for each in some],
+    [(command, *case) for command, some in REFUSED.items() for case in some],
 )
 def test_bad_requests(command: str, words: str, named: str) -> None:
     small("given.json")

@@ -25,19 +25,19 @@ ENGLISH = ("ft", "lbf", "slug")
 
 def physics(data: dict[str, Any]) -> dict[str, float]:
     """What must be 1, of a trim: laws of physics between its own numbers."""
-    about = data["performance"]
+    performance = data["performance"]
     loads = data["loads"]
     states = data["operating_point"]["states"]
-    pressure = 0.5 * about["density"] * states["speed"] ** 2
-    force = pressure * about["wing_area"]
+    pressure = 0.5 * performance["density"] * states["speed"] ** 2
+    force = pressure * performance["wing_area"]
     return {
-        "dynamic pressure": about["dynamic_pressure"] / pressure,
-        "lift coefficient": loads["lift"] / (force * about["lift_coefficient"]),
-        "Mach number": states["speed"] / (about["speed_of_sound"] * about["mach"]),
+        "dynamic pressure": performance["dynamic_pressure"] / pressure,
+        "lift coefficient": loads["lift"] / (force * performance["lift_coefficient"]),
+        "Mach number": states["speed"] / (performance["speed_of_sound"] * performance["mach"]),
         # T = 288.15 K - 6.5 K/km h up to 11 km, isothermal above: the speed of sound of the
         # standard atmosphere, m/s.
-        "speed of sound": about["speed_of_sound"] / 295.07,
-        "gravity": about["weight"] / (3 * 9.326 * 14.5939029 * 32.2 * FOOT),
+        "speed of sound": performance["speed_of_sound"] / 295.07,
+        "gravity": performance["weight"] / (3 * 9.326 * 14.5939029 * 32.2 * FOOT),
     }
 
 
@@ -51,7 +51,7 @@ def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> N
     name, factor = units._SI[unit]
     monkeypatch.setitem(units._SI, unit, (name, 1.001 * factor))
     wrong = [
-        each for each in physics(answer(*TRIM, "--units", "si")).values() if abs(each - 1) > 1e-4
+        value for value in physics(answer(*TRIM, "--units", "si")).values() if abs(value - 1) > 1e-4
     ]
     assert wrong
 
@@ -64,7 +64,7 @@ def test_matrices_are_similar() -> None:
     T = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["state_units"]])
     Y = np.diag([FOOT if unit.startswith("ft") else 1.0 for unit in before["output_units"]])
     inverse = np.linalg.inv(T)
-    for name, left, right in (
+    for name, scaling, right in (
         ("A", T, inverse),
         ("A_band", T, inverse),
         ("B", T, np.eye(5)),
@@ -73,7 +73,7 @@ def test_matrices_are_similar() -> None:
         ("E", T, np.eye(7) / FOOT),
         ("F", Y, np.eye(7) / FOOT),
     ):
-        expected = left @ np.array(before[name]) @ right
+        expected = scaling @ np.array(before[name]) @ right
         rounding = 1e-13 * np.abs(expected).max()
         np.testing.assert_allclose(after[name], expected, rtol=0, atol=rounding, err_msg=name)
     assert (after["state_units"][0], after["output_units"], after["disturbance_units"]) == (

@@ -47,8 +47,8 @@ def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suf
 
 def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
     file = stored("critic.npz", K=solve_game(game).K)
-    said = hfa("verify", *AT_15, "--weights", file, err=Terminal()).err
-    assert said == "\r\033[Kcompare:   0 %\r\033[Kcompare: 100 %\r\033[K"
+    message = hfa("verify", *AT_15, "--weights", file, err=Terminal()).err
+    assert message == "\r\033[Kcompare:   0 %\r\033[Kcompare: 100 %\r\033[K"
 
 
 def test_a_weight_that_leaves_P_and_K_alone_is_refused_with_its_reason(game: Game) -> None:
@@ -149,6 +149,6 @@ def test_the_cost_of_a_critic_is_told_and_can_decide(game: Game) -> None:
         0.01,
     )
     assert answer(*words, "--limit-cost", "1e-9", code=FAILED)["graded"]["ok"] is False
-    said = hfa(*words, "--limit-cost", "0.01").out
-    assert "PASS by cost limit 0.01 %: not exact (K is off by 0.004), stabilizing, " in said
-    assert "\ncost lost, worst start, percent " in said
+    printed = hfa(*words, "--limit-cost", "0.01").out
+    assert "PASS by cost limit 0.01 %: not exact (K is off by 0.004), stabilizing, " in printed
+    assert "\ncost lost, worst start, percent " in printed

@@ -102,13 +102,15 @@ def right_calls() -> Calls:
         verification.check_history: {"game": game, "critics": history},
         verification.Scope: {"flights": 10, "seconds": 0.0},
     }
-    return {function.__name__: (function, known) for function, known in functions.items()}
+    return {function.__name__: (function, right) for function, right in functions.items()}
 
 
 @cache
 def wrong_values() -> list[Any]:
     calls = right_calls()
-    known = {name: calls["trim_report"][1][name] for name in ("model", "condition", "point")} | {
+    arguments = {
+        name: calls["trim_report"][1][name] for name in ("model", "condition", "point")
+    } | {
         "linear": calls["published_game"][1]["A"],
         "game": calls["solve_game"][1]["game"],
     }
@@ -116,7 +118,7 @@ def wrong_values() -> list[Any]:
     full = [[], {}, (), [1.0], {"x": 1.0}, ["x"], [None], [[1.0], [1.0, 2.0]], {1: 2}]
     arrays = [np.zeros(0), np.zeros(3), np.eye(6), np.full((6, 6), np.nan), np.array(["a"])]
     others = [object(), len, int, Path("x"), np.array([1j]), np.array([None]), ca.SX.sym("x")]
-    return [*plain, *full, *arrays, *others, *known.values()]
+    return [*plain, *full, *arrays, *others, *arguments.values()]
 
 
 def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
@@ -132,21 +134,21 @@ def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
 
 def faults(name: str) -> dict[str, str]:
     """Of a function, one argument after the other replaced by every wrong value."""
-    function, known = right_calls()[name]
+    function, arguments = right_calls()[name]
     found = {}
-    for argument in known:
+    for argument in arguments:
         for number, value in enumerate(wrong_values()):
-            said = fault(function, known | {argument: value})
-            if said:
-                found[f"{argument} = {str(value)[:40]!r} ({number})"] = said[:200]
+            fault_text = fault(function, arguments | {argument: value})
+            if fault_text:
+                found[f"{argument} = {str(value)[:40]!r} ({number})"] = fault_text[:200]
     return found
 
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", ["linearize", "find_operating_point", "from_gain", "modes_of"])
 def test_a_wrong_argument_is_named(name: str) -> None:
-    function, known = right_calls()[name]
-    function(**known)
+    function, arguments = right_calls()[name]
+    function(**arguments)
     assert faults(name) == {}
 
 
@@ -154,10 +156,10 @@ def test_a_wrong_argument_is_named(name: str) -> None:
 @pytest.mark.filterwarnings("ignore")
 def test_every_wrong_argument_of_every_function_is_named() -> None:
     count = 0
-    for name, (function, known) in right_calls().items():
-        function(**known)
+    for name, (function, arguments) in right_calls().items():
+        function(**arguments)
         assert faults(name) == {}, name
-        count += len(known) * len(wrong_values())
+        count += len(arguments) * len(wrong_values())
     assert count > 3000
 
 

@@ -43,6 +43,6 @@ def test_tables_over_the_same_breakpoints_share_the_cell():
     interpolate = Interpolator()
     points = np.arange(5.0)
     first = interpolate(points**2, [points], [x])
-    one = ca.Function("f", [x], [first]).n_instructions()
+    single = ca.Function("f", [x], [first]).n_instructions()
     both = ca.Function("f", [x], [first, interpolate(points**3, [points], [x])]).n_instructions()
-    assert both < 2 * one - 10
+    assert both < 2 * single - 10

@@ -57,9 +57,11 @@ def test_the_report_of_a_trim_has_its_loads_in_newtons() -> None:
     converted = in_si(model)
     data, data_in_si = (
         trim_report(
-            each, usual_condition(each), find_operating_point(each, usual_condition(each))
+            model_given,
+            usual_condition(model_given),
+            find_operating_point(model_given, usual_condition(model_given)),
         ).data
-        for each in (model, converted)
+        for model_given in (model, converted)
     )
     for name, value in data["loads"].items():
         factor = si_factor(data["load_units"][name])

@@ -134,25 +134,25 @@ def longer_chord(p: Parameters, factor: float) -> Parameters:
 
 @pytest.mark.parametrize("change", [heavier, longer_chord])
 def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> None:
-    other = hfa_model.aircraft(
+    other_aircraft = hfa_model.aircraft(
         hfa_model.variant_of(aircraft), change(hfa_model.parameters_of(aircraft), 1.7)
     )
     condition = level_flight(float(np.radians(15.0)))
-    one, two = (
-        linearize(each, find_operating_point(each, condition), full=True)
-        for each in (aircraft, other)
+    first, second = (
+        linearize(model, find_operating_point(model, condition), full=True)
+        for model in (aircraft, other_aircraft)
     )
-    for before, after in ((one.A, two.A), (one.B, two.B)):
+    for before, after in ((first.A, second.A), (first.B, second.B)):
         np.testing.assert_allclose(after, before, rtol=1e-12, atol=1e-12 * np.abs(before).max())
     forgotten = hfa_model.aircraft(
         hfa_model.variant_of(aircraft),
-        hfa_model.parameters_of(other)._replace(
+        hfa_model.parameters_of(other_aircraft)._replace(
             induced_drag=hfa_model.parameters_of(aircraft).induced_drag
         ),
     )
     assert (
         np.abs(
-            linearize(forgotten, find_operating_point(forgotten, condition), full=True).A - one.A
+            linearize(forgotten, find_operating_point(forgotten, condition), full=True).A - first.A
         ).max()
         > 1e-4
     )

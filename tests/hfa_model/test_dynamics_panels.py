@@ -50,11 +50,11 @@ def three_panels(
             [[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]]
         )
         arm = side * p.panel_span / 2
-        place = center + [0.0, arm, 0.0] + axes @ [0.0, arm, 0.0]
+        center_outer = center + [0.0, arm, 0.0] + axes @ [0.0, arm, 0.0]
         swing = np.cross([-side * x.dihedral_rate, 0.0, 0.0], axes @ [0.0, arm, 0.0])
         wind = winds.outer if side else winds.center
         air = to_body @ [-wind.headwind, side * wind.outward, -wind.updraft]
-        flow = axes.T @ (path + np.cross(spin, place) + sinking + swing - air)
+        flow = axes.T @ (path + np.cross(spin, center_outer) + sinking + swing - air)
         aileron = (u.aileron_outer if side else u.aileron_center) + (
             more_aileron_right if side == 1 else 0.0
         )
@@ -68,10 +68,12 @@ def three_panels(
             [float(loads.forward) + thrust, float(loads.sideward), float(loads.downward)]
         )
         force += axes @ whole
-        moment += np.cross(place, axes @ whole) + axes @ [0.0, float(loads.moment), 0.0]
+        moment += np.cross(center_outer, axes @ whole) + axes @ [0.0, float(loads.moment), 0.0]
         moment += np.cross(axes @ [-p.boom_length, 0.0, 0.0], axes @ tail)
         inertia += axes @ np.diag([p.inertia_roll, p.inertia_pitch, p.inertia_yaw]) @ axes.T
-        inertia += p.panel_mass * (place @ place * np.eye(3) - np.outer(place, place))
+        inertia += p.panel_mass * (
+            center_outer @ center_outer * np.eye(3) - np.outer(center_outer, center_outer)
+        )
     return Body(force, moment, inertia)
 
 
@@ -91,8 +93,8 @@ def cases(change: Callable[[State], State]) -> list[tuple[State, Input, Winds]]:
         winds_named(tuple(DISTURBANCES), rng.uniform(-15.0, 15.0, len(DISTURBANCES)).tolist())
         for _ in range(100)
     ]
-    found = zip(*random_points(100, seed=8), air, strict=True)
-    return [(change(State(*x.tolist())), Input(*u.tolist()), winds) for x, u, winds in found]
+    computed = zip(*random_points(100, seed=8), air, strict=True)
+    return [(change(State(*x.tolist())), Input(*u.tolist()), winds) for x, u, winds in computed]
 
 
 def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) -> np.ndarray:
@@ -101,9 +103,11 @@ def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) 
     worst = np.zeros(3)
     scales = np.array([RATE_SCALES.speed, RATE_SCALES.alpha, RATE_SCALES.pitch_rate])
     for x, u, winds in cases(change):
-        found = rates(x, u, p, VARIANTS[dynamics], winds)
+        computed = rates(x, u, p, VARIANTS[dynamics], winds)
         expected = rigid_rates(x, three_panels(x, u, p, winds), p)
-        error = np.abs(np.array([found.speed, found.alpha, found.pitch_rate], float) - expected)
+        error = np.abs(
+            np.array([computed.speed, computed.alpha, computed.pitch_rate], float) - expected
+        )
         worst = np.maximum(worst, error / np.maximum(np.abs(expected), scales))
     return worst
 

@@ -56,9 +56,9 @@ def disagreement(
     ):
         aircraft = np.array(parameters) * np.exp(noise)
         expected = np.array(judge(state, control, aircraft, wind)).ravel()
-        found = np.array(closed_form(state, control, aircraft, wind)).ravel()
+        closed = np.array(closed_form(state, control, aircraft, wind)).ravel()
         worst = np.maximum(
-            worst, np.abs(found - expected) / np.maximum(np.abs(expected), RATE_SCALES)
+            worst, np.abs(closed - expected) / np.maximum(np.abs(expected), RATE_SCALES)
         )
     return State(*worst.tolist())
 
@@ -72,13 +72,19 @@ def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> N
 def test_newton_in_wind_equals_the_euler_lagrange_equations(
     parameters: Parameters, ground_drag: bool
 ) -> None:
-    known = judge(True, ground_drag=ground_drag)
+    reference = judge(True, ground_drag=ground_drag)
     assert (
-        max(disagreement(known, Newton(), parameters, 100, moving=True, ground_drag=ground_drag))
+        max(
+            disagreement(reference, Newton(), parameters, 100, moving=True, ground_drag=ground_drag)
+        )
         <= 1e-11
     )
     assert (
-        max(disagreement(known, Newton(), parameters, 20, moving=True, ground_drag=not ground_drag))
+        max(
+            disagreement(
+                reference, Newton(), parameters, 20, moving=True, ground_drag=not ground_drag
+            )
+        )
         > 1e-3
     )
 
@@ -101,9 +107,9 @@ def from_the_wrong_side(x: State, p: Parameters, winds: Winds) -> kinematics.Flo
 def test_a_wrong_wind_is_seen(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, place: str, wrong: Any
 ) -> None:
-    known = judge(True)
+    reference = judge(True)
     monkeypatch.setattr(place, wrong)
-    assert max(disagreement(known, Newton(), parameters, 20, moving=True)) > 1e-3
+    assert max(disagreement(reference, Newton(), parameters, 20, moving=True)) > 1e-3
 
 
 @pytest.mark.parametrize(

@@ -57,18 +57,18 @@ def test_steady_level_flight(aircraft: Model, degrees: float) -> None:
     assert loads.thrust * np.cos(point.states.alpha) == pytest.approx(loads.drag, rel=1e-12)
     assert loads.pitching_moment == pytest.approx(0.0, abs=1e-9 * weight * p.boom_length)
     assert loads.hinge_moment == pytest.approx(p.hinge_stiffness * point.states.dihedral, abs=1e-6)
-    found = outputs(aircraft, np.array(point.states), np.array(point.inputs))
-    assert found["load_factor"] == pytest.approx(1.0, abs=1e-9)
-    assert found["vertical_acceleration"] == pytest.approx(0.0, abs=1e-9)
-    assert found["load_factor_center"] == pytest.approx(np.cos(point.states.pitch), abs=1e-9)
-    assert found["load_factor_outer"] == pytest.approx(
+    computed = outputs(aircraft, np.array(point.states), np.array(point.inputs))
+    assert computed["load_factor"] == pytest.approx(1.0, abs=1e-9)
+    assert computed["vertical_acceleration"] == pytest.approx(0.0, abs=1e-9)
+    assert computed["load_factor_center"] == pytest.approx(np.cos(point.states.pitch), abs=1e-9)
+    assert computed["load_factor_outer"] == pytest.approx(
         np.cos(point.states.pitch) * np.cos(point.states.dihedral), abs=1e-9
     )
-    assert found["climb_rate"] == pytest.approx(0.0, abs=1e-9)
-    assert found["gamma"] == pytest.approx(0.0, abs=1e-12)
-    assert found["alpha_air_center"] == pytest.approx(point.states.alpha, abs=1e-12)
-    assert found["hinge_moment_total"] == pytest.approx(0.0, abs=1e-6)
-    assert found["lift_center"] + 2 * found["lift_outer"] * np.cos(
+    assert computed["climb_rate"] == pytest.approx(0.0, abs=1e-9)
+    assert computed["gamma"] == pytest.approx(0.0, abs=1e-12)
+    assert computed["alpha_air_center"] == pytest.approx(point.states.alpha, abs=1e-12)
+    assert computed["hinge_moment_total"] == pytest.approx(0.0, abs=1e-6)
+    assert computed["lift_center"] + 2 * computed["lift_outer"] * np.cos(
         point.states.dihedral
     ) == pytest.approx(loads.lift, rel=0.05)
 

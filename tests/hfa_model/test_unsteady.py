@@ -36,30 +36,34 @@ def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarr
 
 def test_without_its_effects_it_is_newton(parameters: Parameters) -> None:
     plain = UNSTEADY.with_parameters(**parameters._asdict(), **dict.fromkeys(EFFECTS, 0.0))
-    named = plain.layout.record
+    as_record = plain.layout.record
     for x, u, w in points(200, 3):
         vectors = [
-            named(*each)
-            for each in zip("xupw", (each.tolist() for each in (x, u, plain.p, w)), strict=True)
+            as_record(*vector)
+            for vector in zip(
+                "xupw", (values.tolist() for values in (x, u, plain.p, w)), strict=True
+            )
         ]
-        found = plain.equations(*vectors)[0]
+        computed = plain.equations(*vectors)[0]
         winds = winds_named(tuple(DISTURBANCES), w.tolist())
         expected = rates(
             State(*x[:7].tolist()), Input(*u.tolist()), parameters, VARIANTS["newton"], winds
         )
-        assert_allclose([float(found[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11)
+        assert_allclose(
+            [float(computed[name]) for name in STATES], expected, rtol=1e-12, atol=1e-11
+        )
     for name in EFFECTS:  # a planted error: a millionth of any effect is seen
         planted = UNSTEADY.with_parameters(
-            **parameters._asdict(), **{each: 1e-6 * (each == name) for each in EFFECTS}
+            **parameters._asdict(), **{effect: 1e-6 * (effect == name) for effect in EFFECTS}
         )
         x, u, p, w = (
-            planted.layout.record(*each)
-            for each in zip("xupw", (*vectors[:2], planted.p, w), strict=True)
+            planted.layout.record(*vector)
+            for vector in zip("xupw", (*vectors[:2], planted.p, w), strict=True)
         )
-        found = planted.equations(x, u, p, w)[0]
+        computed = planted.equations(x, u, p, w)[0]
         assert (
             max(
-                abs(float(found[name]) - value)
+                abs(float(computed[name]) - value)
                 for name, value in zip(STATES, expected, strict=True)
             )
             > 1e-9
@@ -68,8 +72,8 @@ def test_without_its_effects_it_is_newton(parameters: Parameters) -> None:
 
 def by_name(*vectors: Any) -> tuple[Any, ...]:
     return tuple(
-        UNSTEADY.layout.record(*each)
-        for each in zip("xupw", map(ca.vertsplit, vectors), strict=True)
+        UNSTEADY.layout.record(*vector)
+        for vector in zip("xupw", map(ca.vertsplit, vectors), strict=True)
     )
 
 
@@ -79,14 +83,16 @@ def by_energies() -> ca.Function:
     vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(DISTURBANCES))]
     x, u, p, w = by_name(*vectors)
     derived = derived_unsteady(x, u, density(x.altitude), p, winds_named(tuple(DISTURBANCES), w))
-    other = ca.vertcat(*derived.rates, *(derived.lag_rates[name] for name in LAG_STATES))
+    derived_rates = ca.vertcat(*derived.rates, *(derived.lag_rates[name] for name in LAG_STATES))
     thin = ca.SX.sym("density")
     still = winds_named(tuple(DISTURBANCES), [0.0] * len(DISTURBANCES))
     energetic = derived_unsteady(x, u, thin, p, still)  # the density is constant along the path
     moving = ca.SX.sym("moving", vectors[0].numel())
     balance = ca.vertcat(ca.jtimes(energetic.energy, vectors[0], moving), energetic.power)
     return ca.Function(
-        "other", [*vectors, moving], [other, ca.substitute(balance, thin, density(x.altitude))]
+        "other",
+        [*vectors, moving],
+        [derived_rates, ca.substitute(balance, thin, density(x.altitude))],
     )
 
 
@@ -97,23 +103,23 @@ def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
     mine = ca.Function(
         "mine", vectors, [ca.vertcat(*(rates_by_name[name] for name in UNSTEADY.states))]
     )
-    found = []
+    computed = []
     for number, (x, u, w) in enumerate(points(100, 5)):
         p = UNSTEADY.p.copy()
         if effects is not None:
             p[18:24] = effects[number % len(effects)]
-        other, balance = by_energies()(x, u, p, w, mine(x, u, p, 0 * w))
+        derived_rates, balance = by_energies()(x, u, p, w, mine(x, u, p, 0 * w))
         (rates, others), (growth, power) = (
-            (np.array(mine(x, u, p, w)), np.array(other)),
+            (np.array(mine(x, u, p, w)), np.array(derived_rates)),
             np.array(balance).ravel(),
         )
-        found.append(
+        computed.append(
             (
                 np.abs((rates - others) / (1 + np.abs(others))).max(),
                 abs(growth - power) / (1e3 + abs(power)),
             )
         )
-    most = np.max(found, axis=0)
+    most = np.max(computed, axis=0)
     return float(most[0]), float(most[1])
 
 
@@ -133,7 +139,7 @@ def test_energies_see_a_planted_error(
 
     def planted(p: Any, air: Any) -> tuple[Any, ...]:
         return tuple(
-            each._replace(**{name: factor * getattr(each, name)}) for each in plates(p, air)
+            plate._replace(**{name: factor * getattr(plate, name)}) for plate in plates(p, air)
         )
 
     monkeypatch.setattr(source, "_plates", planted)
@@ -162,7 +168,10 @@ def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
     A = table[np.ix_(rows, rows)]
     b = table[rows, column]
     steady = -np.linalg.solve(A, b)
-    z = np.array([np.linalg.solve(1j * each * flow * np.eye(2) - A, b) for each in k]) / steady
+    z = (
+        np.array([np.linalg.solve(1j * frequency * flow * np.eye(2) - A, b) for frequency in k])
+        / steady
+    )
     return 1 - (1 - z) @ np.array(lag.shares)
 
 
@@ -192,7 +201,9 @@ def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> n
     end."""
     k = np.linspace(1e-6, 200.0, 100_001)
     parts = (of(k).real - end) / k
-    return np.array([end + 2 / np.pi * np.trapezoid(parts * np.sin(k * each), k) for each in s])
+    return np.array(
+        [end + 2 / np.pi * np.trapezoid(parts * np.sin(k * distance), k) for distance in s]
+    )
 
 
 @pytest.mark.parametrize(
@@ -241,7 +252,10 @@ def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
     chord, m, m b/2 and 3/8 m b² (of a tail about that of the wing), and Glauert's moment of the
     parabolic camber that a pitch rate is."""
     model = level_model(
-        UNSTEADY.with_parameters(**{each: float(each == "apparent_mass") for each in EFFECTS}), 0.0
+        UNSTEADY.with_parameters(
+            **{effect: float(effect == "apparent_mass") for effect in EFFECTS}
+        ),
+        0.0,
     )
     p = parameters
     x = model.point.states
@@ -265,8 +279,8 @@ def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
         moment += 3 * air * forward**2 / 2 * area * chord * np.pi / 4 * (A2 - A1) * chord / forward
     q, V, alpha = (model.states.index(name) for name in ("pitch_rate", "speed", "alpha"))
     descent = np.sin(x.alpha) * model.A[V, q] + forward * model.A[alpha, q]
-    found = mass @ [descent, model.A[q, q]]
-    assert_allclose(found, [3 * p.panel_mass * forward, moment], rtol=1e-4)
+    computed = mass @ [descent, model.A[q, q]]
+    assert_allclose(computed, [3 * p.panel_mass * forward, moment], rtol=1e-4)
 
 
 @pytest.mark.parametrize(("across", "share"), [(0.0, 1.71), (2 / 3, 1.52)], ids=["center", "outer"])

@@ -93,17 +93,18 @@ def worst(aircraft: Model, repairs: tuple[str, ...]) -> float:
     """Largest difference of q' and η'' from the aircraft's over random flights, relative."""
     differences = []
     for state, control in zip(*random_points(100, seed=4), strict=True):
-        found = State(*aircraft.at(state, control).f)
+        computed = State(*aircraft.at(state, control).f)
         theirs = accelerations(
             State(*state),
-            found,
+            computed,
             hfa_model.loads(aircraft, state, control),
             hfa_model.parameters_of(aircraft),
             repairs,
         )
-        ours = found.pitch_rate, found.dihedral_rate
+        ours = computed.pitch_rate, computed.dihedral_rate
         differences += [
-            abs(one - other) / (1 + abs(one)) for one, other in zip(ours, theirs, strict=True)
+            abs(ours_there - theirs_there) / (1 + abs(ours_there))
+            for ours_there, theirs_there in zip(ours, theirs, strict=True)
         ]
     return max(differences)
 

@@ -23,11 +23,11 @@ def test_a_row_of_a_table_or_a_matrix_is_a_line() -> None:
 
 def test_numbers_of_every_width_are_numbers() -> None:
     kinds = (np.float16, np.float32, np.longdouble, np.int8, np.uint64)
-    found = jsonable(
+    converted = jsonable(
         [[kind(3), np.array([kind(3)])] for kind in kinds] + [np.longdouble("inf"), np.bool_(True)]
     )
-    assert found == [*[[3, [3]]] * len(kinds), None, True]
-    assert {type(number) for number, _ in found[:5]} == {float, int}
+    assert converted == [*[[3, [3]]] * len(kinds), None, True]
+    assert {type(number) for number, _ in converted[:5]} == {float, int}
 
 
 def test_what_is_not_finite_is_null() -> None:

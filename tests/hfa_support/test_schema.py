@@ -29,9 +29,9 @@ def test_what_is_as_declared_comes_back_with_numbers_as_floats() -> None:
         "limits": {"any": 3},
         "open": {"a": 0, "b": []},
     }
-    found = checked("f.toml", value, DECLARED)
-    assert found == value
-    assert isinstance(found["limits"]["any"], float)
+    accepted = checked("f.toml", value, DECLARED)
+    assert accepted == value
+    assert isinstance(accepted["limits"]["any"], float)
 
 
 @pytest.mark.parametrize(

@@ -62,9 +62,9 @@ def test_other_dynamics_would_be_noticed() -> None:
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
 def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
-    found, model = peer_point(peer_system(), float(np.radians(10.0)))
+    peer, model = peer_point(peer_system(), float(np.radians(10.0)))
     exact = model_at(10.0)
-    np.testing.assert_allclose(found.inputs, exact.input_offsets, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(peer.inputs, exact.input_offsets, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(model.A, exact.A, atol=2e-3)  # by finite differences
     np.testing.assert_allclose(model.B, exact.B, atol=2e-3)
 
@@ -117,9 +117,9 @@ def test_every_job_runs_and_a_quick_run_stores_nothing(
 ) -> None:
     monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
     assert bench.main(["--quick"]) == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for words in ("python-control", "solve_continuous_are", "F-16", "members of 0.1 s"):
-        assert words in said
+        assert words in printed
 
 
 # What is stored, and what docs/scaling.md and benchmarks/README.md show of it.

@@ -34,14 +34,14 @@ def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
         done = subprocess.run([hfa, *words], capture_output=True, text=True, check=False)
         return done.returncode, done.stdout + done.stderr
 
-    code, said = run("--help")
-    assert (code, "  verify " in said, "  fly " in said) == (0, True, False)
+    code, output = run("--help")
+    assert (code, "  verify " in output, "  fly " in output) == (0, True, False)
     assert run("trim", "--dihedral", "10")[0] == 0
-    code, said = run("fly", "--dihedral", "15")
-    assert (code, said.count("\n")) == (2, 1)
-    assert "unknown command 'fly'" in said
-    code, said = run("solve", "--dihedral", "11", "--design", "paper")
-    assert (code, said.count("\n")) == (2, 1)
-    assert "--design needs a package that offers 'design' at hfa.parts" in said
-    code, said = run("trim", "--aircraft", "jsbsim:737")
-    assert (code, said.count("\n")) == (2, 1)
+    code, output = run("fly", "--dihedral", "15")
+    assert (code, output.count("\n")) == (2, 1)
+    assert "unknown command 'fly'" in output
+    code, output = run("solve", "--dihedral", "11", "--design", "paper")
+    assert (code, output.count("\n")) == (2, 1)
+    assert "--design needs a package that offers 'design' at hfa.parts" in output
+    code, output = run("trim", "--aircraft", "jsbsim:737")
+    assert (code, output.count("\n")) == (2, 1)

@@ -59,8 +59,8 @@ _NONE = Block("", "", 0, slow=False)
 def blocks_of(document: str) -> list[Block]:
     """The fenced blocks of a Markdown document, in order."""
     return [
-        Block(each[1], each[3], document.count("\n", 0, each.start(3)) + 1, each[2] is not None)
-        for each in _FENCE.finditer(document)
+        Block(match[1], match[3], document.count("\n", 0, match.start(3)) + 1, match[2] is not None)
+        for match in _FENCE.finditer(document)
     ]
 
 
@@ -69,12 +69,12 @@ def difference(expected: str, actual: str) -> str:
     comparison."""
     lines = [line.rstrip() for line in expected.strip("\n").splitlines()]
     pattern = "".join(r"(?:.*\n)*?" if line == "..." else re.escape(line) + r"\n" for line in lines)
-    said = "".join(f"{line.rstrip()}\n" for line in actual.strip("\n").splitlines())
-    if re.fullmatch(pattern, said):
+    output = "".join(f"{line.rstrip()}\n" for line in actual.strip("\n").splitlines())
+    if re.fullmatch(pattern, output):
         return ""
     return "\n".join(
         difflib.unified_diff(
-            lines, said.splitlines(), "the document", "what happens", lineterm="", n=1
+            lines, output.splitlines(), "the document", "what happens", lineterm="", n=1
         )
     )
 
@@ -146,8 +146,8 @@ def _wrong_with(command: str, code: int, expected: str) -> str:
         return "neither hfa nor make, cc, size, python -m or ./PROGRAM"
     if result.code != code:
         return f"exit code {result.code} instead of {code}: {result.err}"
-    said = result.out if SOURCE.search(expected) else SOURCE.sub("", result.out)
-    return difference(expected, said + result.err)
+    output = result.out if SOURCE.search(expected) else SOURCE.sub("", result.out)
+    return difference(expected, output + result.err)
 
 
 def _study(module: str, words: list[str]) -> Result:
@@ -279,11 +279,11 @@ def test_examples_run(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(path), run_name="__main__")
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     shown = text_of(path).partition('"""')[2].partition('"""')[0].partition("prints\n")[2]
     assert shown.strip(), "the docstring of an example ends with what it prints"
     expected = "\n".join(line.removeprefix("    ") for line in shown.strip("\n").splitlines())
-    assert difference(expected, said) == ""
+    assert difference(expected, output) == ""
     assert list(tmp_path.iterdir()) == []
 
 

@@ -79,12 +79,16 @@ def test_the_wall_has_every_package() -> None:
     packages = set(FOLDERS)
     core = packages - set(EXTENSIONS)
     contracts = SETTINGS["importlinter"]["contracts"]
-    (wall,) = (each for each in contracts if each["name"].startswith("The core knows no"))
+    (wall,) = (
+        contract for contract in contracts if contract["name"].startswith("The core knows no")
+    )
     assert len(EXTENSIONS) >= 8
     assert set(wall["forbidden_modules"]) == set(EXTENSIONS)
     assert set(wall["source_modules"]) == core
     assert "ignore_imports" not in wall
     assert packages | {"studies"} == set(SETTINGS["importlinter"]["root_packages"])
-    (layers,) = (each for each in contracts if each["name"].startswith("An extension imports"))
+    (layers,) = (
+        contract for contract in contracts if contract["name"].startswith("An extension imports")
+    )
     named = [name.strip() for layer in layers["layers"] for name in layer.split("|")]
     assert sorted(named) == list(EXTENSIONS)

@@ -54,7 +54,9 @@ def test_each_lock_has_the_pins_of_the_one_before_and_all_that_its_extra_needs()
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
     needed = {"requirements-report.lock": extras["page"], "requirements-test.lock": extras["test"]}
-    needed["requirements.lock"] = [each for each in extras["dev"] if "[test]" not in each]
+    needed["requirements.lock"] = [
+        requirement for requirement in extras["dev"] if "[test]" not in requirement
+    ]
     smaller: set[str] = set()
     for lock in LOCKS:
         pinned = {str(pin) for pin in pins(lock)}

@@ -56,8 +56,10 @@ def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
 
 def stored(outputs: list[Output], kind: str) -> str:
     """The text that is stored: of `kind` "stream" what was printed, else of that MIME type."""
-    printed = [each["text"] for each in outputs if each["output_type"] == "stream"]
-    values = [each["data"].get(kind, []) for each in outputs if each["output_type"] != "stream"]
+    printed = [output["text"] for output in outputs if output["output_type"] == "stream"]
+    values = [
+        output["data"].get(kind, []) for output in outputs if output["output_type"] != "stream"
+    ]
     return "".join("".join(text) for text in (printed if kind == "stream" else values))
 
 
@@ -88,13 +90,13 @@ def png_of(figure: Figure) -> bytes:
 def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
     """Cells whose output today differs from the stored one."""
     names: dict[str, Any] = {"__name__": "__main__"}
-    found = []
+    problems = []
     for number, (source, outputs) in enumerate(cells, start=1):
         printed, value = ran(source, names)
         if printed != stored(outputs, "stream"):
-            found.append(f"cell {number} prints {printed!r}")
+            problems.append(f"cell {number} prints {printed!r}")
         if isinstance(value, Figure):
-            found += (
+            problems += (
                 []
                 if is_drawn_as(value, stored(outputs, "image/png"))
                 else [f"cell {number} draws another picture than the stored one"]
@@ -102,12 +104,12 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
         elif value is not None:
             shown = {"text/plain": repr(value)}
             shown |= {"text/html": value._repr_html_()} if hasattr(value, "_repr_html_") else {}
-            found += [
+            problems += [
                 f"cell {number} says {text.partition(chr(10))[0]}, {kind} is another"
                 for kind, text in shown.items()
                 if words(text) != words(stored(outputs, kind))
             ]
-    return found
+    return problems
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
@@ -121,14 +123,14 @@ def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
 
 
 def test_an_output_that_is_out_of_date_is_noticed() -> None:
-    said = [{"output_type": "stream", "text": ["2\n"]}]
+    outputs = [{"output_type": "stream", "text": ["2\n"]}]
     value = [{"output_type": "execute_result", "data": {"text/plain": ["a c\n", "-1.2e-16"]}}]
     alike = "type('T', (), {'__repr__': lambda self: 'a c\\n3e-17'})()"
-    assert complaints([("a = 1\nprint(a + 1)", said), (alike, value)]) == []
+    assert complaints([("a = 1\nprint(a + 1)", outputs), (alike, value)]) == []
     assert complaints([(alike.replace("3e-17", "3e-17 more"), value)]) == [
         "cell 1 says a c, text/plain is another"
     ]
-    assert complaints([("print(3)", said)]) == ["cell 1 prints '3\\n'"]
+    assert complaints([("print(3)", outputs)]) == ["cell 1 prints '3\\n'"]
     assert complaints([("7", value)]) == ["cell 1 says 7, text/plain is another"]
 
 

@@ -120,7 +120,7 @@ def test_the_page_in_a_browser(
                 driver.execute_script("return performance.getEntriesByType('resource').length") == 0
             )
             buttons = driver.find_elements("css selector", "#plot-trim-1 .modebar-btn")
-            assert [each.get_attribute("data-title") for each in buttons] == BUTTONS
+            assert [button.get_attribute("data-title") for button in buttons] == BUTTONS
         with subtests.test(
             "marks stand at their values from the first, the verdicts in the window"
         ):

@@ -65,7 +65,7 @@ def results() -> dict[str, Any]:
     gain = verification.solve_game(game).K
     gains = GainSchedule(np.radians([15.0, 15.25]), np.stack([gain, gain]), hfa_model.aircraft())
     regeneration = verification.regenerate_all(aircraft)
-    found = (
+    names = (
         aircraft,
         hfa_model.default_parameters(),
         point,
@@ -87,7 +87,7 @@ def results() -> dict[str, Any]:
         controller.GainPolicy("mine", gain),
         controller.Scenario(gust=controller.OneMinusCosine(100.0, 3.0, 68.0)),
     )
-    return dict(zip(SHOWN, found, strict=True))
+    return dict(zip(SHOWN, names, strict=True))
 
 
 @pytest.mark.parametrize("name", SHOWN)
@@ -132,10 +132,10 @@ def test_a_failed_trim_can_be_sent_too() -> None:
 
 def test_the_game_of_a_model_is_the_game_of_its_matrices() -> None:
     model = results()["LinearModel"]
-    one = controller.published_game(model, delta=150.0)
-    other = controller.published_game(model.A, model.B, delta=150.0)
+    of_model = controller.published_game(model, delta=150.0)
+    of_matrices = controller.published_game(model.A, model.B, delta=150.0)
     for name in ("A", "B", "E", "Q", "R", "delta"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+        np.testing.assert_array_equal(getattr(of_model, name), getattr(of_matrices, name))
     with pytest.raises(hfa_support.BadInputError, match="give A and B, or a linear model"):
         controller.published_game(model.A)
 

@@ -25,8 +25,8 @@ def cut_boxes(driver: object, page: Path, width: int) -> list[str]:
     """What of a page is cut in a window of this width, px."""
     seen_at(driver, width)
     driver.get(page.as_uri())  # type: ignore[attr-defined]
-    found: list[str] = driver.execute_script(_CUT)  # type: ignore[attr-defined]
-    return found
+    cut: list[str] = driver.execute_script(_CUT)  # type: ignore[attr-defined]
+    return cut
 
 
 @pytest.mark.slow

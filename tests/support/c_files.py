@@ -26,8 +26,8 @@ def compiled(folder: Path, *words: str) -> None:
 def ran(folder: Path, *words: str) -> dict[str, float]:
     """What a compiled loop prints, a name and a number a line; units are left out."""
     compiled(folder, *words, "-o", "loop")
-    said = subprocess.run([folder / "loop"], check=True, capture_output=True, text=True).stdout
-    return {line[:32].strip(): float(line[32:].split()[0]) for line in said.splitlines()}
+    printed = subprocess.run([folder / "loop"], check=True, capture_output=True, text=True).stdout
+    return {line[:32].strip(): float(line[32:].split()[0]) for line in printed.splitlines()}
 
 
 def written(folder: Path, texts: Mapping[str, str], source: str) -> Path:
@@ -57,11 +57,11 @@ def footprint(folder: Path, source: str) -> tuple[int, int, int, set[str]]:
     """Bytes of code and constants, of data and of data that is written; symbols of other
     libraries."""
     compiled(folder, "-c", source, "-o", "sized.o")
-    asked, sizes = (
+    wanted, sizes = (
         subprocess.run(
             [*words, folder / "sized.o"], check=True, capture_output=True, text=True
         ).stdout.splitlines()
         for words in (("nm", "-u"), ("size",))
     )
     text, data, bss = map(int, sizes[1].split()[:3])
-    return text, data, bss, {line.split()[-1] for line in asked}
+    return text, data, bss, {line.split()[-1] for line in wanted}

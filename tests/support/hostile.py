@@ -142,16 +142,16 @@ def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
     chance = random.Random(f"{way} {number}")
     if not WAYS[way]:
         return _hostile_words(chance), {}
-    known = seeds()
-    given = {name: known[name] for name in ("plant.json", "B.csv")}
+    every_seed = seeds()
+    files = {name: every_seed[name] for name in ("plant.json", "B.csv")}
     if way == "store.zarr":
-        store = {name: content for name, content in known.items() if name.startswith(way)}
-        given |= hostile_store(store, chance)
+        store = {name: content for name, content in every_seed.items() if name.startswith(way)}
+        files |= hostile_store(store, chance)
     elif way.startswith("sealed "):
-        given[way] = hostile_claims(known[way], chance)
+        files[way] = hostile_claims(every_seed[way], chance)
     else:
-        given[way] = hostile_file(way, known[way], chance)
-    return [way if word == "{}" else word for word in WAYS[way]], given
+        files[way] = hostile_file(way, every_seed[way], chance)
+    return [way if word == "{}" else word for word in WAYS[way]], files
 
 
 @cache
@@ -224,7 +224,7 @@ def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
                     result = unchecked_hfa(*words, err=err)
             except Hanging:
                 announced = (
-                    any(tuple(words[: len(each)]) == each for each in _LONG)
+                    any(tuple(words[: len(prefix)]) == prefix for prefix in _LONG)
                     or "Ctrl-C" in err.getvalue()
                 )
                 return None if announced else f"no end after {LONGEST:g} s"
@@ -256,7 +256,7 @@ def _left_wrongly(
     if outside := [path.name for path in folder.iterdir() if path.name != "inside"]:
         return f"left outside: {outside}"
     for path in Path().iterdir():
-        if path.name in {Path(each).parts[0] for each in given}:
+        if path.name in {Path(name).parts[0] for name in given}:
             continue
         if (
             result.code == 2

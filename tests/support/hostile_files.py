@@ -180,7 +180,7 @@ def _hostile_text(content: bytes, chance: random.Random) -> bytes:
     for _ in range(chance.randint(1, 3)):
         places = [number for number, token in enumerate(tokens) if not token.isspace()] or [0]
         at = chance.choice(places)
-        other = chance.choice(places)
+        place_from = chance.choice(places)
         match chance.randrange(5):
             case 0 | 1:
                 tokens[at] = chance.choice((*NUMBERS, *VALUES))
@@ -189,7 +189,7 @@ def _hostile_text(content: bytes, chance: random.Random) -> bytes:
             case 3:
                 tokens[at] *= chance.choice((2, 3, 1000))
             case _:
-                tokens[at], tokens[other] = tokens[other], tokens[at]
+                tokens[at], tokens[place_from] = tokens[place_from], tokens[at]
     return "".join(tokens).encode("utf-8", "replace")
 
 

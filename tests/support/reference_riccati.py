@@ -49,12 +49,12 @@ def reference_solution(game: Game) -> Reference:
         if W is None or abs(np.trace(W)) > Decimal("0.5"):
             return nothing
         identity = _decimal(np.eye(n))
-        left = np.concatenate([W[:n, n:], W[n:, n:] + identity])
+        stacked = np.concatenate([W[:n, n:], W[n:, n:] + identity])
         right = -np.concatenate([W[:n, :n] + identity, W[n:, :n]])
-        normal = _inverse(left.T @ left)
+        normal = _inverse(stacked.T @ stacked)
         if normal is None:
             return nothing
-        P = normal @ (left.T @ right)
+        P = normal @ (stacked.T @ right)
         P = (P + P.T) / 2
         residual = A.T @ P + P @ A + Q - P @ S @ P
         terms = _largest(Q) + (_largest(A) + _largest(S) * _largest(P)) * _largest(P)
@@ -82,10 +82,10 @@ def reference_step_value(problem: DiscreteGame) -> np.ndarray:
         if np.isfinite(step.delta):
             G = G - E @ E.T / Decimal(step.delta) ** 2
         G = root**2 * G
-        one = _decimal(np.eye(len(A)))
+        identity = _decimal(np.eye(len(A)))
         increase = H
         while _largest(increase) > Decimal(10) ** -DIGITS * _largest(H):
-            M = _inverse(one + G @ H)
+            M = _inverse(identity + G @ H)
             increase = A.T @ H @ M @ A
             G = G + A @ M @ G @ A.T
             H = H + increase

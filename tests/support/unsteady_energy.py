@@ -77,8 +77,8 @@ def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) ->
                     )
             angles.append(whole)
         slopes = [
-            p.lift_slope / (1 + p.finite_span * p.lift_slope / np.pi / each)
-            for each in (3 * p.panel_span / p.chord, p.tail_aspect_ratio)
+            p.lift_slope / (1 + p.finite_span * p.lift_slope / np.pi / quantity)
+            for quantity in (3 * p.panel_span / p.chord, p.tail_aspect_ratio)
         ]
         flap = p.aileron_lift * slopes[0] / p.lift_slope
         aileron = getattr(u, f"aileron_{name}")
@@ -102,7 +102,8 @@ def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) ->
     kinetic = sum(kinetic_energy(panel, r, v, p) for panel in panels) + carried
     seven = euler_lagrange(x, kinetic, force, panels, r, v, p)
     carried, power, *lags = (
-        at_state(each, x, r, v, p) for each in (carried, ca.dot(force, v), *lag_rates.values())
+        at_state(quantity, x, r, v, p)
+        for quantity in (carried, ca.dot(force, v), *lag_rates.values())
     )
     return Derived(
         seven, dict(zip(lag_rates, lags, strict=True)), mechanical_energy(x, p) + carried, power
@@ -158,8 +159,8 @@ def _along_the_span(
         lift = (
             density * flow.speed**2 / 2 * p.chord * p.panel_span / 2 * weight * slope * tip * node
         )
-        place = panel.position + panel.axes @ ca.vertcat(0, side * p.panel_span / 2 * node, 0)
-        work += ca.jacobian(place, r).T @ (panel.axes @ ca.vertcat(0, 0, -lift))
+        position = panel.position + panel.axes @ ca.vertcat(0, side * p.panel_span / 2 * node, 0)
+        work += ca.jacobian(position, r).T @ (panel.axes @ ca.vertcat(0, 0, -lift))
     return work
 
 
@@ -175,9 +176,9 @@ def _carried(
         (p.chord / 2, p.panel_span, p.chord / 4),
         (chord / 2, p.tail_area / chord, None),
     ):
-        place = ca.vertcat(-(p.boom_length + chord / 4 if behind is None else behind), 0, 0)
+        position = ca.vertcat(-(p.boom_length + chord / 4 if behind is None else behind), 0, 0)
         mass = p.apparent_mass * np.pi * density * b**2 * span
-        through = _velocity_at(panel, place, air, r, v)
+        through = _velocity_at(panel, position, air, r, v)
         spin = panel.spin
         energy += mass * (through[2] ** 2 + (b * spin[1]) ** 2 / 8 + (span * spin[0]) ** 2 / 12) / 2
         moment += ca.cross(through, ca.vertcat(0, 0, mass * through[2]))

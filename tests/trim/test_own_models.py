@@ -49,11 +49,11 @@ def test_trims_of_the_book(
     xcg: float, hold: dict[str, float], rates: dict[str, float], printed: tuple[float, ...]
 ) -> None:
     point = trimmed(F16.with_parameters(xcg=xcg), hold, rates)
-    found = [
-        point.values[each]
-        for each in ("alpha", "beta", "throttle", "elevator", "aileron", "rudder")
+    computed = [
+        point.values[name]
+        for name in ("alpha", "beta", "throttle", "elevator", "aileron", "rudder")
     ]
-    np.testing.assert_allclose(found, printed, rtol=6e-4, atol=6e-5)
+    np.testing.assert_allclose(computed, printed, rtol=6e-4, atol=6e-5)
 
 
 #: Stevens and Lewis, table 3.6-2: speed, alpha in deg, throttle, elevator in deg.
@@ -70,8 +70,8 @@ def test_slow_flights_of_the_book(
 ) -> None:
     """Newton's method does not find the slowest from where the declaration begins."""
     point = trimmed(F16, {"speed": speed})
-    found = [np.degrees(point.states.alpha), point.inputs.throttle, point.inputs.elevator]
-    np.testing.assert_allclose(found, [alpha, throttle, elevator], rtol=4e-3)
+    computed = [np.degrees(point.states.alpha), point.inputs.throttle, point.inputs.elevator]
+    np.testing.assert_allclose(computed, [alpha, throttle, elevator], rtol=4e-3)
 
 
 @pytest.mark.parametrize(
@@ -125,11 +125,11 @@ def test_imbalances_that_do_not_matter_are_not_named() -> None:
 
 def test_modes_of_the_book() -> None:
     model = F16.with_parameters(xcg=0.3)
-    found = {mode.name: mode.eigenvalue for mode in linearize(model, trimmed(model)).modes}
+    computed = {mode.name: mode.eigenvalue for mode in linearize(model, trimmed(model)).modes}
     for name, printed in MODES.items():
-        assert found[name] == pytest.approx(printed, abs=6e-4 if name == "dutch roll" else 1e-4), (
-            name
-        )
+        assert computed[name] == pytest.approx(
+            printed, abs=6e-4 if name == "dutch roll" else 1e-4
+        ), name
 
 
 def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,8 +146,8 @@ def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
         same = replace(
             NAVION, equations=lambda *vectors: navion.equations(*vectors)
         )  # compiled again
-        found = {mode.name: mode.eigenvalue for mode in linearize(same, trimmed(same)).modes}
-        return {name: abs(found[name] - value) / abs(value) for name, value in printed.items()}
+        computed = {mode.name: mode.eigenvalue for mode in linearize(same, trimmed(same)).modes}
+        return {name: abs(computed[name] - value) / abs(value) for name, value in printed.items()}
 
     assert {name for name, error in off().items() if error > 0.011} == {"spiral"}
     monkeypatch.setattr(navion, "C_LQ", 0.0)
@@ -159,8 +159,8 @@ def test_trim_and_modes_of_the_gtm() -> None:
     """The stated trim, to the four digits that the coefficients have, and load factor one in level
     flight."""
     point = trimmed(GTM)
-    found = [point.values[each] for each in ("alpha", "elevator", "throttle")]
-    np.testing.assert_allclose(found, [0.04924, 0.04892, 14.33], rtol=0.01)
+    computed = [point.values[name] for name in ("alpha", "elevator", "throttle")]
+    np.testing.assert_allclose(computed, [0.04924, 0.04892, 14.33], rtol=0.01)
     assert GTM.outputs_at(point.states, point.inputs)["load_factor"] == pytest.approx(
         1.0, abs=1e-12
     )
@@ -182,8 +182,8 @@ def test_rates_of_the_book() -> None:
         0.5809759,
     ]
     printed += [342.4439, -266.7707, 248.1241, -58.68999]
-    found = F16.with_parameters(xcg=0.4).at(x, [0.9, 20, -15, -20]).f
-    np.testing.assert_allclose(found, printed, rtol=8e-6)
+    computed = F16.with_parameters(xcg=0.4).at(x, [0.9, 20, -15, -20]).f
+    np.testing.assert_allclose(computed, printed, rtol=8e-6)
 
 
 def test_the_back_side_of_the_power_curve_is_another_trim() -> None:
@@ -198,12 +198,12 @@ def test_the_back_side_of_the_power_curve_is_another_trim() -> None:
         begun = find_operating_point(F16, held, point)
         assert begun.inputs.throttle == pytest.approx(0.2, rel=1e-9)
     words = ("trim", *OWN, "--free", "speed", "--hold", "throttle=0.2")
-    said = re.search(
+    message = re.search(
         r"Another trim: speed 225\.314 ft/s, .*, the start (\S+) leads to the other",
         hfa(*words).out,
     )
-    assert said
-    data = json.loads(hfa(*words, "--start", said[1], "--json").out)
+    assert message
+    data = json.loads(hfa(*words, "--start", message[1], "--json").out)
     assert data["operating_point"]["states"]["speed"] == pytest.approx(back.states.speed, rel=1e-9)
     assert data["search"]["other_trims"][0]["speed"] == pytest.approx(front.states.speed, rel=1e-9)
 
@@ -212,17 +212,17 @@ def test_turns_of_a_sweep_are_those_of_single_trims() -> None:
     """One branch, banked by less than a right angle and steeper with the rate, in sweeps and in
     single trims alike."""
     rates = np.linspace(0.0, 0.25, 26)
-    found = sweep(F16, {"turn_rate": rates})
-    bank = found.states[:, list(F16.states).index("roll")]
-    assert found.trimmed.all()
+    swept = sweep(F16, {"turn_rate": rates})
+    bank = swept.states[:, list(F16.states).index("roll")]
+    assert swept.trimmed.all()
     assert (np.diff(bank) > 0).all()
     assert bank[-1] < np.pi / 2
     for i in (5, 20):
         np.testing.assert_allclose(
-            trimmed(F16, {"turn_rate": rates[i]}).states, found.states[i], atol=1e-10
+            trimmed(F16, {"turn_rate": rates[i]}).states, swept.states[i], atol=1e-10
         )
         np.testing.assert_array_equal(
-            sweep(F16, {"turn_rate": rates[i : i + 1]}).states[0], found.states[i]
+            sweep(F16, {"turn_rate": rates[i : i + 1]}).states[0], swept.states[i]
         )
 
 
@@ -289,10 +289,10 @@ def test_a_system_of_python_control_is_traced() -> None:
     )
     point = find_operating_point(model, usual_condition(model))
     assert point.inputs.torque == pytest.approx(4.0 * math.sin(0.5), rel=1e-12)
-    own = linearize(model, point, outputs=("height",))
+    linear = linearize(model, point, outputs=("height",))
     peer = control.linearize(nlsys, [0.5, 0.0], [point.inputs.torque])
     for matrix in "ABCD":
-        np.testing.assert_allclose(getattr(own, matrix), getattr(peer, matrix), atol=1e-5)
+        np.testing.assert_allclose(getattr(linear, matrix), getattr(peer, matrix), atol=1e-5)
     back = to_control(model)
     assert back.output_labels == ["angle", "rate", "height"]
     np.testing.assert_allclose(back.output(0.0, [0.5, 0.0], [0.0]), [0.5, 0.0, 1 - math.cos(0.5)])
@@ -336,11 +336,11 @@ def test_a_sweep_is_an_xarray_dataset() -> None:
     pytest.importorskip("xarray")
     axes = {"speed": [500.0, 400.0], "xcg": [0.3, 0.32, 0.35]}
     grid = sweep(F16, axes)
-    found = grid.to_xarray()
-    assert found.A.dims == ("speed", "xcg", "rate", "linear_state")
-    assert (found.speed.values.tolist(), found.speed.attrs["units"]) == (axes["speed"], "ft/s")
-    one = found.sel(speed=400.0, xcg=0.32, rate="alpha", linear_state="pitch_rate")
-    assert float(one.A) == grid.A[4, 1, grid.model.linear.index("pitch_rate")]
+    dataset = grid.to_xarray()
+    assert dataset.A.dims == ("speed", "xcg", "rate", "linear_state")
+    assert (dataset.speed.values.tolist(), dataset.speed.attrs["units"]) == (axes["speed"], "ft/s")
+    single = dataset.sel(speed=400.0, xcg=0.32, rate="alpha", linear_state="pitch_rate")
+    assert float(single.A) == grid.A[4, 1, grid.model.linear.index("pitch_rate")]
     listed = sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()
     assert listed.B.dims == ("point", "rate", "input")
     assert listed.xcg.values.tolist() == [0.3, 0.35]

@@ -52,20 +52,20 @@ def read(content: bytes | str, name: str = "a.mat") -> dict[str, Any]:
 
 @pytest.mark.parametrize("content", [mat("4", **PLAIN), *(path.read_bytes() for path in FILES)])
 def test_numbers_and_texts_are_those_of_loadmat(content: bytes) -> None:
-    found = read(content)
+    arrays = read(content)
     for name, value in scipy.io.loadmat(io.BytesIO(content)).items():
         expected = value.toarray() if issparse(value) else value
         if not name.startswith("__") and expected.dtype.kind in "iufcU":
-            np.testing.assert_array_equal(found[name], expected)
+            np.testing.assert_array_equal(arrays[name], expected)
 
 
 def test_cells_of_text_and_structures() -> None:
-    found = read(mat(**PLAIN, **TREES))
-    np.testing.assert_array_equal(found["sparse"], TREES["sparse"].toarray())
-    np.testing.assert_array_equal(found["short"], TREES["short"])
-    assert found["names"].tolist() == ["speed", "", "pitch rate"]
-    assert (found["deep"]["block"]["text"].tolist(), found["deep"]["count"]) == (["x"], [[3.0]])
-    assert not {"mixed", "many"} & set(found)
+    arrays = read(mat(**PLAIN, **TREES))
+    np.testing.assert_array_equal(arrays["sparse"], TREES["sparse"].toarray())
+    np.testing.assert_array_equal(arrays["short"], TREES["short"])
+    assert arrays["names"].tolist() == ["speed", "", "pitch rate"]
+    assert (arrays["deep"]["block"]["text"].tolist(), arrays["deep"]["count"]) == (["x"], [[3.0]])
+    assert not {"mixed", "many"} & set(arrays)
 
 
 def test_a_damaged_file_is_one_line_even_where_it_crashes_scipy(
@@ -148,10 +148,10 @@ def of(**texts: str) -> dict[str, Any]:
     ],
 )
 def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, list[str]]) -> None:
-    found = of(**texts)
-    np.testing.assert_array_equal(found.pop("A"), A)
-    np.testing.assert_array_equal(found.pop("B"), B)
-    assert {key: value for key, value in found.items() if value} == names
+    arrays = of(**texts)
+    np.testing.assert_array_equal(arrays.pop("A"), A)
+    np.testing.assert_array_equal(arrays.pop("B"), B)
+    assert {key: value for key, value in arrays.items() if value} == names
 
 
 @pytest.mark.parametrize(

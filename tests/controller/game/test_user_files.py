@@ -45,9 +45,9 @@ def test_every_format_gives_the_same_game_and_where_it_comes_from() -> None:
         stored("plant.json", **full, provenance=block),
         stored("sparse.MAT", **full | {"A": csc_matrix(full["A"])}, provenance=block),
     ):
-        found = stored_game(path)
-        assert found.game == Game(**full)
-        assert found.provenance == block
+        stored_problem = stored_game(path)
+        assert stored_problem.game == Game(**full)
+        assert stored_problem.provenance == block
 
 
 def test_what_is_missing_comes_from_the_paper() -> None:

@@ -138,9 +138,9 @@ def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) 
     rate = decay_rate(law.stage_time, 0.8, 0.9)
     in_stage = range(int(0.9 * law.stage_time / 0.05) - 1)
     reached = [(residual[tick + 1], after(residual[tick], rate, 0.8, 0.05)) for tick in in_stage]
-    moving = [(found, exact) for found, exact in reached if exact > 0.0]
+    moving = [(value, exact) for value, exact in reached if exact > 0.0]
     assert len(moving) > 20
-    assert max(abs(found / exact - 1.0) for found, exact in moving) < 1e-7
+    assert max(abs(value / exact - 1.0) for value, exact in moving) < 1e-7
     assert residual[int(0.9 * law.stage_time / 0.05)] < 1e-10 * residual[0]
 
 
@@ -198,12 +198,12 @@ def test_learning_reads_the_recorded_data_and_not_A() -> None:
     the answer."""
     game, _ = published(PUBLISHED[0])
     stack = random_pool(game, 200, seed=1)
-    other = replace(game, A=game.A - 0.5 * np.eye(6))
-    right, wrong = (learn(g, tick=0.2, pool=stack) for g in (game, other))
+    moved_game = replace(game, A=game.A - 0.5 * np.eye(6))
+    right, wrong = (learn(g, tick=0.2, pool=stack) for g in (game, moved_game))
     assert np.array_equal(right.weights, wrong.weights)
     assert right.settled
     assert wrong.settled
-    for judged, learned in ((game, right), (other, wrong)):
+    for judged, learned in ((game, right), (moved_game, wrong)):
         critic = from_weights(judged, learned.weights[-1])
         assert check_critic(judged, critic, run=learned).ok is (judged is game)
 
@@ -299,11 +299,11 @@ def test_near_the_edge_a_truncated_pseudo_inverse_points_elsewhere() -> None:
     for seed in range(3):
         equations = build(game, seed=seed)
         weights = equations.scaled(start_at_the_edge(game, exact.P, seed, margin=1e-11))
-        found = equations.at(weights, LQ)
-        n = np.sqrt(1.0 + np.sum(found.regressors**2, axis=1))
-        truncated = np.linalg.pinv(found.regressors / n[:, None]) @ (found.residuals / n)
+        value = equations.at(weights, LQ)
+        n = np.sqrt(1.0 + np.sum(value.regressors**2, axis=1))
+        truncated = np.linalg.pinv(value.regressors / n[:, None]) @ (value.residuals / n)
         right = exact_direction(game, equations, weights)
-        errors.append([relative_error(step, right) for step in (truncated, newton_step(found, n))])
+        errors.append([relative_error(step, right) for step in (truncated, newton_step(value, n))])
     truncated_errors, qr_errors = np.array(errors).T
     assert np.median(truncated_errors) > 0.9
     assert np.median(qr_errors) < 0.02

@@ -39,13 +39,13 @@ def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixt
 
 
 def test_the_seed_decides_every_bit() -> None:
-    one = short_run()
+    first = short_run()
     same = short_run()
-    other = short_run(seed=2)
+    second = short_run(seed=2)
     for name in ("times", "weights", "residual_norm", "law_residual_norm", "P", "K"):
-        assert getattr(one, name).tobytes() == getattr(same, name).tobytes(), name
-    assert one.to_dict() == same.to_dict()
-    assert one.weights.tobytes() != other.weights.tobytes()
+        assert getattr(first, name).tobytes() == getattr(same, name).tobytes(), name
+    assert first.to_dict() == same.to_dict()
+    assert first.weights.tobytes() != second.weights.tobytes()
 
 
 def test_results_are_plain_json() -> None:

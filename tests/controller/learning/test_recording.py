@@ -44,7 +44,7 @@ def test_natural_spread_changes_with_the_units_of_the_states() -> None:
     game, _ = published(PUBLISHED[0])
     units = np.array([1e4, 1e-4, 3.0, 1e-2, 1.0, 1e3])
     rows = units[:, None]
-    other = Game(
+    other_game = Game(
         game.A * rows / units,
         game.B * rows,
         game.E * rows,
@@ -52,7 +52,7 @@ def test_natural_spread_changes_with_the_units_of_the_states() -> None:
         game.R,
         game.delta,
     )
-    assert natural_spread(other) / units == pytest.approx(natural_spread(game), rel=1e-6)
+    assert natural_spread(other_game) / units == pytest.approx(natural_spread(game), rel=1e-6)
 
 
 def test_natural_spread_solves_its_equation() -> None:
@@ -123,11 +123,11 @@ def test_poor_stacks_are_refused() -> None:
 
 def test_excitation_of_a_known_stack() -> None:
     regressors = np.array([[3.0, 0.0], [0.0, 0.5], [0.0, 0.5]])
-    found = excitation(regressors, samples=np.array([[2.0, 0.0], [0.0, 1.0], [0.0, 7.0]]))
-    assert (found.rank, found.size, found.samples) == (2, 2, 3)
-    assert found.smallest_eigenvalue == pytest.approx(2.0 * 0.25 / 1.25)
-    assert found.condition == pytest.approx(np.sqrt(2.0))
-    assert 0.0 < found.rounding < 1e-28
+    richness = excitation(regressors, samples=np.array([[2.0, 0.0], [0.0, 1.0], [0.0, 7.0]]))
+    assert (richness.rank, richness.size, richness.samples) == (2, 2, 3)
+    assert richness.smallest_eigenvalue == pytest.approx(2.0 * 0.25 / 1.25)
+    assert richness.condition == pytest.approx(np.sqrt(2.0))
+    assert 0.0 < richness.rounding < 1e-28
 
 
 def test_linear_fit_removes_noise_and_reports_it_and_a_forcing() -> None:
@@ -174,16 +174,16 @@ def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
     weights = equations.scaled(equations.basis.weights(1.5 * exact.P))
     direction = np.random.default_rng(1).normal(size=equations.basis.size) * np.abs(weights).max()
     for problem in (GAME, LQ, PartialGame(0.7, 0.3)):
-        found = equations.at(weights, problem)
+        residual = equations.at(weights, problem)
         moved = [
-            equations.at(weights + h * direction, problem).residuals - found.residuals
+            equations.at(weights + h * direction, problem).residuals - residual.residuals
             for h in (1e-5, 1e-6)
         ]
         for error, lowest, highest in (
             (0.0, 1.99, 2.01),
-            (0.1 * np.abs(found.regressors).max(), 0.5, 1.9),
+            (0.1 * np.abs(residual.regressors).max(), 0.5, 1.9),
         ):
-            slopes = (found.regressors + error) @ direction
+            slopes = (residual.regressors + error) @ direction
             coarse, fine = (
                 np.linalg.norm(change - h * slopes)
                 for h, change in zip((1e-5, 1e-6), moved, strict=True)
@@ -198,12 +198,12 @@ def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
     rng = np.random.default_rng(2)
     weights, step = rng.normal(size=(2, equations.basis.size)) * 100.0
     problem = PartialGame(0.4, 0.6)
-    found = equations.at(weights, problem)
-    linear, quadratic = equations.along_step(weights, step, found, problem)
+    residual = equations.at(weights, problem)
+    linear, quadratic = equations.along_step(weights, step, residual, problem)
     for f in (0.3, 1.0, -2.0):
         exact = equations.at(weights - f * step, problem).residuals
         assert np.linalg.norm(
-            found.residuals + f * linear + f * f * quadratic - exact
+            residual.residuals + f * linear + f * f * quadratic - exact
         ) < 1e-12 * np.linalg.norm(exact)
 
 

@@ -215,18 +215,18 @@ def test_the_distance_to_the_axis_is_the_least_over_all_frequencies(
 ) -> None:
     """Against a fine grid about each eigenvalue, refined where it is least; the claim is 1e-6."""
     for seed in range(2):
-        found = spectrum(make(np.random.default_rng(seed), n))
-        shifts = np.unique(np.abs(found.eigenvalues.imag))
+        computed = spectrum(make(np.random.default_rng(seed), n))
+        shifts = np.unique(np.abs(computed.eigenvalues.imag))
         assert len(shifts) > FEW
         grid = np.unique(np.concatenate([shifts, np.linspace(0.0, 1.5 * shifts.max(), 200)]))
         for _ in range(3):
-            gains = [least_singular_value(found.balanced, shift) for shift in grid]
+            gains = [least_singular_value(computed.balanced, shift) for shift in grid]
             best = int(np.argmin(gains))
             least = gains[best]
             grid = np.linspace(grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)], 30)
-        expected = least / np.linalg.norm(found.balanced, 2)
+        expected = least / np.linalg.norm(computed.balanced, 2)
         # Below 1e-16 of the norm a singular value is rounding.
-        assert found.axis_distance() == pytest.approx(expected, rel=2e-6, abs=1e-16)
+        assert computed.axis_distance() == pytest.approx(expected, rel=2e-6, abs=1e-16)
 
 
 def least_singular_value(matrix: np.ndarray, shift: float) -> float:
@@ -238,12 +238,12 @@ def test_the_least_distance_lies_beside_the_frequencies_of_defective_eigenvalues
     """Three coupled oscillators of 1 rad/s in random axes: the least is at 0.991 rad/s."""
     oscillators = np.kron(np.eye(3), [[-1.0, 1.0], [-1.0, -1.0]]) + 3.0 * np.eye(6, k=2)
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0]
-    found = spectrum(turn @ oscillators @ turn.T)
-    distance, frequency = found.nearest_to_axis()
-    size = distance * np.linalg.norm(found.balanced, 2)
-    least = min(least_singular_value(found.balanced, w) for w in np.linspace(0.9, 1.1, 2001))
+    computed = spectrum(turn @ oscillators @ turn.T)
+    distance, frequency = computed.nearest_to_axis()
+    size = distance * np.linalg.norm(computed.balanced, 2)
+    least = min(least_singular_value(computed.balanced, w) for w in np.linspace(0.9, 1.1, 2001))
     at_eigenvalues = min(
-        least_singular_value(found.balanced, abs(value.imag)) for value in found.eigenvalues
+        least_singular_value(computed.balanced, abs(value.imag)) for value in computed.eigenvalues
     )
     assert size == pytest.approx(least, rel=1e-6)  # the claim; the grid adds 1e-8
     assert size < (1.0 - 5e-5) * at_eigenvalues
@@ -259,8 +259,8 @@ def test_a_mode_on_the_axis_among_many_is_seen() -> None:
 
 
 def test_the_frequency_is_that_of_the_distance_and_not_of_the_eigenvalue_of_least_damping() -> None:
-    found = spectrum(jordan(np.random.default_rng(0), 40))
-    least_damped = found.eigenvalues[np.argmax(found.eigenvalues.real)]
-    distance, frequency = found.nearest_to_axis()
-    assert distance == found.axis_distance()
+    computed = spectrum(jordan(np.random.default_rng(0), 40))
+    least_damped = computed.eigenvalues[np.argmax(computed.eigenvalues.real)]
+    distance, frequency = computed.nearest_to_axis()
+    assert distance == computed.axis_distance()
     assert frequency < 2.0 < abs(least_damped.imag)

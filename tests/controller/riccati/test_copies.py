@@ -45,7 +45,7 @@ def is_solved(game: Game) -> bool:
 
 def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
     """How many copies there were, how many verdicts were the opposite, how many became open."""
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     for seed, game in enumerate(games):
         smallest = minimum_delta(game)
         assert not smallest.uncertain
@@ -55,25 +55,25 @@ def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
             assert verdict(at) is expected
             for copy in copies(at, seed, count):
                 answer = verdict(copy.problem)
-                found["copies"] += 1
-                found["changed"] += answer is (not expected)
-                found["open"] += answer is None
-    return found
+                counts["copies"] += 1
+                counts["changed"] += answer is (not expected)
+                counts["open"] += answer is None
+    return counts
 
 
 def test_whether_a_game_has_a_value_is_the_same_of_every_copy() -> None:
     """A ten-thousandth from delta_min too, of games in units that differ by up to 1e8."""
-    found = changed_verdicts(random_games(8), 4)
-    assert found["copies"] == 128
-    assert (found["changed"], found["open"]) == (0, 0)
+    changed = changed_verdicts(random_games(8), 4)
+    assert changed["copies"] == 128
+    assert (changed["changed"], changed["open"]) == (0, 0)
 
 
 @pytest.mark.slow
 def test_whether_a_game_has_a_value_is_the_same_of_ten_thousand_copies() -> None:
-    found = changed_verdicts(random_games(250), 20)
-    assert found["copies"] == 20_000
-    assert found["changed"] == 0
-    assert found["open"] <= 20  # a thousandth: where rounding decides
+    changed = changed_verdicts(random_games(250), 20)
+    assert changed["copies"] == 20_000
+    assert changed["changed"] == 0
+    assert changed["open"] <= 20  # a thousandth: where rounding decides
 
 
 @pytest.mark.parametrize(
@@ -83,9 +83,9 @@ def test_the_solution_and_its_smallest_delta_are_the_same_of_every_copy(name: st
     game = game_models()[name]
     smallest = minimum_delta(game)
     for copy in copies(game, 1, 8):
-        found = minimum_delta(copy.problem)
+        counts = minimum_delta(copy.problem)
         # The tolerance of the search, 1e-6, once for each.
-        assert found.value == pytest.approx(smallest.value, rel=2e-6), copy.kind
+        assert counts.value == pytest.approx(smallest.value, rel=2e-6), copy.kind
         assert is_solved(copy.problem.with_delta(1.001 * smallest.value)), copy.kind
         assert not is_solved(copy.problem.with_delta(0.999 * smallest.value)), copy.kind
 

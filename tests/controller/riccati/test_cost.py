@@ -58,8 +58,8 @@ def test_rounding_in_a_stiff_plant_is_not_taken_for_an_error(seed: int) -> None:
     A = modes @ np.diag(poles) @ np.linalg.inv(modes)
     B = rng.standard_normal((n, 1))
     game = Game(A, B, rng.standard_normal((n, 1)), np.eye(n), np.eye(1), math.inf)
-    found = check_critic(game, from_value(game, solve_game(game).P))
-    assert found.ok, failed_names(found.checks)
+    verdict = check_critic(game, from_value(game, solve_game(game).P))
+    assert verdict.ok, failed_names(verdict.checks)
 
 
 def test_exact_solution_means_what_it_says(game: Game) -> None:
@@ -91,15 +91,17 @@ def test_the_loss_is_that_of_the_cost_equation_of_the_gain(size: float, delta: f
 
 
 def test_the_loss_grows_with_the_square_of_the_error() -> None:
-    one, ten = (flight_cost(GAME, EXACT, EXACT.K * (1.0 + size * NOISE)) for size in (1e-4, 1e-3))
-    assert ten.worst / one.worst == pytest.approx(100.0, rel=0.05)
-    assert 0.0 < one.mean < one.worst
+    single, ten = (
+        flight_cost(GAME, EXACT, EXACT.K * (1.0 + size * NOISE)) for size in (1e-4, 1e-3)
+    )
+    assert ten.worst / single.worst == pytest.approx(100.0, rel=0.05)
+    assert 0.0 < single.mean < single.worst
 
 
 def test_a_start_is_found_that_costs_what_is_said() -> None:
     K = EXACT.K * (1.0 + 0.1 * NOISE)
     D = loss_matrix(GAME, EXACT, K)
-    found = flight_cost(GAME, EXACT, K)
+    cost = flight_cost(GAME, EXACT, K)
     assert D is not None
     starts = np.random.default_rng(1).standard_normal((4000, 6)) @ np.linalg.inv(
         np.linalg.cholesky(EXACT.P)
@@ -109,16 +111,16 @@ def test_a_start_is_found_that_costs_what_is_said() -> None:
         * np.einsum("ni,ij,nj->n", starts, D, starts)
         / np.einsum("ni,ij,nj->n", starts, EXACT.P, starts)
     )
-    assert lost.max() <= found.worst * (1.0 + 1e-9)
-    assert lost.max() >= 0.8 * found.worst
-    assert lost.mean() == pytest.approx(found.mean, rel=0.1)
+    assert lost.max() <= cost.worst * (1.0 + 1e-9)
+    assert lost.max() >= 0.8 * cost.worst
+    assert lost.mean() == pytest.approx(cost.mean, rel=0.1)
 
 
 def test_the_exact_critic_costs_nothing() -> None:
-    found = flight_cost(GAME, EXACT, EXACT.K)
-    assert (found.worst, found.mean) == (0.0, 0.0)
-    assert found.gain == found.exact_gain == bounded_real_gain(GAME, EXACT.K)
-    assert found.distance == found.exact_distance > 0.0
+    cost = flight_cost(GAME, EXACT, EXACT.K)
+    assert (cost.worst, cost.mean) == (0.0, 0.0)
+    assert cost.gain == cost.exact_gain == bounded_real_gain(GAME, EXACT.K)
+    assert cost.distance == cost.exact_distance > 0.0
 
 
 def test_a_gain_beyond_delta_or_unstable_costs_without_bound() -> None:
@@ -142,7 +144,7 @@ def test_an_indefinite_value_within_the_allowed_error_passes() -> None:
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 0.0]), np.eye(2), 5.0)
     P = solve_game(game).P - np.diag([0.0, 1e-8])
     sign = {limit: check_critic(game, from_value(game, P), limit=limit) for limit in (1e-6, 1e-2)}
-    named = {limit: {row.name: row.ok for row in check.checks} for limit, check in sign.items()}
-    assert named[1e-6]["P_smallest_eigenvalue"] is False
-    assert named[1e-2]["P_smallest_eigenvalue"] is True
+    passed = {limit: {row.name: row.ok for row in check.checks} for limit, check in sign.items()}
+    assert passed[1e-6]["P_smallest_eigenvalue"] is False
+    assert passed[1e-2]["P_smallest_eigenvalue"] is True
     assert sign[1e-2].ok

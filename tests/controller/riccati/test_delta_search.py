@@ -103,10 +103,10 @@ def test_the_error_of_a_value_bounds_what_a_change_of_the_entries_does() -> None
         changes = []
         for _ in range(20):
             of_A, of_B = (
-                1.0 + part * rng.choice([-1.0, 1.0], each.shape) for each in (game.A, game.B)
+                1.0 + part * rng.choice([-1.0, 1.0], matrix.shape) for matrix in (game.A, game.B)
             )
-            other = solve_game(replace(game, A=game.A * of_A, B=game.B * of_B)).P
-            changes.append(abs(vector @ (other - P) @ vector))
+            solution = solve_game(replace(game, A=game.A * of_A, B=game.B * of_B)).P
+            changes.append(abs(vector @ (solution - P) @ vector))
         assert max(changes) <= bound, number
         assert max(changes) >= 1e-2 * bound, number
 
@@ -137,10 +137,10 @@ def test_a_stiff_plant_whose_modes_are_reached_is_not_told_that_they_are_not(
 ) -> None:
     """Solved, or refused for rounding: no mode is called unreached, none 0 that is not."""
     game = chain(rates, coupling)
-    said = refusal_of(lambda: solve_game(game)) + refusal_of(lambda: minimum_delta(game))
-    assert "is not stabilizable" not in said
-    assert not re.search(r"eigenvalue 0\b(?!\.)", said)
-    assert "no delta" not in said
+    refusals = refusal_of(lambda: solve_game(game)) + refusal_of(lambda: minimum_delta(game))
+    assert "is not stabilizable" not in refusals
+    assert not re.search(r"eigenvalue 0\b(?!\.)", refusals)
+    assert "no delta" not in refusals
 
 
 def test_the_error_of_a_value_that_does_not_stabilize_has_no_bound() -> None:

@@ -31,7 +31,7 @@ def _game(seed: int = 0, n: int = 4, delta: float = 20.0) -> Game:
 )
 def test_the_value_is_that_of_value_iteration_one_step_at_a_time(seed, discount, delta):
     game = _game(seed, delta=delta)
-    found = solve_discounted(game, discount)
+    solution = solve_discounted(game, discount)
     G = np.hstack([game.B, game.E / delta])
     W = np.diag([1.0, 3.0, -1.0, -1.0])
     P = np.zeros((4, 4))
@@ -43,8 +43,8 @@ def test_the_value_is_that_of_value_iteration_one_step_at_a_time(seed, discount,
             + discount * game.A.T @ P @ game.A
             - crossed.T @ np.linalg.solve(W + discount * G.T @ P @ G, crossed)
         )
-    assert np.abs(found.P - P).max() <= 1e-12 * np.abs(P).max()
-    assert found.certificate.ok
+    assert np.abs(solution.P - P).max() <= 1e-12 * np.abs(P).max()
+    assert solution.certificate.ok
 
 
 def test_one_state_without_disturbance_is_the_root_of_a_quadratic():
@@ -53,13 +53,13 @@ def test_one_state_without_disturbance_is_the_root_of_a_quadratic():
     q = 2.0
     r = 0.5
     discount = 0.98
-    found = solve_discounted(Game([[a]], [[b]], [[1.0]], [[q]], [[r]], np.inf), discount)
+    solution = solve_discounted(Game([[a]], [[b]], [[1.0]], [[q]], [[r]], np.inf), discount)
     root = np.roots([discount * b * b, r - discount * (a * a * r + b * b * q), -q * r]).max()
-    assert found.P[0, 0] == pytest.approx(root, rel=1e-13)
-    assert found.K[0, 0] == pytest.approx(
+    assert solution.P[0, 0] == pytest.approx(root, rel=1e-13)
+    assert solution.K[0, 0] == pytest.approx(
         discount * a * b * root / (r + discount * b * b * root), rel=1e-13
     )
-    assert found.disturbance_gain[0, 0] == 0.0
+    assert solution.disturbance_gain[0, 0] == 0.0
 
 
 def test_fast_sampling_without_discount_is_continuous_time():
@@ -82,14 +82,14 @@ def test_sampling_integrates_the_held_input_and_scales_the_weights():
 def test_units_of_the_states_do_not_matter():
     game = _game(4)
     units = np.array([1e-6, 1.0, 1e5, 30.0])
-    other = Game(
+    other_game = Game(
         game.A * units / units[:, None],
         game.B / units[:, None],
         game.E / units[:, None],
         *(np.diag(units**2), game.R, game.delta),
     )
     P = solve_discounted(game, 0.95).P
-    turned = solve_discounted(other, 0.95).P / np.outer(units, units)
+    turned = solve_discounted(other_game, 0.95).P / np.outer(units, units)
     assert np.abs(P - turned).max() <= 1e-12 * np.abs(P).max()
 
 
@@ -159,10 +159,10 @@ def test_the_smallest_delta_of_one_state_in_closed_form():
 
 def test_a_discounted_solution_says_whether_it_stabilizes():
     """The discount forgives a slow instability."""
-    found = solve_discounted(Game([[1.01]], [[1e-3]], [[0.0]], [[1.0]], [[1e3]], np.inf), 0.9)
-    assert found.certificate.ok
-    assert found.radius > 1.0 > found.discounted_radius
-    assert found.discounted_radius == pytest.approx(np.sqrt(0.9) * found.radius)
+    solution = solve_discounted(Game([[1.01]], [[1e-3]], [[0.0]], [[1.0]], [[1e3]], np.inf), 0.9)
+    assert solution.certificate.ok
+    assert solution.radius > 1.0 > solution.discounted_radius
+    assert solution.discounted_radius == pytest.approx(np.sqrt(0.9) * solution.radius)
 
 
 @pytest.mark.parametrize("delta", [np.inf, 30.0])
@@ -172,14 +172,14 @@ def test_cross_weights_and_the_q_function(delta, discount):
     rng = np.random.default_rng(3)
     step = _game(1, delta=delta)
     problem = DiscreteGame(step, discount, 0.2 * rng.standard_normal((4, 2)))
-    found = solve_discrete(problem)
-    H = found.H
+    solution = solve_discrete(problem)
+    H = solution.H
     parts = problem.of_q_function(H)
     P = parts["P"]
-    assert pytest.approx(found.P, rel=1e-10, abs=1e-11) == P
-    assert pytest.approx(found.K, rel=1e-10, abs=1e-11) == parts["K"]
+    assert pytest.approx(solution.P, rel=1e-10, abs=1e-11) == P
+    assert pytest.approx(solution.K, rel=1e-10, abs=1e-11) == parts["K"]
     if np.isfinite(delta):
-        L = found.disturbance_gain
+        L = solution.disturbance_gain
         assert pytest.approx(L, rel=1e-9, abs=1e-11) == parts["L"]
     G = np.hstack([step.B, step.E]) if np.isfinite(delta) else step.B
     weights = H[4:, 4:]
@@ -192,8 +192,8 @@ def test_cross_weights_and_the_q_function(delta, discount):
 
 def test_where_nothing_is_paid_for_the_value_is_0():
     step = Game([[0.5, 1.0], [0.0, 0.9]], np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 1.0)
-    found = solve_discounted(step, 1.0)
-    assert not found.P.any()
+    solution = solve_discounted(step, 1.0)
+    assert not solution.P.any()
     assert minimum_delta_discrete(DiscreteGame(step)).value == 0.0
 
 
@@ -212,15 +212,15 @@ def test_the_commands_take_a_plant_in_discrete_time():
     step = _game(2, delta=40.0)
     parts = {name: getattr(step, name) for name in ("A", "B", "E", "Q", "R", "delta")}
     plant = stored("plant.json", **parts, time="discrete", discount=0.98)
-    found = solve_discrete(DiscreteGame(step, 0.98))
+    solution = solve_discrete(DiscreteGame(step, 0.98))
     solved = answer("solve", "--model", plant)
-    assert solved["P"] == pytest.approx(found.P)
+    assert solved["P"] == pytest.approx(solution.P)
     assert solved["delta_min"] < 40.0
-    assert solved["spectral_radius"] == pytest.approx(found.radius)
-    for key, matrix in (("P", found.P), ("K", found.K), ("H", found.H)):
+    assert solved["spectral_radius"] == pytest.approx(solution.radius)
+    for key, matrix in (("P", solution.P), ("K", solution.K), ("H", solution.H)):
         critic = stored(f"{key}.npz", **{key: matrix})
         assert answer("verify", "--model", plant, "--weights", critic)["ok"] is True
-    wrong = stored("wrong.npz", K=1.01 * found.K)
+    wrong = stored("wrong.npz", K=1.01 * solution.K)
     assert answer("verify", "--model", plant, "--weights", wrong, code=FAILED)["ok"] is False
     learned = hfa("learn", "--model", plant, "-o", "learned.npz")
     assert learned.code == 0, learned.err
@@ -235,8 +235,8 @@ def test_h_and_l_are_judged_and_other_problems_are_named():
     step = _game(3, delta=20.0)
     N = 0.2 * np.random.default_rng(0).standard_normal((4, 2))
     problem = DiscreteGame(step, 0.95, N)
-    found = solve_discrete(problem)
-    H = found.H
+    solution = solve_discrete(problem)
+    H = solution.H
     over_x_and_u = H[:6, :6] - H[:6, 6:] @ np.linalg.solve(H[6:, 6:], H[6:, :6])
     wrong = H.copy()
     wrong[7, 7] *= 1.01
@@ -253,16 +253,16 @@ def test_h_and_l_are_judged_and_other_problems_are_named():
 
     assert verdict(H=H)["ok"]
     assert verdict(H=over_x_and_u)["ok"]
-    assert verdict(K=found.K, L=found.disturbance_gain)["ok"]
+    assert verdict(K=solution.K, L=solution.disturbance_gain)["ok"]
     assert not verdict(FAILED, H=wrong)["ok"]
-    assert not verdict(FAILED, K=found.K, L=-found.disturbance_gain)["ok"]
+    assert not verdict(FAILED, K=solution.K, L=-solution.disturbance_gain)["ok"]
     others = {
         "without disturbance (delta = inf)": DiscreteGame(step.with_delta(np.inf), 0.95, N),
         "without discount": DiscreteGame(step, 1.0, N),
         "without cross weights N": DiscreteGame(step, 0.95),
     }
-    for says, other in others.items():
-        diagnosis = verdict(FAILED, K=solve_discrete(other).K)["diagnosis"]
+    for says, variant in others.items():
+        diagnosis = verdict(FAILED, K=solve_discrete(variant).K)["diagnosis"]
         assert diagnosis == f"this is the gain {says}"
 
 
@@ -272,8 +272,8 @@ def test_a_time_that_fits_is_asked_for():
     parts = {name: getattr(step, name) for name in ("A", "B", "Q", "R")}
     plant = stored("plant.json", **parts)
     steps = stored("steps.json", **parts, time="discrete")
-    found = solve_discrete(DiscreteGame(step))
-    for name, matrix in (("P", found.P), ("K", found.K)):
+    solution = solve_discrete(DiscreteGame(step))
+    for name, matrix in (("P", solution.P), ("K", solution.K)):
         critic = stored("critic.npz", **{name: matrix})
         verdict = answer("verify", "--model", plant, "--weights", critic, code=FAILED)
         assert verdict["diagnosis"].endswith('x⁺ = A x + B u; did you mean time = "discrete"?')
@@ -281,7 +281,7 @@ def test_a_time_that_fits_is_asked_for():
     verdict = answer("verify", "--model", steps, "--weights", critic, code=FAILED)
     assert verdict["diagnosis"].endswith('x\' = A x + B u; did you mean time = "continuous"?')
     question = 'did you mean time = "discrete"'
-    refused = hfa("verify", "--model", plant, "--weights", stored("H.npz", H=found.H))
+    refused = hfa("verify", "--model", plant, "--weights", stored("H.npz", H=solution.H))
     assert question in refused.err
     for key, value in (("discount", 0.9), ("N", np.zeros((2, 1)))):
         refused = hfa("solve", "--model", stored("other.json", **parts, **{key: value}))
@@ -301,12 +301,12 @@ def test_inputs_that_cost_nearly_nothing_are_solved(seed):
     B = rng.standard_normal((3, 1))
     A = 0.9 * A / np.abs(np.linalg.eigvals(A)).max()
     step = Game(A, B, np.eye(3)[:, :1], np.eye(3), [[1e-13]], np.inf)
-    found = solve_discrete(DiscreteGame(step))
-    loop = A - B @ found.K
+    solution = solve_discrete(DiscreteGame(step))
+    loop = A - B @ solution.K
     value = sum(
         np.linalg.matrix_power(loop, k).T @ np.linalg.matrix_power(loop, k) for k in range(400)
     )
-    assert pytest.approx(value, rel=1e-9, abs=1e-9) == found.P
+    assert pytest.approx(value, rel=1e-9, abs=1e-9) == solution.P
 
 
 def test_the_smallest_delta_of_fast_sampling_is_that_of_continuous_time():
@@ -324,9 +324,9 @@ def test_the_smallest_delta_of_fast_sampling_is_that_of_continuous_time():
 def test_a_mode_that_grows_and_costs_nothing_costs_what_stops_it(pole):
     """P of x⁺ = a x + u with Q = 0 is a² - 1; value iteration from 0 would stay at 0."""
     game = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
-    found = solve_discounted(game, 1.0)
-    assert found.P[0, 0] == pytest.approx(pole**2 - 1.0, rel=1e-14)
-    assert found.radius == pytest.approx(1.0 / abs(pole), rel=1e-14)
+    solution = solve_discounted(game, 1.0)
+    assert solution.P[0, 0] == pytest.approx(pole**2 - 1.0, rel=1e-14)
+    assert solution.radius == pytest.approx(1.0 / abs(pole), rel=1e-14)
 
 
 def _hard_step(kind: str, seed: int) -> DiscreteGame:

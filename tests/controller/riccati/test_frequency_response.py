@@ -56,11 +56,9 @@ def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
     small."""
     oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
     game = Game(oscillator, [[0.0], [1.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 10.0)
-    found = swept_gain(*closed_loop(game, np.zeros((1, 2))))
-    assert found.gain == pytest.approx(
-        1.0 / (2.0 * damping * math.sqrt(1.0 - damping**2)), rel=1e-9
-    )
-    assert found.frequency == pytest.approx(math.sqrt(1.0 - 2.0 * damping**2), rel=1e-6)
+    peak = swept_gain(*closed_loop(game, np.zeros((1, 2))))
+    assert peak.gain == pytest.approx(1.0 / (2.0 * damping * math.sqrt(1.0 - damping**2)), rel=1e-9)
+    assert peak.frequency == pytest.approx(math.sqrt(1.0 - 2.0 * damping**2), rel=1e-6)
 
 
 def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
@@ -129,13 +127,13 @@ def test_in_a_stiff_loop_both_are_right(factor: float) -> None:
     swept = swept_gain(*closed_loop(game, K))
     with mpmath.workdps(50):
         A, B, E, Q, R, gain = (
-            mpmath.matrix(each.tolist()) for each in (game.A, game.B, game.E, game.Q, game.R, K)
+            mpmath.matrix(matrix.tolist()) for matrix in (game.A, game.B, game.E, game.Q, game.R, K)
         )
         response = (
             mpmath.inverse(mpmath.mpc(0, swept.frequency) * mpmath.eye(len(game.A)) - A + B * gain)
             * E
         )
         squares = mpmath.eigh(response.H * (Q + gain.T * R * gain) * response, eigvals_only=True)
-        exact = float(mpmath.sqrt(max(mpmath.re(each) for each in squares)))
+        exact = float(mpmath.sqrt(max(mpmath.re(square) for square in squares)))
     assert swept.gain == pytest.approx(exact, rel=1e-10)
     assert bound == pytest.approx(exact, rel=1e-8)

@@ -214,13 +214,13 @@ def test_absurd_numbers_end_in_a_solution_or_in_one_line(change: dict[str, float
 
 
 def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
-    found = minimum_delta(game)
+    smallest = minimum_delta(game)
     assert (
-        found.value / found.refused <= 1.000001
+        smallest.value / smallest.refused <= 1.000001
     )  # as the page of promises says, whatever `TOLERANCE` is
-    assert reference_solution(game.with_delta(found.value)).exists
-    assert not reference_solution(game.with_delta(found.refused)).exists
-    assert found.margin(game.delta) == pytest.approx(game.delta / found.value)
+    assert reference_solution(game.with_delta(smallest.value)).exists
+    assert not reference_solution(game.with_delta(smallest.refused)).exists
+    assert smallest.margin(game.delta) == pytest.approx(game.delta / smallest.value)
 
 
 @pytest.mark.parametrize("games", [8, pytest.param(20, marks=pytest.mark.slow)])
@@ -228,9 +228,9 @@ def test_minimum_delta_of_random_games(games: int) -> None:
     rng = np.random.default_rng(11)
     for number in range(games):
         game = random_game(rng, scaled=number % 2 == 0)
-        found = minimum_delta(game)
-        assert reference_solution(game.with_delta(found.value)).exists
-        assert not reference_solution(game.with_delta(found.refused)).exists
+        smallest = minimum_delta(game)
+        assert reference_solution(game.with_delta(smallest.value)).exists
+        assert not reference_solution(game.with_delta(smallest.refused)).exists
 
 
 @pytest.mark.parametrize("games", [8, pytest.param(40, marks=pytest.mark.slow)])

@@ -231,18 +231,18 @@ def _bracket(sample: Sample) -> str:
     """How the bracket of delta_min does on a game."""
     game = sample.game
     try:
-        found = minimum_delta(game)
+        smallest = minimum_delta(game)
     except NoSolutionError:
         return "not found, wrongly" if _exists(game, math.inf) else "none"
-    if found.value == 0.0:
+    if smallest.value == 0.0:
         return "right"
-    if not _exists(game, found.value * (1.0 + CLOSE)):
+    if not _exists(game, smallest.value * (1.0 + CLOSE)):
         return "wrong"
-    if found.refused > 0.0 and _exists(game, found.refused / (1.0 + CLOSE)):
+    if smallest.refused > 0.0 and _exists(game, smallest.refused / (1.0 + CLOSE)):
         return "wrong"
-    if found.uncertain:
+    if smallest.uncertain:
         return "right, wide"
-    return "right" if found.value <= found.refused * (1.0 + 2.0 * CLOSE) else "wrong"
+    return "right" if smallest.value <= smallest.refused * (1.0 + 2.0 * CLOSE) else "wrong"
 
 
 def test_two_games_of_each_structure() -> None:

@@ -29,8 +29,8 @@ def error(game: Game, P: np.ndarray | None = None) -> float:
     assert reference.exists
     size = np.sqrt(np.diag(reference.P))
     units = np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0)
-    found = solve_game(game).P if P is None else P
-    return float(np.abs((found - reference.P) * np.outer(units, units)).max())
+    candidate = solve_game(game).P if P is None else P
+    return float(np.abs((candidate - reference.P) * np.outer(units, units)).max())
 
 
 def elsewhere(game: Game, seed: int) -> Game:
@@ -137,17 +137,17 @@ def test_a_mode_that_the_input_barely_reaches_is_solved_with_a_bound_on_its_pole
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
     game = Game(A, modes.T @ [[reach], [1.0]], np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
-    found = analyse_game(game).solution  # confirmed in flight, too
-    assert error(game, found.P) <= EXACT
-    np.testing.assert_allclose(found.K, reference_solution(game).K, rtol=EXACT)
-    data = found.to_dict()
+    solution = analyse_game(game).solution  # confirmed in flight, too
+    assert error(game, solution.P) <= EXACT
+    np.testing.assert_allclose(solution.K, reference_solution(game).K, rtol=EXACT)
+    data = solution.to_dict()
     with mpmath.workdps(40):
         exact = mpmath.matrix(A.tolist()) - mpmath.matrix(game.B.tolist()) * mpmath.matrix(
-            found.K.tolist()
+            solution.K.tolist()
         )
         abscissa = float(max(value.real for value in mpmath.eig(exact, left=False, right=False)))
     assert (
-        abs(abscissa - found.closed_loop_eigenvalues[-1].real)
+        abs(abscissa - solution.closed_loop_eigenvalues[-1].real)
         <= data["closed_loop_abscissa_error"]
         <= 1e-14 / reach
     )
@@ -158,17 +158,17 @@ def test_the_bound_of_a_pole_is_the_largest_change_that_rounding_can_make() -> N
     of B (n ε); the closed loop has real poles."""
     B = np.array([[0.0], [1.0]])
     game = Game([[-3.0, 2.0], [0.7, 1.0]], B, np.zeros((2, 1)), np.eye(2), [[1.0]], math.inf)
-    found = solve_game(game)
-    assert not found.closed_loop_eigenvalues.imag.any()
+    solution = solve_game(game)
+    assert not solution.closed_loop_eigenvalues.imag.any()
     step = 1e-8
     largest = 0.0
     for signs in itertools.product((-2.0 * step, 2.0 * step), repeat=8):
         A = game.A * (1.0 + 2.0 * np.reshape(signs[:4], (2, 2)))
-        K = found.K * (1.0 + 2.0 * np.reshape(signs[4:6], (1, 2)))
+        K = solution.K * (1.0 + 2.0 * np.reshape(signs[4:6], (1, 2)))
         changed = np.linalg.eigvals(A - B * (1.0 + np.reshape(signs[6:], (2, 1))) @ K)
-        moved = abs(changed.real.max() - found.closed_loop_eigenvalues[-1].real)
+        moved = abs(changed.real.max() - solution.closed_loop_eigenvalues[-1].real)
         largest = max(largest, float(moved))
-    roundings = found.abscissa_error / np.finfo(float).eps
+    roundings = solution.abscissa_error / np.finfo(float).eps
     assert roundings == pytest.approx(largest / step, rel=0.05)  # itself rounded to a whole number
 
 
@@ -215,22 +215,22 @@ def test_at_its_smallest_delta_a_game_is_solved_or_told_on_which_side_it_is(
     try:
         P = solve_game(game).P
     except NoSolutionError as refusal:
-        said = str(refusal)
-        assert not (exists and apart == 1e-3), said
-        assert ("no value of the game" in said) <= (not exists), said
-        assert ("is below delta_min" in said) <= (not exists), said
+        message = str(refusal)
+        assert not (exists and apart == 1e-3), message
+        assert ("no value of the game" in message) <= (not exists), message
+        assert ("is below delta_min" in message) <= (not exists), message
         assert any(
-            text in said
+            text in message
             for text in ("is below delta_min", "% above delta_min", "too close to delta_min")
-        ), said
+        ), message
     else:
         assert error(game, P) <= max(EXACT, 1e-15 / abs(apart))
 
 
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 def test_the_smallest_delta_is_within_a_millionth(a: float) -> None:
-    found = minimum_delta(scalar(a, 1.0))
+    smallest = minimum_delta(scalar(a, 1.0))
     exact = scalar(a, 0.0).delta
-    assert exact * (1.0 - 1e-6) <= found.refused <= exact * (1.0 + 1e-12)
-    assert exact * (1.0 - 1e-12) <= found.value <= exact * (1.0 + 1e-6)
-    assert not found.uncertain
+    assert exact * (1.0 - 1e-6) <= smallest.refused <= exact * (1.0 + 1e-12)
+    assert exact * (1.0 - 1e-12) <= smallest.value <= exact * (1.0 + 1e-6)
+    assert not smallest.uncertain

@@ -50,11 +50,11 @@ def test_single_loop_disk_margin_is_that_of_python_control() -> None:
     K = np.array([[4.0, 0.5]])
     loop = control.ss(game.A, game.B, K, 0.0)
     alpha, gain_db, phase = control.disk_margins(loop, np.geomspace(1e-2, 1e3, 20001))
-    one, (each,) = disk_margin(game, K), loop_margins(game, K)
-    assert one.disk == pytest.approx(alpha, rel=1e-3)
-    assert each.disk == pytest.approx(alpha, rel=1e-3)
-    assert 20.0 * math.log10(one.gain) == pytest.approx(gain_db, rel=1e-3)
-    assert one.phase == pytest.approx(phase, rel=1e-3)
+    disk, (loop_margin,) = disk_margin(game, K), loop_margins(game, K)
+    assert disk.disk == pytest.approx(alpha, rel=1e-3)
+    assert loop_margin.disk == pytest.approx(alpha, rel=1e-3)
+    assert 20.0 * math.log10(disk.gain) == pytest.approx(gain_db, rel=1e-3)
+    assert disk.phase == pytest.approx(phase, rel=1e-3)
 
 
 def test_every_factor_within_the_disk_leaves_the_loop_stable(game: Game) -> None:
@@ -136,9 +136,9 @@ def test_speeds_in_metres_leave_what_has_no_unit_alone(game: Game) -> None:
             np.sort_complex(here.closed_loop_eigenvalues),
         )
     ]
-    for found, expected in exact:
+    for computed, expected in exact:
         # Conversion of units rounds once; the margins are of condition 1e3 or less.
-        np.testing.assert_allclose(np.array(found), np.array(expected), rtol=1e-12)
+        np.testing.assert_allclose(np.array(computed), np.array(expected), rtol=1e-12)
     assert bounded_real_gain(si, there.K) == pytest.approx(
         bounded_real_gain(game, here.K), rel=1e-8
     )
@@ -169,8 +169,8 @@ def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
         loop = control.ss(game.A - game.B[:, others] @ K[others], game.B[:, [i]], K[[i]], 0.0)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # where a loop has no crossover
-            found, phases, *_ = control.stability_margins(loop, returnall=True)
-        gains = np.asarray(found)
+            computed, phases, *_ = control.stability_margins(loop, returnall=True)
+        gains = np.asarray(computed)
         phases = np.abs(np.asarray(phases))
         low = gains[(gains < 1.0) & (gains > 1e-12)]
         high = gains[gains > 1.0]

@@ -83,5 +83,5 @@ def test_memory_that_threads_share_is_noticed() -> None:
 
     shared = np.zeros(3)
     assert differing(chunk_with(lambda: shared), range(20)) != []
-    own = cached_per_thread(None)(lambda: np.zeros(3))
-    assert differing(chunk_with(own), range(20)) == []
+    cached = cached_per_thread(None)(lambda: np.zeros(3))
+    assert differing(chunk_with(cached), range(20)) == []

@@ -63,7 +63,7 @@ def test_with_a_broken_compiler_the_virtual_machine_serves_and_says_so(
     cache: Path,
     broken: str,
 ) -> None:
-    does, said = _BROKEN.get(broken, ("", "no C compiler found; running without machine code"))
+    does, warning = _BROKEN.get(broken, ("", "no C compiler found; running without machine code"))
     compiler = tmp_path / "cc"
     script = does if isinstance(does, str) else 'exec cc "$@"'
     if callable(does):
@@ -80,7 +80,7 @@ def test_with_a_broken_compiler_the_virtual_machine_serves_and_says_so(
     err = capsys.readouterr().err
     assert err.startswith("hfa: ")
     assert err.count("\n") == 1
-    assert said in err
+    assert warning in err
     assert [path for path in cache.rglob("*") if path.is_file()] == []
 
 

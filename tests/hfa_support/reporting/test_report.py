@@ -63,8 +63,8 @@ def test_markdown_has_headings_and_tables() -> None:
 
 def test_html_has_real_tables_and_escapes_every_word() -> None:
     drawn: list[str] = []
-    found = report(drawn)
-    html = found.html(2)
+    made = report(drawn)
+    html = made.html(2)
     assert html.startswith(
         "<h2>Title &amp; more</h2>\n<p>of it</p>\n<p>first</p>\n<h3>Inner</h3>\n"
     )
@@ -72,24 +72,24 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
     assert '<tr><th scope="row">lift &lt;1&gt;</th><td>2.5</td></tr>' in html
     assert '<img alt="a &quot;picture&quot;" src="data:image/png;base64,' in html
     assert html.endswith("<p>Note: take care</p>")
-    assert found.html(2) == html
-    assert found.html().startswith(
+    assert made.html(2) == html
+    assert made.html().startswith(
         "<h1>Title &amp; more</h1>\n<p>of it</p>\n<p>first</p>\n<h2>Inner</h2>\n"
     )
     assert drawn == ["drawn"]
 
 
 def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
-    found = report([]).with_data(more=[1])
+    made = report([]).with_data(more=[1])
     expected = {
         "schema": "hfa.test/1",
         "values": [0.1, None],
         "rows": [{"name": "a"}, {"name": "b"}],
         "more": [1],
     }
-    assert json.loads(found.json()) == expected
+    assert json.loads(made.json()) == expected
     for suffix in ("json", "npz", "mat", "csv"):
-        found.save(tmp_path / f"a.{suffix}")
+        made.save(tmp_path / f"a.{suffix}")
     assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == expected
     rows = list(csv.DictReader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()))
     assert [(row["name"], float(row["value"])) for row in rows] == [
@@ -98,7 +98,7 @@ def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
     ]
     assert [row["about"] for row in rows] == ['{"schema": "hfa.test/1"}', ""]
     with pytest.raises(ValueError, match="unknown suffix"):
-        found.save(tmp_path / "a.txt")
+        made.save(tmp_path / "a.txt")
 
 
 def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> None:
@@ -117,13 +117,13 @@ def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> Non
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "\u202egpj", "\ud800"])
 def test_no_name_reaches_a_terminal_that_it_would_obey(name: str, tmp_path: Path) -> None:
-    found = Report(name, (name, Table((name, "value"), [(name, "1")])), notes=(name,))
-    for text in (found.text(), found.markdown(), found.html()):
+    made = Report(name, (name, Table((name, "value"), [(name, "1")])), notes=(name,))
+    for text in (made.text(), made.markdown(), made.html()):
         lines = text.replace("\n", "")
         assert lines.isprintable()
         assert lines.encode()
     assert (
-        sum("value" in line or line.endswith(" 1") for line in found.text().splitlines()) == 2
+        sum("value" in line or line.endswith(" 1") for line in made.text().splitlines()) == 2
     )  # a cell is one line
 
 

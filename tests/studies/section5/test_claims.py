@@ -54,7 +54,8 @@ def wrong_numbers(text: str) -> list[str]:
         findings = claims[number]["findings"]
         for law, cell in zip(header[1:], cells, strict=True):
             right = f"{findings[law]['value']:.3g}" if law in findings else ""
-            found += [f"{law}: {cell}"] * (cell != right)
+            if cell != right:
+                found.append(f"{law}: {cell}")
     return found
 
 

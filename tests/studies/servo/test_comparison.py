@@ -194,10 +194,10 @@ def test_the_stored_requirements_are_of_the_shipped_design(dynamics: str) -> Non
     )["requirements"]
     reached = {row["what"]: row["reached"] for row in stored}
     table = check_margins(aircraft, designed_servo(aircraft), np.radians([1, 11, 18]), (2.0, 10.0))
-    assert min(each.gain for each in table.single) == pytest.approx(
+    assert min(margin.gain for margin in table.single) == pytest.approx(
         reached["gain margin, dB"], rel=1e-6
     )
-    assert min(each.phase for each in table.single) == pytest.approx(
+    assert min(margin.phase for margin in table.single) == pytest.approx(
         reached["phase margin, deg"], rel=1e-6
     )
     assert A_Z in table.rows[0].loops

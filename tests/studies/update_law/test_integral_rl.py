@@ -77,9 +77,9 @@ def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
     from_nothing = learn_by_integrals(game)
     assert not is_hurwitz(game.A - game.S @ from_nothing.P)
     assert relative_error(from_nothing.P, exact.P) > 0.05
-    found = learn_by_integrals(game, initial_weights=baseline_weights(game))
-    assert found.settled
-    assert relative_error(found.K, exact.K) < 1e-5
+    learned = learn_by_integrals(game, initial_weights=baseline_weights(game))
+    assert learned.settled
+    assert relative_error(learned.K, exact.K) < 1e-5
 
 
 @pytest.mark.parametrize("form", ["game", "lqr"])

@@ -29,17 +29,17 @@ from trim import compare, level_model, regenerate
 
 
 def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
-    found = validate(published_aircraft)
-    assert [check for check in found.checks if not check.ok] == []
-    assert {each.speed for each in found.trims} == {68.0, 64.0, 30.0}
-    assert max(math.degrees(each.dihedral) for each in found.trims) == pytest.approx(45.0)
-    assert len(found.trims) == 20
-    assert sum(each.half_unit > 1e-6 for each in found.entries) == 27
+    validation = validate(published_aircraft)
+    assert [check for check in validation.checks if not check.ok] == []
+    assert {trim.speed for trim in validation.trims} == {68.0, 64.0, 30.0}
+    assert max(math.degrees(trim.dihedral) for trim in validation.trims) == pytest.approx(45.0)
+    assert len(validation.trims) == 20
+    assert sum(entry.half_unit > 1e-6 for entry in validation.entries) == 27
 
 
 def test_first_principles_are_not_what_was_released(parameters: Parameters) -> None:
-    found = validate(hfa_model.aircraft("newton", parameters))
-    failed = {check.name: check.reason for check in found.checks if not check.ok}
+    validation = validate(hfa_model.aircraft("newton", parameters))
+    failed = {check.name: check.reason for check in validation.checks if not check.ok}
     assert "eigenvalue_30_ft_s" in failed
     assert "A(dihedral_rate, dihedral_rate)" in failed["third_printed_model_half_units"]
 
@@ -58,9 +58,11 @@ def test_a_wrong_parameter_is_seen(
     parameters: Parameters, name: str, factor: float, check: str
 ) -> None:
     wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
-    failed = [each for each in validate(hfa_model.aircraft(parameters=wrong)).checks if not each.ok]
-    assert check in {each.name for each in failed}
-    assert all(each.reason for each in failed)
+    failed = [
+        check for check in validate(hfa_model.aircraft(parameters=wrong)).checks if not check.ok
+    ]
+    assert check in {check.name for check in failed}
+    assert all(check.reason for check in failed)
 
 
 def test_a_wrong_number_of_theirs_is_seen(
@@ -78,7 +80,7 @@ def test_half_a_unit_of_the_last_printed_digit_and_exact_entries(
     published_aircraft: Model,
 ) -> None:
     model = level_model(published_aircraft, math.radians(10.0))
-    entries = {each.name: each for each in third_printed_entries(model)}
+    entries = {entry.name: entry for entry in third_printed_entries(model)}
     assert entries["A(pitch_rate, dihedral_rate)"].half_unit == pytest.approx(0.005)
     assert entries["A(alpha, speed)"].half_unit == pytest.approx(0.0005)
     assert (
@@ -88,7 +90,9 @@ def test_half_a_unit_of_the_last_printed_digit_and_exact_entries(
     assert entries[exact].half_units == 0.0
     A = model.A.copy()
     A[model.states.index("pitch"), model.states.index("pitch_rate")] += 1e-9
-    planted = {each.name: each for each in third_printed_entries(dataclasses.replace(model, A=A))}
+    planted = {
+        entry.name: entry for entry in third_printed_entries(dataclasses.replace(model, A=A))
+    }
     assert planted[exact].half_units > 1000.0
 
 
@@ -163,23 +167,23 @@ def test_cos_squared_with_a_free_factor_fits_the_print_and_fails_outside(
 ) -> None:
     """Two printed angles fix its two constants and so cannot refute it; 30 ft/s up to 45 deg
     does."""
-    other = hfa_model.aircraft(FreeFactor(), parameters._replace(inertia_roll=9840.2))
+    other_aircraft = hfa_model.aircraft(FreeFactor(), parameters._replace(inertia_roll=9840.2))
     misses = [
         entry.half_units
         for model in published_models()
-        for entry in compare(regenerate(other, model), model)
+        for entry in compare(regenerate(other_aircraft, model), model)
     ]
     assert np.abs(misses).max() < 1.25
-    values = failed(validate(other))
+    values = failed(validate(other_aircraft))
     assert values["eigenvalue_30_ft_s"] == pytest.approx(0.5065, abs=2e-3)
     assert values["gibson_fig_7_fast_root"] == pytest.approx(0.4976, abs=2e-3)
     assert values["third_printed_model_half_units"] == pytest.approx(3.0, abs=0.1)
     assert set(values) >= {"eigenvalue_64_ft_s", "eigenvalue_68_ft_s"}
     # The same at each trim: only the dihedral-rate row knows d3, and at 45 deg it is off by 0.505.
     farthest = max(released_trims(), key=lambda each: each.dihedral)
-    difference = np.abs(model_at(published_aircraft, farthest).A - model_at(other, farthest).A).max(
-        axis=1
-    )
+    difference = np.abs(
+        model_at(published_aircraft, farthest).A - model_at(other_aircraft, farthest).A
+    ).max(axis=1)
     assert difference[-1] == pytest.approx(0.505, abs=2e-3)
     assert difference[:-1].max() < 1e-6
 
@@ -192,9 +196,9 @@ def test_gibsons_figure_was_not_drawn_with_his_printed_hinge_inertia(
     parameters: Parameters, variant: Variant, at_0: float, at_45: float
 ) -> None:
     """The figure shows -7.25 at 0 and -7.85 at 45 deg: + and cos(η²)."""
-    found = validate(hfa_model.aircraft(variant, parameters))
-    assert [root for _, _, root in found.fast_roots] == pytest.approx([at_0, at_45], rel=2e-3)
-    assert "gibson_fig_7_fast_root" in failed(found)
+    validation = validate(hfa_model.aircraft(variant, parameters))
+    assert [root for _, _, root in validation.fast_roots] == pytest.approx([at_0, at_45], rel=2e-3)
+    assert "gibson_fig_7_fast_root" in failed(validation)
 
 
 @pytest.mark.parametrize("degrees", ANGLES)

@@ -52,10 +52,10 @@ def at(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarr
 
 def blocks(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
     """[A B E; C D F] per step of `SCALES`."""
-    own = aircraft
-    own = replace(own, equations=replace(own.equations, ground_drag=ground_drag))
-    found = own.at(z[:7], z[7:12], WATCHED, NAMES)
-    return np.block([[found.A, found.B, found.E], [found.C, found.D, found.F]]) * SCALES
+    model = aircraft
+    model = replace(model, equations=replace(model.equations, ground_drag=ground_drag))
+    exact = model.at(z[:7], z[7:12], WATCHED, NAMES)
+    return np.block([[exact.A, exact.B, exact.E], [exact.C, exact.D, exact.F]]) * SCALES
 
 
 def slopes(
@@ -64,8 +64,8 @@ def slopes(
     """Of log |f(z + h d) - f(z) - h J d| over log h, (count, rows): 2 when J is exact, 1 when it is
     not."""
     rng = np.random.default_rng(3)
-    found = np.full((count, len(ROWS)), 2.0)
-    for slope, z in zip(found, points(count, seed=11), strict=True):
+    errors = np.full((count, len(ROWS)), 2.0)
+    for slope, z in zip(errors, points(count, seed=11), strict=True):
         J = blocks(aircraft, z, **how)
         direction = rng.normal(size=len(COLUMNS))
         if planted is not None:
@@ -76,18 +76,18 @@ def slopes(
         remainders = np.abs(moved - here - STEPS[:, None] * change)
         curved = remainders[-1] > LINEAR * np.maximum(np.abs(here), np.abs(change))
         slope[curved] = np.polyfit(np.log(STEPS), np.log(remainders[:, curved]), 1)[0]
-    return found
+    return errors
 
 
 @pytest.mark.parametrize("ground_drag", [False, True])
 def test_the_remainder_of_every_row_is_of_second_order(aircraft: Model, ground_drag: bool) -> None:
     """In a direction where the second order cancels the third is left, and between them anything:
     the median counts."""
-    found = slopes(aircraft, 100, ground_drag=ground_drag)
-    typical = np.median(found, axis=0)
+    differences = slopes(aircraft, 100, ground_drag=ground_drag)
+    typical = np.median(differences, axis=0)
     assert typical.min() >= 1.9, ROWS[typical.argmin()]
     assert typical.max() <= 2.1, ROWS[typical.argmax()]
-    assert np.mean(found >= 1.9) > 0.97
+    assert np.mean(differences >= 1.9) > 0.97
 
 
 @pytest.mark.parametrize(

@@ -60,10 +60,10 @@ def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
         B = model.B[:, :size]
         C = model.C[:size]
         D = model.D[:size, :size]
-        found, rank = transmission_zeros(model.A, B, C, D)
+        zeros, rank = transmission_zeros(model.A, B, C, D)
         peer = control.ss(model.A, B, C, D).zeros()
-        assert (rank, len(found)) == (size, len(peer))
-        for zero in found:
+        assert (rank, len(zeros)) == (size, len(peer))
+        for zero in zeros:
             assert np.abs(peer - zero).min() <= 1e-6 * (1 + abs(zero))
 
 

@@ -83,10 +83,10 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
 
     Its fourth pair, 0.016 ± 0.64i, is not that of the printed matrix, which has 0.0144 ± 0.751i.
     """
-    found = np.linalg.eigvals(regenerate(published_aircraft, published_models()[1]).A)
+    eigenvalues = np.linalg.eigvals(regenerate(published_aircraft, published_models()[1]).A)
     quoted = np.array([-7.11, -0.019, -4.82 + 18.66j, -4.82 - 18.66j])
     allowed = np.array([0.01, 0.001, np.hypot(0.01, 0.01), np.hypot(0.01, 0.01)])
-    errors = eigenvalue_errors(found, quoted)
+    errors = eigenvalue_errors(eigenvalues, quoted)
     assert np.all(errors <= allowed), errors
 
 
@@ -94,11 +94,11 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
 
 
 def test_at_printed_angles_alone_it_is_that_print(aircraft: Model) -> None:
-    found = [
+    matches = [
         printed_at(model_at(degrees, hfa_model.variant_of(aircraft).name).point)
         for degrees in (15.0, 10.0, 5.0)
     ]
-    assert [each.dihedral_deg if each else None for each in found] == [15.0, None, 5.0]
+    assert [match.dihedral_deg if match else None for match in matches] == [15.0, None, 5.0]
 
 
 def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None:
@@ -156,9 +156,9 @@ def test_a_band_is_two_standard_errors_of_the_rounding(
         columns.append((there - back) / (2 * step))
     jacobian = np.stack(columns, axis=-1)
     errors = np.sqrt(np.einsum("ijk,kl,ijl->ij", jacobian, parameter_set.covariance, jacobian))
-    found = bands_of(parameter_set, dynamics)
-    np.testing.assert_allclose(np.hstack([found.A, found.B]), 2 * errors, rtol=1e-3, atol=1e-9)
-    assert found.A.max() == pytest.approx(widest, rel=1e-3)
+    bands = bands_of(parameter_set, dynamics)
+    np.testing.assert_allclose(np.hstack([bands.A, bands.B]), 2 * errors, rtol=1e-3, atol=1e-9)
+    assert bands.A.max() == pytest.approx(widest, rel=1e-3)
 
 
 def test_the_same_identification_elsewhere_has_the_same_bands_and_an_edited_copy_none(
@@ -267,13 +267,13 @@ def peer_errors(*, ground_drag: bool) -> dict[str, float]:
     model = linearize(
         over_ground(aircraft) if ground_drag else aircraft, point, disturbances=tuple(PEER)
     )
-    found = {}
+    relative_errors = {}
     for name, column in zip(model.disturbances, model.E.T, strict=True):
         errors = [
             abs(column[LINEAR_STATES.index(row)] - value) for row, value in PEER[name].items()
         ]
-        found[name] = max(errors) / max(map(abs, PEER[name].values()))
-    return found
+        relative_errors[name] = max(errors) / max(map(abs, PEER[name].values()))
+    return relative_errors
 
 
 def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground() -> None:

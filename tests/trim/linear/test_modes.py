@@ -105,9 +105,11 @@ def test_modes_of_the_aircraft(aircraft: Model, degrees: float) -> None:
         assert tuple(mode.participation) == LINEAR_STATES
         assert sum(mode.participation.values()) == pytest.approx(1.0, rel=1e-12)
     # Each eigenvalue once, a conjugate pair as one mode, fastest first.
-    found = [value for mode in modes for value in {mode.eigenvalue, mode.eigenvalue.conjugate()}]
-    assert len(found) == 6
-    assert eigenvalue_errors(np.array(found), np.linalg.eigvals(model.A)).max() < 1e-11
+    conjugates = [
+        value for mode in modes for value in {mode.eigenvalue, mode.eigenvalue.conjugate()}
+    ]
+    assert len(conjugates) == 6
+    assert eigenvalue_errors(np.array(conjugates), np.linalg.eigvals(model.A)).max() < 1e-11
     frequencies = [mode.frequency for mode in modes]
     assert frequencies == sorted(frequencies, reverse=True)
     by_name = {mode.name: mode for mode in modes}
@@ -118,7 +120,7 @@ def test_modes_of_the_aircraft(aircraft: Model, degrees: float) -> None:
 
 
 def values(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
-    return {each.name: each.value for each in handling_qualities(aircraft, point)}
+    return {quality.name: quality.value for quality in handling_qualities(aircraft, point)}
 
 
 def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float = 1e-4) -> float:
@@ -135,8 +137,10 @@ def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float 
             del held[name]
         del held["pitch_rate"], held[pitching]
         condition = TrimCondition(model, held, {"alpha": 0.0, "pitch_rate": 0.0})
-        found = find_operating_point(model, condition, point)
-        loads.append(model.outputs_at(found.states, found.inputs, ["load_factor"])["load_factor"])
+        turning = find_operating_point(model, condition, point)
+        loads.append(
+            model.outputs_at(turning.states, turning.inputs, ["load_factor"])["load_factor"]
+        )
     return (loads[0] - loads[1]) / (2 * step)
 
 
@@ -146,18 +150,20 @@ def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float 
 def test_printed_modes_and_load_factors(model: Model) -> None:
     """The modes are those printed in the books, in tests/trim/test_own_models.py."""
     point = trimmed(model)
-    found = values(model, point)
+    qualities = values(model, point)
     roots = {mode.name: mode.eigenvalue for mode in linearize(model, point).modes}
     for name in ("short period", "phugoid", "dutch roll"):
-        assert found[f"{name} frequency"] == pytest.approx(abs(roots[name]), rel=1e-12)
-        assert found[f"{name} damping"] == pytest.approx(
+        assert qualities[f"{name} frequency"] == pytest.approx(abs(roots[name]), rel=1e-12)
+        assert qualities[f"{name} damping"] == pytest.approx(
             -roots[name].real / abs(roots[name]), rel=1e-12
         )
     exact = n_per_alpha(model, point, "elevator")
-    assert found["n/alpha"] == pytest.approx(exact, rel=1e-5)
-    assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / exact, rel=1e-5)
-    assert found["roll time constant"] == pytest.approx(-1 / roots["roll"].real, rel=1e-12)
-    assert found["spiral time to half"] == pytest.approx(
+    assert qualities["n/alpha"] == pytest.approx(exact, rel=1e-5)
+    assert qualities["CAP"] == pytest.approx(
+        qualities["short period frequency"] ** 2 / exact, rel=1e-5
+    )
+    assert qualities["roll time constant"] == pytest.approx(-1 / roots["roll"].real, rel=1e-12)
+    assert qualities["spiral time to half"] == pytest.approx(
         -math.log(2) / roots["spiral"].real, rel=1e-12
     )
 
@@ -166,9 +172,9 @@ def test_two_real_eigenvalues_have_the_frequency_of_their_product() -> None:
     """The short period of the HFA is real at 30 deg."""
     model = level_model(hfa_model.aircraft(), float(np.radians(30.0)))
     roots = [mode.eigenvalue for mode in model.modes if mode.name.startswith("short period")]
-    found = values(hfa_model.aircraft(), model.point)
+    qualities = values(hfa_model.aircraft(), model.point)
     assert len(roots) == 2
-    assert found["short period frequency"] == pytest.approx(
+    assert qualities["short period frequency"] == pytest.approx(
         math.sqrt(abs(np.prod(roots))), rel=1e-12
     )
-    assert "roll time constant" not in found
+    assert "roll time constant" not in qualities

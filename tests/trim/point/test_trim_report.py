@@ -47,7 +47,7 @@ def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(
 ) -> None:
     condition = release(BASE, free=("alpha",), hold={"aileron_outer": 0.0})
     point, report = reported(published_aircraft, condition)
-    said = report.text()
+    shown = report.text()
     for name, margin in all_margins(condition, point).items():
         factor = math.degrees(1.0) if hfa_model.aircraft().unit(name).startswith("rad") else 1.0
         limits = (
@@ -58,12 +58,12 @@ def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(
         to = f" +{margin.distance * factor:.5f} +{margin.nearer}" if margin.nearer else ""
         role = "imposed" if margin.role == "held" else margin.role
         assert re.search(
-            rf"^{name} +{margin.value * factor:.5f} +\S+ +{role}{limits}{to}$", said, re.M
+            rf"^{name} +{margin.value * factor:.5f} +\S+ +{role}{limits}{to}$", shown, re.M
         ), name
-    assert re.search(r"^alpha +3\.18040 +deg +free +-20 +20 +16\.81960 +highest$", said, re.M)
-    assert re.search(r"^pitch +3\.18040 +deg +follows +-60 +60 +56\.81960 +highest$", said, re.M)
+    assert re.search(r"^alpha +3\.18040 +deg +free +-20 +20 +16\.81960 +highest$", shown, re.M)
+    assert re.search(r"^pitch +3\.18040 +deg +follows +-60 +60 +56\.81960 +highest$", shown, re.M)
     assert re.search(
-        r"^aileron_outer +0\.00000 +deg +imposed +-20 +20 +20\.00000 +lowest$", said, re.M
+        r"^aileron_outer +0\.00000 +deg +imposed +-20 +20 +20\.00000 +lowest$", shown, re.M
     )
 
 
@@ -75,11 +75,11 @@ def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
     condition = release(limited, free=("aileron_center",))
     point, report = reported(published_aircraft, condition)
     data = report.data
-    found = all_margins(condition, point)
+    margins = all_margins(condition, point)
     assert (data["nearest_limits"][0], data["binding"]) == ("elevator_outer", ["elevator_outer"])
-    first = found["elevator_outer"]
+    first = margins["elevator_outer"]
     assert (first.nearer, first.nearer_limit, first.at_limit) == ("lowest", limit, True)
-    assert not any(found[name].at_limit for name in data["nearest_limits"][1:])
+    assert not any(margins[name].at_limit for name in data["nearest_limits"][1:])
     assert re.search(
         r"^elevator_outer, lowest +-2 +0\.00000 +deg +0\.0 % +BINDS$", report.text(), re.M
     )
@@ -92,15 +92,19 @@ def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Mod
         hfa_model.aircraft().steady
     )
     assert "FAIL" not in report.text()
-    assert all(each["ok"] for each in report.data["equations"].values())
+    assert all(entry["ok"] for entry in report.data["equations"].values())
     for name in hfa_model.aircraft().steady:
         tolerance = 1e-10 * getattr(RATE_SCALES, name)
         assert report.data["equations"][name]["tolerance"] == pytest.approx(tolerance)
         for factor, verdict in ((1.01, "FAIL"), (-1.01, "FAIL"), (0.99, "PASS")):
             planted = replace(point, residuals=point.residuals | {name: factor * tolerance})
-            found = trim_report(published_aircraft, BASE, planted)
-            assert re.search(rf"^rate of {name} .* {verdict}$", found.text(), re.M)
-            failed = [each for each, entry in found.data["equations"].items() if not entry["ok"]]
+            checked_report = trim_report(published_aircraft, BASE, planted)
+            assert re.search(rf"^rate of {name} .* {verdict}$", checked_report.text(), re.M)
+            failed = [
+                equation
+                for equation, entry in checked_report.data["equations"].items()
+                if not entry["ok"]
+            ]
             assert failed == ([name] if verdict == "FAIL" else [])
 
 
@@ -132,13 +136,13 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
     """The nearest point within the limits, what binds and why; exit code 1 and the sentence as
     without --json."""
     words = (command, "--dihedral", "10", "--limit", "throttle=0:30")
-    found = hfa(*words, "--json")
+    result = hfa(*words, "--json")
     plain = hfa(*words)
-    assert (found.code, plain.code, plain.out) == (1, 1, "")
-    assert found.err == plain.err
-    data = json.loads(found.out)
+    assert (result.code, plain.code, plain.out) == (1, 1, "")
+    assert result.err == plain.err
+    data = json.loads(result.out)
     assert (data["status"], data["binding"]) == ("failed", ["throttle"])
-    assert found.err.startswith(f"hfa: {data['reason'][:60]}")
+    assert result.err.startswith(f"hfa: {data['reason'][:60]}")
     assert data["operating_point"]["inputs"]["throttle"] == 30.0
     assert not data["equations"]["speed"]["ok"]
 
@@ -146,15 +150,15 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
 def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Model) -> None:
     condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
     point, report = reported(published_aircraft, condition)
-    found = all_margins(condition, point)
+    margins = all_margins(condition, point)
     assert re.search(r"^throttle, lowest +0 +0\.00000 +1 +0\.0 % +held there$", report.text(), re.M)
     assert report.data["binding"] == []
-    assert (found["pitch"].role, found["gamma"].role) == ("follows", "free")
+    assert (margins["pitch"].role, margins["gamma"].role) == ("follows", "free")
     np.testing.assert_allclose(
-        np.degrees([found["gamma"].lowest, found["gamma"].highest]), (-62.8, 57.2), rtol=1e-12
+        np.degrees([margins["gamma"].lowest, margins["gamma"].highest]), (-62.8, 57.2), rtol=1e-12
     )
-    assert found["pitch"].distance == pytest.approx(np.radians(60.0) - abs(point.states.pitch))
-    assert found["gamma"].distance == pytest.approx(found["pitch"].distance, rel=1e-12)
+    assert margins["pitch"].distance == pytest.approx(np.radians(60.0) - abs(point.states.pitch))
+    assert margins["gamma"].distance == pytest.approx(margins["pitch"].distance, rel=1e-12)
 
 
 METRE_PER_FOOT = 0.3048
@@ -173,40 +177,40 @@ def test_performance_is_that_of_the_loads_in_steady_flight(
     γ, n = cos γ."""
     point = find_operating_point(aircraft, condition)
     gamma = point.values["gamma"]
-    found = SimpleNamespace(**performance(point))
+    figures = SimpleNamespace(**performance(point))
     p = hfa_model.parameters_of(aircraft)
     alpha = point.states.alpha
     loads = hfa_model.loads(aircraft, point.states, point.inputs)
     air = Atmosphere(point.states.altitude * METRE_PER_FOOT)
     metres_per_second = point.states.speed * METRE_PER_FOOT
     pressure = 0.5 * float(air.density[0]) * metres_per_second**2  # Pa
-    assert found.speed_of_sound * METRE_PER_FOOT == pytest.approx(
+    assert figures.speed_of_sound * METRE_PER_FOOT == pytest.approx(
         float(air.speed_of_sound[0]), rel=1e-6
     )
-    assert found.mach == pytest.approx(metres_per_second / float(air.speed_of_sound[0]), rel=1e-6)
-    assert found.dynamic_pressure == pytest.approx(pressure / 47.880259, rel=2e-6)
-    assert found.dynamic_pressure == pytest.approx(
-        found.density * point.states.speed**2 / 2, rel=1e-14
+    assert figures.mach == pytest.approx(metres_per_second / float(air.speed_of_sound[0]), rel=1e-6)
+    assert figures.dynamic_pressure == pytest.approx(pressure / 47.880259, rel=2e-6)
+    assert figures.dynamic_pressure == pytest.approx(
+        figures.density * point.states.speed**2 / 2, rel=1e-14
     )
-    assert found.wing_area == pytest.approx(1920.0, rel=1e-5)  # three panels of 80 ft by 8 ft
-    assert found.lift_coefficient * found.dynamic_pressure * found.wing_area == pytest.approx(
+    assert figures.wing_area == pytest.approx(1920.0, rel=1e-5)  # three panels of 80 ft by 8 ft
+    assert figures.lift_coefficient * figures.dynamic_pressure * figures.wing_area == pytest.approx(
         loads.lift, rel=1e-13
     )
-    assert found.drag_coefficient * found.dynamic_pressure * found.wing_area == pytest.approx(
+    assert figures.drag_coefficient * figures.dynamic_pressure * figures.wing_area == pytest.approx(
         loads.drag, rel=1e-13
     )
-    assert found.lift_over_drag == pytest.approx(loads.lift / loads.drag, rel=1e-13)
-    assert found.weight == pytest.approx(3 * p.panel_mass * 32.174, rel=1e-3)
+    assert figures.lift_over_drag == pytest.approx(loads.lift / loads.drag, rel=1e-13)
+    assert figures.weight == pytest.approx(3 * p.panel_mass * 32.174, rel=1e-3)
     assert loads.lift + loads.thrust * math.sin(alpha) == pytest.approx(
-        found.weight * math.cos(gamma), rel=1e-9
+        figures.weight * math.cos(gamma), rel=1e-9
     )
     assert loads.thrust * math.cos(alpha) - loads.drag == pytest.approx(
-        found.weight * math.sin(gamma), abs=1e-6
+        figures.weight * math.sin(gamma), abs=1e-6
     )
-    assert found.load_factor == pytest.approx(math.cos(gamma), rel=1e-9)
-    assert found.hinge_moment_total == pytest.approx(0.0, abs=1e-6)
+    assert figures.load_factor == pytest.approx(math.cos(gamma), rel=1e-9)
+    assert figures.hinge_moment_total == pytest.approx(0.0, abs=1e-6)
     elastic = p.hinge_stiffness * point.states.dihedral
-    assert found.hinge_moment_total == pytest.approx(loads.hinge_moment - elastic, abs=1e-9)
+    assert figures.hinge_moment_total == pytest.approx(loads.hinge_moment - elastic, abs=1e-9)
 
 
 @pytest.mark.parametrize("degrees", [-20.0, 0.0, 30.0])
@@ -227,14 +231,14 @@ def test_lift_is_across_each_panel_carries_the_weight_and_is_drawn_to_scale(
     np.testing.assert_allclose(lift, -weight, rtol=5e-3, atol=1e-9)
     axes = trim_figure(published_aircraft, point).axes[0]
     drawn = [
-        np.subtract(each.xy, each.xyann) for each in axes.texts if each.arrow_patch is not None
+        np.subtract(text.xy, text.xyann) for text in axes.texts if text.arrow_patch is not None
     ]
     forces = [force for panel in panels for force in (panel.lift, panel.weight)]
     scale = np.linalg.norm(drawn[0]) / np.linalg.norm(forces[0])
     np.testing.assert_allclose(drawn, np.array(forces) * scale, atol=1e-9)
     assert f"{1 / scale:.3g} lbf to the foot" in axes.get_title()
     label = f"{loads.hinge_moment:.1f} ft lbf" if degrees else "0.0 ft lbf"
-    assert [each.get_text() for each in axes.texts].count(label) == 2
+    assert [text.get_text() for text in axes.texts].count(label) == 2
 
 
 def test_a_trim_that_the_equations_do_not_determine_is_told_from_one_that_they_do() -> None:

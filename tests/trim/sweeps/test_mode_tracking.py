@@ -76,8 +76,10 @@ def test_a_grid_is_followed_from_neighbour_to_neighbour(
     index = np.arange(len(result.A)).reshape(sizes)
     for axis in range(len(sizes)):
         along = np.moveaxis(index, axis, 0)
-        for one, other in zip(along[:-1].ravel(), along[1:].ravel(), strict=True):
-            step = track_modes(result.A[[one, other]], result.model.linear, hfa_model.aircraft())
+        for mode, next_mode in zip(along[:-1].ravel(), along[1:].ravel(), strict=True):
+            step = track_modes(
+                result.A[[mode, next_mode]], result.model.linear, hfa_model.aircraft()
+            )
             assert set(zip(*step.round(9).tolist(), strict=True)) == set(
-                zip(*result.eigenvalues[[one, other]].round(9).tolist(), strict=True)
+                zip(*result.eigenvalues[[mode, next_mode]].round(9).tolist(), strict=True)
             )

@@ -199,8 +199,8 @@ def test_wrong_shapes_numbers_that_are_not_real_and_a_game_without_a_solution_ar
         "K": (np.ones((6, 5)), "K is 6 x 5"),
     }
     for held, (make, right) in makers.items():
-        wrong, said = shapes[held]
-        with pytest.raises(BadInputError, match=said):
+        wrong, message = shapes[held]
+        with pytest.raises(BadInputError, match=message):
             make(game, wrong)
         for wrong in (right + 1j, [[1.0], [1.0, 2.0]], right.astype(str)):
             with pytest.raises(
@@ -339,9 +339,9 @@ def test_no_part_of_a_file_hides_another(
 def test_parts_that_contradict_each_other_or_do_not_fit_are_refused(game: Game) -> None:
     P = value(game)
     words = ("verify", *AT_15, "--weights")
-    said = hfa(*words, stored("wp.npz", W=(1.0 + 1e-4) * weights_of(P), P=P))
-    assert (said.code, said.out) == (BAD_INPUT, "")
-    assert said.err == "hfa: wp.npz: W and P are of different values; leave one of them out\n"
+    result = hfa(*words, stored("wp.npz", W=(1.0 + 1e-4) * weights_of(P), P=P))
+    assert (result.code, result.out) == (BAD_INPUT, "")
+    assert result.err == "hfa: wp.npz: W and P are of different values; leave one of them out\n"
     assert "K is 6 x 5" in hfa(*words, stored("pk.npz", P=P, K=np.ones((6, 5)))).err
 
 
@@ -356,12 +356,12 @@ def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -
     functions = basis(name, 6)
     exact = functions.weights(value(game))
     at_corner = functions.scaling(BOX)
-    for place in range(21, functions.size):
+    for index in range(21, functions.size):
         weights = exact.copy()
-        weights[place] = 1e-5 * np.abs(weights * at_corner).sum() / at_corner[place]
+        weights[index] = 1e-5 * np.abs(weights * at_corner).sum() / at_corner[index]
         assert (
             over_the_box(game, from_weights(game, weights, functions))["value_rel_error"] > LIMIT
-        ), place
+        ), index
     exact[24 if name == "paper" else 25] = 1e12
     unseen = from_weights(game, exact, functions)
     assert over_the_box(game, unseen)["policy_rel_error"] <= 1e-12
@@ -371,9 +371,9 @@ def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -
 def test_a_wrong_entry_too_small_for_the_norms_is_refused(game: Game) -> None:
     P = value(game).copy()
     P[0, 4] = P[4, 0] = P[0, 4] * (1.0 + 1e-5)
-    found = failed(game, from_value(game, P))
-    assert "P_entry_error" in found
-    assert not {"P_rel_error", "P_balanced_error", "riccati_residual"} & found
+    failures = failed(game, from_value(game, P))
+    assert "P_entry_error" in failures
+    assert not {"P_rel_error", "P_balanced_error", "riccati_residual"} & failures
 
 
 def test_every_entry_of_the_value_and_of_the_gain_is_seen(game: Game) -> None:
@@ -381,8 +381,10 @@ def test_every_entry_of_the_value_and_of_the_gain_is_seen(game: Game) -> None:
         for i, j in np.ndindex(exact.shape):
             wrong = exact.copy()
             wrong[i, j] *= 1.0 + 1e-5
-            found = {check.name: check for check in matrix_errors(game, name, wrong, exact, LIMIT)}
-            assert not found[f"{name}_entry_error"].ok, (i, j)
+            by_name = {
+                check.name: check for check in matrix_errors(game, name, wrong, exact, LIMIT)
+            }
+            assert not by_name[f"{name}_entry_error"].ok, (i, j)
         shares = [check.value for check in matrix_errors(game, name, 3.0 * exact, exact, LIMIT)]
         assert shares == pytest.approx([2.0] * 3)
 
@@ -401,22 +403,22 @@ def test_the_bounds_hold_at_every_state_of_the_box(
     weights = exact * (1.0 + 0.1 * rng.standard_normal(exact.shape)) + rng.standard_normal(
         exact.shape
     )
-    found = over_the_box(game, from_weights(game, weights, functions))
+    errors = over_the_box(game, from_weights(game, weights, functions))
     z = rng.choice([-1.0, 1.0, 0.3], size=(2000, 6)) * BOX
     change = weights - exact
     V = functions.psi(z) @ change
     slopes = np.swapaxes(functions.gradient(z), -1, -2) @ change
     sizes = np.abs(exact) * functions.scaling(BOX)
-    assert np.abs(V).max() <= found["value_rel_error"] * sizes.sum()
+    assert np.abs(V).max() <= errors["value_rel_error"] * sizes.sum()
     assert np.all(
         np.abs(slopes * BOX).max(axis=0)
-        <= found["gradient_rel_error"] * (sizes @ functions.exponents)
+        <= errors["gradient_rel_error"] * (sizes @ functions.exponents)
     )
     u = -0.5 * slopes @ game.R_inverse_B_transposed.T
     d = 0.5 * slopes @ game.E / game.delta**2
-    assert np.all(np.abs(u).max(axis=0) <= found["policy_rel_error"] * (np.abs(solution.K) @ BOX))
+    assert np.all(np.abs(u).max(axis=0) <= errors["policy_rel_error"] * (np.abs(solution.K) @ BOX))
     largest = np.abs(solution.disturbance_gain) @ BOX
-    assert np.all(np.abs(d).max(axis=0) <= found["disturbance_rel_error"] * largest)
+    assert np.all(np.abs(d).max(axis=0) <= errors["disturbance_rel_error"] * largest)
 
 
 # The box: the aircraft's where the plant is named so, else a convention that is stated.
@@ -468,7 +470,7 @@ def test_the_exact_discounted_critic_passes_and_planted_mistakes_are_named(game:
     exact = solve_discounted(game, DISCOUNT, DT)
     assert check_discounted(game, from_value(game, exact.P), DISCOUNT, DT).ok
     assert check_discounted(game, from_gain(game, exact.K), DISCOUNT, DT).ok
-    for wrong, said in (
+    for wrong, message in (
         (from_value(game, exact.P / DT), "every entry of P is 100 times the exact one"),
         (from_value(game, -exact.P), "the value has the wrong sign"),
         (from_gain(game, -exact.K), "the gain has the wrong sign"),
@@ -480,7 +482,7 @@ def test_the_exact_discounted_critic_passes_and_planted_mistakes_are_named(game:
     ):
         check = check_discounted(game, wrong, DISCOUNT, DT)
         assert not check.ok
-        assert check.reason.startswith(said)
+        assert check.reason.startswith(message)
 
 
 def test_the_cost_lost_is_that_of_the_steps_summed_up(game: Game) -> None:
@@ -513,13 +515,13 @@ def test_the_command_compares_with_the_problem_that_is_given_and_never_guesses(g
         stored("P.npz", P=solve_discounted(game, DISCOUNT, DT).P),
     )
     problem = ("--discount", str(DISCOUNT), "--dt", str(DT))
-    found = answer(*words, *problem)
-    assert (found["ok"], found["schema"], found["dt"]) == (True, "hfa.discounted-check/1", DT)
+    data = answer(*words, *problem)
+    assert (data["ok"], data["schema"], data["dt"]) == (True, "hfa.discounted-check/1", DT)
     assert hfa(*words, *problem).out.startswith("PASS: exact within 1e-06, stabilizing, ")
     assert answer(*words, code=FAILED)["ok"] is False
-    one = hfa(*words, *problem[:2])
-    assert one.code == BAD_INPUT
-    assert "--discount and --dt belong together; neither has a default" in one.err
+    result = hfa(*words, *problem[:2])
+    assert result.code == BAD_INPUT
+    assert "--discount and --dt belong together; neither has a default" in result.err
 
 
 # Critics over time: planted histories whose settling is known.

@@ -26,5 +26,5 @@ def test_the_verdict_on_a_critic_is_that_of_every_copy(
     for copy in copies(game, 5, count, critic):
         of_value = from_value(copy.problem, copy.critic["P"])
         of_gain = from_gain(copy.problem, copy.critic["K"])
-        verdicts = [check_critic(copy.problem, each).ok for each in (of_value, of_gain)]
+        verdicts = [check_critic(copy.problem, candidate).ok for candidate in (of_value, of_gain)]
         assert verdicts == [passes, passes], copy.kind

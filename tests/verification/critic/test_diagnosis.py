@@ -74,8 +74,8 @@ def wrong(game: Game, candidate: Critic) -> bool:
 @pytest.mark.parametrize(
     "mistake",
     [
-        pytest.param(mistake, marks=[SLOW] if place % 2 else [])
-        for place, mistake in enumerate(NAMED)
+        pytest.param(mistake, marks=[SLOW] if number % 2 else [])
+        for number, mistake in enumerate(NAMED)
     ],
 )
 def test_a_planted_mistake_is_refused_and_named(game: Game, mistake: str) -> None:
@@ -87,7 +87,10 @@ def test_a_planted_mistake_is_refused_and_named(game: Game, mistake: str) -> Non
 
 @pytest.mark.parametrize(
     "mistake",
-    [pytest.param(each, marks=[SLOW] * (place % 3 > 0)) for place, each in enumerate(UNNAMED)],
+    [
+        pytest.param(mistake, marks=[SLOW] if number % 3 else [])
+        for number, mistake in enumerate(UNNAMED)
+    ],
 )
 def test_a_mistake_that_is_not_recognized_is_refused_without_a_cause(
     game: Game, mistake: str
@@ -120,13 +123,13 @@ def test_random_errors_get_no_cause(game: Game, plant: str, kind: str, draws: in
     game = game if plant == "aircraft" else SMALL
     right = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}[kind]
     rng = np.random.default_rng(0)
-    found = []
+    reasons = []
     for size in 10.0 ** rng.uniform(-4.0, -1.0, draws):
         noise = rng.standard_normal(right.shape)
         noise = (noise + noise.T) / np.sqrt(2.0) if kind == "P" else noise
         wrong = right * (1.0 + size * noise)
-        found.append(named(game, candidate_of(game, kind, lambda _, wrong=wrong: wrong)))
-    assert sum(cause != "" for cause in found) <= FALSE_CAUSES * draws // 100, set(found)
+        reasons.append(named(game, candidate_of(game, kind, lambda _, wrong=wrong: wrong)))
+    assert sum(cause != "" for cause in reasons) <= FALSE_CAUSES * draws // 100, set(reasons)
 
 
 #: Right tables, by turns.
@@ -143,11 +146,11 @@ def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
         kind, plant, words = OF_ANY_GAME.get(mistake, RIGHT[index % 3])
         table = noisy(kind, plant(game), size, rng)
         candidate = candidate_of(game, kind, lambda _, table=table: table)
-        said = diagnose_discrete(game, solved(game), candidate, "", {}, np.ones(len(game.A)))
+        reason = diagnose_discrete(game, solved(game), candidate, "", {}, np.ones(len(game.A)))
         if words:
-            count += words in said
+            count += words in reason
         else:
-            count += said == ""
+            count += reason == ""
     return count
 
 
@@ -181,8 +184,8 @@ def test_random_errors_of_a_gain_beside_its_value_get_no_cause(game: Game) -> No
     rng = np.random.default_rng(2)
     for size in 10.0 ** rng.uniform(-4.0, -1.0, 20):
         wrong = gain(game) * (1.0 + size * rng.standard_normal(gain(game).shape))
-        found = named(game, Critic(wrong, value(game), "P and K"))
-        assert found == "" or "do not belong together" in found
+        reason = named(game, Critic(wrong, value(game), "P and K"))
+        assert reason == "" or "do not belong together" in reason
 
 
 @pytest.mark.parametrize(
@@ -201,8 +204,8 @@ def test_a_critic_of_another_angle_is_named_with_its_angle(
     game = game_at(degrees, dynamics)
     theirs = game_at(other, dynamics)
     candidate = candidate_of(game, kind, lambda _: value(theirs) if kind == "P" else gain(theirs))
-    said = named(game, candidate, lambda at: game_at(at, dynamics))
-    assert said.endswith(f"of another game, at dihedral {other:.4f} deg")
+    reason = named(game, candidate, lambda at: game_at(at, dynamics))
+    assert reason.endswith(f"of another game, at dihedral {other:.4f} deg")
     assert named(game, candidate) == ""  # the plants cannot be told without the aircraft
 
 
@@ -215,19 +218,19 @@ def test_a_noisy_gain_is_not_taken_for_that_of_another_angle(game: Game) -> None
 def test_a_critic_of_the_printed_matrices_is_named(game: Game, degrees: int) -> None:
     """Where their rounding alone makes the difference, it has its cause all the same."""
     printed = game_models()[f"published-{degrees}"]
-    for other in (from_value(game, value(printed)), from_gain(game, gain(printed))):
-        assert wrong(game, other)
+    for candidate in (from_value(game, value(printed)), from_gain(game, gain(printed))):
+        assert wrong(game, candidate)
         description = f"of the matrices printed for {degrees} deg"
-        said = named(game, other, printed={description: printed})
-        assert said.endswith(f"of another game, of the matrices printed for {degrees} deg")
+        reason = named(game, candidate, printed={description: printed})
+        assert reason.endswith(f"of another game, of the matrices printed for {degrees} deg")
 
 
 def test_a_weight_beyond_the_quadratic_ones_is_named(game: Game) -> None:
     functions = basis("paper", 6)
     weights = functions.weights(value(game))
     weights[24] = 3.0
-    said = named(game, from_weights(game, weights, functions))
-    assert said.startswith("weight 25 is 3: on a linear plant the value is quadratic")
+    reason = named(game, from_weights(game, weights, functions))
+    assert reason.startswith("weight 25 is 3: on a linear plant the value is quadratic")
 
 
 def test_a_transposed_gain_of_a_square_plant_is_named() -> None:
@@ -244,11 +247,11 @@ def test_one_number_is_not_taken_for_another_game() -> None:
 
 
 def test_three_numbers_are_enough_to_tell_another_game_and_two_are_not() -> None:
-    other = SMALL.with_delta(4.0)
+    candidate = SMALL.with_delta(4.0)
     assert "this is the solution of another game, at delta = 4" in named(
-        SMALL, from_value(SMALL, value(other))
+        SMALL, from_value(SMALL, value(candidate))
     )
-    assert named(SMALL, from_gain(SMALL, gain(other))) == ""
+    assert named(SMALL, from_gain(SMALL, gain(candidate))) == ""
 
 
 # Networks fitted to the game at 15 deg by examples/train_a_network.py, right and with a mistake
@@ -270,15 +273,15 @@ def layers(
 ) -> dict[str, Any]:
     """The state dict with its outputs multiplied, its states and its outputs in another order."""
     with np.load(TRAINED / f"{name}.npz") as stored:
-        found = dict(stored)
-    first, *_, weight, bias = found
-    found[first] = found[first][:, states]
-    factors = np.broadcast_to(np.asarray(out, dtype="float32"), found[bias].shape)
-    found[weight], found[bias] = (
-        (found[weight] * factors[:, None])[outputs],
-        (found[bias] * factors)[outputs],
+        reasons = dict(stored)
+    first, *_, weight, bias = reasons
+    reasons[first] = reasons[first][:, states]
+    factors = np.broadcast_to(np.asarray(out, dtype="float32"), reasons[bias].shape)
+    reasons[weight], reasons[bias] = (
+        (reasons[weight] * factors[:, None])[outputs],
+        (reasons[bias] * factors)[outputs],
     )
-    return found
+    return reasons
 
 
 #: What was done to which network, how it is read, what must be named.
@@ -336,8 +339,8 @@ RARE = ("discrete time", "another angle", "no input scaling, dV/dz", "ReLU for t
 @pytest.mark.parametrize(
     "mistake",
     [
-        pytest.param(mistake, marks=[SLOW] if mistake in RARE or place % 2 else [])
-        for place, mistake in enumerate(MISTAKES)
+        pytest.param(mistake, marks=[SLOW] if mistake in RARE or number % 2 else [])
+        for number, mistake in enumerate(MISTAKES)
     ],
 )
 def test_a_mistake_planted_in_a_trained_network_is_refused_and_named(
@@ -353,7 +356,7 @@ def test_a_mistake_planted_in_a_trained_network_is_refused_and_named(
 
 
 @pytest.mark.parametrize(
-    "name", ["policy", *(pytest.param(each, marks=SLOW) for each in ("V", "gradient"))]
+    "name", ["policy", *(pytest.param(name, marks=SLOW) for name in ("V", "gradient"))]
 )
 def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game, name: str) -> None:
     candidate = networks.from_network(
@@ -362,8 +365,8 @@ def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game, name: str
         activation="tanh",
         scale=1.0 / BOX,
     )
-    found = named(game, candidate, None, BOX)
-    assert found.startswith("V is near and its policy off by") if name == "V" else found == ""
+    reason = named(game, candidate, None, BOX)
+    assert reason.startswith("V is near and its policy off by") if name == "V" else reason == ""
 
 
 def random_value(
@@ -386,11 +389,11 @@ def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) ->
     """A norm over the box is that of its largest entry: one of 21 would be a factor, a discount of
     1e5 1/s, a decimal slip."""
     rng = np.random.default_rng(4)
-    said = []
+    reasons = []
     for draw in range(draws):
         V = random_value(rng, (8, 32)[draw % 2], (1.0, 3.0, 10.0)[draw % 3], draw % 4 == 3)
-        said.append(named(game, networks.from_network(game, V), None, BOX))
-    assert said == [""] * draws
+        reasons.append(named(game, networks.from_network(game, V), None, BOX))
+    assert reasons == [""] * draws
 
 
 def test_a_discount_and_a_step_are_plausible_beside_the_rates_of_the_plant(game: Game) -> None:
@@ -406,8 +409,8 @@ def test_a_network_is_made_again_and_one_of_64_64_is_judged(game: Game, name: st
     """The stored weights come from the example, but for what rounding makes of its steps."""
     again = fit(game, name, points=1500, steps=800)
     with np.load(TRAINED / f"{name}.npz") as kept:
-        assert {key: each.shape for key, each in again.items()} == {
-            key: each.shape for key, each in kept.items()
+        assert {key: entry.shape for key, entry in again.items()} == {
+            key: entry.shape for key, entry in kept.items()
         }
     np.savez("again.npz", **again)
     searched = {"V": "value"}.get(name, name)
@@ -418,8 +421,8 @@ def test_a_network_is_made_again_and_one_of_64_64_is_judged(game: Game, name: st
         errors.append(verdict.value_of(f"searched_{searched}_error"))
     assert errors[0] == pytest.approx(errors[1], rel=0.5)
     np.savez("wide.npz", **fit(game, name, hidden=(64, 64), points=200, steps=20))
-    found = answer("verify", *AT_15, "--weights", "wide.npz", *NETWORK, code=FAILED)
-    assert (found["network"]["precision"], found["network"]["output"]) == ("float32", name)
+    data = answer("verify", *AT_15, "--weights", "wide.npz", *NETWORK, code=FAILED)
+    assert (data["network"]["precision"], data["network"]["output"]) == ("float32", name)
 
 
 @pytest.mark.parametrize(
@@ -440,15 +443,15 @@ def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) 
     if critic.value is not None:
         exact_V = ca.bilin(ca.DM(exact.P), at, at)
         errors["value"] = (critic.value(at) - critic.constant - exact_V) / (b @ np.abs(exact.P) @ b)
-    found = {
-        each.name: each.error
-        for each in searches.search(
+    reasons = {
+        mistake.name: mistake.error
+        for mistake in searches.search(
             searches.Comparison(critic, exact, np.sqrt(np.diag(game.R)), b)
         )[1]
     }
     for kind, error in errors.items():
         on_grid = np.array(ca.Function(kind, [at], [error])(z))
-        assert found[kind] * (1.0 + 1e-9) >= np.abs(on_grid).max()
+        assert reasons[kind] * (1.0 + 1e-9) >= np.abs(on_grid).max()
 
 
 def test_several_critics_and_a_folder_of_checkpoints_are_in_one_table_and_a_learning_curve(
@@ -459,7 +462,7 @@ def test_several_critics_and_a_folder_of_checkpoints_are_in_one_table_and_a_lear
         np.savez(f"runs/step_{step}.npz", **layers("gamma_120", out=share))
     right = stored("right.npz", P=value(game))
     twice = stored("P.npz", P=2 * value(game))
-    said = hfa(
+    result = hfa(
         "verify",
         *AT_15,
         "--weights",
@@ -472,12 +475,12 @@ def test_several_critics_and_a_folder_of_checkpoints_are_in_one_table_and_a_lear
         "--picture",
         "curve.png",
     )
-    assert said.code == FAILED
-    found = json.loads(Path("a.json").read_text(encoding="utf-8"))["critics"]
+    assert result.code == FAILED
+    data = json.loads(Path("a.json").read_text(encoding="utf-8"))["critics"]
     names = ["runs/step_2.npz", "runs/step_10.npz", right, twice]
-    assert list(found) == names
-    assert [each["ok"] for each in found.values()] == [False, False, True, False]
-    assert found[names[0]]["K_rel_error"] > found[names[1]]["K_rel_error"]
-    assert said.out.startswith("1 of 4 critics on the aircraft at dihedral 15 deg")
-    assert "\nP.npz: the value is twice the exact one" in said.out
+    assert list(data) == names
+    assert [mistake["ok"] for mistake in data.values()] == [False, False, True, False]
+    assert data[names[0]]["K_rel_error"] > data[names[1]]["K_rel_error"]
+    assert result.out.startswith("1 of 4 critics on the aircraft at dihedral 15 deg")
+    assert "\nP.npz: the value is twice the exact one" in result.out
     assert Path("curve.png").stat().st_size > 10_000

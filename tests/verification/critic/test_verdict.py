@@ -193,8 +193,8 @@ def test_a_value_in_eight_digits_is_right_and_its_gain_is_said_to_need_more() ->
 def test_the_command_says_whose_weights_it_used(game: Game) -> None:
     plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]])
     critic = stored("K.npz", K=np.array([[1.0 + np.sqrt(3.0)]]))
-    said = hfa("verify", "--model", plant, "--R", "1", "--weights", critic)
-    assert "Q diag(2) (file), R diag(1) (given), delta inf (default)" in said.out
-    found = answer("verify", "--model", plant, "--R", "1", "--weights", critic)
-    assert found["weights_from"] == {"Q": "file", "R": "given", "delta": "default"}
-    assert (found["Q"], found["R"], found["grade"]) == ([[2.0]], [[1.0]], "exact")
+    result = hfa("verify", "--model", plant, "--R", "1", "--weights", critic)
+    assert "Q diag(2) (file), R diag(1) (given), delta inf (default)" in result.out
+    data = answer("verify", "--model", plant, "--R", "1", "--weights", critic)
+    assert data["weights_from"] == {"Q": "file", "R": "given", "delta": "default"}
+    assert (data["Q"], data["R"], data["grade"]) == ([[2.0]], [[1.0]], "exact")
