@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_region.search.function import PolynomialFunction
-from hfa_region.search.region import Region
+from hfa_region.search.region import Region, lost_starts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,11 +15,20 @@ if TYPE_CHECKING:
 #: Pairs of states that are drawn at most, and rays of each.
 _MOST_PAIRS = 6
 _RAYS = 361
+#: What is shown, of what the levels take.
+_WIDER = 1.4
+#: The corners of a box, closed.
+_CORNERS = np.array([[-1.0, 1.0, 1.0, -1.0, -1.0], [-1.0, -1.0, 1.0, 1.0, -1.0]])
+#: Rays of each on which starts are followed.
+_FLOWN = 40
 
 
-def region_figure(region: Region) -> Figure:
+def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     """The set where all deviations but two are 0, for the first pairs of states: what is proved,
-    where V' >= 0 was found first, and the level of the nearest start that was lost."""
+    where V' >= 0 was found first, the level of the nearest start that was lost, and the first start
+    on each of some rays in this plane that was lost.
+
+    box: (n,), largest deviations at which a critic is compared"""
     from matplotlib.figure import Figure
 
     states = region.plant.loop.states
@@ -30,6 +39,9 @@ def region_figure(region: Region) -> Figure:
     for index, (i, j) in enumerate(pairs):
         axes = figure.add_subplot(rows, columns, index + 1)
         _draw(axes, region, i, j)
+        if box is not None:
+            x, y = box[i] * _CORNERS[0], box[j] * _CORNERS[1]
+            axes.plot(x, y, "k:", label="box of a critic's comparison")
         axes.set_xlabel(f"{states[i]}, {region.plant.loop.model.unit(states[i])}")
         axes.set_ylabel(f"{states[j]}, {region.plant.loop.model.unit(states[j])}")
         if index == 0:
@@ -51,6 +63,11 @@ def _draw(axes: object, region: Region, i: int, j: int) -> None:
         axes.plot(x, y, style, color=color, label=name)  # type: ignore[attr-defined]
         if name == "proved":
             axes.fill(x, y, color=color, alpha=0.2)  # type: ignore[attr-defined]
+    x_limits, y_limits = axes.get_xlim(), axes.get_ylim()  # type: ignore[attr-defined]
+    axes.set_xlim(*(_WIDER * np.array(x_limits)))  # type: ignore[attr-defined]
+    axes.set_ylim(*(_WIDER * np.array(y_limits)))  # type: ignore[attr-defined]
+    found = lost_starts(region.plant, region.V, region.rho, region.T, _rays(region.T, i, j, _FLOWN))
+    axes.plot(found[:, i], found[:, j], "C3x", label="starts lost")  # type: ignore[attr-defined]
     axes.plot(0.0, 0.0, "k+")  # type: ignore[attr-defined]
 
 
@@ -58,11 +75,17 @@ def _cut(
     V: PolynomialFunction, level: float, T: np.ndarray, i: int, j: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The edge of {V <= level} where all deviations but i and j are 0."""
-    angles = np.linspace(0.0, 2.0 * np.pi, _RAYS)
-    rays = np.zeros((_RAYS, len(T)))
-    extents = 2.0 * np.linalg.norm(T, axis=1)
-    rays[:, i] = np.cos(angles) * extents[i]
-    rays[:, j] = np.sin(angles) * extents[j]
+    rays = _rays(T, i, j, _RAYS)
     shares = V.edge(rays, level)
     shares[~np.isfinite(shares)] = np.nan
     return shares * rays[:, i], shares * rays[:, j]
+
+
+def _rays(T: np.ndarray, i: int, j: int, count: int) -> np.ndarray:
+    """(count, n), rays in the plane of two deviations, twice as long as the set reaches."""
+    angles = np.linspace(0.0, 2.0 * np.pi, count)
+    rays = np.zeros((count, len(T)))
+    extents = 2.0 * np.linalg.norm(T, axis=1)
+    rays[:, i] = np.cos(angles) * extents[i]
+    rays[:, j] = np.sin(angles) * extents[j]
+    return rays

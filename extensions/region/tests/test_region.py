@@ -26,6 +26,7 @@ from hfa_region.check.statement import RegionStatement
 from hfa_region.check.taylor import Taylor
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.plant import Plant, lost
+from hfa_region.search.region import lost_starts
 from hfa_support.errors import NoSolutionError
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -130,6 +131,19 @@ def test_what_is_proved_is_said_and_bounded_by_what_was_found(folder_of_the_proo
     assert data["lost_at"]["V"] > data["rho"]
     assert data["limits_that_bind"] == []
     assert set(data["extents"]) == {"angle", "rate"}
+
+
+def test_starts_on_rays_are_lost_beyond_the_set(certificate: Path, model: Model) -> None:
+    statement = check_certificate(certificate, model=model).statement
+    V = PolynomialFunction.of_terms(statement.terms)
+    T = np.sqrt(statement.rho) * np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.0001
+    rays = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * np.linalg.norm(T, axis=1)
+    starts = lost_starts(Plant(statement.loop), V, statement.rho, T, rays)
+    # The torque cannot lift the pendulum from the horizontal, nor stop it beyond some rate.
+    assert len(starts) == 3
+    assert np.all(V(starts) > statement.rho)
+    assert abs(starts[0, 0]) < np.pi / 2
+    assert starts[1, 1] == pytest.approx(-starts[2, 1], rel=0.05)
 
 
 def test_a_certificate_is_checked_and_drawn(

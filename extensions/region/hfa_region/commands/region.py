@@ -126,7 +126,8 @@ def _prove(request: RegionRequest) -> int:
         from hfa_region.picture import region_figure
         from hfa_support.reporting.figure import save as save_figure
 
-        save_figure(region_figure(found), request.picture, request.provenance.text())
+        figure = region_figure(found, _box(linear))
+        save_figure(figure, request.picture, request.provenance.text())
     print_report(region_report(found), request)
     return 0
 
@@ -157,6 +158,16 @@ def _loop(request: RegionRequest) -> tuple[LinearModel, np.ndarray, np.ndarray |
             " an equilibrium whose linearization is not Hurwitz is not covered"
         ) from error
     return named.linear, solution.K, solution.P
+
+
+def _box(linear: LinearModel) -> np.ndarray | None:
+    """The deviations at which `hfa verify` compares a critic with the exact one; None without."""
+    from verification.critic.about_trim import box_within_limits
+    from verification.hfa_box import ordinary_box
+
+    units = linear.point.model.units(linear.states)
+    box = ordinary_box(linear.states, linear.inputs, units) or box_within_limits(linear)
+    return None if box is None else box.half_widths
 
 
 def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:

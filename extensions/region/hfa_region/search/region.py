@@ -298,24 +298,9 @@ class RegionSearch:
         generator = np.random.default_rng(1)
         directions = generator.normal(size=(_RAYS, self._n))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        rays = directions @ T.T
-        rates = np.linalg.eigvals(self.plant.closed_matrix).real
-        seconds = 6.0 / float(np.min(np.abs(rates)))
-
-        def holds(z: np.ndarray) -> np.ndarray:
-            inside = np.linalg.norm(np.linalg.solve(T, z.T), axis=0) <= 1.0
-            return np.asarray(inside & (V(z) <= rho))
-
-        low = np.minimum(V.edge(rays, rho), 1.0)
-        high = low * _FARTHEST
-        for _ in range(2):
-            shells = low + (high - low) * np.linspace(0.0, 1.0, _SHELLS + 1)[1:, None] ** 2
-            starts = (shells[:, :, None] * rays).reshape(-1, self._n)
-            gone = lost(self.plant, starts, holds, seconds).reshape(shells.shape)
-            rays, low, high = _first_lost(rays, low, shells, gone)
-            if not len(rays):
-                return np.inf, None
-        starts = high[:, None] * rays
+        starts = lost_starts(self.plant, V, rho, T, directions @ T.T)
+        if not len(starts):
+            return np.inf, None
         values = V(starts)
         return float(values.min()), starts[values.argmin()]
 
@@ -341,6 +326,34 @@ class _Turn:
     search: LevelSearch
     size: float
     seconds: float
+
+
+def lost_starts(
+    plant: Plant, V: PolynomialFunction, rho: float, T: np.ndarray, rays: np.ndarray
+) -> np.ndarray:
+    """(k, n), about the first start on each ray that is lost; rays without one are left out.
+
+    V, rho: of the proved set
+    T: z = T y, the set in the unit ball of y
+    rays: (N, n), about to the edge of the set
+    """
+    rates = np.linalg.eigvals(plant.closed_matrix).real
+    seconds = 6.0 / float(np.min(np.abs(rates)))
+
+    def holds(z: np.ndarray) -> np.ndarray:
+        inside = np.linalg.norm(np.linalg.solve(T, z.T), axis=0) <= 1.0
+        return np.asarray(inside & (V(z) <= rho))
+
+    low = np.minimum(V.edge(rays, rho), 1.0)
+    high = low * _FARTHEST
+    for _ in range(2):
+        shells = low + (high - low) * np.linspace(0.0, 1.0, _SHELLS + 1)[1:, None] ** 2
+        starts = (shells[:, :, None] * rays).reshape(-1, rays.shape[1])
+        gone = lost(plant, starts, holds, seconds).reshape(shells.shape)
+        rays, low, high = _first_lost(rays, low, shells, gone)
+        if not len(rays):
+            break
+    return np.asarray(high[:, None] * rays)
 
 
 def _first_lost(
