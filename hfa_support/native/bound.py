@@ -4,9 +4,7 @@ in place, results read in place."""
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
-from functools import lru_cache, wraps
-from typing import Any, TypeVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -41,6 +39,8 @@ class BoundFunction:
         self._evaluate()
 
 
+#: Expressions are built and compiled by one thread at a time.
+MAKING = threading.RLock()
 #: Rows a call of a mapped function: the most of which there are at least half.
 _TOGETHER = (250, 16)
 
@@ -85,41 +85,9 @@ class RowFunction(threading.local):
 
     def _bind(self, together: int) -> tuple[BoundFunction, Rows, Rows]:
         """The function of so many rows, and its memory, a row a row."""
-        with _MAKING:
+        with MAKING:
             mapped = self.function.map(together) if together > 1 else self.function
             bound = BoundFunction(mapped)
         inputs = [memory.reshape(together, -1) for memory in bound.inputs]
         results = [memory.reshape(together, -1) for memory in bound.results]
         return bound, inputs, results
-
-
-Made = TypeVar("Made")
-
-#: Expressions are built and compiled by one thread at a time.
-_MAKING = threading.RLock()
-
-
-def cached_per_thread(maxsize: int | None) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
-    """`functools.lru_cache` with one cache a thread: for a `BoundFunction`, whose memory each call
-    overwrites.
-
-    CasADi lets other Python threads run while it evaluates, and a worker of a cluster has several
-    threads by default."""
-
-    def decorate(make: Callable[..., Made]) -> Callable[..., Made]:
-        own = threading.local()
-
-        def make_alone(*key: Any) -> Made:
-            with _MAKING:
-                return make(*key)
-
-        @wraps(make)
-        def cached(*key: Any) -> Made:
-            if not hasattr(own, "cache"):
-                own.cache = lru_cache(maxsize)(make_alone)
-            made: Made = own.cache(*key)
-            return made
-
-        return cached
-
-    return decorate

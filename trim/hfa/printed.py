@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -22,7 +23,7 @@ from hfa_model.variants import variant_named
 from hfa_model.vectors import INPUTS, LINEAR_ROWS, LINEAR_STATES, STATES
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
-from hfa_support.native.bound import BoundFunction, cached_per_thread
+from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result
@@ -396,20 +397,18 @@ def entries_at(
     parameters p (66, P) along the trim: the variables v that are free (numbers) follow from the
     rates of some states (numbers of rows)."""
     zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
-    bound = _derivatives(layout, tuple(free), zero)
-    bound.inputs[0][:], bound.inputs[1][:] = v, p
-    bound()
+    entries, *derivatives = _derivatives(layout, tuple(free), zero)(v[None], p[None])
     columns = len(free), len(p), len(free), len(p)
     by_v, by_p, rates_by_v, rates_by_p = (
-        part.reshape(-1, width, order="F")
-        for part, width in zip(bound.results[1:], columns, strict=True)
+        part[0].reshape(-1, width, order="F")
+        for part, width in zip(derivatives, columns, strict=True)
     )
     free_by_p = -np.linalg.lstsq(rates_by_v[rows], rates_by_p[rows])[0]
-    return bound.results[0].copy(), by_p + by_v @ free_by_p
+    return entries[0], by_p + by_v @ free_by_p
 
 
-@cached_per_thread(maxsize=16)
-def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -> BoundFunction:
+@lru_cache(maxsize=16)
+def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -> RowFunction:
     """(v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p; v: the variables of a
     trim, on which state and input depend; derivatives by the free ones. zero: those that are always
     0."""
@@ -422,6 +421,6 @@ def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -
     entries, f = ca.substitute([entries, f], [x, u], at)
     moving = ca.vertcat(*(v[i] for i in free))
     jacobians = [ca.jacobian(part, by) for part in (entries, f) for by in (moving, p)]
-    return BoundFunction(
+    return RowFunction(
         ca.Function("entry_derivatives", [v, p], list(map(ca.densify, (entries, *jacobians))))
     )

@@ -22,12 +22,12 @@ from hfa_flight.air import (
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import envelope_data, refuse_start
 from hfa_flight.nonlinear_flight import NonlinearFlight, fly_within
+from hfa_flight.per_thread import cached_per_thread
 from hfa_flight.policies import Policy
 from hfa_flight.scenario import Scenario, with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_whole
-from hfa_support.native.bound import cached_per_thread
 from hfa_support.reporting.fields import Shown
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint

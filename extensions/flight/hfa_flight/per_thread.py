@@ -1,0 +1,38 @@
+"""What each thread makes and keeps for itself."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import lru_cache, wraps
+from typing import Any, TypeVar
+
+from hfa_support.native.bound import MAKING
+
+Made = TypeVar("Made")
+
+
+def cached_per_thread(maxsize: int | None) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
+    """`functools.lru_cache` with one cache a thread: for a `BoundFunction`, whose memory each call
+    overwrites.
+
+    CasADi lets other Python threads run while it evaluates, and a worker of a cluster has several
+    threads by default."""
+
+    def decorate(make: Callable[..., Made]) -> Callable[..., Made]:
+        own = threading.local()
+
+        def make_alone(*key: Any) -> Made:
+            with MAKING:
+                return make(*key)
+
+        @wraps(make)
+        def cached(*key: Any) -> Made:
+            if not hasattr(own, "cache"):
+                own.cache = lru_cache(maxsize)(make_alone)
+            made: Made = own.cache(*key)
+            return made
+
+        return cached
+
+    return decorate

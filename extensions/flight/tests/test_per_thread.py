@@ -1,0 +1,50 @@
+"""A Monte Carlo on several threads of one process: the bits of one member after the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from known_models import exact_gain, model_at
+from numpy.typing import NDArray
+from threads import Rows, differing
+
+import hfa_model
+from hfa_flight.monte_carlo import MonteCarlo, fly_members
+from hfa_flight.per_thread import cached_per_thread
+from hfa_flight.policies import GainPolicy
+from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_model import default_parameters
+from hfa_model.vectors import STATES
+from trim.limits import Limits
+
+PARAMETERS = default_parameters().values
+
+
+def test_a_monte_carlo() -> None:
+    point = model_at(15.0).point
+    law = GainPolicy("exact", exact_gain(15.0))
+    scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))
+    aircraft = hfa_model.aircraft(parameters=PARAMETERS)
+    everywhere = Limits.of(aircraft, STATES, dict.fromkeys(STATES, (-1e9, 1e9)))
+    plan = MonteCarlo(24, 0, aircraft, point, law, scenario, everywhere)
+    assert differing(lambda number: fly_members(plan, 4 * number, 4 * number + 4), range(6)) == []
+
+
+def test_memory_that_threads_share_is_noticed() -> None:
+    """`cached_per_thread` prevents a fault, which is planted here."""
+
+    def chunk_with(memory_of: Callable[[], NDArray]) -> Callable[[int], Rows]:
+        def chunk(number: int) -> Rows:
+            memory = memory_of()
+            memory[:] = number
+            time.sleep(0.002)  # lets other threads run
+            return {"number": memory.copy()}
+
+        return chunk
+
+    shared = np.zeros(3)
+    assert differing(chunk_with(lambda: shared), range(20)) != []
+    cached = cached_per_thread(None)(lambda: np.zeros(3))
+    assert differing(chunk_with(cached), range(20)) == []
