@@ -424,7 +424,7 @@ class TrimOptions(HfaOptions):
     def origin(self) -> Mapping[str, Any]:
         """The aircraft, and the condition of its trims."""
         common = self.common_condition()
-        condition: dict[str, Any] = common.to_dict()
+        condition: dict[str, Any] = common.changes
         if self.own:
             condition["parameters"] = self.held_parameters()
             file, digest = self.model.source

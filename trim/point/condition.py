@@ -161,9 +161,10 @@ class TrimCondition:
             )
         return table.at(scheduled)
 
-    def to_dict(self) -> dict[str, Any]:
-        """How it differs from the model's own trim, as JSON data; tables as [breakpoint, value]
-        rows."""
+    @property
+    def changes(self) -> dict[str, Any]:
+        """What a trim imposes, frees and limits other than the model's own; tables as [breakpoint,
+        value] rows."""
         usual = self.model.trim
         imposed: dict[str, Any] = {}
         for name, value in self.imposed.items():
@@ -190,7 +191,7 @@ class TrimCondition:
         """The same for people: speed 60 ft/s, alpha free, throttle within 0 and 50; empty for the
         model's own trim."""
         model = self.model
-        changes = self.to_dict()
+        changes = self.changes
         words = []
         for name, value in changes.get("imposed", {}).items():
             if isinstance(value, list):

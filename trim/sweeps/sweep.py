@@ -138,7 +138,7 @@ class Sweep(ByValue, Result, Reported):
     made_by = "hfa sweep"
     keys = (
         "dynamics=plan.dynamics variables=plan.variables variable_units=plan.units grid=plan.grid "
-        "condition=plan.condition_changes values reasons states=state_names state_units "
+        "condition=plan.condition.changes values reasons states=state_names state_units "
         "inputs=input_names input_units operating_states=states operating_inputs=inputs A B "
         "mode_names eigenvalues warnings"
     )

@@ -111,7 +111,21 @@ class SweepPlan:
     def text(self) -> str:
         """The plan as JSON text: plans with the same text visit the same points in the same
         order."""
-        return json.dumps(self.to_dict())
+        axes = {}
+        for name, values in self.axes.items():
+            axes[name] = asdict(values) if isinstance(values, Steps) else list(values)
+        parameters = self.model.parameters.items()
+        deciding = {
+            "axes": axes,
+            "units": {name: signal.unit for name, signal in self.model.signals.items()},
+            "parameters": {name: signal.start for name, signal in parameters},
+            "dynamics": self.model.name,
+            "source": list(self.model.source),
+            "listed": self.listed,
+            "condition": self.condition.changes,
+            "start": None if self.start is None else self.start.to_dict(),
+        }
+        return json.dumps(deciding)
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -167,11 +181,6 @@ class SweepPlan:
             grid[name] = content | {"unit": unit}
         return grid
 
-    @property
-    def condition_changes(self) -> dict[str, Any]:
-        """What else the trim imposes."""
-        return self.condition.to_dict()
-
     def values(self, start: int, stop: int) -> np.ndarray:
         """Rows start .. stop - 1 of the (N, variables) table of values."""
         index = np.arange(start, stop)
@@ -187,20 +196,3 @@ class SweepPlan:
         values = self.values(start, stop)
         compiled = self.count >= COMPILE_FROM
         return self.model, self.variables, values, self.condition, self.start, compiled
-
-    def to_dict(self) -> dict[str, Any]:
-        """The plan as JSON data."""
-        axes = {}
-        for name, values in self.axes.items():
-            axes[name] = asdict(values) if isinstance(values, Steps) else list(values)
-        parameters = self.model.parameters.items()
-        return {
-            "axes": axes,
-            "units": {name: signal.unit for name, signal in self.model.signals.items()},
-            "parameters": {name: signal.start for name, signal in parameters},
-            "dynamics": self.model.name,
-            "source": list(self.model.source),
-            "listed": self.listed,
-            "condition": self.condition.to_dict(),
-            "start": None if self.start is None else self.start.to_dict(),
-        }

@@ -15,6 +15,7 @@ from hfa_flight.policies import Measurements, Policy
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
+from hfa_support.reporting.results import Result
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
@@ -24,7 +25,7 @@ _TRIMS = 41
 
 
 @dataclass(frozen=True, eq=False)
-class TrimPath:
+class TrimPath(Result):
     """x_d(t) = X0(r(t)) - X_base and U0(r(t)) - U_base along the trims of a model, r the commanded
     scheduling variable; the reference of a flight.
 
@@ -33,6 +34,8 @@ class TrimPath:
     inputs: U0 likewise
     commands: r as a deviation from its value at `base`
     """
+
+    keys = "names=commands.names values=commands.values times=commands.times filter"
 
     base: OperatingPoint
     states: LinearTable
@@ -65,12 +68,10 @@ class TrimPath:
         """U0(r(t)) - U_base, (m,)."""
         return self.inputs.expression(self.commanded(t)) - ca.DM(np.array(self.base.inputs))
 
-    def to_dict(self) -> dict[str, Any]:
-        """The steps as data for JSON."""
-        return {"names": list(self.commands.names), "values": self.commands.values} | {
-            "times": self.commands.times,
-            "filter": [self.commands.bandwidth, self.commands.damping],
-        }
+    @property
+    def filter(self) -> tuple[float, float]:
+        """Bandwidth and damping of the command filter."""
+        return self.commands.bandwidth, self.commands.damping
 
 
 @dataclass(frozen=True, eq=False, repr=False)

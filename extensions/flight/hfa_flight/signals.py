@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -13,6 +13,7 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.results import Result
 
 #: Bandwidth, rad/s, and damping of the command filter unless given: those of SimVFA (Thomsen 2018).
 COMMAND_FILTER = (0.5, 2.0)
@@ -30,7 +31,7 @@ class Harmonic(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Waveform(Shown):
+class Waveform(Result, Shown):
     """s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).
 
     constant: (n,)
@@ -91,14 +92,6 @@ class Waveform(Shown):
             value = value + np.outer(np.sin(h.frequency * times), h.sine)
             value = value + np.outer(np.cos(h.frequency * times), h.cosine)
         return np.asarray(value)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The formula as data for JSON."""
-        return {
-            "constant": self.constant,
-            "slope": self.slope,
-            "harmonics": [harmonic._asdict() for harmonic in self.harmonics],
-        }
 
 
 def zero(size: int) -> Waveform:
@@ -191,11 +184,16 @@ class CommandSteps(Shown):
 
 
 @dataclass(frozen=True, eq=False)
-class CommandedStates:
+class CommandedStates(Result):
     """x_d(t), (k,): the commands of these states, 0 for the others; the reference of a flight.
 
     filtered: whether they go through the command filter; else they are steps.
     """
+
+    keys = (
+        "names=commands.names times=commands.times values=commands.values "
+        "bandwidth=commands.bandwidth damping=commands.damping"
+    )
 
     commands: CommandSteps
     states: tuple[str, ...]
@@ -210,10 +208,6 @@ class CommandedStates:
     def until(self) -> float:
         """When the last step is commanded, s."""
         return float(self.commands.times[-1]) if len(self.commands.times) else 0.0
-
-    def to_dict(self) -> dict[str, Any]:
-        """The steps as data for JSON."""
-        return asdict(self.commands)
 
     def at(self, t: Any) -> ca.SX:
         """x_d(t)."""

@@ -27,6 +27,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, Checked, below, checks_block
 from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, shown_value
 from trim.linear.linear_model import LinearModel, level_model
 
@@ -156,8 +157,10 @@ class _Cell(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MarginTable(Checked, Reported):
+class MarginTable(Checked, Result, Reported):
     """The margins of a controller at many scheduling values, behind many actuators."""
+
+    keys = "ok rows=data_rows checks"
 
     controller: ScheduledController
     rows: tuple[LoopRow, ...]
@@ -205,10 +208,12 @@ class MarginTable(Checked, Reported):
         stable = sum(row.abscissa < 0.0 for row in self.rows)
         verdict = f"{'PASS' if self.ok else 'FAIL'}, {stable} of {len(self.rows)} loops stable"
         title = f"Margins of controller {self.controller.name}, {self.controller.called}: {verdict}"
-        return Report(title, (*tables, checks_block(self.checks)), data=self.to_dict())
+        return Report(title, (*tables, checks_block(self.checks)), data=self.as_data())
 
-    def to_dict(self) -> dict[str, Any]:
-        """Ready for JSON: angles in rad, delays in s."""
+    @property
+    def data_rows(self) -> list[dict[str, Any]]:
+        """Of each value and actuators: abscissa, and of each loop gain dB, phase deg, crossover
+        rad/s, delay s."""
         by = self.controller.model.schedule
         rows = []
         for row in self.rows:
@@ -231,7 +236,7 @@ class MarginTable(Checked, Reported):
                     "loops": loops,
                 }
             )
-        return {"ok": self.ok, "rows": rows, "checks": [check.to_dict() for check in self.checks]}
+        return rows
 
 
 def _smallest_table(

@@ -37,7 +37,7 @@ class SweepAttributes(Result):
     made_by = "hfa sweep -o FILE.zarr: attributes of the store"
     keys = (
         "variables=plan.variables variable_units=plan.units grid=plan.grid "
-        "condition=plan.condition_changes states state_units inputs input_units status "
+        "condition=plan.condition.changes states state_units inputs input_units status "
         "warnings=plan.warnings plan=plan.text"
     )
 
@@ -82,7 +82,7 @@ class StoredSweep(Result, Reported):
     made_by = "hfa sweep -o FILE.zarr"
     keys = (
         "store dynamics=plan.dynamics variables=plan.variables variable_units=plan.units "
-        "grid=plan.grid condition=plan.condition_changes points=plan.count counts warnings"
+        "grid=plan.grid condition=plan.condition.changes points=plan.count counts warnings"
     )
 
     plan: SweepPlan

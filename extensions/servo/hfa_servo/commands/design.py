@@ -132,7 +132,7 @@ def design(request: DesignRequest) -> int:
     margins = check_margins(model, controller, seen, bandwidths, progress=ProgressLine("margins"))
     report = controller.report()
     report = replace(report, parts=(*report.parts, margins.report())).with_data(
-        margins=margins.to_dict()
+        margins=margins.as_data()
     )
     if request.output is not None:
         save_controller(request.output, controller)
