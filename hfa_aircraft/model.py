@@ -326,8 +326,8 @@ class Model:
             signal = self.parameters[name]
             if not signal.min <= value <= signal.max:
                 which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
-                text = f"{name} is {value:g} {signal.unit}"
-                raise BadInputError(f"{text}; it is at {which} {limit:g} {signal.unit}")
+                unit = "" if signal.unit == "1" else f" {signal.unit}"
+                raise BadInputError(f"{name} is {value:g}{unit}; it is at {which} {limit:g}{unit}")
             changed[name] = signal._replace(start=float(value))
             if self.native is not None:
                 native_values[name] = float(value) / si_factor(self.native.unit(name))

@@ -148,9 +148,9 @@ class Surroundings:
 
 
 def running(file: EngineFile, around: Surroundings) -> ca.SX:
-    """1 where the engine runs: its parameter is 1 and tanks feed it (`FGPropulsion::ConsumeFuel`);
-    else 0."""
-    on = around.parameters[f"engine{file.number}"] > 0.5
+    """1 where the engine runs, else 0: its parameter is not 0 and tanks feed it
+    (`FGPropulsion::ConsumeFuel`)."""
+    on = around.parameters[f"engine{file.number}"] > 0.0
     if file.kind == "electric_engine":
         return on
     fed = _fed(file, around, "FUEL")

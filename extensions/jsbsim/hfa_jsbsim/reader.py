@@ -270,8 +270,9 @@ class _Declaration:
             if f"pointmass{number}" in signals:
                 signals[f"pointmass{number}"] = Signal("lbf", 100.0, start=point.weight)
         for file in self.parts.engines:
-            if f"engine{file.number}" in signals:
-                signals[f"engine{file.number}"] = Signal(start=1.0)
+            for name, start in ((f"engine{file.number}", 1.0), (f"feather{file.number}", 0.0)):
+                if name in signals:
+                    signals[name] = Signal(min=0.0, max=1.0, start=start)
         signals["gravity"] = Signal("ft/s^2", 32.0, start=SLUG_TO_LB)
         for name, value in self.equations.starts.items():
             if name in signals:

@@ -93,6 +93,15 @@ def test_more_fuel_than_a_tank_takes_is_refused():
         read_model("jsbsim:c172p").with_parameters(tank0=1e6)
 
 
+@needs_jsbsim
+def test_an_engine_runs_or_is_out():
+    model = read_model("jsbsim:c172p")
+    with pytest.raises(BadInputError, match=r"engine0 is 2; it is at most 1$"):
+        model.with_parameters(engine0=2.0)
+    with pytest.raises(BadInputError, match=r"feather0 is -1; it is at least 0$"):
+        read_model("jsbsim:c182").with_parameters(feather0=-1.0)
+
+
 def test_a_steady_wind_carries_the_path_and_a_gust_changes_the_flow(tmp_path):
     model = load_model(written(tmp_path, glider()))
     x = [120.0, 0.1, *[0.0] * 7, 1000.0]
