@@ -157,13 +157,6 @@ def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -
     assert not [text for text in texts if re.search(r"\b(ft|slug|lbf)\b", text)]
 
 
-def test_a_flight_in_metres_is_the_flight_in_feet() -> None:
-    feet = answer(*FLIGHT, "--gust", "200:5")
-    metres = answer(*FLIGHT, "--gust", f"{200 * FOOT!r}:{5 * FOOT!r}", "--units", "si")
-    assert metres["final"]["speed"] == pytest.approx(feet["final"]["speed"] * FOOT, rel=1e-9)
-    assert metres["final"]["alpha"] == pytest.approx(feet["final"]["alpha"], rel=1e-7, abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("words", "name"),
     [

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from c_files import called, compiled, needs_gcc
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 from controllers import integrating_controller
 from game_files import stored
 from known_models import model_at
@@ -311,3 +311,12 @@ def test_gains_of_a_file_are_flown_along_the_trims_of_the_command() -> None:
     assert np.abs(finals["one.json"] - finals["paper.npz"]).max() > 1e-6
     beyond = hfa(*SCHEDULE[:3], "--command", "dihedral=1:11", "--controller", "paper.npz")
     assert_refused(beyond, 2, "the gains cover 5 deg to 15 deg, not 5 deg to 16 deg")
+
+
+def test_a_flight_in_metres_is_the_flight_in_feet() -> None:
+    foot = 0.3048
+    words = (*FLY, "--duration", "0.5", "--gust")
+    feet = answer(*words, "200:5")["final"]
+    metres = answer(*words, f"{200 * foot!r}:{5 * foot!r}", "--units", "si")["final"]
+    assert metres["speed"] == pytest.approx(feet["speed"] * foot, rel=1e-9)
+    assert metres["alpha"] == pytest.approx(feet["alpha"], rel=1e-7, abs=1e-12)
