@@ -140,7 +140,7 @@ class ModelsData(Result):
 class CertificateData(Result):
     """The file of a certificate.
 
-    kind: see above.
+    kind: schedule, game, models or region.
     toolchain: version that wrote it.
     statement: what is claimed, as extensions/proof/hfa_proof/checker/statement.py declares it.
     witness: what proves it, as extensions/proof/hfa_proof/checker/witness.py declares it.
@@ -151,7 +151,7 @@ class CertificateData(Result):
     schema = "hfa.certificate/8"
     made_by = "hfa prove -o FILE.json: the certificate"
 
-    kind: Literal["schedule", "game", "models"]
+    kind: Literal["schedule", "game", "models", "region"]
     toolchain: str
     statement: Mapping[str, Any]
     witness: Mapping[str, Any]
