@@ -27,7 +27,12 @@ PUSHED = 1.0
 PUSH = 0.5
 #: Seconds of the flight in which a limit cycle is measured.
 _CYCLE_SECONDS = 20.0
-_FLYING, _RETURNED, _LOST, _CYCLING = range(4)
+_FLYING, _RETURNED, _LOST, _ENDED = range(4)
+#: A flight rests elsewhere, and is flown no further, where it swings in so many windows one behind
+#: the other by no more than this part of its distance, which is more than so many balls.
+_STANDING = 10
+_STANDS = 1e-3
+_ELSEWHERE = 2.0
 #: A flight cycles, and is flown no further, where the least swing in a window of some state is so
 #: many balls, and over two blocks of windows that of the block before, but for this part.
 _BLOCK = 5
@@ -119,7 +124,8 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
 
 
 class FlownRows:
-    """Flights of several places, flown until each is back, lost, cycles, or the time is over."""
+    """Flights of several places, flown until each is back or lost, cycles or rests elsewhere, or
+    the time is over."""
 
     def __init__(
         self, flight: SampledFlight, places: list[Place], rows: np.ndarray, owners: np.ndarray
@@ -144,6 +150,7 @@ class FlownRows:
         self.stable = np.array([place.stable for place in places])[owners]
         self.nearest = np.full(len(rows), np.inf)
         self.earlier = np.full(len(rows), np.inf)
+        self.standing = np.zeros(len(rows), dtype=int)
         shape = (3, len(rows), len(model.linear))
         self.swings_of_blocks = np.full(shape, np.inf)
 
@@ -167,7 +174,7 @@ class FlownRows:
         in_threads(work, count)
         if progress is not None:
             progress(windows, windows)
-        self.status[self.status == _CYCLING] = _FLYING
+        self.status[self.status == _ENDED] = _FLYING
         left = self.status == _FLYING
         grows = self.nearest > _GROWN * self.earlier
         back = left & (self.nearest <= 1.0) & (self.stable | ~grows)
@@ -197,15 +204,19 @@ class FlownRows:
         nearer = distance <= self.nearest[flying]
         back = self.stable[flying] & (distance <= 1.0) & nearer & (self.nearest[flying] <= 1.0)
         self.nearest[flying] = distance
-        cycling = self._cycling(flying, (highest - lowest) / 2.0, number)
-        self.status[flying[cycling]] = _CYCLING
+        swings = (highest - lowest) / 2.0 / self.balls[flying]
+        is_away = np.isfinite(distance) & (distance > _ELSEWHERE)
+        stands = is_away & (swings.max(axis=1) <= _STANDS * distance)
+        self.standing[flying] = np.where(stands, self.standing[flying] + 1, 0)
+        ended = self._cycling(flying, swings, number) | (self.standing[flying] >= _STANDING)
+        self.status[flying[ended]] = _ENDED
         self.status[flying[back]] = _RETURNED
         self.status[flying[lost]] = _LOST
 
     def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
-        """Which of the flights, which swing so far in this window, cycle."""
+        """Which of the flights cycle, which swing so many balls in this window."""
         blocks = self.swings_of_blocks[:, flying]
-        blocks[0] = np.minimum(blocks[0], swings / self.balls[flying])
+        blocks[0] = np.minimum(blocks[0], swings)
         cycling = np.zeros(len(flying), dtype=bool)
         if (number + 1) % _BLOCK == 0:
             least, most = blocks.min(axis=0), blocks.max(axis=0)

@@ -2,12 +2,14 @@
 
 from itertools import pairwise
 
+import casadi as ca
 import numpy as np
 import pytest
 from policy_cases import AIRCRAFT, aircraft, card, gtm_card, trims
 
 from hfa_networks.files.activations import ACTIVATIONS
 from hfa_networks.files.row_network import ROW_ACTIVATIONS
+from hfa_policy import outcomes
 from hfa_policy.assessment import Assessor, trims_of
 from hfa_policy.outcomes import FlownRows, seeded_starts
 
@@ -107,6 +109,30 @@ def test_a_flight_that_cycles_is_not_flown_to_its_end():
     assert (outcome.returned, outcome.lost) == (0, 0)
     assert outcome.cycle is not None
     assert flown.times.max() < 40.0
+
+
+def test_a_flight_that_rests_elsewhere_is_not_flown_to_its_end(monkeypatch):
+    o = ca.SX.sym("o", 4)
+    another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))
+    raw = ca.vertcat(0.8 * o[3] + 0.6 * o[2] - another, -2.0 * o[0])
+    card = gtm_card({"file": ca.Function("two", [o], [raw])})
+    assessor = Assessor(card.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2])
+    flight = assessor.flight()
+    places = assessor.places(flight)
+    ends = []
+    for windows in (outcomes._STANDING, 1000):
+        monkeypatch.setattr(outcomes, "_STANDING", windows)
+        flown = FlownRows(
+            flight, places, flown_rows(flight, places[0], 24), np.zeros(24, dtype=int)
+        )
+        flown.fly(60.0, flight.window(24, 60.0))
+        ends.append((flown.times.max(), flown.outcome(0, places[0])))
+    (early, outcome), (late, to_the_end) = ends
+    assert early < 45.0 < late
+    assert 0 < outcome.elsewhere == to_the_end.elsewhere
+    assert outcome.returned == to_the_end.returned
+    pitch = to_the_end.elsewhere_at["pitch"]
+    assert outcome.elsewhere_at["pitch"] == pytest.approx(pitch, abs=1e-3)
 
 
 def flown_rows(flight, place, count):
