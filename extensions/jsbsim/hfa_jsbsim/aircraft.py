@@ -361,7 +361,7 @@ class Equations:
     def _effects(self) -> list[Effect]:
         """The effects of all engines."""
         return [
-            self.properties.value_of(writer, file.property("thrust"), file.mount.where)
+            self.properties.value_of(writer, file.full_name("thrust"), file.mount.where)
             for file, writer in zip(self.parts.engines, self._engines, strict=True)
         ]
 

@@ -26,6 +26,8 @@ _COMPUTED = (
 #: Share of the power that a limiter of torque lets through, so that a search for more finds a
 #: direction; JSBSim's swings by as much.
 _BEYOND = 1e-3
+#: JSBSim takes no smaller ratio of a gear.
+_SLOWEST_GEAR = 0.001
 #: ft lb/s in a horsepower.
 HP = 550.0
 KINDS = ("turbine_engine", "rocket_engine", "piston_engine", "turboprop_engine", "electric_engine")
@@ -71,7 +73,16 @@ class EngineFile:
         default = 0.0 if self.thruster.find("maxrpm") is None else 1.0
         return lowest != highest and self.thruster.value_of("constspeed", default) != 0.0
 
-    def property(self, name: str) -> str:
+    @property
+    def gear_ratio(self) -> float:
+        """Turns of the engine for one of the propeller."""
+        ratio = self.thruster.value_of("gearratio", 1.0)
+        if ratio < _SLOWEST_GEAR:
+            fault = f"<gearratio> is {ratio:g}; give at least {_SLOWEST_GEAR}"
+            raise self.thruster.need("gearratio").error(fault)
+        return ratio
+
+    def full_name(self, name: str) -> str:
         """The full name of one of its properties."""
         return f"propulsion/engine[{self.number}]/{name}"
 
@@ -187,14 +198,14 @@ def orientation(file: EngineFile, properties: Properties) -> ca.SX:
     turned = file.thruster_mount.find("orient")
     angles = [0.0, 0.0, 0.0] if turned is None else list(turned.vector("RAD"))
     for axis, name in ((1, "pitch"), (2, "yaw")):
-        gimbal = file.property(f"{name}-angle-rad")
+        gimbal = file.full_name(f"{name}-angle-rad")
         angles[axis] = properties.read_or(gimbal, angles[axis], file.mount.where)
     return rotation(*angles)
 
 
 def placed(file: EngineFile, around: Surroundings) -> ca.SX:
     """Where the thruster is, inches."""
-    names = [file.property(f"{axis}-position") for axis in "xyz"]
+    names = [file.full_name(f"{axis}-position") for axis in "xyz"]
     return ca.vertcat(*(ca.SX(around.properties.read(name, file.mount.where)) for name in names))
 
 
@@ -218,7 +229,7 @@ def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
     if file.thruster.name == "nozzle":
         area = file.thruster.need("area").number("FT2")
         thrust = ca.fmax(thrust - around.motion.air.pressure * area, 0.0)
-    reverser = file.property("reverser-angle-rad")
+    reverser = file.full_name("reverser-angle-rad")
     thrust = thrust * ca.cos(ca.SX(properties.read_or(reverser, 0.0, file.mount.where)))
     force, moment = pushed(file, around, thrust)
     return Effect(force, moment, thrust)
@@ -240,7 +251,7 @@ def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
     share = ca.fmin(position, 1.0)
     dry = idle + (military - idle) * shares["MilThrust"] * share**2
     bleed = around.properties.read_or(
-        file.property("bleed-factor"), engine.value_of("bleed", 0.0), file.mount.where
+        file.full_name("bleed-factor"), engine.value_of("bleed", 0.0), file.mount.where
     )
     bled = dry * (1.0 - bleed)
     return ca.if_else(running(file, around), _augmented(file, around, (dry, bled), shares), 0.0)
@@ -346,8 +357,7 @@ def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -
 
 def engine_rpm(file: EngineFile, around: Surroundings) -> Any:
     """Speed of the engine's shaft: of the propeller times the gear."""
-    ratio = max(file.thruster.value_of("gearratio", 1.0), 0.001)
-    return getattr(around.states, f"rpm{file.number}") * ratio
+    return getattr(around.states, f"rpm{file.number}") * file.gear_ratio
 
 
 def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
@@ -359,7 +369,7 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
     writer = Writer(compute, file.mount.where)
 
     def part(name: str) -> Any:
-        effect = properties.value_of(writer, file.property(name), file.mount.where)
+        effect = properties.value_of(writer, file.full_name(name), file.mount.where)
         if name == "thrust-lbs":
             return effect.thrust
         if name == "power-hp":
@@ -367,24 +377,24 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
         return effect.properties.get(name, 0.0)
 
     for name in _COMPUTED:
-        full_name = file.property(name)
+        full_name = file.full_name(name)
         if properties.writer(full_name) is None:
             properties.compute(full_name, Writer(partial(part, name), file.mount.where))
-    properties.define(file.property("set-running"), running(file, around))
-    properties.define_initial(file.property("reverser-angle-rad"), 0.0)
+    properties.define(file.full_name("set-running"), running(file, around))
+    properties.define_initial(file.full_name("reverser-angle-rad"), 0.0)
     for axis, place in zip("xyz", file.location, strict=True):
-        properties.define_initial(file.property(f"{axis}-position"), place)
-        properties.define_initial(file.property(f"{axis}-reference-position"), place)
+        properties.define_initial(file.full_name(f"{axis}-position"), place)
+        properties.define_initial(file.full_name(f"{axis}-reference-position"), place)
     if file.has_propeller:
         speed = getattr(around.states, f"rpm{file.number}")
-        properties.define(file.property("propeller-rpm"), speed)
-        properties.define(file.property("engine-rpm"), engine_rpm(file, around))
+        properties.define(file.full_name("propeller-rpm"), speed)
+        properties.define(file.full_name("engine-rpm"), engine_rpm(file, around))
         properties.define(
-            file.property("propeller-sense"), file.thruster_mount.value_of("sense", 1.0)
+            file.full_name("propeller-sense"), file.thruster_mount.value_of("sense", 1.0)
         )
     if file.kind == "turbine_engine":
         _add_shafts(file, around)
-        bleed = file.property("bleed-factor")
+        bleed = file.full_name("bleed-factor")
         properties.define_initial(bleed, file.engine.value_of("bleed", 0.0))
     return writer
 
@@ -403,7 +413,7 @@ def _add_shafts(file: EngineFile, around: Surroundings) -> None:
             on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
             return ca.if_else(running(file, around), on, off)
 
-        around.properties.compute(file.property(name), Writer(speed, file.mount.where))
+        around.properties.compute(file.full_name(name), Writer(speed, file.mount.where))
 
 
 def refusal(element: Element) -> str:

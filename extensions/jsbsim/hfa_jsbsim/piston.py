@@ -84,7 +84,7 @@ def piston_power(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str,
 def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
     """A number of the engine's file, or what a system sets in its place."""
     default_value = file.engine.value_of(name, default)
-    return around.properties.read_or(file.property(name), default_value, file.mount.where)
+    return around.properties.read_or(file.full_name(name), default_value, file.mount.where)
 
 
 class _Breathing:
@@ -116,7 +116,7 @@ class _Breathing:
 
 def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) -> Any:
     """Fuel a horsepower and hour, lb: of the file, or such that the engine has its power."""
-    name = file.property("bsfc-lbs_hphr")
+    name = file.full_name("bsfc-lbs_hphr")
     own_value = _own_consumption(file.engine, breathing)
     return around.properties.read_or(name, own_value, file.mount.where)
 
@@ -170,7 +170,7 @@ def _boosted(
                 )
             manifold = ca.fmin(manifold, cap)
         manifolds.append(manifold)
-    chosen = file.property("boost-speed")
+    chosen = file.full_name("boost-speed")
     if int(engine.value_of("boostmanual", 0.0)) == 1:
         gear = ca.SX(around.properties.read_or(chosen, 0.0, file.mount.where))
         result = manifolds[-1]

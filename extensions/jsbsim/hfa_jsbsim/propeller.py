@@ -88,7 +88,7 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
     lowest = prop.value_of("minpitch", 0.0)
     highest = prop.value_of("maxpitch", 0.0)
     if not file.governed:
-        angle = file.property("blade-angle")
+        angle = file.full_name("blade-angle")
         return around.properties.read_or(angle, lowest, file.mount.where), {}
     blade = getattr(around.states, f"blade{file.number}")
     slowest = prop.value_of("minrpm", 0.0)

@@ -469,7 +469,7 @@ def _rpm(file: EngineFile, is_alone: bool) -> Signal:
     """The signal of a propeller's speed. is_alone: whether the engine is the only one; others may
     be out."""
     prop = file.thruster
-    ratio = max(prop.value_of("gearratio", 1.0), 0.001)
+    ratio = file.gear_ratio
     usual = prop.value_of("maxrpm", 0.0)
     lowest = 10.0 if is_alone else 0.0
     if file.kind == "piston_engine":

@@ -244,6 +244,7 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "propeller": _driven(),
     "propeller, factors": _driven("<ct_factor> 1.1 </ct_factor> <cp_factor> 0.9 </cp_factor>"),
     "propeller, gear": _driven("<gearratio> 1.5 </gearratio>"),
+    "propeller, gear of 0": _driven("<gearratio> 0 </gearratio>"),
     "propeller, blades": _driven("<numblades> 3 </numblades>"),
     "propeller, sense and P-factor in its file": _driven("<sense> -1 </sense>"),
     "propeller, table of two, fixed": _driven("", _TWO),
