@@ -366,9 +366,11 @@ def proved_level(
             return None
         try:
             share = LevelSearch(loop, V, rho, held, setting).largest()
+            if share * rho < 1.0 < rho:  # in the ball of 1 a turn has held
+                share = 1.0 / rho
             break
         except NoSolutionError:  # the equations or outputs on so large a ball
-            rho *= 0.8
+            rho = 1.0 if rho > 1.0 else 0.8 * rho
     for _ in range(6):
         if share == 0.0:
             return None
