@@ -80,10 +80,6 @@ class OperatingPoint(Result, Reported):
     started: int = field(default=0, compare=False)
     problem: TrimProblem | None = field(default=None, compare=False)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Without the problem, which holds functions in memory."""
-        return {**self.__dict__, "problem": None}
-
     @property
     def scaled_residuals(self) -> dict[str, float]:
         """Equation -> residual in its scaled unit."""

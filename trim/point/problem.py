@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -62,6 +63,10 @@ class TrimProblem:
             )
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A pickle is of what was asked; its functions in memory are made again."""
+        return TrimProblem, (self.model, self.asked)
 
     def at(self, z: np.ndarray) -> Evaluation:
         """The equations at the unknowns z (k,). FloatingPointError where they are not finite,
