@@ -72,7 +72,7 @@ def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_grou
         report = result.report()
         assert "alpha is over ground; the envelope limits angle_of_attack" in report.text()
         assert "alpha" not in report.data["envelope"]
-        assert report.data["envelope"]["angle_of_attack"] == list(limits["alpha"])
+        assert list(report.data["envelope"]["angle_of_attack"]) == list(limits["alpha"])
         assert (
             report.data["largest_deviation"]["angle_of_attack"]
             < 0.1 * report.data["largest_deviation"]["alpha"]
