@@ -65,37 +65,26 @@ class PlantSolution(Result):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ControllerData(Result):
-    """A scheduled controller and its margins.
+class ControllerTable(Result):
+    """A controller at each value of what it is scheduled over: x' = A x + B y + W (applied - u),
+    u = C x + D y.
 
     feedback: of the states or of outputs.
-    dynamics: of the aircraft.
+    dynamics: published or newton, or the name of another model.
     parameters: hash of the parameters of the aircraft.
-    states: of the controller: x' = A x + B y, u = C x + D y.
-    measurements: first columns of B and D.
-    commands: last columns of B and D.
+    states: of the controller, x.
+    measurements: first part of y: first columns of B and D.
+    commands: second part of y: last columns of B and D.
     inputs: rows of C and D.
-    dihedrals: angles of the table, rad.
+    dihedrals: angles of the table, rad, N.
+    places: with --aircraft: values of the table, N.
     A: (N, n, n).
     B: (N, n, p).
     C: (N, m, n).
     D: (N, m, p).
-    W: input of applied minus commanded u.
+    W: (N, n, m), input of applied minus commanded u.
     command_filter: bandwidth rad/s and damping, empty for none.
-    signal_units: unit of each measurement, then of each command.
-    state_units: unit of each state, empty where its name says none.
-    input_units: unit of each input.
-    design: name or file of the design.
-    schedule: what the table runs over.
-    delta: disturbance weight, null for none.
-    angles: dihedral or what the table runs over, delta_min or gamma_min, checks of each.
-    margins: ok, rows of angle, actuators, abscissa and loops: gain dB, phase deg, crossover rad/s,
-        delay s.
-    places: with --aircraft: values of the table.
     """
-
-    schema = "hfa.controller-design/1"
-    made_by = "hfa design"
 
     feedback: Literal["state", "output"]
     dynamics: str
@@ -112,6 +101,26 @@ class ControllerData(Result):
     D: Stack
     W: Stack
     command_filter: Vector
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ControllerData(ControllerTable):
+    """A scheduled controller and its margins.
+
+    signal_units: unit of each measurement, then of each command.
+    state_units: unit of each state, empty where its name says none.
+    input_units: unit of each input.
+    design: name or file of the design.
+    schedule: what the table runs over.
+    delta: disturbance weight, null for none.
+    angles: dihedral or what the table runs over, delta_min or gamma_min, checks of each.
+    margins: ok, rows of angle, actuators, abscissa and loops: gain dB, phase deg, crossover rad/s,
+        delay s.
+    """
+
+    schema = "hfa.controller-design/1"
+    made_by = "hfa design"
+
     signal_units: Sequence[str]
     state_units: Sequence[str]
     input_units: Sequence[str]
@@ -123,27 +132,12 @@ class ControllerData(Result):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ControllerFile(Result):
+class ControllerFile(ControllerTable):
     """The file of a controller.
 
     name: of the design.
-    feedback: of the states or of outputs.
-    dihedrals: angles of the table, rad, N.
-    places: with --aircraft: values of the table, N.
-    A: x' = A x + B y + W (applied - u).
-    B: see A.
-    C: u = C x + D y.
-    D: see C.
-    W: see A.
-    states: of x.
-    measurements: first part of y.
-    commands: second part of y.
-    inputs: of u.
     trim_states: (N, states of the aircraft) X0.
     trim_inputs: (N, inputs of the aircraft) U0.
-    dynamics: published or newton, or the name of another model.
-    parameters: hash of the parameters of the aircraft.
-    command_filter: bandwidth rad/s and damping, empty for none.
     about: JSON text: the table of its design, provenance.
     units: of every number, where they are not those of the aircraft's declaration.
     """
@@ -153,21 +147,6 @@ class ControllerFile(Result):
 
     about: str
     name: str
-    feedback: Literal["state", "output"]
-    dynamics: str
-    parameters: str
-    states: Sequence[str]
-    measurements: Sequence[str]
-    commands: Sequence[str]
-    inputs: Sequence[str]
-    dihedrals: Vector | None = None
-    places: Vector | None = None
-    A: Stack
-    B: Stack
-    C: Stack
-    D: Stack
-    W: Stack
     trim_states: Matrix
     trim_inputs: Matrix
-    command_filter: Vector
     units: Literal["si"] | None = None
