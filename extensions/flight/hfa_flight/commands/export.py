@@ -74,27 +74,23 @@ def export(request: ExportRequest) -> int:
     CARD.toml gives the command of a deployed policy at a sample alone, normalizer, clip and map
     inside. FILE.m is a function of MATLAB and Octave that makes state-space systems of what `hfa
     sweep` and `hfa linearize` write as .mat."""
-    instead = (request.controller, request.weights, request.policy)
-    alone = instead == (None, None, None) and not request.law
-    if alone:
+    names_no_policy = (
+        not request.law
+        and request.weights is None
+        and request.controller is None
+        and request.policy is None
+    )
+    if names_no_policy:
         request = replace(request, law="exact")
     if request.at is None and not request.own:
         request = replace(request, at=_DIHEDRAL)
-    target = request.output
     # Before anything is written: it finds what is wrong with options that nothing below reads.
     origin = origin_lines(request)
-    if target.suffix == ".m":
-        if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
-            raise BadInputError(
-                f"{target}: a function is called by its file's name; choose letters, digits and "
-                "_, as in hfa_models.m"
-            )
-        write_text(target, files("hfa_flight.export").joinpath("hfa_models.m").read_text("utf-8"))
-        print_report(_report([target]), request)
-        return 0
+    if request.output.suffix.lower() == ".m":
+        return _write_function(request)
     if request.controller is None:
         request.refuse(("actuators",), "belongs to --controller; leave it out")
-    elif target.suffix and request.actuators is None:
+    elif _is_fmu(request) and request.actuators is None:
         raise BadInputError(
             "--controller flies behind actuators in an FMU; add --actuators LAG:RATE"
         )
@@ -104,8 +100,27 @@ def export(request: ExportRequest) -> int:
     if request.policy is not None:
         written = _written_card(request, request.policy, model, point, origin)
     else:
-        written = _written(request, model, point, origin, with_gain=not (alone and target.suffix))
+        is_aircraft_alone = names_no_policy and _is_fmu(request)
+        written = _written(request, model, point, origin, with_gain=not is_aircraft_alone)
     print_report(_report(written), request, notes=point.warnings)
+    return 0
+
+
+def _is_fmu(request: ExportRequest) -> bool:
+    """Whether a file .fmu is asked for, not a folder."""
+    return request.output.suffix.lower() == ".fmu"
+
+
+def _write_function(request: ExportRequest) -> int:
+    """Write the function of MATLAB and Octave."""
+    target = request.output
+    if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
+        raise BadInputError(
+            f"{target}: a function is called by its file's name; choose letters, digits and _, as "
+            "in hfa_models.m"
+        )
+    write_text(target, files("hfa_flight.export").joinpath("hfa_models.m").read_text("utf-8"))
+    print_report(_report([target]), request)
     return 0
 
 
@@ -117,7 +132,7 @@ def _written_card(
 
     policies = part(PARTS, "policies", "--policy")
     policy = policies.flown_card(card, model, point)
-    if request.output.suffix:
+    if _is_fmu(request):
         write_fmu(policies.exported_loop(policy), request.output, request.provenance)
         return [request.output]
     return write_texts(request.output, policies.exported_texts(policy, origin))
@@ -145,7 +160,7 @@ def _written(
     policy = None
     if controller is None and with_gain:
         policy = request.flown_policy(linear)
-    if request.output.suffix:
+    if _is_fmu(request):
         steering = None
         if controller is not None:
             steering = controllers.controller_steering(controller, model, point)
