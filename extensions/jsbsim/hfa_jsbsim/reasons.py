@@ -45,7 +45,7 @@ def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Ite
     missing = -full["speed_dot"] * mass
     if missing > least:
         thrust = full["thrust"]
-        powers = [value for name, value in full.items() if _is_power(name)]
+        powers = [value for name, value in full.items() if _is_power(name) and value > 0.0]
         power = f" from {len(powers)} x {powers[0]:.0f} hp" if powers else ""
         needed = thrust + missing
         yield (

@@ -110,12 +110,24 @@ def test_a_governed_propeller_may_rest_at_the_limit_of_its_blades():
 )
 def test_a_trim_that_does_not_exist_says_why(name, held, reason):
     model = load_model(f"jsbsim:{name}")
+    message = explained_failure(model, **held)
+    assert re.search(f"^no trim: .*{reason}", message)
+    assert "\n" not in message
+
+
+def explained_failure(model, **held):
+    """What is said where no trim exists."""
     condition = condition_of(model, **held)
     with pytest.raises(TrimError) as caught:
         find_operating_point(model, condition)
-    message = str(explained(caught.value, model, condition))
-    assert re.search(f"^no trim: .*{reason}", message)
-    assert "\n" not in message
+    return str(explained(caught.value, model, condition))
+
+
+@needs_jsbsim
+def test_an_engine_that_is_out_is_not_counted():
+    model = load_model("jsbsim:c310").with_parameters(engine1=0.0)
+    message = explained_failure(model, speed=250.0, altitude=5000.0)
+    assert re.search(r"full throttle gives \d+ lb from 1 x \d+ hp: ", message)
 
 
 @needs_jsbsim
@@ -127,10 +139,7 @@ def test_an_empty_tank_is_noted():
 
 def test_a_model_without_reasons_keeps_its_message(tmp_path):
     model = load_model(written(tmp_path, glider()))
-    condition = condition_of(model, speed=15.0)
-    with pytest.raises(TrimError) as caught:
-        find_operating_point(model, condition)
-    assert "greatest lift" in str(explained(caught.value, model, condition))
+    assert "greatest lift" in explained_failure(model, speed=15.0)
 
 
 def test_an_aircraft_that_is_not_there_is_named(monkeypatch, tmp_path):
