@@ -15,14 +15,15 @@ MASS, LENGTH, DAMPING, GRAVITY = 0.15, 0.5, 0.1, 9.81
 
 
 def pendulum(x, u, p, w):
-    """m l² angle'' = torque + m g l sin(angle) - b angle'."""
-    moment = u.torque + MASS * GRAVITY * LENGTH * ca.sin(x.angle) - DAMPING * x.rate
+    """m l² angle'' = torque + push + m g l sin(angle) - b angle'."""
+    moment = u.torque + w.push + MASS * GRAVITY * LENGTH * ca.sin(x.angle) - DAMPING * x.rate
     return {"angle": x.rate, "rate": moment / (MASS * LENGTH**2)}, {}
 
 
 def van_der_pol(x, u, p, w):
-    """x'' = -x - (1 - x²) x', time reversed."""
-    return {"position": -x.velocity, "velocity": x.position - (1 - x.position**2) * x.velocity}, {}
+    """x'' = -x - (1 - x²) x', time reversed, and a push."""
+    velocity = x.position - (1 - x.position**2) * x.velocity + w.push
+    return {"position": -x.velocity, "velocity": velocity}, {}
 
 
 def star(x, u, p, w):
@@ -35,9 +36,15 @@ PENDULUM = Model(
     {"angle": Signal("rad"), "rate": Signal("rad/s")},
     {"torque": Signal("N m", 1.0, -0.7, 0.7)},
     pendulum,
+    disturbances={"push": Signal("N m", 0.1)},
     trim={"angle": 0.0, "rate": 0.0},
 )
 VAN_DER_POL = Model(
-    "van der Pol", {"position": Signal(), "velocity": Signal()}, {}, van_der_pol, trim={}
+    "van der Pol",
+    {"position": Signal(), "velocity": Signal()},
+    {},
+    van_der_pol,
+    disturbances={"push": Signal()},
+    trim={},
 )
 STAR = Model("star", {"position": Signal()}, {}, star)

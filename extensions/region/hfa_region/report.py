@@ -15,11 +15,6 @@ from hfa_support.reporting.text import Table
 if TYPE_CHECKING:
     from hfa_region.search.region import Region
 
-_NOT_COVERED = (
-    "Not covered: sampling, actuators, delays, gusts, errors of the model; the loop is that of the "
-    "model as it is, its inputs saturated at their limits."
-)
-
 
 def region_report(region: Region) -> Report:
     """What is proved, and what bounds it.
@@ -44,8 +39,8 @@ def region_report(region: Region) -> Report:
         _extents(statement),
         table,
         f"Limits that bind: {binding}. V is {region.origin}, of degree {_degree(statement)}; "
-        f"V' < 0 is proved on {region.proved.parts} parts of the set, by what each input does.",
-        _NOT_COVERED,
+        + _where_proved(statement, region.proved.parts),
+        _not_covered(statement),
     )
     data = _data(statement) | {
         "origin": region.origin,
@@ -80,25 +75,56 @@ def checked_report(verified: VerifiedRegion) -> Report:
         _extents(statement),
         trim,
         gains,
-        f"V' < 0 is proved on {verified.parts} parts of the set. V of degree {_degree(statement)},"
-        f" {len(statement.terms)} terms: with --json.",
-        _NOT_COVERED,
+        f"{_where_proved(statement, verified.parts)} V of degree {_degree(statement)}, "
+        f"{len(statement.terms)} terms: with --json.",
+        _not_covered(statement),
     )
     data = _data(statement) | {"parts": verified.parts, "written": verified.written}
     return Report(f"{_title(statement)}, checked", parts, data=data)
 
 
 def _title(statement: RegionStatement) -> str:
-    return f"Region of attraction of {statement.loop.model.title}: proved"
+    title = statement.loop.model.title
+    if statement.loop.disturbances:
+        return f"Invariant set of {title} under disturbances: proved"
+    return f"Region of attraction of {title}: proved"
 
 
 def _sentence(statement: RegionStatement) -> str:
     saturated = ", ".join(statement.loop.inputs) or "no input"
     held = statement.loop.held
     kept = f" {', '.join(held)} held at the trim's." if held else ""
+    begins = f"Every trajectory that begins in V(z) <= {statement.rho:.6g} stays there and within "
+    within = f"all limits, and converges to the trim; inputs saturated: {saturated}.{kept}"
+    if statement.loop.disturbances:
+        within = (
+            f"all limits under every disturbance {_sizes(statement)}; inputs saturated: "
+            f"{saturated}.{kept} That it converges is not claimed."
+        )
+    return begins + within
+
+
+def _sizes(statement: RegionStatement) -> str:
+    """The bounds of all disturbances, in words."""
+    model = statement.loop.model
+    sizes = statement.loop.disturbances.items()
+    return " and ".join(f"|{name}| <= {model.describe(name, size)}" for name, size in sizes)
+
+
+def _where_proved(statement: RegionStatement, parts: int) -> str:
+    if statement.loop.disturbances:
+        return (
+            f"V' < 0 is proved on {parts} parts of V = rho, by what each input does and the end "
+            "that each disturbance is at."
+        )
+    return f"V' < 0 is proved on {parts} parts of the set, by what each input does."
+
+
+def _not_covered(statement: RegionStatement) -> str:
+    gusts = "other disturbances" if statement.loop.disturbances else "disturbances"
     return (
-        f"Every trajectory that begins in V(z) <= {statement.rho:.6g} stays there and within all "
-        f"limits, and converges to the trim; inputs saturated: {saturated}.{kept}"
+        f"Not covered: sampling, actuators, delays, {gusts}, errors of the model; the loop is that "
+        "of the model as it is, its inputs saturated at their limits."
     )
 
 
@@ -158,6 +184,7 @@ def _data(statement: RegionStatement) -> dict[str, Any]:
         "trim": {**loop.trim, **loop.inputs, **loop.held},
         "K": loop.K,
         "limits": {name: list(pair) for name, pair in loop.limits.items()},
+        "disturbances": dict(loop.disturbances),
         "extents": {name: max(-low, high) for name, (low, high) in statement.extents.items()},
         "terms": [[coefficient, list(exponents)] for coefficient, exponents in statement.terms],
     }

@@ -6,6 +6,9 @@ Lipschitz on the ball, so that a trajectory exists while it is in S; V falls alo
 never leaves; and it converges to the only point of S where V' = 0 (LaSalle). V > 0 elsewhere in S
 follows. The search is not trusted: with it the checker shares the model and the arithmetic.
 
+Under disturbances V' < 0 where V = rho, each of them at its lowest and at its highest value: V' is
+affine in them, so that it holds for all between, and no trajectory leaves S.
+
     statement.py  what is claimed        witness.py      what proves it
     loop.py       loop, equilibrium      positivity.py   sums of squares
     taylor.py     Taylor polynomials     polynomial.py   polynomials of balls
@@ -13,8 +16,7 @@ follows. The search is not trusted: with it the checker shares the model and the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import product
+from collections.abc import Mapping, Sequence
 
 from flint import arb, ctx
 
@@ -25,13 +27,15 @@ from hfa_region.check.loop import FREE, HIGHEST, LOWEST, RegionLoop
 from hfa_region.check.polynomial import Polynomial, power_of_length
 from hfa_region.check.positivity import Evidence, check_positive
 from hfa_region.check.statement import RegionStatement
-from hfa_region.check.witness import ANY, BALL, LEVEL, OUTSIDE, Part, RegionWitness
+from hfa_region.check.witness import ANY, BALL, EDGE, LEVEL, OUTSIDE, Part, RegionWitness
 from hfa_support.progress import Progress, told
 
 #: Bits of a midpoint.
 PRECISION = 192
 #: The commands at which an input does what it does, 0 its lowest and 1 its highest value: ends.
 _ENDS = {LOWEST: (-1.0, 0.0), FREE: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (-1.0, 2.0)}
+#: The same of a disturbance, which is at one of its two ends.
+_ENDS_OF_A_DISTURBANCE = {LOWEST: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (0.0, 2.0)}
 
 
 @ctx.workprec(PRECISION)
@@ -48,6 +52,9 @@ def check_region(
     check_positive("inside", loop.V - one, outside, witness.inside, loop.n)
     _check_extents(loop, witness.extents, inside)
     check_covered(loop, [part.inputs for part in (*witness.parts, *witness.empty)])
+    where = dict(inside)
+    if statement.loop.disturbances:
+        where[EDGE] = loop.V - one
     nothing = Polynomial.constant(arb(-1))
     for part in witness.empty:
         what = f"empty {_named(part)}"
@@ -57,30 +64,26 @@ def check_region(
     for part in told(list(witness.parts), progress):
         degree = min(2 * part.evidence.main.high, loop.order + 1)
         lowest = loop.decrease(part.inputs).lowest(loop.n, degree - degree % 2)
-        constraints = inside | limits_of(loop, part.inputs)
+        constraints = where | limits_of(loop, part.inputs)
         check_positive(f"decrease {_named(part)}", lowest, constraints, part.evidence, loop.n)
     return len(witness.parts)
 
 
-def combinations(loop: RegionLoop) -> Iterator[dict[str, str]]:
-    """What the inputs can do together on the unit ball, as far as each can for itself."""
-    choices = []
-    for name in loop.statement.loop.inputs:
-        low, high = loop.reaches(name)
-        choices.append([FREE] + [LOWEST] * low + [HIGHEST] * high)
-    for done in product(*choices):
-        yield dict(zip(loop.statement.loop.inputs, done, strict=True))
-
-
 def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
-    """Rejected unless the parts hold every combination of inputs that are free or at a limit."""
+    """Rejected unless the parts hold every combination of inputs that are free or at a limit and of
+    disturbances at their ends."""
     stated = [_ENDS[FREE]]  # a coordinate that every part has, for a loop without inputs
     for name in loop.statement.loop.inputs:
         low, high = loop.reaches(name)
         stated.append((_ENDS[LOWEST if low else FREE][0], _ENDS[HIGHEST if high else FREE][1]))
+    disturbances = loop.statement.loop.disturbances
+    stated += [_ENDS_OF_A_DISTURBANCE[ANY]] * len(disturbances)
 
     def box_of(part: Mapping[str, str]) -> list[tuple[float, float]]:
-        return [_ENDS[FREE], *(_ENDS[what] for what in part.values())]
+        box = [_ENDS[FREE]]
+        for name, what in part.items():
+            box.append((_ENDS_OF_A_DISTURBANCE if name in disturbances else _ENDS)[what])
+        return box
 
     covering("the parts of the set", stated, parts, box_of)
 
@@ -88,7 +91,8 @@ def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
 def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomial]:
     """The constraints that make a part: not negative exactly where its inputs do what they do."""
     constraints = {}
-    for name, what in inputs.items():
+    for name in loop.statement.loop.inputs:
+        what = inputs.get(name, ANY)
         for side, limit in zip((LOWEST, HIGHEST), loop.sides(name), strict=True):
             if limit is None or what == ANY:
                 continue

@@ -1,9 +1,10 @@
 """The loop of a statement about its equilibrium, which is enclosed: V', the parts of the set that
-its saturated inputs make, and all limits, in coordinates y with z = T y."""
+its saturated inputs and its disturbances make, and all limits, in coordinates y with z = T y."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -11,27 +12,31 @@ import casadi as ca
 import numpy as np
 from flint import arb, arb_mat
 
+from hfa_aircraft.layout import components
 from hfa_proof.arithmetic.ball_function import BallFunction
-from hfa_proof.arithmetic.balls import TaylorModel, exact, matrix, norm
+from hfa_proof.arithmetic.balls import TaylorModel, exact, matrix, norm, symmetric
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.statement import SAME_TRIM
 from hfa_proof.checker.trims import root_offsets
 from hfa_region.check.polynomial import Key, Polynomial, key_of
-from hfa_region.check.statement import RegionStatement, SaturatedLoop
+from hfa_region.check.statement import RegionStatement, SaturatedLoop, Terms
 from hfa_region.check.taylor import Taylor
+from hfa_support.errors import BadInputError
 
 #: Newton's method from a trim in doubles reaches the precision of the balls in this many steps.
 _STEPS = 8
 #: Radius within which the equilibrium is enclosed, in nominal values.
 _RADIUS = 1e-25
-#: What an input can do on a part of the set.
+#: What an input can do on a part of the set; a disturbance is at an end.
 FREE = "free"
 LOWEST = "low"
 HIGHEST = "high"
+#: A coefficient and the exponents of its monomial.
+_Term = tuple[arb, tuple[int, ...]]
 
 
 class Equilibrium:
-    """Where the loop rests: F(x) = f(x, u0 - K (x - x0)) = 0.
+    """Where the loop rests without disturbances: F(x) = f(x, u0 - K (x - x0) + q(x - x0), 0) = 0.
 
     x: (n,), balls
     u: (m,), balls, strictly between the limits
@@ -39,11 +44,13 @@ class Equilibrium:
 
     def __init__(self, loop: SaturatedLoop) -> None:
         self.loop = loop
-        self._rates = BallFunction(_function(loop, ()), loop.model.name)
+        still = replace(loop, disturbances={})
+        self._rates = BallFunction(_function(still, ()), loop.model.name)
         self._slopes = BallFunction(_slopes(loop), loop.model.name)
         self._x0 = [exact(value) for value in loop.trim.values()]
         self._u0 = [exact(value) for value in loop.inputs.values()]
         self._K = matrix(loop.K)
+        self._policy = [_exact_terms(loop.policy.get(name, ())) for name in loop.inputs]
         self.x = self._enclosed()
         self.u = self._inputs(self.x)
         self._check_near()
@@ -56,11 +63,26 @@ class Equilibrium:
         above = exact(high) - value if np.isfinite(high) else None
         return below, above
 
-    def _inputs(self, x: Sequence[Any]) -> list[Any]:
-        """u0 - K (x - x0)."""
-        deviations = arb_mat([[value - at] for value, at in zip(x, self._x0, strict=True)])
-        commands = (self._K * deviations).entries()
-        return [at - command for at, command in zip(self._u0, commands, strict=True)]
+    def deviations(self, x: Sequence[arb]) -> list[arb]:
+        """x - x0."""
+        return [value - at for value, at in zip(x, self._x0, strict=True)]
+
+    def _inputs(self, x: Sequence[arb]) -> list[arb]:
+        """u0 - K (x - x0) + q(x - x0)."""
+        away = self.deviations(x)
+        linear = (self._K * arb_mat([[value] for value in away])).entries()
+        inputs = []
+        for at, command, terms in zip(self._u0, linear, self._policy, strict=True):
+            inputs.append(at - command + _value(terms, away))
+        return inputs
+
+    def _gains(self, x: Sequence[arb]) -> arb_mat:
+        """-∂u/∂x = K - ∂q/∂x."""
+        away = self.deviations(x)
+        slopes = []
+        for terms in self._policy:
+            slopes.append([_value(_derivative(terms, i), away) for i in range(len(away))])
+        return self._K - arb_mat(len(self._u0), len(away), [s for row in slopes for s in row])
 
     def _enclosed(self) -> list[arb]:
         """The one equilibrium near x0; Rejected unless it is proved to be there."""
@@ -78,17 +100,17 @@ class Equilibrium:
 
     def _residual(self, x: Sequence[arb]) -> arb_mat:
         """F, a column."""
-        (rates,) = self._rates(x, self._inputs(x))
+        (rates,) = self._rates(x, self._inputs(x), [])
         return arb_mat([[rate] for rate in rates])
 
     def _jacobian(self, x: Sequence[arb]) -> arb_mat:
-        """F' = f_x - f_u K."""
+        """F' = f_x + f_u ∂u/∂x."""
         by_state, by_input = self._slopes(x, self._inputs(x))
         n = len(self._x0)
         m = len(self._u0)
         A = arb_mat(n, n, by_state).transpose()
         B = arb_mat(m, n, by_input).transpose()
-        return A - B * self._K
+        return A - B * self._gains(x)
 
     def _check_near(self) -> None:
         """Rejected unless it is the stated trim, with all inputs strictly within their limits."""
@@ -118,39 +140,47 @@ class RegionLoop:
         self.T = matrix(T)
         if not _is_invertible(self.T):
             raise Rejected("the coordinates are not proved invertible")
-        self._gains = matrix(statement.loop.K) * self.T
         loop = statement.loop
         outputs = tuple(name for name in loop.model.outputs if name in loop.limits)
         self._limited_outputs = outputs
         self._rates: dict[tuple[str, ...], list[Taylor]] = {}
+        refuse_curved(loop)
         self._function = BallFunction(_function(loop, outputs), loop.model.name)
 
     @cached_property
+    def _V(self) -> list[_Term]:
+        """The terms of V / rho."""
+        terms = _exact_terms(self.statement.terms)
+        return [(factor / exact(self.statement.rho), exponents) for factor, exponents in terms]
+
+    @cached_property
     def _substitution(self) -> _Substitution:
-        return _Substitution([self.T.table()[i] for i in range(self.n)])
+        return _Substitution([self.deviation(i) for i in range(self.n)])
 
     @cached_property
     def V(self) -> Polynomial:
         """V(T y) / rho."""
-        total = Polynomial([{}])
-        for coefficient, exponents in self.statement.terms:
-            total += self._substitution(exponents).scaled(exact(coefficient))
-        return total.scaled(1 / exact(self.statement.rho))
+        return self._substitution.sum(self._V)
 
     @cached_property
     def gradient(self) -> list[Taylor]:
         """∂V/∂z_i at z = T y, over rho."""
-        slopes = []
-        for i in range(self.n):
-            slope = Polynomial([{}])
-            for coefficient, exponents in self.statement.terms:
-                if exponents[i]:
-                    lowered = [power - (j == i) for j, power in enumerate(exponents)]
-                    factor = exact(coefficient) * exponents[i]
-                    slope += self._substitution(tuple(lowered)).scaled(factor)
-            scaled = slope.scaled(1 / exact(self.statement.rho))
-            slopes.append(self._taylor(scaled))
-        return slopes
+        slopes = [self._substitution.sum(_derivative(self._V, i)) for i in range(self.n)]
+        return [self._taylor(slope) for slope in slopes]
+
+    @cached_property
+    def _commands(self) -> list[Polynomial]:
+        """-K (x - x0) + q(x - x0) less its value at the equilibrium, of each input."""
+        loop = self.statement.loop
+        away = self.equilibrium.deviations(self.equilibrium.x)
+        shifted = [Polynomial.constant(at) + self.deviation(i) for i, at in enumerate(away)]
+        substitution = _Substitution(shifted)
+        gains = (matrix(loop.K) * self.T).table() if loop.inputs else []
+        commands = []
+        for name, row in zip(loop.inputs, gains, strict=True):
+            curved = substitution.sum(_exact_terms(loop.policy.get(name, ())))
+            commands.append(Polynomial([{}, *curved.parts[1:]]) - Polynomial.linear(row))
+        return commands
 
     def deviation(self, index: int) -> Polynomial:
         """z_i = Σ T_ij y_j."""
@@ -161,13 +191,13 @@ class RegionLoop:
         return norm(self.T.table()[index]).upper()
 
     def command(self, index: int) -> Polynomial:
-        """u_j - u_e of an input that is free, -K_j T y."""
-        return -Polynomial.linear(self._gains.table()[index])
+        """u_j - u_e of an input that is free."""
+        return self._commands[index]
 
     def reaches(self, name: str) -> tuple[bool, bool]:
         """Whether an input may reach its lowest and its highest value on the unit ball."""
         index = list(self.statement.loop.inputs).index(name)
-        most = norm(self._gains.table()[index])
+        most = sum(self.command(index).norms(), arb(0))
         low, high = self.equilibrium.room(name)
         return (
             low is not None and not most < low,
@@ -184,9 +214,9 @@ class RegionLoop:
         return below, above
 
     def decrease(self, part: Mapping[str, str]) -> Taylor:
-        """-V' / rho where each input is free or at its limit.
+        """-V' / rho where each input is free or at its limit and each disturbance at its end.
 
-        part: input -> `FREE`, `LOWEST` or `HIGHEST`
+        part: input -> `FREE`, `LOWEST` or `HIGHEST`; disturbance -> `LOWEST` or `HIGHEST`
 
         Rejected where an output may leave its limits.
         """
@@ -196,32 +226,40 @@ class RegionLoop:
         return total
 
     def rates(self, part: Mapping[str, str]) -> list[Taylor]:
-        """z' where each input is free or at its limit; Rejected where an output may leave its
-        limits."""
+        """z' where each input is free or at its limit and each disturbance at its end; Rejected
+        where an output may leave its limits under any disturbance."""
         key = tuple(part.values())
         if key not in self._rates:
-            rates, outputs = self._run(part)
+            sizes = {name: exact(size) for name, size in self.statement.loop.disturbances.items()}
+            ends = [-size if part[name] == LOWEST else size for name, size in sizes.items()]
+            rates, outputs = self._run(part, ends)
+            if sizes:
+                # Whatever is compared in the equations is decided for all w between the ends too.
+                _, outputs = self._run(part, [symmetric(size) for size in sizes.values()])
             self._check_outputs(outputs)
             if all(what == FREE for what in part.values()):
                 rates = [_without_center(rate) for rate in rates]
             self._rates[key] = rates
         return self._rates[key]
 
-    def _run(self, part: Mapping[str, str]) -> tuple[list[Taylor], list[Taylor]]:
+    def _run(
+        self, part: Mapping[str, str], disturbances: Sequence[arb]
+    ) -> tuple[list[Taylor], list[Taylor]]:
         """Rates and limited outputs on the unit ball."""
         x = [
             self._taylor(Polynomial.constant(at) + self.deviation(i))
             for i, at in enumerate(self.equilibrium.x)
         ]
         u = []
-        for index, (name, what) in enumerate(part.items()):
+        for index, name in enumerate(self.statement.loop.inputs):
+            what = part[name]
             if what == FREE:
                 value = Polynomial.constant(self.equilibrium.u[index]) + self.command(index)
             else:
                 low, high = self.statement.loop.limits[name]
                 value = Polynomial.constant(exact(low if what == LOWEST else high))
             u.append(self._taylor(value))
-        results = self._function(x, u)
+        results = self._function(x, u, disturbances)
         zero = self._taylor(Polynomial([{}]))
         rates, *outputs = ([value + zero for value in values] for values in results)
         return rates, outputs[0] if outputs else []
@@ -239,11 +277,21 @@ class RegionLoop:
 
 
 class _Substitution:
-    """Monomials of z = T y as polynomials in y, each made once."""
+    """Monomials of z as polynomials in y, each made once.
 
-    def __init__(self, rows: Sequence[Sequence[arb]]) -> None:
-        self._linear = [Polynomial.linear(row) for row in rows]
+    variables: each z_i
+    """
+
+    def __init__(self, variables: Sequence[Polynomial]) -> None:
+        self._variables = variables
         self._known: dict[Key, Polynomial] = {0: Polynomial.constant(arb(1))}
+
+    def sum(self, terms: Sequence[_Term]) -> Polynomial:
+        """Σ coefficient z^exponents."""
+        total = Polynomial([{}])
+        for coefficient, exponents in terms:
+            total += self(exponents).scaled(coefficient)
+        return total
 
     def __call__(self, exponents: Sequence[int]) -> Polynomial:
         """z^exponents."""
@@ -251,8 +299,34 @@ class _Substitution:
         if key not in self._known:
             last = max(i for i, power in enumerate(exponents) if power)
             lowered = [power - (i == last) for i, power in enumerate(exponents)]
-            self._known[key] = self(lowered).times(self._linear[last])
+            self._known[key] = self(lowered).times(self._variables[last])
         return self._known[key]
+
+
+def _exact_terms(terms: Terms) -> list[_Term]:
+    """The terms of a statement as balls."""
+    return [(exact(coefficient), exponents) for coefficient, exponents in terms]
+
+
+def _derivative(terms: Sequence[_Term], index: int) -> list[_Term]:
+    """The terms of the slope in one variable."""
+    slopes = []
+    for coefficient, exponents in terms:
+        power = exponents[index]
+        if power:
+            lowered = (*exponents[:index], power - 1, *exponents[index + 1 :])
+            slopes.append((coefficient * power, lowered))
+    return slopes
+
+
+def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
+    """Σ coefficient z^exponents."""
+    total = arb(0)
+    for coefficient, exponents in terms:
+        for value, power in zip(z, exponents, strict=True):
+            coefficient = coefficient * value**power
+        total += coefficient
+    return total
 
 
 def _without_center(rate: Taylor) -> Taylor:
@@ -265,6 +339,22 @@ def _is_invertible(T: arb_mat) -> bool:
     return bool(determinant > 0 or determinant < 0)
 
 
+def refuse_curved(loop: SaturatedLoop) -> None:
+    """BadInputError where a rate is not affine in the disturbances: their ends would not be the
+    worst."""
+    if not loop.disturbances:
+        return
+    function = _function(loop, ())
+    symbols = function.sx_in()
+    curved = ca.which_depends(function(*symbols), symbols[2], 2)
+    for name, is_curved in zip(loop.disturbances, curved, strict=True):
+        if is_curved:
+            raise BadInputError(
+                f"{loop.model.name}: the rates are not affine in {name}; a set that is invariant"
+                " under it is not proved"
+            )
+
+
 def _symbols(loop: SaturatedLoop) -> tuple[ca.SX, ca.SX, list[Any]]:
     """The moving states, the inputs, and the vectors that the equations take."""
     x = ca.SX.sym("x", len(loop.states))
@@ -275,12 +365,15 @@ def _symbols(loop: SaturatedLoop) -> tuple[ca.SX, ca.SX, list[Any]]:
 
 
 def _function(loop: SaturatedLoop, outputs: tuple[str, ...]) -> ca.Function:
-    """(x, u) -> the rates of the moving states, the outputs."""
+    """(x, u, w) -> the rates of the moving states, the outputs; w of the stated disturbances."""
     x, u, vectors = _symbols(loop)
-    f, y = loop.model.layout.expressions(vectors, outputs)
+    w = ca.SX.sym("w", len(loop.disturbances))
+    acting = dict(zip(loop.disturbances, components(w), strict=True))
+    every = [acting.get(name, 0.0) for name in loop.model.disturbances] if acting else None
+    f, y = loop.model.layout.expressions(vectors, outputs, every)
     rows = [list(loop.model.states).index(name) for name in loop.states]
     results = [ca.densify(f[rows])] + ([ca.densify(y)] if outputs else [])
-    return ca.Function("rates", [x, u], results)
+    return ca.Function("rates", [x, u, w], results)
 
 
 def _slopes(loop: SaturatedLoop) -> ca.Function:

@@ -4,7 +4,7 @@ in the digest, and a report shows it."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,15 +13,19 @@ from hfa_aircraft.model import Model
 from hfa_proof.checker.reading import Fields, require
 from hfa_proof.checker.statement import model_of
 
-#: Highest degree of V.
+#: Highest degree of V, and of the polynomial of a policy.
 HIGHEST_DEGREE = 6
+HIGHEST_POLICY = 5
 
 Limits = Mapping[str, tuple[float, float]]
+#: Coefficient and exponents of each monomial, a monomial at most once.
+Terms = tuple[tuple[float, tuple[int, ...]], ...]
 
 
 @dataclass(frozen=True, eq=False)
 class SaturatedLoop:
-    """x' = f(x, u), u = sat(u0 - K (x - x0)): a model, a gain and where both are about.
+    """x' = f(x, u, w), u = sat(u0 - K (x - x0) + q(x - x0)): a model, a policy and where both are
+    about.
 
     model: the equations; of its states, those of its linear model move
     parameters: every parameter of the model -> value
@@ -31,6 +35,9 @@ class SaturatedLoop:
     K: (m, n), in the order of the inputs and the moving states
     limits: signal -> (lowest, highest); between those of an input it is saturated, a state or an
         output stays between its own. Of every signal that the model limits, within its limits
+    policy: input -> q, terms of degree 2 to `HIGHEST_POLICY`; an input without has q = 0
+    disturbances: disturbance of the model -> d > 0: any measurable w(t) with |w(t)| <= d; the
+        others are 0. The rates are affine in those that are named
     """
 
     model: Model
@@ -40,17 +47,25 @@ class SaturatedLoop:
     held: Mapping[str, float]
     K: np.ndarray
     limits: Limits
+    policy: Mapping[str, Terms] = field(default_factory=dict)
+    disturbances: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def states(self) -> tuple[str, ...]:
         """The moving states, in order."""
         return tuple(self.model.linear)
 
+    @property
+    def acting(self) -> tuple[str, ...]:
+        """Inputs and disturbances: what each of them does makes a part."""
+        return (*self.inputs, *self.disturbances)
+
 
 @dataclass(frozen=True, eq=False)
 class RegionStatement:
     """Every trajectory of the loop that begins in {V(z) <= rho} exists for all time, stays there
-    and within all limits, and converges to the equilibrium; z: deviations from that.
+    and within all limits, and converges to the equilibrium; z: deviations from that. Of a loop with
+    disturbances it is not claimed that it converges.
 
     The equilibrium is the one within `SAME_TRIM` of x0, in nominal values of the states.
     loop: the model with its saturated inputs
@@ -60,7 +75,7 @@ class RegionStatement:
     """
 
     loop: SaturatedLoop
-    terms: tuple[tuple[float, tuple[int, ...]], ...]
+    terms: Terms
     rho: float
     extents: Mapping[str, tuple[float, float]]
 
@@ -87,8 +102,10 @@ class RegionStatement:
             _all_numbers(entries, "held", held),
             entries.array("K", len(model.inputs), len(states)),
             _read_limits(entries, model),
+            _read_policy(entries, model),
+            _read_disturbances(entries, model),
         )
-        terms = _read_terms(entries, len(states))
+        terms = _read_terms(entries, "terms", len(states), HIGHEST_DEGREE)
         rho = entries.number("rho", above=0.0)
         stated = entries.fields("extents")
         extents = {name: stated.pair(name) for name in states}
@@ -109,7 +126,9 @@ class RegionStatement:
             "held": dict(loop.held),
             "K": loop.K.tolist(),
             "limits": {name: _pair(pair) for name, pair in loop.limits.items()},
-            "terms": [[coefficient, list(exponents)] for coefficient, exponents in self.terms],
+            "policy": {name: _rows(terms) for name, terms in loop.policy.items()},
+            "disturbances": dict(loop.disturbances),
+            "terms": _rows(self.terms),
             "rho": self.rho,
             "extents": {name: list(pair) for name, pair in self.extents.items()},
         }
@@ -143,6 +162,7 @@ def _facts(model: Model) -> dict[str, Any]:
         "states": list(model.linear),
         "state_units": list(model.units(model.linear)),
         "input_units": list(model.units(tuple(model.inputs))),
+        "disturbance_units": list(model.units(tuple(model.disturbances))),
     }
 
 
@@ -153,20 +173,40 @@ def _all_numbers(entries: Fields, name: str, names: tuple[str, ...]) -> dict[str
     return {each: numbers[each] for each in names}
 
 
-def _read_terms(entries: Fields, variables: int) -> tuple[tuple[float, tuple[int, ...]], ...]:
-    """Terms of V, each monomial at most once."""
-    rows = entries.value("terms", lambda value: isinstance(value, list) and bool(value))
+def _read_terms(entries: Fields, name: str, variables: int, highest: int) -> Terms:
+    """Terms of degree 2 to `highest`, each monomial at most once."""
+    rows = entries.value(name, lambda value: isinstance(value, list) and bool(value))
     terms = []
     for row in rows:
-        require(isinstance(row, list) and len(row) == 2, "terms", row)
-        term = Fields("terms", {"coefficient": row[0], "exponents": row[1]})
+        require(isinstance(row, list) and len(row) == 2, name, row)
+        term = Fields(name, {"coefficient": row[0], "exponents": row[1]})
         coefficient = term.number("coefficient")
         exponents = tuple(int(entry) for entry in term.array("exponents", variables).tolist())
-        require(list(exponents) == row[1] and min(exponents) >= 0, "terms", row)
-        require(2 <= sum(exponents) <= HIGHEST_DEGREE, "terms", row)
+        require(list(exponents) == row[1] and min(exponents) >= 0, name, row)
+        require(2 <= sum(exponents) <= highest, name, row)
         terms.append((coefficient, exponents))
-    require(len({exponents for _, exponents in terms}) == len(terms), "terms")
+    require(len({exponents for _, exponents in terms}) == len(terms), name)
     return tuple(terms)
+
+
+def _read_policy(entries: Fields, model: Model) -> dict[str, Terms]:
+    """q of the inputs that have one."""
+    stated = entries.fields("policy")
+    variables = len(model.linear)
+    policy = {}
+    for name in model.inputs:
+        if stated.has(name):
+            policy[name] = _read_terms(stated, name, variables, HIGHEST_POLICY)
+    stated.close()
+    return policy
+
+
+def _read_disturbances(entries: Fields, model: Model) -> dict[str, float]:
+    """Largest absolute value of each stated disturbance, in the order of the model."""
+    sizes = entries.numbers("disturbances", tuple(model.disturbances))
+    for name, size in sizes.items():
+        require(size > 0.0, f"disturbances: {name}", size)
+    return {name: sizes[name] for name in model.disturbances if name in sizes}
 
 
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
@@ -183,6 +223,11 @@ def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]
         require(low < high, where, pair)
         limits[name] = (low, high)
     return limits
+
+
+def _rows(terms: Terms) -> list[list[Any]]:
+    """As a file has them."""
+    return [[coefficient, list(exponents)] for coefficient, exponents in terms]
 
 
 def _pair(limits: tuple[float, float]) -> list[float | None]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -14,8 +15,9 @@ from hfa_region.check.statement import RegionStatement
 
 #: In place of what an input does: whatever it does.
 ANY = "any"
-#: Names of constraints: V <= rho, |y| <= 1, |y| >= 1.
+#: Names of constraints: V <= rho, V >= rho, |y| <= 1, |y| >= 1.
 LEVEL = "level"
+EDGE = "edge"
 BALL = "ball"
 OUTSIDE = "outside"
 #: Highest order of the Taylor polynomials.
@@ -24,9 +26,10 @@ _HIGHEST_ORDER = 12
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Where each input is free or at a limit.
+    """Where each input is free or at a limit and each disturbance is at an end.
 
-    inputs: input -> `FREE`, `LOWEST`, `HIGHEST`; where there is nothing of the set also `ANY`
+    inputs: input -> `FREE`, `LOWEST`, `HIGHEST`, then disturbance -> `LOWEST`, `HIGHEST`; where
+        there is nothing of the set also `ANY`
     evidence: V' < 0 there, or there is nothing of the set
     """
 
@@ -41,7 +44,7 @@ class RegionWitness:
     T: (n, n)
     order: of the Taylor polynomials
     inside: {V <= rho} lies in the open unit ball
-    parts: V' < 0 on each
+    parts: V' < 0 on each; under disturbances where V = rho
     empty: nothing of the set is in these
     extents: state -> evidence of its lowest and of its highest deviation; where there is none the
         unit ball is within the extent
@@ -61,7 +64,8 @@ class RegionWitness:
         n = len(loop.states)
         T = entries.array("T", n, n)
         order = entries.count("order", _HIGHEST_ORDER)
-        degree = max(sum(exponents) for _, exponents in statement.terms)
+        polynomials = [*statement.terms, *chain.from_iterable(loop.policy.values())]
+        degree = max(sum(exponents) for _, exponents in polynomials)
         require(order >= degree, "order", order)
         inside = Evidence.read(entries.fields("inside"), n, (OUTSIDE,))
         parts = _read_parts(entries, "parts", statement, (FREE, LOWEST, HIGHEST))
@@ -92,11 +96,14 @@ def _read_parts(
     """A list of parts, whose inputs do what is allowed."""
     loop = statement.loop
     names = (LEVEL, BALL, *limit_names(loop.inputs))
+    if loop.disturbances:
+        names = (EDGE, *names)
     parts = []
     for part in entries.items(name):
         done = part.texts("inputs", allowed)
-        require(len(done) == len(loop.inputs), f"{part.where}: inputs", list(done))
+        require(len(done) == len(loop.acting), f"{part.where}: inputs", list(done))
+        require(FREE not in done[len(loop.inputs) :], f"{part.where}: inputs", list(done))
         evidence = Evidence.read(part.fields("evidence"), len(loop.states), names)
         part.close()
-        parts.append(Part(dict(zip(loop.inputs, done, strict=True)), evidence))
+        parts.append(Part(dict(zip(loop.acting, done, strict=True)), evidence))
     return tuple(parts)

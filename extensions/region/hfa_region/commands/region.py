@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.argument_types import input_file, one_of, positive
+from hfa.options.argument_types import input_file, one_of, positive, quantity
 from hfa.options.command import command
 from hfa.options.games import PlantOptions
-from hfa.options.request import option
+from hfa.options.request import OfModel, option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, print_report, show
-from hfa_support.errors import BadInputError, NoSolutionError, said_of
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, forget_read
 from trim.linear.linear_model import LinearModel, linearize
 
@@ -26,6 +28,13 @@ if TYPE_CHECKING:
 
 #: What a check takes beside the certificate.
 _OF_A_CHECK = ("check", "aircraft", "output", "json", "quiet")
+
+
+def _size(model: Model, name: str, text: str) -> float:
+    """The largest absolute value of a disturbance, in the unit of the model."""
+    refuse_unknown(f"{model.name} declares no disturbance", name, tuple(model.disturbances))
+    positive(text)
+    return quantity(model, name, text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,6 +59,13 @@ class RegionRequest(PlantOptions, OutputOptions):
         positive,
         default=60.0,
     )
+    disturbance: Mapping[str, float] = option(
+        "a set that is invariant, not a region of attraction: under every disturbance NAME of the "
+        "model of at most SIZE; repeatable",
+        "NAME=SIZE",
+        OfModel(_size),
+        named=True,
+    )
     resume: bool = option("go on from the V of the certificate that -o names", rare=True)
     picture: Path | None = picture_option(
         "cuts through the proved set in each pair of states, with the starts that were lost"
@@ -67,10 +83,11 @@ def region(request: RegionRequest) -> int:
 
     Every trajectory that begins in {V(z) <= rho}, z the deviation from the trim, stays there and
     within all limits of the model, and converges to the trim; u = sat(u0 - K z), K of the exact
-    game or of --weights. Printed beside it: where V' >= 0 was found, a start that was lost, the
-    limits that bind. -o FILE.json writes a certificate; --check FILE verifies one. Exit 0: proved.
-    Not covered: tables and kinks, networks, sampling, actuators, delays, and a linearization that
-    is not Hurwitz. Needs `pip install .[proof]`."""
+    game or of --weights. With --disturbance a set that no trajectory leaves, whatever that does
+    within its size; that it converges is not claimed. Printed beside it: where V' >= 0 was found, a
+    start that was lost, the limits that bind. -o FILE.json writes a certificate; --check FILE
+    verifies one. Exit 0: proved. Not covered: tables and kinks, networks, sampling, actuators,
+    delays, and a linearization that is not Hurwitz. Needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
@@ -99,13 +116,16 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
 
 def _prove(request: RegionRequest) -> int:
     from hfa_region.check.certificate import write_certificate
+    from hfa_region.check.loop import refuse_curved
     from hfa_region.report import region_report
+    from hfa_region.search.invariant import invariant_region
     from hfa_region.search.level import ProvedLevel
     from hfa_region.search.plant import saturated_loop
     from hfa_region.search.region import RegionSearch
 
     linear, K, P = _loop(request)
     loop = saturated_loop(linear, K)
+    refuse_curved(replace(loop, disturbances=request.disturbance))
     known = _known(request, loop)
     origin = request.provenance.to_dict()
 
@@ -113,15 +133,19 @@ def _prove(request: RegionRequest) -> int:
         if request.output is not None:
             write_certificate(request.output, proved.statement, proved.witness, origin)
 
+    progress = ProgressLine("region")
     search = RegionSearch(
         loop,
         P,
         seconds=request.seconds,
         degree=request.degree,
-        progress=ProgressLine("region"),
-        save=save,
+        progress=progress,
+        save=None if request.disturbance else save,
     )
     found = search.found(known)
+    if request.disturbance:
+        found = invariant_region(found, request.disturbance, progress)
+        save(found.proved)
     if request.picture is not None:
         from hfa_region.picture import region_figure
         from hfa_support.reporting.figure import save as save_figure

@@ -286,30 +286,10 @@ class RegionSearch:
             proved,
             V,
             self.origin,
-            Bounds(rises, self._lost(V, statement.rho, T), self._binding(V, statement.rho, T)),
+            bounds_of(self.plant, V, statement.rho, T, rises),
             self.plant,
             T,
         )
-
-    def _lost(
-        self, V: PolynomialFunction, rho: float, T: np.ndarray
-    ) -> tuple[float, np.ndarray | None]:
-        """The lowest V of a start that is lost, among starts on rays from the trim."""
-        generator = np.random.default_rng(1)
-        directions = generator.normal(size=(_RAYS, self._n))
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        starts = lost_starts(self.plant, V, rho, T, directions @ T.T)
-        if not len(starts):
-            return np.inf, None
-        values = V(starts)
-        return float(values.min()), starts[values.argmin()]
-
-    def _binding(self, V: PolynomialFunction, rho: float, T: np.ndarray) -> tuple[str, ...]:
-        """Names of signals that come near a limit in the proved set."""
-        points = edge_points(V, T, rho) @ T.T @ self.plant.limited_rows.T
-        low, high = self.plant.room.T
-        near = (points.min(axis=0) <= _TOUCHES * low) | (points.max(axis=0) >= _TOUCHES * high)
-        return tuple(np.array(self.plant.limited)[near].tolist())
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,6 +306,32 @@ class _Turn:
     search: LevelSearch
     size: float
     seconds: float
+
+
+def bounds_of(
+    plant: Plant,
+    V: PolynomialFunction,
+    rho: float,
+    T: np.ndarray,
+    rises: tuple[float, np.ndarray | None],
+) -> Bounds:
+    """What bounds {V <= rho}: starts on rays from the trim are followed.
+
+    T: z = T y, the set in the unit ball of y
+    rises: the lowest V where V' >= 0 was found, and where
+    """
+    generator = np.random.default_rng(1)
+    directions = generator.normal(size=(_RAYS, len(T)))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    starts = lost_starts(plant, V, rho, T, directions @ T.T)
+    gone: tuple[float, np.ndarray | None] = (np.inf, None)
+    if len(starts):
+        values = V(starts)
+        gone = (float(values.min()), starts[values.argmin()])
+    points = edge_points(V, T, rho) @ T.T @ plant.limited_rows.T
+    low, high = plant.room.T
+    near = (points.min(axis=0) <= _TOUCHES * low) | (points.max(axis=0) >= _TOUCHES * high)
+    return Bounds(rises, gone, tuple(np.array(plant.limited)[near].tolist()))
 
 
 def lost_starts(

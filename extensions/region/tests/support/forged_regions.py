@@ -15,7 +15,8 @@ Forgery = Callable[[Content, np.random.Generator], None]
 def forgeries(content: Content, count: int, seed: int = 0) -> Iterator[tuple[str, Content]]:
     """Name and content of so many forgeries of a certificate, each kind in turn."""
     generator = np.random.default_rng(seed)
-    kinds = list(KINDS.items())
+    disturbed = bool(content["statement"]["disturbances"])
+    kinds = list((KINDS | DISTURBED_KINDS if disturbed else KINDS).items())
     for number in range(count):
         name, forge = kinds[number % len(kinds)]
         forged = copy.deepcopy(content)
@@ -191,6 +192,64 @@ def _unknown_entry(content: Content, generator: np.random.Generator) -> None:
     content[place]["note"] = "true"
 
 
+def _disturbance_larger(content: Content, generator: np.random.Generator) -> None:
+    sizes = content["statement"]["disturbances"]
+    for name in sizes:
+        sizes[name] *= generator.uniform(1.5, 10.0)
+
+
+def _disturbance_negative(content: Content, generator: np.random.Generator) -> None:
+    sizes = content["statement"]["disturbances"]
+    for name in sizes:
+        sizes[name] *= -generator.uniform(0.0, 10.0)
+
+
+def _disturbance_left_out(content: Content, generator: np.random.Generator) -> None:
+    """Claims that the loop converges."""
+    disturbances = content["statement"]["disturbances"]
+    count = len(disturbances)
+    disturbances.clear()
+    for part in (*content["witness"]["parts"], *content["witness"]["empty"]):
+        part["inputs"] = part["inputs"][:-count]
+        if generator.uniform() < 0.5:
+            part["evidence"]["multipliers"].pop("edge", None)
+
+
+def _end_left_out(content: Content, generator: np.random.Generator) -> None:
+    end = ["low", "high"][generator.integers(2)]
+    parts = content["witness"]["parts"]
+    content["witness"]["parts"] = [part for part in parts if part["inputs"][-1] != end]
+
+
+def _end_twice(content: Content, generator: np.random.Generator) -> None:
+    end = ["low", "high", "free", "any"][generator.integers(4)]
+    for part in content["witness"]["parts"]:
+        part["inputs"][-1] = end
+
+
+def _ends_exchanged(content: Content, generator: np.random.Generator) -> None:
+    parts = content["witness"]["parts"]
+    for part in parts[:: generator.integers(1, 3)]:
+        part["inputs"][-1] = {"low": "high", "high": "low"}[part["inputs"][-1]]
+
+
+def _edge_everywhere(content: Content, generator: np.random.Generator) -> None:
+    """The multiplier of V >= rho in place of that of V <= rho."""
+    for part in content["witness"]["parts"]:
+        multipliers = part["evidence"]["multipliers"]
+        multipliers["level"], multipliers["edge"] = multipliers["edge"], multipliers["level"]
+
+
+#: Of a set that is invariant under a disturbance, beside the others.
+DISTURBED_KINDS: dict[str, Forgery] = {
+    "disturbance larger": _disturbance_larger,
+    "disturbance negative": _disturbance_negative,
+    "disturbance left out": _disturbance_left_out,
+    "an end left out": _end_left_out,
+    "one end twice": _end_twice,
+    "ends exchanged": _ends_exchanged,
+    "level and edge exchanged": _edge_everywhere,
+}
 KINDS: dict[str, Forgery] = {
     "rho beyond": _level_beyond,
     "V scaled": _scaled,

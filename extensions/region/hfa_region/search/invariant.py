@@ -1,0 +1,273 @@
+"""The largest set that is found to be invariant under a disturbance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import scipy.linalg
+
+from hfa_region.check.checker import limits_of
+from hfa_region.check.loop import HIGHEST, LOWEST
+from hfa_region.check.polynomial import power_of_length
+from hfa_region.check.statement import SaturatedLoop
+from hfa_region.check.witness import ANY, BALL, EDGE, LEVEL
+from hfa_region.search.function import PolynomialFunction, edge_points
+from hfa_region.search.level import (
+    MARGIN,
+    LevelSearch,
+    ProvedLevel,
+    Setting,
+    accepted,
+    holding_ball,
+)
+from hfa_region.search.plant import Plant
+from hfa_region.search.region import Region, bounds_of, measured, settings_of
+from hfa_region.search.squares import ONE, Terms, positive
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+
+#: Lyapunov matrices that are tried beside the V of the loop without disturbance.
+_CANDIDATES = 6
+#: Of how many V, those of the largest sampled sets, a level is tried to be proved.
+_TRIED = 4
+#: Levels that are sampled, of a V whose level 1 is about the largest, and steps of a bisection
+#: between two of them.
+_LEVELS = np.geomspace(2.0, 1e-3, 30)
+_FINER = 4
+#: Shares of the sampled level that are tried, one after the other, and steps of the bisection.
+_SHARES = (0.99, 0.95, 0.9, 0.8, 0.65, 0.5, 0.3)
+_STEPS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class DisturbedPlant(Plant):
+    """The loop under the disturbance that raises a V the most.
+
+    V: the function
+    """
+
+    V: PolynomialFunction
+
+    @cached_property
+    def _winds(self) -> ca.Function:
+        """∂z'/∂w, (n, d) of one state, side by side of many."""
+        loop = self.loop
+        z, v, states, inputs = self._symbols()
+        w = ca.SX.sym("w", len(loop.disturbances))
+        acting = dict(zip(loop.disturbances, ca.vertsplit(w), strict=True))
+        every = [acting.get(name, 0.0) for name in loop.model.disturbances]
+        parameters = list(loop.parameters.values())
+        f, _ = loop.model.layout.expressions((states, inputs, parameters), (), every)
+        rows = [list(loop.model.states).index(name) for name in loop.states]
+        slopes = ca.substitute(ca.jacobian(f[rows], w), w, 0)
+        low, high = ca.DM(self.input_ends[:, 0]), ca.DM(self.input_ends[:, 1])
+        held = ca.fmin(ca.fmax(-ca.DM(loop.K) @ z, low), high)
+        return ca.Function("winds", [z], [ca.densify(ca.vec(ca.substitute(slopes, v, held)))])
+
+    def rates(self, z: np.ndarray) -> np.ndarray:
+        """z' of many deviations (N, n)."""
+        count, n = z.shape
+        sizes = np.array(list(self.loop.disturbances.values()))
+        by_wind = np.array(self._winds(z.T)).T.reshape(count, len(sizes), n)
+        raised = np.einsum("kdn,kn->kd", by_wind, self.V.slope(z))
+        worst = np.where(raised >= 0.0, sizes, -sizes)
+        return super().rates(z) + np.einsum("kdn,kd->kn", by_wind, worst)
+
+
+class EdgeSearch(LevelSearch):
+    """Levels of one V on whose edge V' < 0, with every disturbance at each of its ends."""
+
+    def __init__(
+        self,
+        loop: SaturatedLoop,
+        V: PolynomialFunction,
+        rho: float,
+        T: np.ndarray,
+        setting: Setting,
+    ) -> None:
+        super().__init__(loop, V, rho, T, setting)
+        ends = [
+            dict(zip(loop.disturbances, done, strict=True))
+            for done in product((LOWEST, HIGHEST), repeat=len(loop.disturbances))
+        ]
+        self.parts = [part | end for part in self.parts for end in ends]
+        self.empty = [part | dict.fromkeys(loop.disturbances, ANY) for part in self.empty]
+
+    def decrease(
+        self, part: Mapping[str, str], share: float, enough: float | None = None
+    ) -> dict[str, Any] | None:
+        """Evidence that V' < 0 on a part of {V = share rho}; None where none is found.
+
+        enough: a margin with which the solver may stop"""
+        half = self.setting.half
+        edge = self.V_terms + ONE.scaled(-share)
+        of_level = (0, half - self.setting.degree // 2)
+        constraints = [(LEVEL, edge.scaled(-1.0), of_level), (EDGE, edge, of_level)]
+        if self.setting.degree > 2:
+            within = ONE + Terms.of(power_of_length(self.ball.n, 2)).scaled(-1.0)
+            constraints.append((BALL, within, (0, half - 1)))
+        for name, polynomial in limits_of(self.ball, part).items():
+            constraints.append((name, Terms.of(polynomial), (0, half - 1)))
+        found = positive(self.target(part), constraints, (0, half), self.ball.n, enough)
+        if found is None or found[0] < MARGIN:
+            return None
+        return found[1]
+
+
+def invariant_region(
+    region: Region, disturbances: Mapping[str, float], progress: Progress | None = None
+) -> Region:
+    """The largest set that is proved invariant; NoSolutionError where none is found.
+
+    region: of the loop without disturbance
+    disturbances: name -> largest absolute value
+    progress: told of each V that is tried
+    """
+    loop = replace(region.plant.loop, disturbances=disturbances)
+    best: tuple[float, _Candidate, ProvedLevel] | None = None
+    candidates = sorted(_sampled(loop, region), key=lambda candidate: -candidate.size)[:_TRIED]
+    for index, candidate in enumerate(candidates):
+        if progress is not None:
+            progress(index, len(candidates), f"proving {candidate.origin}")
+        if best is not None and candidate.size <= best[0]:
+            break
+        proved = _largest(loop, candidate)
+        if proved is None:
+            continue
+        size = measured(candidate.V, proved.statement.rho, candidate.T)
+        if best is None or size > best[0]:
+            best = (size, candidate, proved)
+    if best is None:
+        raise NoSolutionError(
+            "no set is proved invariant under so large a disturbance: of every V that was tried "
+            "V' >= 0 somewhere on each level, or no level was proved"
+        )
+    return _region(*best[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A V of which V' < 0 was sampled on a level.
+
+    V: the function
+    origin: what it is
+    plant: under the worst disturbance
+    T: coordinates in which its sets are measured
+    level: the largest where V' < 0 and the limits hold
+    size: of its set
+    beyond: the next level, and where on it V' >= 0; inf and None where there is none
+    """
+
+    V: PolynomialFunction
+    origin: str
+    plant: DisturbedPlant
+    T: np.ndarray
+    level: float
+    size: float
+    beyond: tuple[float, np.ndarray | None]
+
+
+def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
+    """V of the loop without disturbance, and Lyapunov matrices of the loop, of a size near it."""
+    yield region.origin, region.V.scaled(1.0 / region.rho)
+    A = region.plant.closed_matrix
+    units = 1.0 / region.plant.nominal
+    generator = np.random.default_rng(0)
+    points = edge_points(region.V, region.T, region.rho) @ region.T.T
+    for count in range(_CANDIDATES):
+        weights = units * 10.0 ** (generator.uniform(-1.0, 1.0, len(A)) * (count > 0))
+        P = scipy.linalg.solve_continuous_lyapunov(A.T, -np.diag(weights**2))
+        if np.all(np.linalg.eigvalsh(P) > 0.0):
+            V = PolynomialFunction.quadratic(P)
+            yield "a Lyapunov matrix of the loop", V.scaled(1.0 / float(np.median(V(points))))
+
+
+def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
+    """Each V that has a level with V' < 0 where it was sampled."""
+    for origin, V in _functions(region):
+        plant = DisturbedPlant(loop, V)
+        T = np.asarray(1.5 * np.linalg.inv(np.linalg.cholesky(V.matrix())).T)
+        falling = (level for level in _LEVELS.tolist() if _falls(plant, V, T, level)[0])
+        low = next(falling, None)
+        if low is None:
+            continue
+        above = low * float(_LEVELS[0] / _LEVELS[1])
+        for _ in range(_FINER):
+            middle = float(np.sqrt(low * above))
+            if _falls(plant, V, T, middle)[0]:
+                low = middle
+            else:
+                above = middle
+        place = _falls(plant, V, T, above)[1]
+        beyond = (np.inf, None) if place is None else (above, place)
+        yield _Candidate(V, origin, plant, T, low, measured(V, low, T), beyond)
+
+
+def _falls(
+    plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, level: float
+) -> tuple[bool, np.ndarray | None]:
+    """Whether V' < 0 and the limits hold where a level was sampled; where V' is largest, if it is
+    not negative there."""
+    points = edge_points(V, T, level) @ T.T
+    if not len(points):
+        return False, None
+    with np.errstate(all="ignore"):
+        rises = np.sum(V.slope(points) * plant.rates(points), axis=1)
+    highest = int(np.argmax(rises))
+    if not rises[highest] < 0.0:
+        return False, points[highest]
+    return not np.any(plant.away(points)), None
+
+
+def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
+    """The largest level of a V that is found and passes the check; None where none does."""
+    n = len(candidate.T)
+    degree = candidate.V.degree
+    setting = next(tried for tried in settings_of(n, degree) if tried.degree >= degree)
+    above = 1.0
+    for share in _SHARES:
+        proved = _at(loop, candidate, share, setting)
+        if proved is not None:
+            break
+        above = share
+    else:
+        return None
+    low = share
+    for _ in range(_STEPS):
+        middle = (low + above) / 2
+        more = _at(loop, candidate, middle, setting)
+        if more is None:
+            above = middle
+        else:
+            low = middle
+            proved = more
+    return proved
+
+
+def _at(
+    loop: SaturatedLoop, candidate: _Candidate, share: float, setting: Setting
+) -> ProvedLevel | None:
+    """A share of the sampled level, where it is proved."""
+    rho = share * candidate.level
+    held = holding_ball(candidate.V, rho, candidate.T)
+    if held is None:
+        return None
+    try:
+        return accepted(EdgeSearch(loop, candidate.V, rho, held, setting))
+    except NoSolutionError:  # the equations or outputs on so large a ball
+        return None
+
+
+def _region(candidate: _Candidate, proved: ProvedLevel) -> Region:
+    """What is proved, and what bounds it: where V' >= 0 under a disturbance, a start that the worst
+    disturbance of V keeps from the set."""
+    T = np.array(proved.witness["T"])
+    rho = proved.statement.rho
+    bounds = bounds_of(candidate.plant, candidate.V, rho, T, candidate.beyond)
+    return Region(proved, candidate.V, candidate.origin, bounds, candidate.plant, T)

@@ -1,0 +1,210 @@
+"""Sets that are invariant under a disturbance: proved, checked, forged, flown."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flint import arb
+from forged_regions import DISTURBED_KINDS, KINDS, forgeries
+
+from hfa.main import main
+from hfa_aircraft.loading import load_model
+from hfa_aircraft.model import Model
+from hfa_proof.arithmetic.ball_function import Undecided
+from hfa_proof.checker.reading import Rejected
+from hfa_region.check.certificate import check_certificate, read_content
+from hfa_region.check.checker import check_region
+from hfa_region.check.loop import HIGHEST, LOWEST, RegionLoop
+from hfa_region.check.polynomial import Polynomial
+from hfa_region.search.function import PolynomialFunction, edge_points
+from hfa_region.search.invariant import DisturbedPlant
+from hfa_region.search.plant import Plant
+from hfa_support.errors import NoSolutionError
+
+PENDULUM = f"{Path(__file__).parents[3] / 'examples' / 'pendulum.py'}:PENDULUM"
+SIZE = 0.1
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of the pendulum under a push, with what was printed beside it."""
+    path = tmp_path_factory.mktemp("invariant") / "pendulum.json"
+    words = ["prove", "region", "--aircraft", PENDULUM, "--degree", "2", "--seconds", "0.1"]
+    words += ["--disturbance", f"push={SIZE}", "-q", "--json", "-o", str(path)]
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert main(words) == 0
+    path.with_suffix(".printed").write_text(printed.getvalue())
+    return path
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return load_model(PENDULUM)
+
+
+def accepted(content: dict, model: Model) -> bool:
+    """Whether the checker accepts content, a digest set aside."""
+    try:
+        check_region(*read_content(content, model))
+    except (NoSolutionError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
+        return False
+    return True
+
+
+def test_what_is_proved_is_said(
+    certificate: Path, model: Model, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = json.loads(certificate.with_suffix(".printed").read_text())
+    assert data["disturbances"] == {"push": SIZE}
+    assert data["rho"] < data["decrease_fails_at"]["V"] < 1.2 * data["rho"]
+    verified = check_certificate(certificate, model=model)
+    # The torque free, at its lowest and at its highest value, the push at each of its ends.
+    assert verified.parts == 6
+    assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "|push| <= 0.1 N m" in shown
+    assert "That it converges is not claimed" in shown
+    assert "converges to the trim" not in shown
+
+
+def test_no_start_on_the_edge_leaves_under_the_worst_push(certificate: Path, model: Model) -> None:
+    statement = check_certificate(certificate, model=model).statement
+    V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
+    T = np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.5
+    edge = edge_points(V, T, 1.0)[::10] @ T.T
+    assert _highest(DisturbedPlant(statement.loop, V), edge) <= 1.0 + 1e-9
+    # Under a push five times as large some do: the simulation tells.
+    larger = replace(statement.loop, disturbances={"push": 5 * SIZE})
+    assert _highest(DisturbedPlant(larger, V), edge) > 1.1
+
+
+def _highest(plant: DisturbedPlant, starts: np.ndarray) -> float:
+    """The largest V on the way of 3 s, by the classical method of Runge and Kutta."""
+    z = starts
+    step = 0.005
+    highest = 0.0
+    for _ in range(600):
+        k1 = plant.rates(z)
+        k2 = plant.rates(z + step / 2 * k1)
+        k3 = plant.rates(z + step / 2 * k2)
+        k4 = plant.rates(z + step * k3)
+        z = z + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        highest = max(highest, float(plant.V(z).max()))
+    return highest
+
+
+def test_the_worst_push_raises_V_the_most(certificate: Path, model: Model) -> None:
+    loop = check_certificate(certificate, model=model).statement.loop
+    V = PolynomialFunction.quadratic(np.array([[2.0, 0.3], [0.3, 0.5]]))
+    z = np.random.default_rng(0).normal(size=(50, 2))
+    moved = DisturbedPlant(loop, V).rates(z) - Plant(loop).rates(z)
+    # m l² of the example.
+    assert np.allclose(moved[:, 0], 0.0)
+    assert np.allclose(moved[:, 1], np.sign(V.slope(z)[:, 1]) * SIZE / (0.15 * 0.5**2))
+
+
+def test_forgeries_are_refused(certificate: Path, model: Model) -> None:
+    content = json.loads(certificate.read_text())
+    assert accepted(content, model)
+    kinds = KINDS | DISTURBED_KINDS
+    tried: Counter[str] = Counter()
+    for name, forged in forgeries(content, 3 * len(kinds)):
+        tried[name] += 1
+        assert not accepted(forged, model), name
+    assert set(tried) == set(kinds)
+
+
+@pytest.mark.slow
+def test_a_thousand_forgeries_are_refused(certificate: Path, model: Model) -> None:
+    content = json.loads(certificate.read_text())
+    wrong = [name for name, forged in forgeries(content, 1000, seed=1) if accepted(forged, model)]
+    assert wrong == []
+
+
+def test_a_region_of_attraction_is_not_proved_by_its_edge(certificate: Path, model: Model) -> None:
+    """V' < 0 on V = rho without disturbance is no proof that the loop converges."""
+    content = json.loads(certificate.read_text())
+    content["statement"]["disturbances"] = {}
+    for part in content["witness"]["parts"]:
+        del part["inputs"][-1]
+    with pytest.raises((Rejected, NoSolutionError), match="edge"):
+        check_region(*read_content(content, model))
+
+
+_MODELS = """
+import casadi as ca
+from hfa import Model, Signal
+
+def squared(x, u, p, w):
+    return {"a": u.b - x.a + w.gust**2}, {}
+
+def stepped(x, u, p, w):
+    return {"a": u.b - x.a + 100 * x.a * (w.gust <= 0.05) * (-0.05 <= w.gust)}, {}
+
+def seen(x, u, p, w):
+    return {"a": u.b - x.a + w.gust}, {"load": x.a + 10 * w.gust}
+
+GUST = {"gust": Signal("m/s", 1.0)}
+A = {"a": Signal(max=3, min=-3)}
+B = {"b": Signal()}
+SQUARED = Model("squared", A, B, squared, disturbances=GUST, trim={"a": 0.0})
+STEPPED = Model("stepped", A, B, stepped, disturbances=GUST, trim={"a": 0.0})
+LOAD = {"load": Signal(min=-2, max=2)}
+SEEN = Model("seen", A, B, seen, disturbances=GUST, outputs=LOAD, trim={"a": 0.0})
+"""
+
+
+def _loop(folder: Path, name: str, size: float) -> RegionLoop:
+    """Of a model of one state, V = a², on the ball |a| <= 1."""
+    from hfa_region.check.statement import RegionStatement, SaturatedLoop
+
+    source = folder / "models.py"
+    source.write_text(_MODELS)
+    model = load_model(f"{source}:{name}")
+    limits = {"a": (-3.0, 3.0)}
+    if "load" in model.outputs:
+        limits["load"] = (-2.0, 2.0)
+    K = np.array([[1.0]])
+    loop = SaturatedLoop(model, {}, {"a": 0.0}, {"b": 0.0}, {}, K, limits, {}, {"gust": size})
+    statement = RegionStatement(loop, ((1.0, (2,)),), 1.0, {"a": (-1.1, 1.1)})
+    return RegionLoop(statement, np.eye(1), 4)
+
+
+def test_rates_that_are_not_affine_in_the_disturbance_are_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "models.py"
+    source.write_text(_MODELS)
+    words = ["prove", "region", "--aircraft", f"{source}:SQUARED", "--disturbance"]
+    assert main([*words, "gust=0.1"]) == 2
+    assert "not affine in gust" in capsys.readouterr().err
+    assert main([*words, "rain=0.1"]) == 2
+    assert "declares no disturbance" in capsys.readouterr().err
+
+
+def test_what_happens_between_the_ends_is_not_missed(tmp_path: Path) -> None:
+    part = {"b": "free", "gust": HIGHEST}
+    # At 0.1 and at -0.1 the step is not there; between them it is.
+    with pytest.raises(Undecided):
+        _loop(tmp_path, "STEPPED", 0.1).rates(part)
+    rates = _loop(tmp_path, "SEEN", 0.05).rates(part)
+    assert rates[0].center == arb(0.05)
+    with pytest.raises(Rejected, match="load may leave its limits"):
+        _loop(tmp_path, "SEEN", 0.15).rates(part)
+
+
+def test_the_rates_have_the_disturbance_at_its_end(certificate: Path, model: Model) -> None:
+    content = json.loads(certificate.read_text())
+    statement, witness = read_content(content, model)
+    loop = RegionLoop(statement, witness.T, witness.order)
+    low = loop.rates({"torque": "free", "push": LOWEST})[1]
+    high = loop.rates({"torque": "free", "push": HIGHEST})[1]
+    difference = (high - low).polynomial - Polynomial.constant(arb(2 * SIZE) / (0.15 * 0.5**2))
+    assert all(abs(coefficient) < 1e-12 for _, _, coefficient in difference.terms())
