@@ -25,9 +25,10 @@ from matplotlib.image import imread
 
 from hfa_model import default_parameters
 from hfa_page.claims import claims_table as shown_claims
+from hfa_page.results import ClaimsData
 from hfa_support import BadInputError, NoSolutionError
 from hfa_support.files import write_text
-from hfa_support.jsonable import json_text, jsonable
+from hfa_support.jsonable import json_text
 from hfa_support.provenance import Provenance, parameter_hash
 from hfa_support.reporting.figure import save
 from hfa_support.reporting.report import markdown_table
@@ -210,30 +211,26 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
     used = {law for result in results for law in result["laws"]}
     flights = [(result["section"], flight) for result in results for flight in result["flights"]]
     kept = ("section", "title", "identity", "flights", "pictures")
-    table: dict[str, Any] = jsonable(
+    lost = [
         {
-            "schema": "hfa.claims/1",
-            "setting": setting.identity,
-            "laws": {law: text for law, text in LAWS.items() if law in used},
-            "verdicts": {verdict: verdicts.count(verdict) for verdict in VERDICTS},
-            "lost_flights": [
-                {
-                    "section": section,
-                    "name": one["name"],
-                    "law": one["law"],
-                    "lost_at": one["metrics"]["lost_at"],
-                }
-                for section, one in flights
-                if one["metrics"]["lost_at"] is not None
-            ],
-            "own_failures": [
-                f"{section}: {flight['name']}" for section, flight in flights if _failed(flight)
-            ],
-            "claims": claims,
-            "experiments": [{key: result[key] for key in kept} for result in results],
+            "section": section,
+            "name": flight["name"],
+            "law": flight["law"],
+            "lost_at": flight["metrics"]["lost_at"],
         }
-    )
-    return table
+        for section, flight in flights
+        if flight["metrics"]["lost_at"] is not None
+    ]
+    failures = [f"{section}: {flight['name']}" for section, flight in flights if _failed(flight)]
+    return ClaimsData(
+        setting=setting.identity,
+        laws={law: text for law, text in LAWS.items() if law in used},
+        verdicts={verdict: verdicts.count(verdict) for verdict in VERDICTS},
+        lost_flights=lost,
+        own_failures=failures,
+        claims=claims,
+        experiments=[{key: result[key] for key in kept} for result in results],
+    ).to_dict()
 
 
 def _failed(flight: Mapping[str, Any]) -> bool:

@@ -3,11 +3,12 @@ of their errors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.model import Model
 from hfa_flight.air import ANGLE_OF_ATTACK, OVER_GROUND, flown_through_air, limited_names
 from hfa_flight.envelope import control_limits
 from hfa_flight.monte_carlo import MonteCarlo
@@ -24,26 +25,7 @@ _ALIKE = "nothing differs from member to member: give parameter errors, noise or
 Read = Callable[[str], np.ndarray]
 
 
-class Outcomes(NamedTuple):
-    """What became of N members.
-
-    inside: (N,), whether the member stayed in its envelope
-    within_limits: members that did, with inputs within the control limits, and that settle
-    first_left: s, when the first one left; None where none did
-    left: members by the state that left first
-    exceeded: members by the input that went beyond its control limit
-    limit_cycle: members by what still oscillates at the end
-    """
-
-    inside: np.ndarray
-    within_limits: int
-    first_left: float | None
-    left: dict[str, int]
-    exceeded: dict[str, int]
-    limit_cycle: dict[str, int]
-
-
-def outcomes(plan: MonteCarlo, read: Read) -> Outcomes:
+def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
     """What became of the members of a plan.
 
     plan: of the flights
@@ -57,13 +39,21 @@ def outcomes(plan: MonteCarlo, read: Read) -> Outcomes:
     within = limits.within(read("lowest_input")) & limits.within(read("highest_input"))
     states = limited_names(model, plan.scenario.moving_air)
     oscillating = (*model.inputs, *model.states)
-    return Outcomes(
-        inside=inside,
+    return MemberSummary(
+        dynamics=model.name,
+        plant="nonlinear",
+        law=plan.policy.name,
+        members=plan.members,
+        seed=plan.seed,
+        duration=plan.scenario.duration,
         within_limits=int((inside & within.all(axis=1) & (cycle < 0)).sum()),
+        held=int(inside.sum()),
         first_left=None if inside.all() else float(read("flown")[~inside].min()),
         left={name: int((left == index).sum()) for index, name in enumerate(states)},
         exceeded=dict(zip(model.inputs, (~within).sum(axis=0).tolist(), strict=True)),
         limit_cycle={name: int((cycle == index).sum()) for index, name in enumerate(oscillating)},
+        quantiles=np.array(QUANTILES),
+        **quantiles(model, read, inside),
     )
 
 
@@ -72,27 +62,9 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
 
     where: the members are kept, for the title
 
-    data: the counts of `Outcomes`; held: members that stayed inside; quantity -> variable ->
-    `QUANTILES`, None where no member stayed inside
+    data: those of `MemberSummary`
     """
-    found = outcomes(plan, read)
-    by_variable: dict[str, Any] = quantiles(plan, read, found.inside)
-    data = MemberSummary(
-        dynamics=plan.model.name,
-        plant="nonlinear",
-        law=plan.policy.name,
-        members=plan.members,
-        seed=plan.seed,
-        duration=plan.scenario.duration,
-        within_limits=found.within_limits,
-        held=int(found.inside.sum()),
-        first_left=found.first_left,
-        left=found.left,
-        exceeded=found.exceeded,
-        limit_cycle=found.limit_cycle,
-        quantiles=np.array(QUANTILES),
-        **by_variable,
-    ).as_data()
+    found = summary(plan, read)
     title = (
         f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.policy.name}: "
         f"{plan.members} members of {plan.scenario.duration:g} s, seed {plan.seed}"
@@ -100,15 +72,15 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
     if where:
         title += f", {where}"
     parts: list[Part] = [_counts_text(plan, found)]
-    if found.inside.any():
-        parts.append(_quantile_table(plan, data))
+    if found.held:
+        parts.append(_quantile_table(plan, found))
         if plan.scenario.moving_air and flown_through_air(plan.model):
             parts.append(OVER_GROUND)
     notes = [_ALIKE] if plan.scenario.uncertainty == Uncertainty() else []
-    return Report(title, parts, notes, data)
+    return Report(title, parts, notes, found.as_data())
 
 
-def _counts_text(plan: MonteCarlo, found: Outcomes) -> str:
+def _counts_text(plan: MonteCarlo, found: MemberSummary) -> str:
     """How many stayed within limits, and what the others did, a line each."""
     lines = [f"stayed within limits: {found.within_limits} of {plan.members}"]
     if found.first_left is not None:
@@ -123,14 +95,13 @@ def _counts_text(plan: MonteCarlo, found: Outcomes) -> str:
     return "\n".join(lines)
 
 
-def _listed(counts: dict[str, int]) -> str:
+def _listed(counts: Mapping[str, float]) -> str:
     """Names and counts that are not 0."""
     return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
 
 
-def quantiles(plan: MonteCarlo, read: Read, inside: np.ndarray) -> dict[str, dict[str, Any]]:
+def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
     """Quantity -> variable -> its `QUANTILES` over the members inside, None without any."""
-    model = plan.model
     quantities = {
         "rms_error": (read("rms_error"), model.linear),
         "peak_error": (read("peak_error"), model.linear),
@@ -149,16 +120,20 @@ def quantiles(plan: MonteCarlo, read: Read, inside: np.ndarray) -> dict[str, dic
     }
 
 
-def _quantile_table(plan: MonteCarlo, data: dict[str, Any]) -> Table:
+def _quantile_table(plan: MonteCarlo, found: MemberSummary) -> Table:
     """A row a variable of each quantity of `quantiles`; alpha through the air where it moves."""
-    shown = ["rms_error", "peak_error", "effort"]
-    if plan.scenario.moving_air and "peak_deviation" in data:
-        shown.append("peak_deviation")
+    shown: dict[str, Any] = {
+        "rms error": found.rms_error,
+        "peak error": found.peak_error,
+        "effort": found.effort,
+    }
+    if plan.scenario.moving_air and found.peak_deviation is not None:
+        shown["peak deviation"] = found.peak_deviation
     rows = []
-    for quantity in shown:
-        for variable, values in data[quantity].items():
+    for quantity, by_variable in shown.items():
+        for variable, values in by_variable.items():
             unit = plan.model.unit(variable)
             cells = [short_number(value, unit) for value in values]
-            rows.append((f"{quantity.replace('_', ' ')} {variable}", *cells, shown_unit(unit)))
+            rows.append((f"{quantity} {variable}", *cells, shown_unit(unit)))
     shares = ["largest" if share == 1.0 else f"{100 * share:g} %" for share in QUANTILES]
     return Table(("of those inside the envelope", *shares, "unit"), rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,13 +25,14 @@ from hfa_flight.envelope import (
 from hfa_flight.flight_history import Flight
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_flight.policies import GainPolicy, OpenLoop, Policy
-from hfa_flight.results import FlightData
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
+from hfa_support.reporting.checks import Check
 from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint, at_scheduled
@@ -132,17 +133,39 @@ def fly_within(
     return NonlinearFlight(envelope, loop, flight, left_at, cycle)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightHistory(Result):
+    """What the files of a flight have beside its data.
+
+    history: once a tick, all absolute: times (N,), states (N, n), inputs (N, m), angles_of_attack
+        (N,); errors (N, k), updrafts (N,), or (N, 2) at center and outer panels.
+    """
+
+    history: Mapping[str, Any]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class NonlinearFlight(Reported):
+class NonlinearFlight(Result, Reported):
     """A flight, up to the first tick that left the envelope.
 
     envelope: limits of the states
     loop: what was flown
     flight: deviations from `point`
-    departure: which state left the envelope first, None when none did
-    cycle: what still oscillates at the end, None when nothing does
+    departure: which state left the envelope first: state, time, value, limit; null when none did.
+    cycle: what oscillates to the end: name, amplitude, frequency in rad/s, unit; null when nothing
+        does.
     predicted: the same flight of the linear model, None when none was asked for
     """
+
+    schema = "hfa.flight/1"
+    made_by = "hfa fly"
+    keys = (
+        "dynamics=point.dynamics states=state_names state_units inputs=input_names input_units "
+        "operating_point=point scenario envelope=envelope_limits within_limits held departure "
+        "limit_cycle=cycle exceeded flown final largest_deviation rms_error "
+        "share_beyond_control_limits checks policy largest_difference_from_linear? commanded? "
+        "warnings?"
+    )
 
     envelope: Limits
     loop: ClosedLoop
@@ -156,6 +179,11 @@ class NonlinearFlight(Reported):
         """The trim in which it begins."""
         point: OperatingPoint = self.loop.plant.point
         return point
+
+    @property
+    def model(self) -> Model:
+        """Which aircraft flies."""
+        return self.point.model
 
     @property
     def states(self) -> np.ndarray:
@@ -176,8 +204,8 @@ class NonlinearFlight(Reported):
 
     @property
     def exceeded(self) -> tuple[ControlExcess, ...]:
-        """The inputs that went beyond their control limits before the envelope was left, the
-        farthest first."""
+        """Inputs that went beyond their control limits before the envelope was left, the farthest
+        first: input, value, limit, unit."""
         until = np.inf if self.departure is None else self.departure.time
         return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
 
@@ -186,6 +214,104 @@ class NonlinearFlight(Reported):
         """Whether every state stayed inside the envelope, every input within its limits, and no
         limit cycle is left."""
         return self.departure is None and not self.exceeded and self.cycle is None
+
+    @property
+    def held(self) -> bool:
+        """Whether it stayed inside the envelope, without a limit cycle."""
+        return self.departure is None and self.cycle is None
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states, in order."""
+        return tuple(self.model.states)
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Unit of each state."""
+        return self.model.units(self.state_names)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return tuple(self.model.inputs)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit of each input."""
+        return self.model.units(self.input_names)
+
+    @property
+    def scenario(self) -> Mapping[str, Any]:
+        """Everything that happens in the flight."""
+        return self.loop.scenario.to_dict()
+
+    @property
+    def envelope_limits(self) -> Mapping[str, Vector]:
+        """Limits of each state."""
+        limits = envelope_data(self.envelope, bool(self.flight.winds))
+        return {name: np.array(pair) for name, pair in limits.items()}
+
+    @property
+    def flown(self) -> float:
+        """Time, s."""
+        return float(self.flight.times[-1])
+
+    @property
+    def final(self) -> Mapping[str, float]:
+        """Absolute values at the end."""
+        values = _by_name(self.model.states, self.states[-1])
+        if flown_through_air(self.model):
+            values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
+        return values
+
+    @property
+    def largest_deviation(self) -> Mapping[str, float]:
+        """Largest deviation of each state from trim."""
+        values = _by_name(self.model.states, np.abs(self.flight.states).max(axis=0))
+        if flown_through_air(self.model):
+            trim = getattr(self.point.states, ALPHA)
+            values[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - trim).max())
+        return values
+
+    @property
+    def rms_error(self) -> Mapping[str, float]:
+        """Of each state of the linear model, over the second half."""
+        late = self.flight.errors[len(self.flight.errors) // 2 :]
+        return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
+
+    @property
+    def share_beyond_control_limits(self) -> Mapping[str, float]:
+        """Share of the time that each input is beyond its control limits."""
+        beyond = ~control_limits(self.model).within(self.inputs)
+        return _by_name(self.model.inputs, beyond.mean(axis=0))
+
+    @property
+    def checks(self) -> Sequence[Check]:
+        """None since 0.3; kept for readers of /1."""
+        return ()
+
+    @property
+    def policy(self) -> Mapping[str, Any]:
+        """Law and K; of gains over the scheduling variable also its values."""
+        return self.loop.policy.data(self.model)
+
+    @property
+    def largest_difference_from_linear(self) -> Mapping[str, float] | None:
+        """By state; left out without a prediction."""
+        if self.predicted is None:
+            return None
+        difference = np.abs(self.flight.states - self.predicted.states).max(axis=0)
+        return _by_name(self.model.states, difference)
+
+    @property
+    def commanded(self) -> Mapping[str, Any] | None:
+        """With a controller: errors of what it regulates."""
+        return self.loop.policy.tracking_errors(self.flight) or None
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What to know before trusting the result."""
+        return self.point.warnings
 
     def title(self) -> str:
         """Which flight, and whether it stayed within its limits."""
@@ -196,7 +322,7 @@ class NonlinearFlight(Reported):
         flight += f", law {self.loop.policy.name}"
         if isinstance(self.loop.policy, GainPolicy):
             flight += ", frozen"
-        duration = f"{self.flight.times[-1]:g} s"
+        duration = f"{self.flown:g} s"
         exceeded = ", ".join(excess.text() for excess in self.exceeded)
         wrong = self.departure or self.cycle
         if wrong is not None:
@@ -212,81 +338,39 @@ class NonlinearFlight(Reported):
 
     def report(self) -> Report:
         """Outcome, states against the envelope and the linear prediction, inputs against the
-        control limits; the data are those of `data`."""
-        data = self.data()
-        moving = bool(self.flight.winds) and flown_through_air(self.point.model)
+        control limits."""
+        moving = bool(self.flight.winds) and flown_through_air(self.model)
         parts: list[Part] = []
-        if data.get("commanded"):
-            parts.append(_tracking_table(data["commanded"]))
-        parts.append(self._states(data, moving))
+        if self.commanded:
+            parts.append(_tracking_table(self.commanded))
+        parts.append(self._states(moving))
         if moving:
             parts.append(OVER_GROUND)
-        parts.append(self._inputs(data))
+        parts.append(self._inputs())
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
-        return Report(self.title(), parts, notes, data, self._records())
+        return Report(self.title(), parts, notes, self.as_data(), self._records())
 
-    def data(self) -> dict[str, Any]:
-        """What JSON has of a flight, in the units of the model; not the `history`.
-
-        held: whether the envelope was not left, and no limit cycle is left over
-        """
-        model = self.point.model
-        flight = self.flight
-        late = flight.errors[len(flight.errors) // 2 :]
-        beyond = ~control_limits(model).within(self.inputs)
-        envelope = envelope_data(self.envelope, bool(flight.winds))
-        data: dict[str, Any] = {
-            "dynamics": self.point.dynamics,
-            **names_and_units(model),
-            "operating_point": self.point,
-            "scenario": self.loop.scenario.to_dict(),
-            "envelope": {name: np.array(limits) for name, limits in envelope.items()},
-            "within_limits": self.within_limits,
-            "held": self.departure is None and self.cycle is None,
-            "departure": self.departure,
-            "limit_cycle": self.cycle,
-            "exceeded": self.exceeded,
-            "flown": float(flight.times[-1]),
-            "final": _by_name(model.states, self.states[-1]),
-            "largest_deviation": _by_name(model.states, np.abs(flight.states).max(axis=0)),
-            "rms_error": _by_name(model.linear, np.sqrt(np.mean(late**2, axis=0))),
-            "share_beyond_control_limits": _by_name(model.inputs, beyond.mean(axis=0)),
-            "checks": [],
-            "policy": self.loop.policy.data(model),
-        }
-        if flown_through_air(model):
-            angles = self.angles_of_attack
-            trim = getattr(self.point.states, ALPHA)
-            data["final"][ANGLE_OF_ATTACK] = float(angles[-1])
-            data["largest_deviation"][ANGLE_OF_ATTACK] = float(np.abs(angles - trim).max())
-        if self.predicted is not None:
-            difference = np.abs(flight.states - self.predicted.states).max(axis=0)
-            data["largest_difference_from_linear"] = _by_name(model.states, difference)
-        commanded = self.loop.policy.tracking_errors(flight)
-        if commanded:
-            data["commanded"] = commanded
-        return FlightData(**data).as_data()
-
-    def _states(self, data: dict[str, Any], moving: bool) -> Table:
+    def _states(self, moving: bool) -> Table:
         """A row a state, and where the air moves one of alpha through it."""
-        model = self.point.model
+        model = self.model
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
         header.append("envelope")
-        differences = data.get("largest_difference_from_linear")
+        differences = self.largest_difference_from_linear
         if differences is not None:
             header.append("off the linear model")
+        final = self.final
+        largest = self.largest_deviation
+        errors = self.rms_error
         rows = []
         for index, state in enumerate(model.states):
             unit = model.unit(state)
             limits = limits_text(self.envelope.lowest[index], self.envelope.highest[index], unit)
             names = (state, ANGLE_OF_ATTACK) if state == ALPHA and moving else (state,)
             for name in names:
-                final = data["final"][name] - self.point.states[index]
                 cells = [name, shown_unit(unit)]
-                cells.append(short_number(data["largest_deviation"][name], unit))
-                cells.append(short_number(final, unit))
-                errors = data["rms_error"]
+                cells.append(short_number(largest[name], unit))
+                cells.append(short_number(final[name] - self.point.states[index], unit))
                 cells.append(short_number(errors[name], unit) if name in errors else "")
                 cells.append(limits if name == names[-1] else "")
                 if differences is not None:
@@ -295,21 +379,19 @@ class NonlinearFlight(Reported):
                 rows.append(tuple(cells))
         return Table(tuple(header), rows)
 
-    def _inputs(self, data: dict[str, Any]) -> Table:
+    def _inputs(self) -> Table:
         """A row an input."""
-        model = self.point.model
+        shares = self.share_beyond_control_limits
         rows = []
-        for name, column in zip(model.inputs, self.inputs.T, strict=True):
-            unit = model.unit(name)
+        for name, column in zip(self.model.inputs, self.inputs.T, strict=True):
+            unit = self.model.unit(name)
             lowest = short_number(column.min(), unit)
             highest = short_number(column.max(), unit)
-            beyond = f"{100 * data['share_beyond_control_limits'][name]:.3g} %"
-            rows.append((name, shown_unit(unit), lowest, highest, beyond))
+            rows.append((name, shown_unit(unit), lowest, highest, f"{100 * shares[name]:.3g} %"))
         return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
-    def history(self) -> dict[str, Any]:
-        """Once a tick: times (N,), states (N, n), inputs (N, m), angles of attack, all absolute;
-        errors, updrafts."""
+    def history(self) -> FlightHistory:
+        """Once a tick."""
         every = slice(None, None, self.loop.scenario.steps_per_tick)
         columns = {
             "times": self.flight.times[every],
@@ -320,12 +402,12 @@ class NonlinearFlight(Reported):
         }
         if flown_through_air(self.point.model):
             columns["angles_of_attack"] = self.angles_of_attack[every]
-        return {"history": columns}
+        return FlightHistory(history=columns)
 
     def _records(self) -> Table:
         """The history, one row a tick, each column with its unit: an array, because a flight may be
         long."""
-        history = self.history()["history"]
+        history = self.history().history
         model = self.point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
         columns = [history["times"], history["states"], history["inputs"]]
@@ -339,7 +421,7 @@ class NonlinearFlight(Reported):
         return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)
 
 
-def _tracking_table(commanded: dict[str, dict[str, Any]]) -> Table:
+def _tracking_table(commanded: Mapping[str, Any]) -> Table:
     """A row a commanded output: its rms and largest error over the flight, with their unit.
 
     commanded: what `Policy.tracking_errors` returns.

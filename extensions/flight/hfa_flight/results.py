@@ -6,71 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hfa_flight.envelope import Departure
-from hfa_flight.limit_cycle import LimitCycle
-from hfa_support.reporting.checks import Check
 from hfa_support.reporting.results import Result, Vector
-from trim.point.operating_point import OperatingPoint
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FlightData(Result):
-    """A flight.
-
-    dynamics: published or newton, or the name of another model.
-    states: names of the states, in order.
-    state_units: unit of each state.
-    inputs: names of the inputs, in order.
-    input_units: unit of each input.
-    operating_point: X0, U0 and residuals; ft, rad, s.
-    scenario: everything that happens in the flight.
-    envelope: limits of each state.
-    within_limits: whether it stayed inside the envelope and the control limits.
-    held: whether it stayed inside the envelope, without a limit cycle.
-    departure: null, or which state left first: state, time, value, limit.
-    limit_cycle: null, or what oscillates to the end: name, amplitude, frequency in rad/s, unit.
-    exceeded: inputs beyond their control limits: input, value, limit, unit.
-    flown: s.
-    final: absolute values at the end.
-    largest_deviation: from trim.
-    rms_error: over the second half.
-    share_beyond_control_limits: share of the time.
-    checks: none since 0.3; kept for readers of /1.
-    policy: law, K; of gains over the scheduling variable also its values.
-    largest_difference_from_linear: by state, null without a prediction.
-    warnings: what to know before trusting the result.
-    commanded: with a controller: errors of what it regulates.
-    history: in files: times (N,), states (N, 7), inputs (N, 5), updrafts (N,), or (N, 2) at center
-        and outer panels.
-    """
-
-    schema = "hfa.flight/1"
-    made_by = "hfa fly"
-
-    dynamics: str
-    states: Sequence[str]
-    state_units: Sequence[str]
-    inputs: Sequence[str]
-    input_units: Sequence[str]
-    operating_point: OperatingPoint
-    scenario: Mapping[str, Any]
-    envelope: Mapping[str, Vector]
-    within_limits: bool
-    held: bool
-    departure: Departure | None
-    limit_cycle: LimitCycle | None
-    exceeded: Sequence[Mapping[str, Any]]
-    flown: float
-    final: Mapping[str, float]
-    largest_deviation: Mapping[str, float]
-    rms_error: Mapping[str, float]
-    share_beyond_control_limits: Mapping[str, float]
-    checks: Sequence[Check]
-    policy: Mapping[str, Any]
-    largest_difference_from_linear: Mapping[str, float] | None = None
-    commanded: Mapping[str, Any] | None = None
-    warnings: Sequence[str] | None = None
-    history: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,9 +51,9 @@ class MemberSummary(Result):
     exceeded: Mapping[str, float]
     limit_cycle: Mapping[str, float]
     quantiles: Vector
-    rms_error: Mapping[str, Vector | None] | None = None
-    peak_error: Mapping[str, Vector | None] | None = None
-    effort: Mapping[str, Vector | None] | None = None
+    rms_error: Mapping[str, Vector | None]
+    peak_error: Mapping[str, Vector | None]
+    effort: Mapping[str, Vector | None]
     peak_deviation: Mapping[str, Vector | None] | None = None
     store: Any = None
     warnings: Sequence[str] | None = None

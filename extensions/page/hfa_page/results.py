@@ -11,7 +11,7 @@ from hfa_support.reporting.results import Result
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MainJobData(Result):
-    """The main job on one page.
+    """The main job on one page, put together from the data of its reports.
 
     ok: whether every check passes.
     regeneration: as of hfa regenerate.
@@ -40,7 +40,7 @@ class ClaimsData(Result):
     setting: matrices and configuration.
     laws: laws that were simulated.
     verdicts: how many claims are confirmed, not confirmed, not decidable.
-    lost_flights: section, name, law, time.
+    lost_flights: section, name, law, lost_at (s).
     own_failures: flights of this project's laws that failed.
     claims: claim, number, limit, verdict.
     experiments: flights and pictures of each section.

@@ -23,7 +23,7 @@ MODELS = CommandEntry(
     "hfa_proof.commands.models:models",
     example="hfa prove models --dihedral 14:14.5 --limit-error 0.05",
     install=".[proof]",
-    results=("hfa_proof.search.results:ModelsData",),
+    results=("hfa_proof.search.results:InterpolatedModels",),
 )
 SOLUTION = CommandEntry(
     "proof",

@@ -10,6 +10,6 @@ DESIGN = CommandEntry(
     results=(
         "hfa_servo.results:ControllerData",
         "hfa_servo.results:ControllerFile",
-        "hfa_servo.results:PlantSolution",
+        "hfa_servo.plant_report:OutputSolution hfa_servo.plant_report:StateSolution",
     ),
 )

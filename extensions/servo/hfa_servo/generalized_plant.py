@@ -44,6 +44,7 @@ from hfa_support.errors import (
 )
 from hfa_support.reporting.checks import Check, at_most, below
 from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.results import Matrix
 
 #: The two derivations of the controller differ by rounding alone: largest relative difference of
 #: their responses.
@@ -302,24 +303,24 @@ def _check_rank(name: str, matrix: np.ndarray, kind: str, needed: str) -> None:
 class OutputFeedback(Shown):
     """x̂' = Ak x̂ + Bk y,  u = Ck x̂ + Dk y, and what certifies it.
 
-    Ak: (n, n)
+    Ak: (n, n) of the controller
     Bk: (n, p)
     Ck: (m, n)
     Dk: (m, p)
     X: (n, n), stabilizing solution of the control equation
     Y: (n, n), stabilizing solution of the filter equation
-    delta: of the plant's game
+    delta: of the plant's game: the gain from w to z is below it
     coupling: ρ(X Y) / δ², below 1
     checks: of the two equations' certificates, the coupling, the closed loop and the second
         derivation
     """
 
-    Ak: np.ndarray
-    Bk: np.ndarray
-    Ck: np.ndarray
-    Dk: np.ndarray
-    X: np.ndarray
-    Y: np.ndarray
+    Ak: Matrix
+    Bk: Matrix
+    Ck: Matrix
+    Dk: Matrix
+    X: Matrix
+    Y: Matrix
     delta: float
     coupling: float
     checks: tuple[Check, ...]
@@ -327,18 +328,18 @@ class OutputFeedback(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StateFeedback(Shown):
-    """u = -K x, the worst disturbance w = L x, and what certifies them.
+    """The gain of a plant whose states are measured, and what certifies it.
 
     P: (n, n), the stabilizing solution
-    K: (m, n)
-    disturbance_gain: L, (k, n)
-    delta: of the plant's game
+    K: (m, n), gain, u = -K x
+    disturbance_gain: L, (k, n), worst disturbance w = L x
+    delta: of the plant's game: the gain from w to z is below it
     checks: of the certificate and the closed loop
     """
 
-    P: np.ndarray
-    K: np.ndarray
-    disturbance_gain: np.ndarray
+    P: Matrix
+    K: Matrix
+    disturbance_gain: Matrix
     delta: float
     checks: tuple[Check, ...]
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import Certificate
@@ -18,16 +18,156 @@ from hfa_servo.generalized_plant import (
     solve_plant,
     stored_plant,
 )
-from hfa_servo.results import PlantSolution
 from hfa_support.reporting.checks import checks_block
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table, numbered
 
-#: Of a solution, beside its matrices.
-_SHARED = ("delta", "checks")
 #: delta / delta_min of a generalized plant that names no delta: nearer the controller gets ever
 #: faster poles.
 USUAL_MARGIN = 1.01
+
+
+#: Names of the rows and of the columns of a matrix.
+Names = tuple[tuple[str, ...], tuple[str, ...]]
+_HEAD = (
+    "plant feedback delta=solution.delta delta_min=smallest.value "
+    "delta_min_refused=smallest.refused delta_min_condition=smallest.condition delta_margin"
+)
+_TAIL = "checks=solution.checks certificate closed_loop_eigenvalues"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class PlantSolution(Result, Reported):
+    """The controller of a generalized plant, its delta beside the smallest, and its loop.
+
+    plant: what the game is played on.
+    smallest: delta_min of the plant
+    solution: the controller
+    closed_loop_eigenvalues: 1/s.
+    warnings: what to know before trusting the result.
+    """
+
+    schema = "hfa.plant-solution/1"
+    made_by = "hfa solve, of a generalized plant"
+
+    plant: str
+    smallest: DeltaMin
+    solution: OutputFeedback | StateFeedback
+    closed_loop_eigenvalues: Roots
+    warnings: Sequence[str]
+
+    @property
+    def delta_margin(self) -> float:
+        """delta / delta_min."""
+        return self.smallest.margin(self.solution.delta)
+
+    @property
+    def certificate(self) -> Certificate:
+        """ok, checks."""
+        return Certificate(self.solution.checks)
+
+    @property
+    def law(self) -> str:
+        """How u follows from what is measured."""
+        raise NotImplementedError
+
+    @property
+    def matrices(self) -> dict[str, Names]:
+        """The matrices of the law and the names of their rows and columns."""
+        raise NotImplementedError
+
+    def report(self) -> Report:
+        """The law with its matrices, the loop and the checks."""
+        matrices = [
+            matrix_table(name, rows, columns, getattr(self.solution, name))
+            for name, (rows, columns) in self.matrices.items()
+        ]
+        poles = self.closed_loop_eigenvalues
+        upper = ", ".join(eigenvalue_text(value) for value in poles if value.imag >= 0)
+        limits = f"delta {self.solution.delta:.6g}, smallest possible {self.smallest.value:.7g}"
+        if self.smallest.condition != "none":
+            limits += f", where the {self.smallest.condition} ends it"
+        return Report(
+            title=f"{self.law} for {self.plant}\n{limits}",
+            parts=(*matrices, f"closed loop, 1/s: {upper}", checks_block(self.solution.checks)),
+            data=self.as_data(),
+            records=self._records(),
+        )
+
+    def _records(self) -> Table:
+        """A row an entry of each matrix."""
+        rows = []
+        for name, (row_names, column_names) in self.matrices.items():
+            matrix = getattr(self.solution, name)
+            for i, row in enumerate(row_names):
+                for j, column in enumerate(column_names):
+                    rows.append((name, row, column, matrix[i, j]))
+        return Table(("matrix", "row", "column", "value"), rows)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class OutputSolution(PlantSolution):
+    """The controller of a plant with sensors."""
+
+    keys = (
+        f"{_HEAD} Ak?=solution.Ak Bk?=solution.Bk Ck?=solution.Ck Dk?=solution.Dk X?=solution.X "
+        f"Y?=solution.Y coupling?=solution.coupling {_TAIL} warnings"
+    )
+
+    solution: OutputFeedback
+
+    @property
+    def feedback(self) -> str:
+        """state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk y)."""
+        return "output"
+
+    @property
+    def law(self) -> str:
+        """How u follows from y."""
+        return "Output feedback xk' = Ak xk + Bk y, u = Ck xk + Dk y"
+
+    @property
+    def matrices(self) -> dict[str, Names]:
+        """Of the controller."""
+        own = numbered("xk", len(self.solution.Ak))
+        measured = numbered("y", self.solution.Bk.shape[1])
+        inputs = numbered("u", len(self.solution.Ck))
+        return {
+            "Ak": (own, own),
+            "Bk": (own, measured),
+            "Ck": (inputs, own),
+            "Dk": (inputs, measured),
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class StateSolution(PlantSolution):
+    """The gain of a plant whose states are measured."""
+
+    keys = (
+        f"{_HEAD} {_TAIL} P?=solution.P K?=solution.K "
+        "disturbance_gain?=solution.disturbance_gain warnings"
+    )
+
+    solution: StateFeedback
+
+    @property
+    def feedback(self) -> str:
+        """state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk y)."""
+        return "state"
+
+    @property
+    def law(self) -> str:
+        """How u follows from x."""
+        return "State feedback u = -K x"
+
+    @property
+    def matrices(self) -> dict[str, Names]:
+        """The value and the gain."""
+        states = numbered("x", len(self.solution.P))
+        inputs = numbered("u", len(self.solution.K))
+        return {"P": (states, states), "K": (inputs, states)}
 
 
 def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Report:
@@ -36,12 +176,17 @@ def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Rep
     delta: what the gain is to be below; None: as the file says it."""
     plant, stored_delta, notes = stored_plant(file, arrays)
     bound = stored_delta if delta is None else delta
-    return plant_report(plant, bound, str(file)).with_data(warnings=list(notes))
+    return solution_of_plant(plant, bound, str(file), notes).report()
 
 
-def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> Report:
-    """The controller of a generalized plant at delta, by default `USUAL_MARGIN` times the smallest;
-    origin: its name.
+def solution_of_plant(
+    plant: GeneralizedPlant, delta: float | None, origin: str, notes: Sequence[str] = ()
+) -> PlantSolution:
+    """The controller of a generalized plant.
+
+    delta: what the gain is to be below; None: `USUAL_MARGIN` times the smallest
+    origin: name of the plant
+    notes: what was noticed when it was read
 
     NoSolutionError names the assumption or the condition that fails.
     """
@@ -49,76 +194,12 @@ def plant_report(plant: GeneralizedPlant, delta: float | None, origin: str) -> R
     if delta is None:
         delta = USUAL_MARGIN * smallest.value or 1.0
     solution = solve_plant(plant, delta)
-    states = numbered("x", len(plant.A))
-    inputs = numbered("u", plant.B2.shape[1])
+    shared: dict[str, Any] = {"plant": origin, "smallest": smallest, "warnings": notes}
     if isinstance(solution, StateFeedback):
-        kind = "state"
-        title = "State feedback u = -K x"
-        names = {"P": (states, states), "K": (inputs, states)}
         loop = plant.A - plant.B2 @ solution.K
-    else:
-        kind = "output"
-        title = "Output feedback xk' = Ak xk + Bk y, u = Ck xk + Dk y"
-        measured = numbered("y", len(plant.C2))
-        own = numbered("xk", len(plant.A))
-        names = {
-            "Ak": (own, own),
-            "Bk": (own, measured),
-            "Ck": (inputs, own),
-            "Dk": (inputs, measured),
-        }
-        controller = (solution.Ak, solution.Bk, solution.Ck, solution.Dk)
-        loop = closed_plant(plant, controller)[0]
+        poles = spectrum(loop).eigenvalues
+        return StateSolution(solution=solution, closed_loop_eigenvalues=poles, **shared)
+    controller = (solution.Ak, solution.Bk, solution.Ck, solution.Dk)
+    loop, *_ = closed_plant(plant, controller)
     poles = spectrum(loop).eigenvalues
-    matrices = [
-        matrix_table(name, rows, columns, getattr(solution, name))
-        for name, (rows, columns) in names.items()
-    ]
-    upper = ", ".join(eigenvalue_text(value) for value in poles if value.imag >= 0)
-    limits = f"delta {solution.delta:.6g}, smallest possible {smallest.value:.7g}"
-    if smallest.condition != "none":
-        limits += f", where the {smallest.condition} ends it"
-    return Report(
-        title=f"{title} for {origin}\n{limits}",
-        parts=(*matrices, f"closed loop, 1/s: {upper}", checks_block(solution.checks)),
-        data=_data(solution, smallest, poles, origin, kind),
-        records=_records(solution, names),
-    )
-
-
-def _data(
-    solution: OutputFeedback | StateFeedback,
-    smallest: DeltaMin,
-    poles: np.ndarray,
-    origin: str,
-    kind: str,
-) -> dict[str, Any]:
-    """The data of a solution."""
-    matrices = {name: value for name, value in vars(solution).items() if name not in _SHARED}
-    return PlantSolution(
-        plant=origin,
-        feedback=kind,
-        delta=solution.delta,
-        delta_min=smallest.value,
-        delta_min_refused=smallest.refused,
-        delta_min_condition=smallest.condition,
-        delta_margin=smallest.margin(solution.delta),
-        **matrices,
-        checks=solution.checks,
-        certificate=Certificate(solution.checks),
-        closed_loop_eigenvalues=poles,
-    ).as_data()
-
-
-def _records(
-    solution: OutputFeedback | StateFeedback,
-    names: dict[str, tuple[tuple[str, ...], tuple[str, ...]]],
-) -> Table:
-    """A row an entry of each matrix."""
-    rows = []
-    for name, (row_names, column_names) in names.items():
-        matrix = getattr(solution, name)
-        for i, row in enumerate(row_names):
-            for j, column in enumerate(column_names):
-                rows.append((name, row, column, matrix[i, j]))
-    return Table(("matrix", "row", "column", "value"), rows)
+    return OutputSolution(solution=solution, closed_loop_eigenvalues=poles, **shared)

@@ -6,62 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from controller.riccati.certificate import Certificate
-from hfa_support.reporting.checks import Check
-from hfa_support.reporting.results import Matrix, Result, Roots, Stack, Vector
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlantSolution(Result):
-    """The controller of a generalized plant.
-
-    plant: what the game is played on.
-    feedback: state (u = -K x, P) or output (xk' = Ak xk + Bk y, u = Ck xk + Dk y).
-    delta: the gain from w to z is below it.
-    delta_min: smallest delta, from above.
-    delta_min_refused: and from below.
-    delta_min_condition: the condition that fails below it.
-    delta_margin: delta / delta_min.
-    Ak: (n, n) of the controller.
-    Bk: (n, p).
-    Ck: (m, n).
-    Dk: (m, p).
-    X: solution of the control Riccati equation.
-    Y: solution of the filter Riccati equation.
-    coupling: rho(XY) / delta^2, below 1.
-    checks: of the solution.
-    certificate: ok, checks.
-    closed_loop_eigenvalues: 1/s.
-    warnings: what to know before trusting the result.
-    P: value z' P z.
-    K: gain, u = -K z.
-    disturbance_gain: worst disturbance w = L x.
-    """
-
-    schema = "hfa.plant-solution/1"
-    made_by = "hfa solve, of a generalized plant"
-
-    plant: str
-    feedback: str
-    delta: float
-    delta_min: float
-    delta_min_refused: float
-    delta_min_condition: str
-    delta_margin: float
-    Ak: Matrix | None = None
-    Bk: Matrix | None = None
-    Ck: Matrix | None = None
-    Dk: Matrix | None = None
-    X: Matrix | None = None
-    Y: Matrix | None = None
-    coupling: float | None = None
-    checks: Sequence[Check]
-    certificate: Certificate
-    closed_loop_eigenvalues: Roots
-    warnings: Sequence[str] | None = None
-    P: Matrix | None = None
-    K: Matrix | None = None
-    disturbance_gain: Matrix | None = None
+from hfa_support.reporting.results import Matrix, Result, Stack, Vector
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -24,7 +24,7 @@ from controller.riccati.smallest_delta import DeltaMin
 from hfa_aircraft.model import Model
 from hfa_servo import generalized_plant
 from hfa_servo.generalized_plant import central_controller, closed_plant, stored_plant
-from hfa_servo.plant_report import plant_report
+from hfa_servo.plant_report import solution_of_plant
 from hfa_support import BadInputError, NoSolutionError
 from verification import GeneralizedPlant, minimum_delta, solve_game, solve_plant
 
@@ -456,7 +456,7 @@ def test_the_smallest_delta_of_a_scalar_plant_and_its_report() -> None:
     assert below < 0 < above
     with pytest.raises(NoSolutionError, match="the coupling condition fails: rho"):
         solve_plant(scalar(), smallest * 0.999)
-    report = plant_report(scalar(), 3.0, "one state")
+    report = solution_of_plant(scalar(), 3.0, "one state").report()
     assert report.title.endswith(
         f"delta 3, smallest possible {smallest:.7g}, where the coupling condition ends it"
     )
@@ -464,11 +464,11 @@ def test_the_smallest_delta_of_a_scalar_plant_and_its_report() -> None:
     with pytest.raises(
         NoSolutionError, match=r"the coupling condition fails: rho.* is below delta_min = "
     ):
-        plant_report(scalar(), 0.99 * smallest, "one state")
+        solution_of_plant(scalar(), 0.99 * smallest, "one state")
     free = GeneralizedPlant.measured(
         Game(-0.5 * ONE, 2 * ONE, ONE, 0 * ONE, ONE, 9.0), ONE, 0.25 * ONE
     )
-    data = plant_report(free, 9.0, "one state").data
+    data = solution_of_plant(free, 9.0, "one state").as_data()
     assert (data["delta_min"], data["delta_margin"], data["coupling"]) == (0.0, None, 0.0)
 
 

@@ -95,7 +95,7 @@ def fly(request: FlyRequest) -> int:
         report,
         request,
         figure=lambda: flight_figure(result, report.title),
-        only_in_files=result.history(),
+        only_in_files=result.history().as_data(),
         points=[flight.point],
     )
     return 0 if result.within_limits else 1

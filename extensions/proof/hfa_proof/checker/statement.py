@@ -22,6 +22,7 @@ from hfa_aircraft.model import Model
 from hfa_proof.arithmetic.balls import lowest_sign
 from hfa_proof.checker.reading import Fields, require
 from hfa_support.errors import BadInputError, shown
+from hfa_support.reporting.results import Stack, Vector
 
 #: The equations of the paper's aircraft, which a certificate names without a file.
 _DYNAMICS = ("published", "newton", "unsteady")
@@ -410,11 +411,11 @@ class ModelsStatement:
 
     flight: Flight
     weights: Weights
-    breakpoints: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
-    inputs: np.ndarray
-    K: np.ndarray
+    breakpoints: Vector
+    A: Stack
+    B: Stack
+    inputs: Stack
+    K: Stack
     errors: Mapping[str, float]
 
     @classmethod

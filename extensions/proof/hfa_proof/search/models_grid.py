@@ -33,8 +33,7 @@ from hfa_proof.checker.witness import SolutionBox, trim_content
 from hfa_proof.search.certificate import Content, Proof
 from hfa_proof.search.family import Box, Family, TrimSearch, bisected
 from hfa_proof.search.lines import find_line
-from hfa_proof.search.report import breakpoint_data
-from hfa_proof.search.results import ModelsData
+from hfa_proof.search.results import InterpolatedModels
 from hfa_proof.search.solution_proof import weights_of
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -107,21 +106,7 @@ def prove_models(
         grid.add(box)
     ends, errors = grid.coarsest()
     statement = replace(grid.tables(ends), errors=errors)
-    model = family.model
-    data = ModelsData(
-        dynamics=model.name,
-        tolerance=tolerance,
-        error=errors,
-        **breakpoint_data(model, statement.breakpoints),
-        A=statement.A,
-        B=statement.B,
-        K=statement.K,
-        inputs_offset=statement.inputs[..., 0],
-        states=model.linear,
-        inputs=tuple(model.inputs),
-        state_units=model.units(model.linear),
-        input_units=model.units(tuple(model.inputs)),
-    ).as_data()
+    data = InterpolatedModels(statement=statement, tolerance=tolerance).as_data()
     return Proof(statement, {"cells": [cell.content() for cell in grid.cells]}, data)
 
 

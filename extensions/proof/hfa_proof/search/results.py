@@ -6,12 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from hfa_support.reporting.results import Matrix, Result, Stack, Vector
+from hfa_aircraft.model import Model
+from hfa_proof.checker.statement import ModelsStatement
+from hfa_support.reporting.results import Matrix, Result, Vector
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProofData(Result):
-    """What is proved, or was checked.
+    """What is proved, or was checked: the keys of dicts, which the provers and the report of a
+    check fill, because null says that something is open and what a kind has not is left out.
 
     statement: schedule, solution, critic or check.
     dynamics: published or newton, or the name of another model.
@@ -100,45 +103,70 @@ class ProofData(Result):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ModelsData(Result):
+class InterpolatedModels(Result):
     """Linear models that interpolate within a proved bound.
 
-    dynamics: published or newton, or the name of another model.
+    statement: the models and their bounds
     tolerance: asked for.
-    error: proved bounds.
-    dihedral_deg: nodes, degrees.
-    A: (G, 6, 6).
-    B: (G, 6, 5).
-    K: (G, 5, 6), the exact game's gain.
-    inputs_offset: (G, 5) U0.
-    states: names of the states, in order.
-    inputs: names of the inputs, in order.
-    state_units: unit of each state.
-    input_units: unit of each input.
-    scheduled: of another aircraft: scheduling variable -> nodes.
     """
 
     schema = "hfa.lpv/1"
     made_by = "hfa prove models"
+    keys = (
+        "dynamics=model.name tolerance error=statement.errors dihedral_deg? A=statement.A "
+        "B=statement.B K=statement.K inputs_offset states inputs state_units input_units scheduled?"
+    )
 
-    dynamics: str
+    statement: ModelsStatement
     tolerance: float
-    error: Mapping[str, float]
-    dihedral_deg: Vector | None = None
-    A: Stack
-    B: Stack
-    K: Stack | None = None
-    inputs_offset: Matrix
-    states: Sequence[str]
-    inputs: Sequence[str]
-    state_units: Sequence[str]
-    input_units: Sequence[str]
-    scheduled: Mapping[str, Any] | None = None
+
+    @property
+    def model(self) -> Model:
+        """Whose models these are."""
+        return self.statement.flight.model
+
+    @property
+    def dihedral_deg(self) -> Vector | None:
+        """Nodes, degrees."""
+        return self.statement.breakpoints if self.model.names_schedule else None
+
+    @property
+    def scheduled(self) -> Mapping[str, Vector] | None:
+        """Of another aircraft: scheduling variable -> nodes."""
+        if self.model.names_schedule:
+            return None
+        return {self.model.schedule: self.statement.breakpoints}
+
+    @property
+    def inputs_offset(self) -> Matrix:
+        """(G, m) U0."""
+        return self.statement.inputs[..., 0]
+
+    @property
+    def states(self) -> Sequence[str]:
+        """Names of the states, in order."""
+        return self.model.linear
+
+    @property
+    def inputs(self) -> Sequence[str]:
+        """Names of the inputs, in order."""
+        return tuple(self.model.inputs)
+
+    @property
+    def state_units(self) -> Sequence[str]:
+        """Unit of each state."""
+        return self.model.units(self.model.linear)
+
+    @property
+    def input_units(self) -> Sequence[str]:
+        """Unit of each input."""
+        return self.model.units(tuple(self.model.inputs))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CertificateData(Result):
-    """The file of a certificate.
+    """The file of a certificate: the keys of a text, which is sealed by digests of that text and
+    checked before it is believed, so that it is never a value.
 
     kind: schedule, game, models or region.
     toolchain: version that wrote it.
