@@ -1,6 +1,8 @@
 """The aircraft: three rigid panels on two hinges, seven states, five inputs, written
 symbolically."""
 
+from hfa_air.unsteady import UNSTEADY as UNSTEADY
+
 from .choice import aircraft as aircraft
 from .declaration import (
     is_hfa as is_hfa,
@@ -16,7 +18,6 @@ from .parameters import (
     load_parameters as load_parameters,
 )
 from .printed_matrices import published_models as published_models
-from .unsteady import UNSTEADY as UNSTEADY
 from .variants import VARIANTS as VARIANTS
 from .vectors import (
     DEGREE as DEGREE,

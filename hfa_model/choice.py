@@ -5,8 +5,9 @@ from __future__ import annotations
 from hfa_aircraft.model import Model
 from hfa_model.declaration import rigid_panels
 from hfa_model.parameters import Parameters, default_parameters
-from hfa_model.variants import Variant, variant_named
+from hfa_model.variants import VARIANTS, Variant, further_dynamics, variant_named
 from hfa_support.arguments import checks_arguments
+from hfa_support.entry_points import loaded
 from hfa_support.errors import BadInputError, is_finite, shown
 
 #: Parameters that no aircraft has below zero. Inertias are not among them: a fit to one printed
@@ -18,7 +19,8 @@ _SIZES = ("panel_mass", "panel_span", "chord")
 def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
     """The highly flexible aircraft as a `Model`.
 
-    dynamics: "published", "newton" or "unsteady", or a variant of the equations
+    dynamics: "published" or "newton", one of other packages ("unsteady"), or a variant of the
+        equations
     parameters: by default the identified ones
 
     BadInputError for unknown dynamics and for parameters that no aircraft has.
@@ -28,12 +30,12 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     200.0
     """
     values = default_parameters().values if parameters is None else _checked_parameters(parameters)
-    if dynamics == "unsteady":
-        from hfa_model.unsteady import UNSTEADY
-
-        return UNSTEADY.with_parameters(**values._asdict())
-    variant = variant_named(dynamics) if isinstance(dynamics, str) else dynamics
-    return rigid_panels(variant, values)
+    if not isinstance(dynamics, str):
+        return rigid_panels(dynamics, values)
+    if dynamics not in VARIANTS and dynamics in further_dynamics():
+        made: Model = loaded(further_dynamics()[dynamics])(values)
+        return made
+    return rigid_panels(variant_named(dynamics), values)
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:

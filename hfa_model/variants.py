@@ -21,12 +21,17 @@ The two terms in η' have one cause: `published` leaves out that the hinge moves
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from hfa_model.parameters import Parameters
 from hfa_model.vectors import Quantity, State
+from hfa_support.entry_points import PARTS, offered
 from hfa_support.errors import BadInputError, refuse_unknown
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 
 @dataclass(frozen=True)
@@ -98,12 +103,19 @@ Variant = Published | Newton
 VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
 
 
+def further_dynamics() -> dict[str, EntryPoint]:
+    """Dynamics with more than these seven states, which packages offer as `hfa.parts`
+    dynamics.NAME: name -> function of the parameters that returns the `Model`."""
+    prefix = "dynamics."
+    parts = offered(PARTS)
+    return {name.removeprefix(prefix): parts[name] for name in parts if name.startswith(prefix)}
+
+
 def variant_named(name: str) -> Variant:
-    """The variant of a name of `VARIANTS`. BadInputError for any other: "unsteady" is no variant of
-    the seven equations."""
-    refuse_unknown("unknown dynamics", name, (*VARIANTS, "unsteady"))
-    if name not in VARIANTS:
-        raise BadInputError(
-            "the unsteady dynamics have more than seven states; this takes published or newton"
-        )
-    return VARIANTS[name]
+    """The variant of a name of `VARIANTS`. BadInputError for any other."""
+    if name in VARIANTS:
+        return VARIANTS[name]
+    refuse_unknown("unknown dynamics", name, (*VARIANTS, *further_dynamics()))
+    raise BadInputError(
+        f"the {name} dynamics have more than seven states; this takes {' or '.join(VARIANTS)}"
+    )

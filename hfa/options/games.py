@@ -20,6 +20,7 @@ from hfa.options.request import OfModel, Request, option
 from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption
 from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
+from hfa_model.variants import VARIANTS
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, NoSolutionError, said_of
 from hfa_support.files import MATRIX_FILES
@@ -175,7 +176,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
                     " take it"
                 )
             return named
-        if not self.own and self.dynamics != "unsteady" and self.at is None:
+        if not self.own and self.dynamics in VARIANTS and self.at is None:
             raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)

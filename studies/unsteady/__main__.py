@@ -27,7 +27,7 @@ from controller import (
     load_design,
     published_game,
 )
-from hfa_model import UNSTEADY
+from hfa_air.unsteady import UNSTEADY
 from hfa_servo.design import Actuator
 from hfa_servo.servo_loop import servo_loop, servo_margins, servo_plant
 from hfa_support import Model

@@ -25,7 +25,6 @@ from hfa_model import (
     load_parameters,
     save_parameters,
 )
-from hfa_model.unsteady import LAG_STATES, UNSTEADY
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from hfa_support.provenance import parameter_hash
 from studies.identification.parameters import ASSUMED
@@ -265,50 +264,6 @@ def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> N
 def test_the_wind_in_a_file_is_not_the_disturbance_of_its_game() -> None:
     assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", "model.mat").code == 0
     assert answer("solve", "--model", "model.mat")["P"] == answer("solve", *AT_15)["P"]
-
-
-# The third dynamics.
-
-UNSTEADY_11 = ("--dihedral", "11", "--dynamics", "unsteady")
-
-
-def test_trims_models_and_games_have_the_lag_states() -> None:
-    trimmed = answer("trim", *UNSTEADY_11)["operating_point"]
-    assert list(trimmed["states"])[7:] == list(LAG_STATES)
-    model = answer("linearize", *UNSTEADY_11)
-    assert model["states"] == list(UNSTEADY.linear)
-    assert "E" not in model
-    gusts = [name for name in LAG_STATES if name not in UNSTEADY.linear]
-    windy = answer("linearize", *UNSTEADY_11, "--states", ",".join([*UNSTEADY.linear, *gusts]))
-    assert np.array(windy["E"]).shape == (25, len(UNSTEADY.disturbances))
-    game = answer("solve", *UNSTEADY_11)
-    assert game["certificate"]["ok"]
-    assert game["delta_min"] == pytest.approx(141.95, abs=0.01)
-    assert game["states"] == model["states"]
-
-
-def test_effects_are_parameters_and_sweeps_have_them() -> None:
-    off = [
-        word
-        for name in ("local_motion", "apparent_mass", "lift_lag")
-        for word in ("--hold", f"{name}=0")
-    ]
-    off += [
-        word
-        for name in ("gust_lag", "finite_span", "downwash_share")
-        for word in ("--hold", f"{name}=0")
-    ]
-    plain = answer("linearize", *UNSTEADY_11, *off, "--states", ",".join(LINEAR_STATES))
-    newton = answer("linearize", "--dihedral", "11", "--dynamics", "newton")
-    np.testing.assert_allclose(plain["A"], newton["A"], rtol=1e-9, atol=1e-10)
-    data = answer(
-        "sweep", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=0,1"
-    )
-    assert data["reasons"] == [""] * 2
-    with_mass = answer(
-        "solve", "--dihedral", "20", "--dynamics", "unsteady", "--hold", "apparent_mass=1"
-    )
-    assert with_mass["delta_min"] == pytest.approx(138.72, abs=0.01)
 
 
 # Which aircraft an output is about; test_files.py has that a file has what the JSON has.

@@ -34,6 +34,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
+from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_model.aerodynamics import Loads, PanelLoads, panel_loads, sum_of_panels
 from hfa_model.atmosphere import density
@@ -52,7 +53,7 @@ from hfa_model.kinematics import (
     winds_named,
 )
 from hfa_model.outputs import Moment, outputs_of
-from hfa_model.parameters import default_parameters
+from hfa_model.parameters import Parameters, default_parameters
 from hfa_model.variants import Newton, variant_named
 from hfa_model.vectors import LINEAR_STATES, STATE_SIGNALS, STATES, Quantity
 
@@ -544,3 +545,8 @@ UNSTEADY = replace(
     parts={"short_period": ("alpha", *_LAGS, "downwash")},
     describe_trim=None,  # its loads are others
 )
+
+
+def unsteady_aircraft(parameters: Parameters) -> Model:
+    """The aircraft with these parameters and all effects."""
+    return UNSTEADY.with_parameters(**parameters._asdict())

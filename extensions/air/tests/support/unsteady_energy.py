@@ -45,7 +45,7 @@ class Derived(NamedTuple):
 
 
 def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) -> Derived:
-    """At a state and input by name (SX), as `hfa_model.UNSTEADY` has them; the drag takes the speed
+    """At a state and input by name (SX), as `hfa_air.unsteady.UNSTEADY` has them; the drag takes the speed
     through the air."""
     r = ca.SX.sym("r", 4)
     v = ca.SX.sym("v", 4)

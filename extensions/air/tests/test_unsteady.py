@@ -15,11 +15,11 @@ from random_points import random_points, rates
 from scipy import special
 from unsteady_energy import derived_unsteady
 
-import hfa_model.unsteady as source
-from hfa_model import STATES, UNSTEADY, VARIANTS, Input, Parameters, State
+import hfa_air.unsteady as source
+from hfa_air.unsteady import EFFECTS, KUESSNER, LAG_STATES, UNSTEADY, WAGNER, Lag
+from hfa_model import STATES, VARIANTS, Input, Parameters, State
 from hfa_model.atmosphere import density
 from hfa_model.kinematics import DISTURBANCES, winds_named
-from hfa_model.unsteady import EFFECTS, KUESSNER, LAG_STATES, WAGNER, Lag
 from trim import find_operating_point, level_model, linearize
 from trim.point.condition import usual_condition
 
