@@ -10,6 +10,7 @@ from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.region import Region, lost_starts
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 #: Pairs of states that are drawn at most, and rays of each.
@@ -19,6 +20,10 @@ _RAYS = 361
 _WIDER = 1.4
 #: The corners of a box, closed.
 _CORNERS = np.array([[-1.0, 1.0, 1.0, -1.0, -1.0], [-1.0, -1.0, 1.0, 1.0, -1.0]])
+#: A box whose sides are farther than so many times the view is not shown whole; a view that holds
+#: one is so much wider.
+_FARTHEST_BOX = 4.0
+_ABOUT_BOX = 1.1
 #: Rays of each on which starts are followed.
 _FLOWN = 40
 
@@ -39,17 +44,17 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     for index, (i, j) in enumerate(pairs):
         axes = figure.add_subplot(rows, columns, index + 1)
         _draw(axes, region, i, j)
+        model = region.plant.loop.model
+        axes.set_xlabel(f"{states[i]}, {model.unit(states[i])}")
+        axes.set_ylabel(f"{states[j]}, {model.unit(states[j])}")
         if box is not None:
-            x, y = box[i] * _CORNERS[0], box[j] * _CORNERS[1]
-            axes.plot(x, y, "k:", label="box of a critic's comparison")
-        axes.set_xlabel(f"{states[i]}, {region.plant.loop.model.unit(states[i])}")
-        axes.set_ylabel(f"{states[j]}, {region.plant.loop.model.unit(states[j])}")
+            _draw_box(axes, float(box[i]), float(box[j]))
         if index == 0:
             axes.legend(loc="upper right", fontsize="small")
     return figure
 
 
-def _draw(axes: object, region: Region, i: int, j: int) -> None:
+def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
     """The levels of one cut."""
     levels = [("proved", region.rho, "C0", "-")]
     for name, (level, place), color in (
@@ -60,15 +65,28 @@ def _draw(axes: object, region: Region, i: int, j: int) -> None:
             levels.append((name, level, color, "--"))
     for name, level, color, style in levels:
         x, y = _cut(region.V, level, region.T, i, j)
-        axes.plot(x, y, style, color=color, label=name)  # type: ignore[attr-defined]
+        axes.plot(x, y, style, color=color, label=name)
         if name == "proved":
-            axes.fill(x, y, color=color, alpha=0.2)  # type: ignore[attr-defined]
-    x_limits, y_limits = axes.get_xlim(), axes.get_ylim()  # type: ignore[attr-defined]
-    axes.set_xlim(*(_WIDER * np.array(x_limits)))  # type: ignore[attr-defined]
-    axes.set_ylim(*(_WIDER * np.array(y_limits)))  # type: ignore[attr-defined]
+            axes.fill(x, y, color=color, alpha=0.2)
+    x_limits, y_limits = axes.get_xlim(), axes.get_ylim()
+    axes.set_xlim(*(_WIDER * np.array(x_limits)))
+    axes.set_ylim(*(_WIDER * np.array(y_limits)))
     found = lost_starts(region.plant, region.V, region.rho, region.T, _rays(region.T, i, j, _FLOWN))
-    axes.plot(found[:, i], found[:, j], "C3x", label="starts lost")  # type: ignore[attr-defined]
-    axes.plot(0.0, 0.0, "k+")  # type: ignore[attr-defined]
+    axes.plot(found[:, i], found[:, j], "C3x", label="starts lost")
+    axes.plot(0.0, 0.0, "k+")
+
+
+def _draw_box(axes: Axes, x: float, y: float) -> None:
+    """The box of half widths x and y; the view reaches to its sides where they are not too far, and
+    where they are the label says how far."""
+    axes.plot(x * _CORNERS[0], y * _CORNERS[1], "k:", label="box of a critic's comparison")
+    for half, side in ((x, axes.xaxis), (y, axes.yaxis)):
+        low, high = side.get_view_interval()
+        if half > _FARTHEST_BOX * high:
+            side.set_label_text(f"{side.get_label_text()} (box to ±{half:.3g})")
+            continue
+        wide = _ABOUT_BOX * half
+        side.set_view_interval(min(low, -wide), max(high, wide), ignore=True)
 
 
 def _cut(

@@ -1,0 +1,78 @@
+"""What the picture of a region shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from hfa_aircraft.loading import load_model
+from hfa_region.check.statement import RegionStatement
+from hfa_region.picture import region_figure
+from hfa_region.search.function import PolynomialFunction
+from hfa_region.search.level import ProvedLevel
+from hfa_region.search.plant import Plant, saturated_loop
+from hfa_region.search.region import Bounds, Region
+from trim.linear.linear_model import linearize
+from trim.point.solve import find_operating_point
+
+PENDULUM = f"{Path(__file__).parents[3] / 'examples' / 'pendulum.py'}:PENDULUM"
+
+
+@pytest.fixture(scope="module")
+def region() -> Region:
+    """{angle² + rate² / 36 <= 0.25} of the pendulum, V' >= 0 and a lost start beyond it; what is
+    drawn does not depend on the proof."""
+    model = load_model(PENDULUM)
+    loop = saturated_loop(linearize(model, find_operating_point(model)), np.array([[2.0, 1.0]]))
+    V = PolynomialFunction.quadratic(np.diag([1.0, 1.0 / 36.0]))
+    statement = RegionStatement(loop, V.terms, 0.25, {"angle": (-0.5, 0.5), "rate": (-3.0, 3.0)})
+    bounds = Bounds((0.3, np.array([0.5, 0.0])), (0.5, np.array([0.6, 1.0])), ())
+    proved = ProvedLevel(statement, {}, 1)
+    return Region(proved, V, "a test", bounds, Plant(loop), np.diag([0.5, 3.0]))
+
+
+def lines(axes: Axes) -> dict[str, Line2D]:
+    return {str(line.get_label()): line for line in axes.get_lines()}
+
+
+def drawn(figure: Figure) -> Axes:
+    (axes,) = figure.axes
+    figure.canvas.draw()
+    return axes
+
+
+def test_the_picture_has_the_set_its_limits_the_lost_starts_and_the_box(region: Region) -> None:
+    axes = drawn(region_figure(region, np.array([1.0, 8.0])))
+    shown = lines(axes)
+    names = ("proved", "V' >= 0 found", "start lost", "starts lost", "box of a critic's comparison")
+    assert set(names) <= set(shown)
+    for name, level in (("proved", 0.25), ("V' >= 0 found", 0.3), ("start lost", 0.5)):
+        points = np.column_stack(shown[name].get_data())
+        assert np.allclose(region.V(points), level)
+    x, y = shown["box of a critic's comparison"].get_data()
+    assert set(zip(np.abs(x), np.abs(y), strict=True)) == {(1.0, 8.0)}
+    assert axes.get_xlim()[1] > 1.0
+    assert axes.get_ylim()[1] > 8.0
+    assert axes.get_xlabel() == "angle, rad"
+    lost = np.column_stack(shown["starts lost"].get_data())
+    assert np.all(region.V(lost) > 0.25)
+
+
+def test_of_a_box_much_larger_than_the_set_the_label_says_how_far_it_reaches(
+    region: Region,
+) -> None:
+    axes = drawn(region_figure(region, np.array([40.0, 1.0])))
+    assert axes.get_xlabel() == "angle, rad (box to ±40)"
+    assert axes.get_xlim()[1] < 2.0
+    x, y = lines(axes)["box of a critic's comparison"].get_data()
+    assert np.max(x) == 40.0
+    assert axes.get_ylim()[1] > np.max(y) == 1.0
+
+
+def test_without_a_box_none_is_drawn(region: Region) -> None:
+    assert "box of a critic's comparison" not in lines(drawn(region_figure(region)))
