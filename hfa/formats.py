@@ -25,11 +25,8 @@ RESULTS = (
     "trim.sweeps.sweep:Sweep",
     "verification.regeneration:Regeneration",
     "controller.riccati.solution_report:AnalysedGame hfa.options.games:NamedGame",
-    "controller.riccati.discrete_report:AnalysedDiscreteGame hfa.options.games:NamedGame",
     "controller.game.training_run:TrainingRun hfa.options.games:NamedGame hfa.commands.game:Judged",
     "verification.critic.verdict:Verdict verification.critic.verdict:Details"
-    " hfa.options.games:Weights hfa.options.games:NamedGame",
-    "verification.critic.verdict:DiscreteVerdict verification.critic.verdict:Details"
     " hfa.options.games:Weights hfa.options.games:NamedGame",
     "verification.critic.verdict:Verdicts hfa.options.games:Weights hfa.options.games:NamedGame",
 )

@@ -1,6 +1,7 @@
 """Is it true: the exact game solution with its certificate, and everything that is checked against
 it."""
 
+from hfa_discrete.solution import solve_discounted as solve_discounted
 from hfa_networks.files.network import from_network as from_network
 from hfa_proof.checker.checker import check_certificate as check_certificate
 from hfa_proof.search.family import Family as Family
@@ -31,7 +32,6 @@ from .exact_solution import (
     bounded_real_gain as bounded_real_gain,
     disk_margin as disk_margin,
     minimum_delta as minimum_delta,
-    solve_discounted as solve_discounted,
     solve_game as solve_game,
     solve_games as solve_games,
 )

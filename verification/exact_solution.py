@@ -1,7 +1,6 @@
 """The exact game solution and its analysis, which the checks compare with, offered under the
 package's own name."""
 
-from controller.riccati.discrete import solve_discounted as solve_discounted
 from controller.riccati.frequency_response import bounded_real_gain as bounded_real_gain
 from controller.riccati.gare import (
     Solution as Solution,

@@ -17,7 +17,6 @@ from controller.critic.critic import Critic, from_parts
 from controller.critic.features import features_of
 from controller.game.array_file import UNKNOWN, read_arrays
 from controller.game.basis import Basis, basis
-from controller.game.discrete_game import DiscreteGame
 from controller.game.names import UNNAMED, PlantNames
 from controller.game.user_files import file_scales, found_in, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
@@ -75,7 +74,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         read = part(CRITICS, _format_of(Path(path)), str(path))
         critic: Critic = read(game, path, reading)
         return (critic,)
-    entries = _entries(path)
+    entries = entries_in(path)
     with said_of(path):
         if UNKNOWN in entries:
             entries = {_part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
@@ -98,25 +97,6 @@ def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> C
     return critics_in(path, game, reading)[-1]
 
 
-def critic_of_steps(
-    path: str | Path, problem: DiscreteGame, reading: Reading | None = None
-) -> tuple[Critic, dict[str, Any]]:
-    """The one critic of a file on a plant in discrete time, and L and H, where the file has them.
-
-    P, K and L follow from H where the file does not have them. BadInputError, one line.
-    """
-    entries = {} if is_network(Path(path)) else _entries(path)
-    if "H" not in entries:
-        more = {"L": entries["L"]} if "L" in entries else {}
-        return critic_in(path, problem.step, reading), more
-    with said_of(path):
-        parts = problem.of_q_function(entries["H"])
-        parts |= {name: entries[name] for name in ("P", "K", "L") if name in entries}
-        critic = from_parts(problem.step, {name: parts[name] for name in ("P", "K")})
-    more = {name: parts[name] for name in ("L",) if name in parts}
-    return critic, more | {"H": entries["H"]}
-
-
 def stored_parts(
     path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None
 ) -> dict[str, np.ndarray]:
@@ -124,7 +104,7 @@ def stored_parts(
 
     functions: the basis of W. BadInputError, one line that names the file.
     """
-    entries = _entries(path)
+    entries = entries_in(path)
     with said_of(path):
         return _single_parts(entries, plant, functions)
 
@@ -209,7 +189,7 @@ def _format_of(path: Path) -> str:
     return "weight" if any(re.search(r"(^|\.)weight$", name) for name in names) else ""
 
 
-def _entries(path: str | Path) -> dict[str, Any]:
+def entries_in(path: str | Path) -> dict[str, Any]:
     """The entries of a file, also under the names that this module uses."""
     stored = read_arrays(path)
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored

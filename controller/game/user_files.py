@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.array_file import read_arrays
-from controller.game.discrete_game import DiscreteGame
 from controller.game.names import PlantNames
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened, shown
 from hfa_support.units import si_factor, si_unit
 
@@ -97,7 +97,8 @@ class StoredGame(NamedTuple):
 
     notes: entries that were not used, defaults that were taken
     provenance: where the plant comes from, as the file says it: entry -> text
-    discrete: of a plant in discrete time the game whose step `game` is, else None
+    discrete: of a plant in discrete time the game whose step `game` is, as the package that knows
+        such games makes it; else None
     has_time: whether the file says continuous or discrete
     stated: what it says of A, B, E, Q, R and delta
     """
@@ -105,7 +106,7 @@ class StoredGame(NamedTuple):
     game: Game
     notes: tuple[str, ...]
     provenance: dict[str, str]
-    discrete: DiscreteGame | None = None
+    discrete: Any = None
     has_time: bool = False
     stated: tuple[str, ...] = ()
 
@@ -208,7 +209,7 @@ def is_discrete(stored: Mapping[str, Any]) -> bool:
     return time == ("discrete",)
 
 
-def _discrete(stored: Mapping[str, Any], game: Game) -> DiscreteGame | None:
+def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
     """The game in discrete time whose step this is; None in continuous time."""
     if not is_discrete(stored):
         for key in DISCRETE_KEYS:
@@ -218,7 +219,7 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> DiscreteGame | None:
     discount = 1.0
     if "discount" in stored:
         discount = one_number("discount", stored["discount"])
-    return DiscreteGame(game, discount, stored.get("N"))
+    return part(PARTS, "game.steps", 'time = "discrete"')(game, discount, stored.get("N"))
 
 
 def one_number(name: str, value: Any) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.command import command
-from hfa.options.games import GameOptions, LearningOptions, NamedGame
+from hfa.options.games import IN_STEPS, GameOptions, LearningOptions, NamedGame
 from hfa.options.trims import OutputOptions
 from hfa.output import ProgressLine, show
 from hfa_support.entry_points import PARTS, part
@@ -15,7 +15,6 @@ from hfa_support.reporting.checks import Check
 from hfa_support.reporting.results import Matrix, Result
 
 if TYPE_CHECKING:
-    from controller.game.discrete_game import DiscreteGame
     from controller.game.training_run import TrainingRun
     from verification.critic.verdict import Verdict
 
@@ -51,12 +50,8 @@ def solve(request: GameRequest) -> int:
             return 0
     named = request.game(arrays, may_be_discrete=True)
     if named.discrete is not None:
-        from controller.riccati.discrete_report import analyse_discrete, discrete_report
-
-        analysed = analyse_discrete(named.discrete, ProgressLine("solve"))
-        discrete = discrete_report(analysed)
-        show(discrete.with_data(**named.as_data()), request, notes=named.warnings)
-        return 0
+        code: int = part(PARTS, "solve.steps", IN_STEPS)(request, named)
+        return code
     with named.asking_for_time():
         analysed_game = analyse_game(named.game, ProgressLine("solve"))
     report = solution_report(analysed_game)
@@ -82,23 +77,11 @@ def learn(request: LearnRequest) -> int:
 
     named = request.game(may_be_discrete=True)
     if named.discrete is not None:
-        return _learn_steps(request, named, named.discrete)
+        code: int = part(PARTS, "learn.steps", IN_STEPS)(request, named)
+        return code
     run = request.learned(named.game)
     critic = from_weights(named.game, run.weights[-1], run.basis)
-    return _show_learned(request, named, run, check_critic(named.game, critic, run=run))
-
-
-def _learn_steps(request: LearnRequest, named: NamedGame, problem: DiscreteGame) -> int:
-    """`learn` of a plant in discrete time: Q-learning."""
-    from controller.critic.critic import from_parts
-    from controller.learning.q_learning import learn_steps
-    from verification.critic.discrete_check import check_discrete
-
-    request.refuse(("law", "set"), "belongs to continuous time; leave it out of time = discrete")
-    run, H = learn_steps(problem, request.seed, progress=ProgressLine("learn"))
-    critic = from_parts(problem.step, {"P": run.P, "K": run.K})
-    verdict = check_discrete(problem, critic, more={"H": H})
-    return _show_learned(request, named, run, verdict, H)
+    return show_learned(request, named, run, check_critic(named.game, critic, run=run))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +99,7 @@ class Judged(Result):
     H: Matrix | None
 
 
-def _show_learned(
+def show_learned(
     request: LearnRequest, named: NamedGame, run: TrainingRun, verdict: Verdict, H: Any = None
 ) -> int:
     """Report what was learned and how it was judged; the exit code.

@@ -13,17 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 from controller.critic.critic import from_weights
 from controller.critic.critic_file import (
-    critic_of_steps,
     critic_suffixes,
     critics_in,
     is_network,
 )
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from hfa.options.argument_types import positive
 from hfa.options.command import command
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
-from hfa.options.games import GameOptions, LearningOptions, NamedGame, setting_option
+from hfa.options.games import IN_STEPS, GameOptions, LearningOptions, NamedGame, setting_option
 from hfa.options.request import option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, show
@@ -125,7 +123,8 @@ def verify(request: VerifyRequest) -> int:
     _refuse_unused(request, paths)
     named = request.game(may_be_discrete=bool(paths))
     if named.discrete is not None:
-        return _verify_discrete(request, named, named.discrete, paths)
+        code: int = part(PARTS, "verify.steps", IN_STEPS)(request, named, paths)
+        return code
     scope = _scope(request, named)
     verdicts = {}
     progress = ProgressLine("compare")
@@ -144,7 +143,7 @@ def verify(request: VerifyRequest) -> int:
     if len(verdicts) == 1:
         (verdict,) = verdicts.values()
         figure = partial(_figure, verdict)
-        report = verdict.report(limit_cost=cost, about=_about(named, verdict, cost))
+        report = verdict.report(limit_cost=cost, about=about(named, verdict, cost))
     else:
         figure = partial(_figures, verdicts, named.game.names.origin)
         report = verdicts_report(verdicts, named.game.names.origin, cost)
@@ -168,29 +167,7 @@ def _figures(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
     return verdicts_figure(verdicts, origin)
 
 
-def _verify_discrete(
-    request: VerifyRequest, named: NamedGame, problem: DiscreteGame, paths: list[Path]
-) -> int:
-    """`verify` of one critic on a plant in discrete time; its file has W, P, K, L or H."""
-    from verification.critic.discrete_check import check_discrete
-
-    if len(paths) != 1:
-        raise BadInputError("a plant in discrete time needs one file of --weights")
-    why = "belongs to continuous time; leave it out of a plant with time = discrete"
-    request.refuse(("discount", "dt", "region", "picture"), why)
-    (path,) = paths
-    critic, more = critic_of_steps(path, problem, request.reading())
-    scope = Scope(progress=ProgressLine("prove"))
-    with said_of(path):
-        verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
-    cost = request.limit_cost
-    report = verdict.report(limit_cost=cost, about=_about(named, verdict, cost))
-    report = report.with_data(**named.as_data(), **named.weights.as_data())
-    show(report, request, notes=named.warnings)
-    return 0 if verdict.holds(cost) else 1
-
-
-def _about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
+def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
     """The lines of a report on Q, R and delta, and on the option that accepts a near critic."""
     lines = [named.weights_line()]
     if limit_cost is None and verdict.grade == "near":
@@ -273,11 +250,11 @@ def _check_file(
                 f"{path}: --discount judges one critic and this is over time; give one row of it"
             )
         scope = replace(scope, progress=ProgressLine("prove"))
-        from verification.critic.discrete_check import check_discounted
-
-        return check_discounted(
+        check_discounted = part(PARTS, "verify.discounted", "--discount")
+        verdict: Verdict = check_discounted(
             game, critics[0], request.discount, request.dt, limit=limit, scope=scope
         )
+        return verdict
     if is_history:
         with said_of(path):
             return check_history(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.hfa_game import paper_defaults, plant_names, usual_game
 from hfa.options.argument_types import input_file, number, one_of, whole
@@ -21,7 +20,7 @@ from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOp
 from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_model.variants import VARIANTS
-from hfa_support.entry_points import PARTS, part
+from hfa_support.entry_points import PARTS, loaded, offered, part
 from hfa_support.errors import BadInputError, NoSolutionError, said_of
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Matrix, Result
@@ -31,6 +30,8 @@ if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun
 
 DEFAULT_LAW = "certified"
+#: What a command says of a plant in discrete time.
+IN_STEPS = 'time = "discrete"'
 
 
 def _delta(text: str) -> float:
@@ -262,7 +263,7 @@ class NamedGame(Result):
     warnings: what to know before trusting the result.
     plant_provenance: of a plant from a file.
     linear: the linear model that the game is of; None of a plant from a file or of a design.
-    discrete: of a plant in discrete time the game whose step `game` is.
+    discrete: of a plant in discrete time the game whose step `game` is (`StoredGame`).
     has_time: whether it is known to be in continuous or discrete time; a file may not say it.
     weights_from: "Q", "R", "delta" -> whose they are: "given", "file", "design" or "default".
     """
@@ -277,7 +278,7 @@ class NamedGame(Result):
     warnings: tuple[str, ...] = ()
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
     linear: LinearModel | None = None
-    discrete: DiscreteGame | None = None
+    discrete: Any = None
     has_time: bool = True
     weights_from: Mapping[str, str] = field(default_factory=dict)
 
@@ -309,12 +310,8 @@ class NamedGame(Result):
             yield
         except NoSolutionError as failure:
             question = ""
-            if not self.has_time:
-                from controller.riccati.discrete import solve_discrete
-
-                with suppress(NoSolutionError):
-                    solve_discrete(DiscreteGame(self.game))
-                    question = '; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
+            if not self.has_time and "time.steps" in offered(PARTS):
+                question = loaded(offered(PARTS)["time.steps"])(self.game)
             raise NoSolutionError(f"{failure}{question}") from failure
 
 

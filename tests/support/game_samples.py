@@ -80,3 +80,13 @@ def first() -> tuple[Game, np.ndarray]:
     """The game of one of them and its P."""
     game = game_models()["published-15"]
     return game, solve_game(game).P
+
+
+def game_in(state: float, of_input: float = 1.0) -> Game:
+    """A plant of two states and two inputs with numbers near 1, the second of each in other
+    units."""
+    u = np.array([1.0, state])
+    v = np.array([1.0, of_input])
+    A = np.array([[-1.0, 0.2], [0.1, -1.0]])
+    weights = np.diag(u**-2), np.diag(v**-2)
+    return Game(A * u[:, None] / u, np.diag(u / v), np.diag(u), *weights, 5.0)

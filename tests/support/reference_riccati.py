@@ -13,7 +13,6 @@ from decimal import Decimal, localcontext
 import numpy as np
 
 from controller import Game
-from controller.game.discrete_game import DiscreteGame
 
 DIGITS = 60
 #: Carried beyond the digits that are asked for.
@@ -39,8 +38,8 @@ def reference_solution(game: Game) -> Reference:
     nothing = Reference(exists=False, P=np.empty((0, 0)), K=np.empty((0, 0)))
     with localcontext() as context:
         context.prec = DIGITS + GUARD
-        A, B, E, Q, R = (_decimal(matrix) for matrix in (game.A, game.B, game.E, game.Q, game.R))
-        R_inverse_B = _inverse(R) @ B.T
+        A, B, E, Q, R = (decimal(matrix) for matrix in (game.A, game.B, game.E, game.Q, game.R))
+        R_inverse_B = inverse_of(R) @ B.T
         S = B @ R_inverse_B
         if np.isfinite(game.delta):
             S = S - E @ E.T / Decimal(game.delta) ** 2
@@ -48,49 +47,22 @@ def reference_solution(game: Game) -> Reference:
         W = _sign(np.block([[A, -S], [-Q, -A.T]]))
         if W is None or abs(np.trace(W)) > Decimal("0.5"):
             return nothing
-        identity = _decimal(np.eye(n))
+        identity = decimal(np.eye(n))
         stacked = np.concatenate([W[:n, n:], W[n:, n:] + identity])
         right = -np.concatenate([W[:n, :n] + identity, W[n:, :n]])
-        normal = _inverse(stacked.T @ stacked)
+        normal = inverse_of(stacked.T @ stacked)
         if normal is None:
             return nothing
         P = normal @ (stacked.T @ right)
         P = (P + P.T) / 2
         residual = A.T @ P + P @ A + Q - P @ S @ P
-        terms = _largest(Q) + (_largest(A) + _largest(S) * _largest(P)) * _largest(P)
-        assert _largest(residual) <= Decimal(10) ** -(DIGITS // 2) * terms, (
+        terms = largest(Q) + (largest(A) + largest(S) * largest(P)) * largest(P)
+        assert largest(residual) <= Decimal(10) ** -(DIGITS // 2) * terms, (
             "the reference is not exact"
         )
         return Reference(
             exists=_semidefinite(P), P=P.astype(float), K=(R_inverse_B @ P).astype(float)
         )
-
-
-def reference_step_value(problem: DiscreteGame) -> np.ndarray:
-    """P of a game in discrete time, (n, n), by value iteration to 90 digits, rounded to double.
-
-    Each pass doubles the horizon: A <- A M A, G <- G + A M G A', H <- H + A'H M A with M = (I + G
-    H)⁻¹, from A, G = B R⁻¹B' - E E'/δ² and H = Q (Chu, Fan, Lin and Wang, Int. J. Control 77,
-    2004). For games that have a value, of which every state costs something."""
-    step = problem.step
-    with localcontext() as context:
-        context.prec = DIGITS + GUARD
-        root = Decimal(problem.discount).sqrt()
-        A, B, E, H, R = (_decimal(matrix) for matrix in (step.A, step.B, step.E, step.Q, step.R))
-        A = root * (A + _decimal(problem.A_low))
-        G = B @ _inverse(R) @ B.T
-        if np.isfinite(step.delta):
-            G = G - E @ E.T / Decimal(step.delta) ** 2
-        G = root**2 * G
-        identity = _decimal(np.eye(len(A)))
-        increase = H
-        while _largest(increase) > Decimal(10) ** -DIGITS * _largest(H):
-            M = _inverse(identity + G @ H)
-            increase = A.T @ H @ M @ A
-            G = G + A @ M @ G @ A.T
-            H = H + increase
-            A = A @ M @ A
-        return ((H + H.T) / 2).astype(float)
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
@@ -103,27 +75,27 @@ def _sign(H: np.ndarray) -> np.ndarray | None:
     imaginary axis."""
     Z = H
     for _ in range(MAX_STEPS):
-        inverse = _inverse(Z)
+        inverse = inverse_of(Z)
         if inverse is None:
             return None
         scale = (_norm(inverse) / _norm(Z)).sqrt()
         if abs(scale - 1) < Decimal("0.1"):
             scale = Decimal(1)
         following = (scale * Z + inverse / scale) / 2
-        settled = _largest(following - Z) < Decimal(10) ** -DIGITS * _largest(following)
+        settled = largest(following - Z) < Decimal(10) ** -DIGITS * largest(following)
         Z = following
         if settled:
             # With eigenvalues on the axis Z may cancel to its rounding, and settle on the sign of
             # that.
-            apart = _largest(Z @ H - H @ Z) / (_largest(Z) * _largest(H))
+            apart = largest(Z @ H - H @ Z) / (largest(Z) * largest(H))
             return Z if apart < Decimal(10) ** -(DIGITS // 2) else None
     return None
 
 
-def _inverse(matrix: np.ndarray) -> np.ndarray | None:
+def inverse_of(matrix: np.ndarray) -> np.ndarray | None:
     """Gauss-Jordan with row pivoting; None when singular."""
     n = len(matrix)
-    work = np.concatenate([matrix, _decimal(np.eye(n))], axis=1)
+    work = np.concatenate([matrix, decimal(np.eye(n))], axis=1)
     for column in range(n):
         pivot = column + int(np.argmax(np.abs(work[column:, column])))
         if work[pivot, column] == 0:
@@ -148,11 +120,11 @@ def _semidefinite(P: np.ndarray) -> bool:
     return True
 
 
-def _decimal(matrix: np.ndarray) -> np.ndarray:
+def decimal(matrix: np.ndarray) -> np.ndarray:
     return np.vectorize(Decimal, otypes=[object])(matrix)
 
 
-def _largest(matrix: np.ndarray) -> Decimal:
+def largest(matrix: np.ndarray) -> Decimal:
     return max(np.abs(matrix).ravel())
 
 

@@ -21,7 +21,7 @@ from controller.riccati.gare import Solution, solve_game
 from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import checks_arguments
-from hfa_support.entry_points import CRITICS, part
+from hfa_support.entry_points import CRITICS, PARTS, loaded, offered, part
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_least, at_most, below
@@ -104,9 +104,9 @@ def check_critic(
         rank = _rank_check(run)
         checks += [rank, *_time_checks(table)]
         diagnosis = rank.reason
-    if not diagnosis and critic.finite and not all(check.ok for check in errors):
-        from verification.critic.diagnosis import diagnose
-
+    is_wrong = not all(check.ok for check in errors)
+    if not diagnosis and critic.finite and is_wrong and "verify.reason" in offered(PARTS):
+        diagnose = loaded(offered(PARTS)["verify.reason"])
         with suppress(NoSolutionError):  # of another game, with which it would be compared
             diagnosis = diagnose(game, exact, critic, limit, scope.nearby, box.half_widths)
     return Verdict(

@@ -380,13 +380,6 @@ class Verdict(Checked, Result, Reported):
         return (table, f"{which}; -o FILE has all")
 
 
-class DiscreteVerdict(Verdict):
-    """The same of a problem in discrete time."""
-
-    schema = "hfa.discounted-check/1"
-    made_by = "hfa verify --discount --dt"
-
-
 @dataclass(frozen=True, eq=False)
 class Verdicts(Result):
     """Several critics of one game.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST
+from hfa_discrete.discrete_game import DiscreteGame
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result

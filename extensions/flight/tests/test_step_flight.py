@@ -6,9 +6,9 @@ from cli import answer, hfa
 from game_files import stored
 
 from controller import Game
-from controller.game.discrete_game import DiscreteGame
-from controller.riccati.discrete import solve_discrete
 from hfa.main import FAILED
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.solution import solve_discrete
 from hfa_flight.step_flight import fly_steps
 from hfa_support import NoSolutionError
 

@@ -14,14 +14,14 @@ from network_files import torch_file
 
 from controller import Game, basis
 from controller.critic.critic import Critic, from_functions, from_parts
-from controller.game.discrete_game import DiscreteGame
-from controller.riccati.discrete import DiscreteSolution, solve_discrete
 from hfa.main import DONE, FAILED
+from hfa_discrete.critic_check import check_discounted, check_discrete
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.implied_policy import discrete_critic, policy_of_next
+from hfa_discrete.solution import DiscreteSolution, solve_discrete
 from hfa_networks.judge.network_flights import InSteps, flown_losses
 from verification import Scope, from_gain, from_network, from_value, from_weights
 from verification.critic.critic_errors import Box
-from verification.critic.discrete_check import check_discounted, check_discrete
-from verification.critic.implied_policy import discrete_critic, policy_of_next
 
 pytestmark = pytest.mark.usefixtures("folder")
 A = np.array([[1.02, 0.1], [0.1, 1.0]])

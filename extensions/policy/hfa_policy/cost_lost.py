@@ -11,8 +11,8 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.cost import flight_cost
-from controller.riccati.discrete import sampled, solve_discrete
 from controller.riccati.gare import solve_game
+from hfa_discrete.solution import sampled, solve_discrete
 from hfa_policy.deployed import Deployed
 from hfa_policy.rest import Rest
 from hfa_policy.sampled_loop import Chain

@@ -13,10 +13,10 @@ from hfa_printed.changed_entry import ChangedEntry, changed_entries, edits_tried
 from hfa_printed.comparison import Comparison, Position, change, compare, compare_answer
 from hfa_printed.exact_answer import answer_of, certified_value
 from hfa_printed.printed_file import TIMES, PrintedFile
+from hfa_reasons.diagnosis import named_with_noise
+from hfa_reasons.hypotheses import Hypothesis, View
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
-from verification.critic.diagnosis import named_with_noise
-from verification.critic.hypotheses import Hypothesis, View
 
 Class = Literal[
     "as printed",

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.derivations import largest
-from controller.riccati.discrete import solve_discrete
 from controller.riccati.gare import solve_game
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.solution import solve_discrete
 
 #: Most doublings of the horizon for a rough value.
 _DOUBLINGS = 30

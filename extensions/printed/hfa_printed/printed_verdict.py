@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from controller.critic.critic import from_parts
-from controller.game.discrete_game import DiscreteGame
+from hfa_discrete.critic_check import check_discrete
+from hfa_discrete.discrete_game import DiscreteGame
 from hfa_printed.classes import Classified, classify
 from hfa_printed.comparison import Comparison
 from hfa_printed.exact_answer import policies
@@ -21,7 +22,6 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from verification.critic.critic_check import check_critic
-from verification.critic.discrete_check import check_discrete
 
 #: Entries in a report; a file has all.
 _ENTRIES = 12

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli import answer, hfa
+from cli import hfa
 from game_files import AT_15, stored
-from game_samples import failed_names
+from game_samples import failed_names, game_in
 from planted_critics import gain, other_root, solved, value, weights_of
 
 from controller import Game, basis, critics_over_time, learn
@@ -20,7 +20,7 @@ from controller.game.basis import BASES
 from controller.game.training_run import Excitation, TrainingRun
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from controller.riccati.normal_form import NormalForm
-from hfa.main import BAD_INPUT, DONE, FAILED
+from hfa.main import BAD_INPUT
 from hfa_aircraft import Model, Signal
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_support import BadInputError, NoSolutionError
@@ -31,11 +31,9 @@ from verification import (
     from_gain,
     from_value,
     from_weights,
-    solve_discounted,
 )
 from verification.critic.about_trim import box_within_limits
 from verification.critic.critic_errors import box_errors, matrix_errors
-from verification.critic.discrete_check import check_discounted
 from verification.critic.figures import verdict_figure
 from verification.critic.scope import LIMIT
 from verification.hfa_box import ordinary_box
@@ -107,7 +105,6 @@ def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
     check = check_critic(game, from_value(game, P))
     assert {"P_rel_error", "game_loop_abscissa"} <= failed_names(check.checks)
     assert "riccati_residual" not in failed_names(check.checks)
-    assert "another root of the Riccati equation" in check.reason
 
 
 def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
@@ -262,16 +259,6 @@ def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
 # The verdict does not depend on the units of the states and inputs.
 
 
-def game_in(state: float, of_input: float = 1.0) -> Game:
-    """A plant of two states and two inputs with numbers near 1, the second of each in other
-    units."""
-    u = np.array([1.0, state])
-    v = np.array([1.0, of_input])
-    A = np.array([[-1.0, 0.2], [0.1, -1.0]])
-    weights = np.diag(u**-2), np.diag(v**-2)
-    return Game(A * u[:, None] / u, np.diag(u / v), np.diag(u), *weights, 5.0)
-
-
 @pytest.mark.parametrize(
     ("state", "of_input", "factors"),
     [
@@ -295,45 +282,6 @@ def test_a_wrong_part_of_the_gain_or_entry_of_the_value_is_seen(
         wrong = value(game).copy()
         wrong[i, j] = wrong[j, i] = wrong[i, j] * (1.0 + 1e-3)
         assert "P_balanced_error" in failed(game, from_value(game, wrong))
-
-
-@pytest.mark.parametrize("state", [1e-8, 1e8])
-def test_mistakes_are_named_in_any_units(state: float) -> None:
-    game = game_in(state)
-    assert "LQR" in check_critic(game, from_value(game, value(game.with_delta(np.inf)))).reason
-    assert "wrong sign" in check_critic(game, from_gain(game, -gain(game))).reason
-    assert (
-        check_critic(game, from_gain(game, gain(game) * [1.0, -1.0])).reason
-        == "state 2 has the wrong sign"
-    )
-    swapped = from_weights(game, weights_of(value(game))[[1, 0, 2]])
-    assert "weights 1 and 2 are interchanged" in check_critic(game, swapped).reason
-
-
-# A file that holds more than one of W, P and K: each is judged, none hides another.
-
-
-@pytest.mark.parametrize(
-    ("held", "factors", "said"),
-    [
-        ("WPK", {}, ""),
-        ("PK", {"K": -1.0}, "the gain has the wrong sign"),
-        ("WK", {"K": 1.0 + 1e-4}, "every entry of K is 1.0001 times the exact one"),
-        ("PK", {"P": 1.1}, "every entry of P is 1.1 times the exact one"),
-    ],
-)
-def test_no_part_of_a_file_hides_another(
-    game: Game, held: str, factors: dict[str, float], said: str
-) -> None:
-    parts = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}
-    file = stored("all.npz", **{key: factors.get(key, 1.0) * parts[key] for key in held})
-    data = answer("verify", *AT_15, "--weights", file, code=FAILED if said else DONE)
-    assert data["diagnosis"].startswith(said)
-    assert bool(data["diagnosis"]) == bool(said)
-    for name in "PK":
-        assert data[f"{name}_rel_error"] == pytest.approx(
-            abs(factors.get(name, 1.0) - 1.0), rel=1e-6, abs=1e-12
-        )
 
 
 def test_parts_that_contradict_each_other_or_do_not_fit_are_refused(game: Game) -> None:
@@ -458,70 +406,6 @@ def test_a_plant_of_the_aircraft_s_size_has_a_box_of_its_own() -> None:
     data = check_critic(game, from_gain(game, gain(game))).to_dict()
     assert data["box"]["half_widths"] == NormalForm.of(game).units.tolist()
     assert "a convention" in data["box"]["about"]
-
-
-# Critics of the discounted problem in discrete time.
-
-DISCOUNT = 0.99
-DT = 0.01
-
-
-def test_the_exact_discounted_critic_passes_and_planted_mistakes_are_named(game: Game) -> None:
-    exact = solve_discounted(game, DISCOUNT, DT)
-    assert check_discounted(game, from_value(game, exact.P), DISCOUNT, DT).ok
-    assert check_discounted(game, from_gain(game, exact.K), DISCOUNT, DT).ok
-    for wrong, message in (
-        (from_value(game, exact.P / DT), "every entry of P is 100 times the exact one"),
-        (from_value(game, -exact.P), "the value has the wrong sign"),
-        (from_gain(game, -exact.K), "the gain has the wrong sign"),
-        (
-            from_value(game, value(game)),
-            "this is the solution in continuous time, without discount",
-        ),
-        (from_gain(game, gain(game)), "this is the gain in continuous time, without discount"),
-    ):
-        check = check_discounted(game, wrong, DISCOUNT, DT)
-        assert not check.ok
-        assert check.reason.startswith(message)
-
-
-def test_the_cost_lost_is_that_of_the_steps_summed_up(game: Game) -> None:
-    """Under w = L x, from the worst start among many: the sum of 3000 steps."""
-    exact = solve_discounted(game, DISCOUNT, DT)
-    step = exact.game
-    K = 1.1 * exact.K
-    rng = np.random.default_rng(0)
-    check = check_discounted(game, from_gain(game, K), DISCOUNT, DT)
-    x = np.linalg.solve(np.linalg.cholesky(exact.P).T, rng.normal(size=(6, 1000)))
-    V = np.sum(x * (exact.P @ x), axis=0)
-    J = np.zeros(1000)
-    factor = 1.0
-    for _ in range(3000):
-        u = -K @ x
-        w = exact.disturbance_gain @ x
-        paid = np.sum(x * (step.Q @ x), axis=0) + np.sum(u * (step.R @ u), axis=0)
-        J += factor * (paid - step.delta**2 * np.sum(w * w, axis=0))
-        x = step.A @ x + step.B @ u + step.E @ w
-        factor *= DISCOUNT
-    lost = 100.0 * (J / V - 1.0)
-    assert 0.7 * check.cost_lost < lost.max() <= check.cost_lost * (1 + 1e-6)
-
-
-def test_the_command_compares_with_the_problem_that_is_given_and_never_guesses(game: Game) -> None:
-    words = (
-        "verify",
-        *AT_15,
-        "--weights",
-        stored("P.npz", P=solve_discounted(game, DISCOUNT, DT).P),
-    )
-    problem = ("--discount", str(DISCOUNT), "--dt", str(DT))
-    data = answer(*words, *problem)
-    assert (data["ok"], data["schema"], data["dt"]) == (True, "hfa.discounted-check/1", DT)
-    assert hfa(*words, *problem).out.startswith("PASS: exact within 1e-06, stabilizing, ")
-    assert answer(*words, code=FAILED)["ok"] is False
-    result = hfa(*words, *problem[:2])
-    assert result.code == BAD_INPUT
-    assert "--discount and --dt belong together; neither has a default" in result.err
 
 
 # Critics over time: planted histories whose settling is known.

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from controller.critic.critic_file import critic_of_steps
 from hfa.options.argument_types import input_file, whole
 from hfa.options.command import command
 from hfa.options.critics import ReadingOptions
@@ -23,6 +22,7 @@ from hfa.options.trims import (
     picture_option,
 )
 from hfa.output import ProgressLine, print_report, show
+from hfa_discrete.critic_file import critic_of_steps
 from hfa_flight.options import FlightOptions
 from hfa_support.errors import BadInputError
 from hfa_support.files import MATRIX_FILES
@@ -104,9 +104,9 @@ def fly(request: FlyRequest) -> int:
 def _fly_steps(request: FlyRequest, path: Path) -> int:
     """The flight of --model; the exit code, 1 when it does not decay."""
     from controller.game.user_files import stored_game
-    from controller.riccati.discrete import solve_discrete
+    from hfa_discrete.implied_policy import discrete_critic
+    from hfa_discrete.solution import solve_discrete
     from hfa_flight.step_flight import fly_steps
-    from verification.critic.implied_policy import discrete_critic
 
     used = {"steps", "initial", "duration", "weights", *ReadingOptions.declared()}
     others = request.typed - used - {*OutputOptions.declared()} | (request.typed & {"picture"})

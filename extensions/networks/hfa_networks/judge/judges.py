@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from controller.critic.critic import Critic
     from controller.game.zero_sum import Game
-    from controller.riccati.discrete import DiscreteSolution
     from controller.riccati.gare import Solution
+    from hfa_discrete.solution import DiscreteSolution
     from verification.critic.scope import Scope
 
 

@@ -22,7 +22,7 @@ from hfa_support.reporting.checks import Check, at_most
 from verification.critic.critic_errors import Exact
 
 if TYPE_CHECKING:
-    from controller.riccati.discrete import DiscreteSolution
+    from hfa_discrete.solution import DiscreteSolution
     from verification.critic.about_trim import NonlinearPlant
 
 #: From how many starts a wide network is flown: a policy of it takes 2 to 20 ms.

@@ -15,17 +15,14 @@ from extension import Extension
 from game_files import AT_15, stored
 from game_samples import game_models
 from known_models import game_at
-from planted_critics import (
+from planted_critics import gain, solved, value, weights_of
+from planted_mistakes import (
     NAMED,
     OF_ANY_GAME,
     UNNAMED,
     candidate_of,
-    gain,
     noisy,
     random_game,
-    solved,
-    value,
-    weights_of,
 )
 from project import ROOT
 
@@ -33,11 +30,11 @@ from controller import Game, basis
 from controller.critic.critic import Critic
 from examples.train_a_network import fit
 from hfa.main import FAILED
+from hfa_reasons.diagnosis import diagnose, diagnose_discrete
+from hfa_reasons.other_games import discounted
 from verification import check_critic, from_gain, from_value, from_weights
 from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import critic_errors
-from verification.critic.diagnosis import diagnose, diagnose_discrete
-from verification.critic.other_games import discounted
 from verification.critic.scope import Nearby, Scheduled, Scope
 from verification.hfa_box import ordinary_box
 

@@ -17,14 +17,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.derivations import quick_solution
-from controller.riccati.discrete import quick_discrete, sampled
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import minimum_delta
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.solution import quick_discrete, sampled
+from hfa_reasons.hypotheses import REDUNDANT, Hypothesis, View
 from hfa_support.errors import BadInputError, NoSolutionError
-from verification.critic.hypotheses import REDUNDANT, Hypothesis, View
 from verification.critic.scope import Nearby
 
 #: Where searches begin: 1/delta² and Q, R, discount as factors, steps of time in s.

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from controller import Game
-from controller.game.discrete_game import DiscreteGame
-from controller.learning.q_learning import Steps, learn_steps, random_steps
-from controller.riccati.discrete import minimum_delta_discrete, solve_discrete
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.q_learning import Steps, learn_steps, random_steps
+from hfa_discrete.solution import minimum_delta_discrete, solve_discrete
 from hfa_support import BadInputError, NoSolutionError
 
 

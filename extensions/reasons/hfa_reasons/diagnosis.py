@@ -20,15 +20,13 @@ import numpy as np
 
 from controller.critic.critic import FUNCTIONS, Critic
 from controller.game.basis import basis
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
-from controller.riccati.discrete import quick_discrete
 from controller.riccati.gare import solve_game
 from controller.riccati.normal_form import NormalForm
-from hfa_support.errors import BadInputError, NoSolutionError
-from verification.critic.critic_errors import SMALL, Exact, matrix_errors, relative_error
-from verification.critic.hypotheses import (
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.solution import quick_discrete
+from hfa_reasons.hypotheses import (
     Hypothesis,
     View,
     of_columns,
@@ -36,7 +34,7 @@ from verification.critic.hypotheses import (
     of_rows,
     of_weights,
 )
-from verification.critic.other_games import (
+from hfa_reasons.other_games import (
     ROUNDING,
     Answer,
     Family,
@@ -46,6 +44,8 @@ from verification.critic.other_games import (
     is_answer,
     other_weights,
 )
+from hfa_support.errors import BadInputError, NoSolutionError
+from verification.critic.critic_errors import SMALL, Exact, matrix_errors, relative_error
 
 #: A residual below this marks a root of the Riccati equation, if not the right one.
 _ROOT = 1e-9

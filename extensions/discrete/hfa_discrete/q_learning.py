@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.basis import Basis, basis
-from controller.game.discrete_game import DiscreteGame
 from controller.game.training_run import SETTLED, TrainingRun
 from controller.game.zero_sum import LARGEST, LARGEST_CRITIC_ENTRY, checked_matrix
 from controller.learning.recording import excitation, natural_spread, rank, refuse_poor, unit_rows
+from hfa_discrete.discrete_game import DiscreteGame
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.fields import Shown

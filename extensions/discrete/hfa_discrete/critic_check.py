@@ -5,19 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.discrete_game import DiscreteGame
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
-from controller.riccati.discrete import (
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.implied_policy import discrete_critic
+from hfa_discrete.solution import (
     DiscreteSolution,
     bellman_residual,
     sampled,
     solve_discrete,
 )
-from hfa_support.entry_points import CRITICS, part
+from hfa_support.entry_points import CRITICS, PARTS, loaded, offered, part
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_most, below
 from verification.critic.critic_errors import (
@@ -26,12 +28,18 @@ from verification.critic.critic_errors import (
     matrix_errors,
     relative_error,
 )
-from verification.critic.implied_policy import discrete_critic
 from verification.critic.scope import LIMIT, Scope
-from verification.critic.verdict import Details, DiscreteVerdict, Section, Verdict, explained
+from verification.critic.verdict import Details, Section, Verdict, explained
 
 #: (the exact solution, the critic, half widths of the box (n,)) -> its mistake, or "".
 Diagnose = Callable[[DiscreteSolution, Critic, np.ndarray], str]
+
+
+class DiscreteVerdict(Verdict):
+    """The same of a problem in discrete time."""
+
+    schema = "hfa.discounted-check/1"
+    made_by = "hfa verify --discount --dt"
 
 
 def check_discounted(
@@ -48,14 +56,12 @@ def check_discounted(
     x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt. Without dt (s) the game is one of a
     step already.
     """
-    from verification.critic.diagnosis import diagnose_discrete
-
     if dt is None:
         return check_discrete(DiscreteGame(game, discount), critic, limit=limit, scope=scope)
 
     def diagnose(exact: DiscreteSolution, critic: Critic, box: np.ndarray) -> str:
         says = "in continuous time, without discount"
-        return diagnose_discrete(game, exact, critic, says, {}, box)
+        return _reason(game, exact, critic, says, {}, box)
 
     problem = sampled(game, dt, discount)
     verdict = _judged(problem, critic, limit, scope or Scope(), diagnose)
@@ -89,8 +95,6 @@ def check_discrete(
     L2 gain and margins belong to continuous time and are not checked. NoSolutionError where the
     problem has no certified solution.
     """
-    from verification.critic.diagnosis import diagnose_discrete
-
     step = problem.step
     others = {
         "without disturbance (delta = inf)": replace(problem, step=step.with_delta(math.inf)),
@@ -100,9 +104,19 @@ def check_discrete(
 
     def diagnose(exact: DiscreteSolution, critic: Critic, box: np.ndarray) -> str:
         question = 'of x\' = A x + B u; did you mean time = "continuous"?'
-        return diagnose_discrete(step, exact, critic, question, others, box)
+        return _reason(step, exact, critic, question, others, box)
 
     return _judged(problem, critic, limit, scope or Scope(), diagnose, more)
+
+
+def _reason(*what: Any) -> str:
+    """The mistake of a critic, as the package says it that knows reasons; "" without one.
+
+    what: the arguments of `hfa_reasons.diagnosis.diagnose_discrete`
+    """
+    if "verify.reason.steps" not in offered(PARTS):
+        return ""
+    return str(loaded(offered(PARTS)["verify.reason.steps"])(*what))
 
 
 def _judged(

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.game.discrete_game import DiscreteGame
-from controller.riccati.discrete import DiscreteSolution, minimum_delta_discrete, solve_discrete
 from controller.riccati.smallest_delta import DeltaMin
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.solution import DiscreteSolution, minimum_delta_discrete, solve_discrete
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.fields import Shown

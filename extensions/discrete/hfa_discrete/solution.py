@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.game.discrete_game import DiscreteGame
 from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.riccati.certificate import (
@@ -24,7 +23,8 @@ from controller.riccati.double_double import add, exact
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import RANK
 from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, dependence
-from controller.riccati.step_form import NoValueError, StepForm
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.step_form import NoValueError, StepForm
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress

@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic, symbols_for
-from controller.game.discrete_game import DiscreteGame
 from controller.riccati.normal_form import NormalForm
+from hfa_discrete.discrete_game import DiscreteGame
 
 #: Of Newton's method: its most steps, and what may be left of the slope, relative to its terms.
 _STEPS = 20

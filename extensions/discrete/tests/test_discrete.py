@@ -5,17 +5,18 @@ import numpy as np
 import pytest
 from cli import answer, hfa
 from game_files import stored
-from reference_riccati import reference_step_value, relative_error
+from reference_riccati import relative_error
+from reference_steps import reference_step_value
 
 from controller import Game
-from controller.game.discrete_game import DiscreteGame
-from controller.riccati.discrete import (
+from hfa.main import FAILED
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.solution import (
     minimum_delta_discrete,
     sampled,
     solve_discrete,
     value_checks,
 )
-from hfa.main import FAILED
 from hfa_support import BadInputError, NoSolutionError
 from verification import minimum_delta, solve_discounted, solve_game
 

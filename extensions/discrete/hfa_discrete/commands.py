@@ -1,0 +1,84 @@
+"""What `hfa solve`, `learn` and `verify` do with a plant in discrete time."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from controller.game.zero_sum import Game
+from hfa.output import ProgressLine, show
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_support.errors import BadInputError, NoSolutionError, said_of
+
+if TYPE_CHECKING:
+    from hfa.commands.game import GameRequest, LearnRequest
+    from hfa.commands.verify import VerifyRequest
+    from hfa.options.games import NamedGame
+
+#: Results that the commands write, as in `hfa.formats`.
+RESULTS = (
+    "hfa_discrete.report:AnalysedDiscreteGame hfa.options.games:NamedGame",
+    "hfa_discrete.critic_check:DiscreteVerdict verification.critic.verdict:Details"
+    " hfa.options.games:Weights hfa.options.games:NamedGame",
+)
+
+
+def question_of_time(game: Game) -> str:
+    """What is asked where a game has no solution in continuous time; "" where it has none in steps
+    either."""
+    from hfa_discrete.solution import solve_discrete
+
+    with suppress(NoSolutionError):
+        solve_discrete(DiscreteGame(game))
+        return '; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
+    return ""
+
+
+def solve(request: GameRequest, named: NamedGame) -> int:
+    """`hfa solve`; the exit code."""
+    from hfa_discrete.report import analyse_discrete, discrete_report
+
+    analysed = analyse_discrete(named.discrete, ProgressLine("solve"))
+    report = discrete_report(analysed)
+    show(report.with_data(**named.as_data()), request, notes=named.warnings)
+    return 0
+
+
+def learn(request: LearnRequest, named: NamedGame) -> int:
+    """`hfa learn`, by Q-learning; the exit code."""
+    from controller.critic.critic import from_parts
+    from hfa.commands.game import show_learned
+    from hfa_discrete.critic_check import check_discrete
+    from hfa_discrete.q_learning import learn_steps
+
+    problem: DiscreteGame = named.discrete
+    request.refuse(("law", "set"), "belongs to continuous time; leave it out of time = discrete")
+    run, H = learn_steps(problem, request.seed, progress=ProgressLine("learn"))
+    critic = from_parts(problem.step, {"P": run.P, "K": run.K})
+    verdict = check_discrete(problem, critic, more={"H": H})
+    return show_learned(request, named, run, verdict, H)
+
+
+def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
+    """`hfa verify` of one critic, whose file has W, P, K, L or H; the exit code."""
+    from hfa.commands.verify import about
+    from hfa_discrete.critic_check import check_discrete
+    from hfa_discrete.critic_file import critic_of_steps
+    from verification.critic.scope import Scope
+
+    if len(paths) != 1:
+        raise BadInputError("a plant in discrete time needs one file of --weights")
+    why = "belongs to continuous time; leave it out of a plant with time = discrete"
+    request.refuse(("discount", "dt", "region", "picture"), why)
+    (path,) = paths
+    problem: DiscreteGame = named.discrete
+    critic, more = critic_of_steps(path, problem, request.reading())
+    scope = Scope(progress=ProgressLine("prove"))
+    with said_of(path):
+        verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
+    cost = request.limit_cost
+    report = verdict.report(limit_cost=cost, about=about(named, verdict, cost))
+    report = report.with_data(**named.as_data(), **named.weights.as_data())
+    show(report, request, notes=named.warnings)
+    return 0 if verdict.holds(cost) else 1

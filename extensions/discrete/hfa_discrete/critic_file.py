@@ -1,0 +1,30 @@
+"""The critic of a plant in discrete time in a user's file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from controller.critic.critic import Critic, from_parts
+from controller.critic.critic_file import Reading, critic_in, entries_in, is_network
+from hfa_discrete.discrete_game import DiscreteGame
+from hfa_support.errors import said_of
+
+
+def critic_of_steps(
+    path: str | Path, problem: DiscreteGame, reading: Reading | None = None
+) -> tuple[Critic, dict[str, Any]]:
+    """The one critic of a file on a plant in discrete time, and L and H, where the file has them.
+
+    P, K and L follow from H where the file does not have them. BadInputError, one line.
+    """
+    entries = {} if is_network(Path(path)) else entries_in(path)
+    if "H" not in entries:
+        more = {"L": entries["L"]} if "L" in entries else {}
+        return critic_in(path, problem.step, reading), more
+    with said_of(path):
+        parts = problem.of_q_function(entries["H"])
+        parts |= {name: entries[name] for name in ("P", "K", "L") if name in entries}
+        critic = from_parts(problem.step, {name: parts[name] for name in ("P", "K")})
+    more = {name: parts[name] for name in ("L",) if name in parts}
+    return critic, more | {"H": entries["H"]}

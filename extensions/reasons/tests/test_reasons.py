@@ -1,0 +1,77 @@
+"""The reason of a verdict: where it stands, in any units, of every part of a file."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cli import answer
+from game_files import AT_15, stored
+from game_samples import failed_names, game_in
+from planted_critics import gain, other_root, value, weights_of
+
+from controller import Game
+from hfa.main import DONE, FAILED
+from verification import check_critic, from_gain, from_value, from_weights
+
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
+    near = check_critic(game, from_gain(game, 1.002 * gain(game)))
+    assert near.reason == near.diagnosis == "every entry of K is 1.002 times the exact one"
+    assert f"Reason: {near.reason}" in near.report().text().splitlines()
+    root = check_critic(game, from_value(game, other_root(game)))
+    assert "another root of the Riccati equation" in root.reason
+
+
+def test_a_value_in_eight_digits_is_right_and_its_gain_is_said_to_need_more() -> None:
+    """The input moves both states alike, which costs next to nothing: K = B'P is a difference."""
+    A = np.array([[-1.0, 0.1], [0.1, -1.0]])
+    Q = np.array([[1.0, -0.999], [-0.999, 1.0]])
+    game = Game(A, [[1.0], [1.0]], np.zeros((2, 1)), Q, [[1.0]], np.inf)
+    P = np.vectorize(lambda entry: float(f"{entry:.8g}"))(value(game))
+    verdict = check_critic(game, from_value(game, P))
+    failed = failed_names(verdict.checks)
+    assert failed == {"K_rel_error", "K_balanced_error", "K_entry_error", "policy_rel_error"}
+    assert verdict.reason.startswith(
+        "P is right within the limit; the K that follows from it, R⁻¹B'P, is off by 5.5e-06"
+    )
+
+
+@pytest.mark.parametrize("state", [1e-8, 1e8])
+def test_mistakes_are_named_in_any_units(state: float) -> None:
+    game = game_in(state)
+    assert "LQR" in check_critic(game, from_value(game, value(game.with_delta(np.inf)))).reason
+    assert "wrong sign" in check_critic(game, from_gain(game, -gain(game))).reason
+    assert (
+        check_critic(game, from_gain(game, gain(game) * [1.0, -1.0])).reason
+        == "state 2 has the wrong sign"
+    )
+    swapped = from_weights(game, weights_of(value(game))[[1, 0, 2]])
+    assert "weights 1 and 2 are interchanged" in check_critic(game, swapped).reason
+
+
+# A file that holds more than one of W, P and K: each is judged, none hides another.
+
+
+@pytest.mark.parametrize(
+    ("held", "factors", "said"),
+    [
+        ("WPK", {}, ""),
+        ("PK", {"K": -1.0}, "the gain has the wrong sign"),
+        ("WK", {"K": 1.0 + 1e-4}, "every entry of K is 1.0001 times the exact one"),
+        ("PK", {"P": 1.1}, "every entry of P is 1.1 times the exact one"),
+    ],
+)
+def test_no_part_of_a_file_hides_another(
+    game: Game, held: str, factors: dict[str, float], said: str
+) -> None:
+    parts = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}
+    file = stored("all.npz", **{key: factors.get(key, 1.0) * parts[key] for key in held})
+    data = answer("verify", *AT_15, "--weights", file, code=FAILED if said else DONE)
+    assert data["diagnosis"].startswith(said)
+    assert bool(data["diagnosis"]) == bool(said)
+    for name in "PK":
+        assert data[f"{name}_rel_error"] == pytest.approx(
+            abs(factors.get(name, 1.0) - 1.0), rel=1e-6, abs=1e-12
+        )
