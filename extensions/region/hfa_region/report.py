@@ -34,8 +34,9 @@ def region_report(region: Region) -> Report:
         rows.append((name, f"{level:.6g}", f"{share:.3g}", _described(statement, place)))
     table = Table(("level", "V", "linearly", "at"), rows)
     binding = ", ".join(bounds.limits) or "none"
-    parts = (
+    parts: tuple[str | Table, ...] = (
         _sentence(statement),
+        *_policy(statement),
         _extents(statement),
         table,
         f"Limits that bind: {binding}. V is {region.origin}, of degree {_degree(statement)}; "
@@ -70,8 +71,9 @@ def checked_report(verified: VerifiedRegion) -> Report:
             for name, value in {**loop.trim, **loop.inputs, **loop.held}.items()
         ],
     )
-    parts = (
+    parts: tuple[str | Table, ...] = (
         _sentence(statement),
+        *_policy(statement),
         _extents(statement),
         trim,
         gains,
@@ -126,6 +128,20 @@ def _not_covered(statement: RegionStatement) -> str:
         f"Not covered: sampling, actuators, delays, {gusts}, errors of the model; the loop is that "
         "of the model as it is, its inputs saturated at their limits."
     )
+
+
+def _policy(statement: RegionStatement) -> tuple[str, ...]:
+    """The policy of each input that is not linear, a line each."""
+    loop = statement.loop
+    lines = []
+    for name, terms in loop.policy.items():
+        monomials = []
+        for coefficient, exponents in terms:
+            powers = zip(loop.states, exponents, strict=True)
+            factors = [f"{state}^{power}" for state, power in powers if power]
+            monomials.append(" ".join([f"{coefficient:+.6g}", *factors]))
+        lines.append(f"The policy of {name} is -K z {' '.join(monomials)}, then saturated.")
+    return tuple(lines)
 
 
 def _extents(statement: RegionStatement) -> Table:
@@ -183,6 +199,10 @@ def _data(statement: RegionStatement) -> dict[str, Any]:
         "state_units": list(loop.model.units(loop.states)),
         "trim": {**loop.trim, **loop.inputs, **loop.held},
         "K": loop.K,
+        "policy": {
+            name: [[coefficient, list(exponents)] for coefficient, exponents in terms]
+            for name, terms in loop.policy.items()
+        },
         "limits": {name: list(pair) for name, pair in loop.limits.items()},
         "disturbances": dict(loop.disturbances),
         "extents": {name: max(-low, high) for name, (low, high) in statement.extents.items()},

@@ -323,9 +323,11 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
     """Σ coefficient z^exponents."""
     total = arb(0)
     for coefficient, exponents in terms:
+        product = coefficient
         for value, power in zip(z, exponents, strict=True):
-            coefficient = coefficient * value**power
-        total += coefficient
+            for _ in range(power):  # ** of a ball that holds 0 is no number
+                product = product * value
+        total += product
     return total
 
 

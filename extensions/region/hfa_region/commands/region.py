@@ -23,7 +23,7 @@ from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
     from hfa_proof.commands.check import CheckRequest
-    from hfa_region.check.statement import SaturatedLoop
+    from hfa_region.check.statement import SaturatedLoop, Terms
     from hfa_region.search.function import PolynomialFunction
 
 #: What a check takes beside the certificate.
@@ -46,6 +46,11 @@ class RegionRequest(PlantOptions, OutputOptions):
         "game's",
         "FILE",
         input_file(*MATRIX_FILES),
+    )
+    basis: str | None = option(
+        "of W: a name (default quadratic), or a list of polynomials 'x1**2, x1*x2, x1**4'",
+        "BASIS",
+        rare=True,
     )
     check: Path | None = option(
         "verify a certificate instead of proving", "FILE", input_file(".json")
@@ -83,11 +88,12 @@ def region(request: RegionRequest) -> int:
 
     Every trajectory that begins in {V(z) <= rho}, z the deviation from the trim, stays there and
     within all limits of the model, and converges to the trim; u = sat(u0 - K z), K of the exact
-    game or of --weights. With --disturbance a set that no trajectory leaves, whatever that does
-    within its size; that it converges is not claimed. Printed beside it: where V' >= 0 was found, a
-    start that was lost, the limits that bind. -o FILE.json writes a certificate; --check FILE
-    verifies one. Exit 0: proved. Not covered: tables and kinks, networks, sampling, actuators,
-    delays, and a linearization that is not Hurwitz. Needs `pip install .[proof]`."""
+    game or of --weights, where the policy may also be a polynomial. With --disturbance a set that
+    no trajectory leaves, whatever that does within its size; that it converges is not claimed.
+    Printed beside it: where V' >= 0 was found, a start that was lost, the limits that bind. -o
+    FILE.json writes a certificate; --check FILE verifies one. Exit 0: proved. Not covered: tables
+    and kinks, networks, sampling, actuators, delays, and a linearization that is not Hurwitz. Needs
+    `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
@@ -123,8 +129,8 @@ def _prove(request: RegionRequest) -> int:
     from hfa_region.search.plant import saturated_loop
     from hfa_region.search.region import RegionSearch
 
-    linear, K, P = _loop(request)
-    loop = saturated_loop(linear, K)
+    linear, K, P, policy = _loop(request)
+    loop = saturated_loop(linear, K, policy)
     refuse_curved(replace(loop, disturbances=request.disturbance))
     known = _known(request, loop)
     origin = request.provenance.to_dict()
@@ -156,22 +162,27 @@ def _prove(request: RegionRequest) -> int:
     return 0
 
 
-def _loop(request: RegionRequest) -> tuple[LinearModel, np.ndarray, np.ndarray | None]:
-    """The linear model at the trim, K, and P of the game where it has been solved."""
+def _loop(
+    request: RegionRequest,
+) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
+    """The linear model at the trim, K, P of the game where it has been solved, and what of the
+    policy is not linear."""
+    if request.basis is not None and request.weights is None:
+        raise BadInputError("--basis is of the W of --weights; add that or leave it out")
     if not request.model.inputs:
         aircraft = request.flown_aircraft()
         linear = linearize(aircraft, request.operating_point(aircraft))
-        return linear, np.zeros((0, len(linear.states))), None
+        return linear, np.zeros((0, len(linear.states))), None, {}
     named = request.game()
     assert named.linear is not None
     if request.weights is not None:
-        from controller.critic.critic_file import critic_in
+        from controller.critic.critic_file import Reading, critic_in
+        from hfa_region.commands.policy import policy_terms
 
         with said_of(request.weights):
-            critic = critic_in(request.weights, named.game)
-            if not critic.linear:
-                raise BadInputError("its policy is not linear; give K, P or quadratic weights W")
-        return named.linear, critic.K, critic.P
+            critic = critic_in(request.weights, named.game, Reading(request.basis))
+            policy = policy_terms(critic, named.linear.inputs)
+        return named.linear, critic.K, critic.P, policy
     from controller.riccati.gare import solve_game
 
     try:
@@ -181,7 +192,7 @@ def _loop(request: RegionRequest) -> tuple[LinearModel, np.ndarray, np.ndarray |
             f"the game of the linear model has no solution ({error}), so that there is no loop;"
             " an equilibrium whose linearization is not Hurwitz is not covered"
         ) from error
-    return named.linear, solution.K, solution.P
+    return named.linear, solution.K, solution.P, {}
 
 
 def _box(linear: LinearModel) -> np.ndarray | None:
@@ -215,4 +226,4 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
 def _subject(loop: SaturatedLoop) -> str:
     """What decides whether two loops are one."""
     parts: list[Any] = [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), loop.K.tolist()]
-    return json.dumps(parts)
+    return json.dumps([*parts, dict(loop.policy)])

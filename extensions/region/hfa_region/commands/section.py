@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hfa.output import ProgressLine
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, said_of
 from hfa_support.reporting.report import Report
 
 if TYPE_CHECKING:
@@ -24,11 +24,12 @@ def with_region(
     start was lost.
 
     report: without the section
-    verdicts: of the critics, one of a linear policy
+    verdicts: of the critics, one whose policy is a polynomial
     named: the game, of the linear model of an aircraft
     seconds: of processor time for the search
     """
     from hfa_proof.arithmetic import flint_or_refusal
+    from hfa_region.commands.policy import policy_terms
     from hfa_region.report import region_report
     from hfa_region.search.plant import saturated_loop
     from hfa_region.search.region import RegionSearch
@@ -36,10 +37,12 @@ def with_region(
     flint_or_refusal()
     if named.linear is None:
         raise BadInputError("--region needs the nonlinear equations of an aircraft; name one")
-    if len(verdicts) != 1 or not verdicts[0].critic.linear:
-        raise BadInputError("--region needs one critic whose policy is linear; leave it out")
+    if len(verdicts) != 1:
+        raise BadInputError("--region needs one critic; leave it out")
     critic = verdicts[0].critic
-    loop = saturated_loop(named.linear, critic.K)
+    with said_of("--region"):
+        policy = policy_terms(critic, named.linear.inputs)
+    loop = saturated_loop(named.linear, critic.K, policy)
     progress = ProgressLine("region")
     search = RegionSearch(loop, critic.P, seconds=seconds, degree=_DEGREE, progress=progress)
     try:

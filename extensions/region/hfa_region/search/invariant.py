@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 import scipy.linalg
 
-from hfa_region.check.checker import limits_of
 from hfa_region.check.loop import HIGHEST, LOWEST
 from hfa_region.check.polynomial import power_of_length
 from hfa_region.check.statement import SaturatedLoop
@@ -25,6 +24,7 @@ from hfa_region.search.level import (
     Setting,
     accepted,
     holding_ball,
+    limits_within,
 )
 from hfa_region.search.plant import Plant
 from hfa_region.search.region import Region, bounds_of, measured, settings_of
@@ -66,8 +66,7 @@ class DisturbedPlant(Plant):
         f, _ = loop.model.layout.expressions((states, inputs, parameters), (), every)
         rows = [list(loop.model.states).index(name) for name in loop.states]
         slopes = ca.substitute(ca.jacobian(f[rows], w), w, 0)
-        low, high = ca.DM(self.input_ends[:, 0]), ca.DM(self.input_ends[:, 1])
-        held = ca.fmin(ca.fmax(-ca.DM(loop.K) @ z, low), high)
+        held = self.saturated(self.command(z))
         return ca.Function("winds", [z], [ca.densify(ca.vec(ca.substitute(slopes, v, held)))])
 
     def rates(self, z: np.ndarray) -> np.ndarray:
@@ -112,8 +111,7 @@ class EdgeSearch(LevelSearch):
         if self.setting.degree > 2:
             within = ONE + Terms.of(power_of_length(self.ball.n, 2)).scaled(-1.0)
             constraints.append((BALL, within, (0, half - 1)))
-        for name, polynomial in limits_of(self.ball, part).items():
-            constraints.append((name, Terms.of(polynomial), (0, half - 1)))
+        constraints += limits_within(self.ball, part, 0, half)
         found = positive(self.target(part), constraints, (0, half), self.ball.n, enough)
         if found is None or found[0] < MARGIN:
             return None

@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 from hfa_proof.checker.reading import Fields
 from hfa_region.check.checker import check_region, limits_of
 from hfa_region.check.loop import FREE, HIGHEST, LOWEST, RegionLoop
-from hfa_region.check.polynomial import power_of_length
+from hfa_region.check.polynomial import Polynomial, power_of_length
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.taylor import Taylor
 from hfa_region.check.witness import ANY, BALL, LEVEL, OUTSIDE, RegionWitness
@@ -141,8 +141,7 @@ class LevelSearch:
         constraints = [(LEVEL, level, (low, half - self.setting.degree // 2))]
         if self.setting.degree > 2:
             constraints.append((BALL, _within(self.ball.n), (low, half - 1)))
-        for name, polynomial in limits_of(self.ball, part).items():
-            constraints.append((name, Terms.of(polynomial), (low, half - 1)))
+        constraints += limits_within(self.ball, part, low, half)
         found = positive(self.target(part), constraints, (low, half), self.ball.n, enough)
         if found is None or found[0] < MARGIN:
             return None
@@ -264,12 +263,32 @@ def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]
     return met, empty
 
 
+def limits_within(
+    ball: RegionLoop, part: Mapping[str, str], low: int, half: int
+) -> list[tuple[str, Terms, tuple[int, int]]]:
+    """The limits of a part's inputs, each with the degrees of its multiplier: from low, and no
+    product above degree 2 half. A limit of too high a degree is left out."""
+    constraints = []
+    for name, polynomial in limits_of(ball, part).items():
+        highest = half - (polynomial.degree + 1) // 2
+        if highest >= low:
+            constraints.append((name, Terms.of(polynomial), (low, highest)))
+    return constraints
+
+
+def _linear_limits(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Polynomial]:
+    """The limits of a part's inputs that are linear in y."""
+    limits = limits_of(ball, part)
+    return {name: polynomial for name, polynomial in limits.items() if polynomial.degree == 1}
+
+
 def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
-    """Whether a point of the unit ball is in a part: the shortest y with G y >= h, by non-negative
-    least squares (Lawson and Hanson, Solving Least Squares Problems, chapter 23)."""
+    """Whether a point of the unit ball is in a part, as far as its limits are linear: the shortest
+    y with G y >= h, by non-negative least squares (Lawson and Hanson, Solving Least Squares
+    Problems, chapter 23)."""
     rows = []
     sides = []
-    for polynomial in limits_of(ball, done).values():
+    for polynomial in _linear_limits(ball, done).values():
         parts = polynomial.parts
         slopes = np.zeros(ball.n)
         for i in range(ball.n):
@@ -293,7 +312,7 @@ def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | No
     """Evidence that a part has no point of the unit ball."""
     minus_one = Terms(np.zeros(1, dtype=np.int64), -np.ones(1))
     constraints = [(BALL, _within(ball.n), (0, 0))]
-    for name, polynomial in limits_of(ball, part).items():
+    for name, polynomial in _linear_limits(ball, part).items():
         constraints.append((name, Terms.of(polynomial), (0, 0)))
     found = positive(minus_one, constraints, (0, 1), ball.n)
     return None if found is None or found[0] < MARGIN else found[1]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hfa_region.check.statement import SaturatedLoop, model_limits
+from hfa_region.check.statement import SaturatedLoop, Terms, model_limits
 from trim.linear.linear_model import LinearModel
 
 #: Steps of a simulation in the time constant of the fastest mode.
@@ -21,8 +22,10 @@ _FAR = 1e4
 ValueOf = Callable[[np.ndarray], np.ndarray]
 
 
-def saturated_loop(linear: LinearModel, K: np.ndarray) -> SaturatedLoop:
-    """The loop of a gain about the trim of a linear model."""
+def saturated_loop(
+    linear: LinearModel, K: np.ndarray, policy: Mapping[str, Terms] | None = None
+) -> SaturatedLoop:
+    """The loop of a gain about the trim of a linear model; policy: what is not linear, by input."""
     model = linear.point.model
     states = {name: float(value) for name, value in linear.point.states._asdict().items()}
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -35,6 +38,7 @@ def saturated_loop(linear: LinearModel, K: np.ndarray) -> SaturatedLoop:
         held,
         np.array(K, dtype=float),
         model_limits(model, states, parameters),
+        policy or {},
     )
 
 
@@ -92,7 +96,7 @@ class Plant:
         _, y = self.loop.model.layout.expressions((states, inputs, parameters), names)
         if not names:
             return np.zeros(0), np.zeros((0, z.numel()))
-        closed = ca.substitute(y, v, -ca.DM(self.loop.K) @ z)
+        closed = ca.substitute(y, v, self.command(z))
         function = ca.Function("outputs", [z], [closed, ca.jacobian(closed, z)])
         values, slopes = function(np.zeros(z.numel()))
         return np.array(values).ravel(), np.array(slopes)
@@ -108,6 +112,20 @@ class Plant:
         parts = zip(loop.inputs.values(), ca.vertsplit(v), strict=True)
         return z, v, states, [at + part for at, part in parts]
 
+    def command(self, z: ca.SX) -> ca.SX:
+        """u - u0 before it is saturated, (m,)."""
+        curved = ca.SX.zeros(len(self.loop.inputs))
+        for index, name in enumerate(self.loop.inputs):
+            for coefficient, exponents in self.loop.policy.get(name, ()):
+                powers = [z[i] ** power for i, power in enumerate(exponents) if power]
+                curved[index] += coefficient * prod(powers)
+        return curved - ca.DM(self.loop.K) @ z
+
+    def saturated(self, command: ca.SX) -> ca.SX:
+        """u - u0 within the limits of the inputs."""
+        low, high = ca.DM(self.input_ends[:, 0]), ca.DM(self.input_ends[:, 1])
+        return ca.fmin(ca.fmax(command, low), high)
+
     @cached_property
     def _function(self) -> ca.Function:
         loop = self.loop
@@ -116,9 +134,8 @@ class Plant:
         f, _ = loop.model.layout.expressions((states, inputs, parameters), ())
         rows = [list(loop.model.states).index(name) for name in loop.states]
         f = f[rows]
-        command = -ca.DM(loop.K) @ z
-        low, high = ca.DM(self.input_ends[:, 0]), ca.DM(self.input_ends[:, 1])
-        held = ca.fmin(ca.fmax(command, low), high)
+        command = self.command(z)
+        held = self.saturated(command)
         closed = ca.substitute(f, v, held)
         slopes = [ca.substitute(ca.jacobian(f, part), v, command) for part in (z, v)]
         return ca.Function("loop", [z], [closed, *slopes])

@@ -12,12 +12,11 @@ from math import prod
 
 import numpy as np
 
-from hfa_region.check.checker import limits_of
 from hfa_region.check.loop import FREE
 from hfa_region.check.polynomial import exponents_of, monomials, power_of_length
 from hfa_region.check.witness import LEVEL
 from hfa_region.search.function import PolynomialFunction
-from hfa_region.search.level import MARGIN, LevelSearch
+from hfa_region.search.level import MARGIN, LevelSearch, limits_within
 from hfa_region.search.squares import Identity, Squares, Terms
 
 #: V is at least this much of |y|².
@@ -101,8 +100,8 @@ class _Step:
         if search.setting.degree > 2:
             in_ball = Terms.packed(_ball(self.n, self.reach)).scaled(-1.0)
             problem.subtract(identity, low, half - 1, in_ball)
-        for polynomial in limits_of(search.ball, part).values():
-            problem.subtract(identity, low, half - 1, Terms.of(polynomial))
+        for _, limit, degrees in limits_within(search.ball, part, low, half):
+            problem.subtract(identity, *degrees, limit)
         return True
 
     def _rates(self, part: Mapping[str, str], highest: int) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,88 @@
+"""The policy of a critic as polynomials, which a statement names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import factorial, prod
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from hfa_region.check.statement import HIGHEST_POLICY, Terms
+from hfa_support.errors import BadInputError
+
+if TYPE_CHECKING:
+    from controller.critic.critic import Critic
+
+#: Points at which the polynomials are compared with the policy, and by how much they may differ.
+_POINTS = 200
+_SAME = 1e-9
+
+
+def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]:
+    """Input -> the terms of degree 2 and more of the policy; inputs without are left out.
+
+    critic: whose policy is a polynomial of degree `HIGHEST_POLICY` at most, 0 at z = 0
+    inputs: names, in the order of the game
+
+    BadInputError for another policy.
+    """
+    if critic.linear:
+        return {}
+    if critic.wide or not critic.policy.is_a("SXFunction"):
+        raise BadInputError("its policy is a network; give K, P, or weights W of polynomials")
+    z = critic.symbols
+    u = critic.policy(z)
+    policy = {}
+    for index, name in enumerate(inputs):
+        terms = _terms(u[index], z)
+        _check_same(ca.Function("u", [z], [u[index]]), terms)
+        curved = tuple(term for term in terms if sum(term[1]) > 1)
+        if curved:
+            policy[name] = curved
+    return policy
+
+
+def _terms(u: ca.SX, z: ca.SX) -> Terms:
+    """The polynomial of Taylor at 0, to degree `HIGHEST_POLICY`: ∂^α u / α! z^α."""
+    n = z.numel()
+    slopes = {(0,) * n: u}
+    found: dict[tuple[int, ...], ca.SX] = {}
+    for _ in range(HIGHEST_POLICY + 1):
+        found |= slopes
+        higher = {}
+        for powers, slope in slopes.items():
+            first = max((i for i in range(n) if powers[i]), default=0)
+            for i in range(first, n):
+                next_slope = ca.gradient(slope, z[i])
+                if not next_slope.is_zero():
+                    higher[(*powers[:i], powers[i] + 1, *powers[i + 1 :])] = next_slope
+        slopes = higher
+    at_zero = ca.Function("slopes", [z], [ca.densify(ca.vertcat(*found.values()))])
+    values = np.array(at_zero(np.zeros(n))).ravel()
+    terms = []
+    for powers, value in zip(found, values.tolist(), strict=True):
+        if value != 0.0:
+            terms.append((value / prod(factorial(power) for power in powers), powers))
+    return tuple(terms)
+
+
+def _check_same(u: ca.Function, terms: Terms) -> None:
+    """BadInputError unless the terms are the whole policy, and 0 at z = 0."""
+    n = u.numel_in(0)
+    points = np.random.default_rng(0).uniform(-2.0, 2.0, (_POINTS, n))
+    total = np.zeros(_POINTS)
+    sizes = np.zeros(_POINTS)
+    for coefficient, powers in terms:
+        values = coefficient * np.prod(points ** np.array(powers), axis=1)
+        total += values
+        sizes += np.abs(values)
+    wanted = np.array(u(points.T)).ravel()
+    if not np.all(np.abs(total - wanted) <= _SAME * sizes):
+        raise BadInputError(
+            f"its policy is no polynomial of degree {HIGHEST_POLICY} or less; give K, P, or weights"
+            " W of polynomials"
+        )
+    if any(not any(powers) for _, powers in terms):
+        raise BadInputError("its policy is not 0 at the trim; leave the linear terms of V out")

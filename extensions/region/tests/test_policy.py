@@ -1,0 +1,157 @@
+"""Regions of loops whose policy follows from a polynomial V of degree 4."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import io
+import json
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from controller.critic.critic import Critic, from_weights
+from controller.critic.features import features_of
+from controller.game.zero_sum import Game
+from hfa.main import main
+from hfa_aircraft.loading import load_model
+from hfa_aircraft.model import Model
+from hfa_proof.checker.reading import Rejected
+from hfa_region.check.certificate import check_certificate, read_content
+from hfa_region.check.checker import check_region
+from hfa_region.check.loop import RegionLoop
+from hfa_region.check.polynomial import exponents_of
+from hfa_region.commands.policy import policy_terms
+from hfa_region.search.function import PolynomialFunction, edge_points
+from hfa_region.search.plant import Plant, lost
+from hfa_support.errors import BadInputError, NoSolutionError
+
+PENDULUM = f"{Path(__file__).parents[3] / 'examples' / 'pendulum.py'}:PENDULUM"
+BASIS = "x1**2, x1*x2, x2**2, x1**3*x2, x2**4"
+WEIGHTS = [1.4, 0.148, 0.0366, 0.02, 0.0005]
+#: 1 / (m l²) of the example.
+BY_TORQUE = 1 / (0.15 * 0.5**2)
+
+
+def critic_of(basis: str, weights: list[float]) -> Critic:
+    """On the pendulum, linear about its trim, Q and R the identity."""
+    A = np.array([[0.0, 1.0], [19.62, -0.1 * BY_TORQUE]])
+    game = Game(A, np.array([[0.0], [BY_TORQUE]]), np.eye(2), np.eye(2), np.eye(1), delta=np.inf)
+    functions = features_of(basis, 2) if "x" in basis else basis
+    return from_weights(game, np.array(weights), functions)
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("policy")
+    path = folder / "pendulum.json"
+    (folder / "quartic.json").write_text(json.dumps({"W": WEIGHTS}))
+    words = ["prove", "region", "--aircraft", PENDULUM, "--degree", "2", "--seconds", "0.1"]
+    words += ["--weights", str(folder / "quartic.json"), "--basis", BASIS, "-q", "-o", str(path)]
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert main(words) == 0
+    path.with_suffix(".printed").write_text(printed.getvalue())
+    return path
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return load_model(PENDULUM)
+
+
+def test_the_terms_of_a_policy_are_those_of_its_critic() -> None:
+    # u = -B'∂V/∂z / 2: the fourth power of the rate gives -2 W B rate³.
+    terms = policy_terms(critic_of(BASIS, WEIGHTS), ("torque",))["torque"]
+    wanted = {(3, 0): -0.5 * BY_TORQUE * 0.02, (0, 3): -2 * BY_TORQUE * 0.0005}
+    assert {powers: coefficient for coefficient, powers in terms} == pytest.approx(wanted)
+    quartic = critic_of("quadratic+quartic", [*WEIGHTS[:3], 0.5, 0.0005])
+    ((coefficient, powers),) = policy_terms(quartic, ("torque",))["torque"]
+    assert powers == (0, 3)
+    assert coefficient == pytest.approx(wanted[0, 3])
+    assert policy_terms(critic_of("quadratic", WEIGHTS[:3]), ("torque",)) == {}
+
+
+@pytest.mark.parametrize(
+    ("basis", "reason"),
+    [
+        ("x1**2, x1*x2, x2**2, sin(x1)*x2, x2**4", "no polynomial"),
+        ("x1**2, x1*x2, x2**2, x2**8, x2**4", "no polynomial"),
+        ("x1**2, x1*x2, x2**2, x2, x2**4", "not 0 at the trim"),
+    ],
+)
+def test_other_policies_are_refused_by_name(basis: str, reason: str) -> None:
+    with pytest.raises(BadInputError, match=reason):
+        policy_terms(critic_of(basis, [1.4, 0.148, 0.0366, 0.02, 0.01]), ("torque",))
+
+
+def test_the_statement_names_the_policy_and_the_checker_has_the_same(
+    certificate: Path, model: Model, capsys: pytest.CaptureFixture[str]
+) -> None:
+    statement, witness = read_content(json.loads(certificate.read_text()), model)
+    assert {powers for _, powers in statement.loop.policy["torque"]} == {(3, 0), (0, 3)}
+    ball = RegionLoop(statement, witness.T, witness.order)
+    policy = critic_of(BASIS, WEIGHTS).policy
+    for y in np.random.default_rng(0).uniform(-0.7, 0.7, (20, 2)):
+        total = 0.0
+        for key, _, coefficient in ball.command(0).terms():
+            powers = [*exponents_of(key), 0, 0][:2]
+            total += float(coefficient) * float(np.prod(y ** np.array(powers)))
+        assert total == pytest.approx(float(policy(witness.T @ y)), rel=1e-9)
+    assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
+    shown = capsys.readouterr().out
+    line = "The policy of torque is -K z -0.266667 angle^3 -0.0266667 rate^3, then saturated."
+    assert line in shown
+    assert line in certificate.with_suffix(".printed").read_text()
+
+
+def test_forged_policies_are_refused(certificate: Path, model: Model) -> None:
+    content = json.loads(certificate.read_text())
+    check_region(*read_content(content, model))
+    policy = content["statement"]["policy"]["torque"]
+    forgeries = [
+        {},
+        {"torque": [[-10 * coefficient, powers] for coefficient, powers in policy]},
+        {"torque": [[30 * coefficient, powers] for coefficient, powers in policy]},
+        {"torque": [*policy, [3.0, [2, 0]]]},
+        {"torque": [*policy, [3.0, [1, 0]]]},
+        {"torque": [*policy, [3.0, [6, 0]]]},
+        {"torque": []},
+        {"thrust": policy},
+    ]
+    kept = []
+    for forged in forgeries:
+        changed = copy.deepcopy(content)
+        changed["statement"]["policy"] = forged
+        try:
+            check_region(*read_content(changed, model))
+            kept.append(forged)
+        except NoSolutionError:
+            pass
+    assert kept == []
+
+
+def test_a_policy_that_drives_the_loop_away_is_refused(certificate: Path, model: Model) -> None:
+    content = json.loads(certificate.read_text())
+    content["statement"]["policy"] = {"torque": [[40.0, [3, 0]]]}
+    with pytest.raises(Rejected):
+        check_region(*read_content(content, model))
+
+
+def test_starts_in_the_set_return(certificate: Path, model: Model) -> None:
+    statement = check_certificate(certificate, model=model).statement
+    V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
+    T = np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.5
+    edge = edge_points(V, T, 1.0)[::50] @ T.T
+    plant = Plant(statement.loop)
+    assert not lost(plant, edge, lambda z: V(z) <= 1e-4, 20.0).any()
+    z = ca.SX.sym("z", 2)
+    command = ca.Function("u", [z], [plant.command(z)])
+    policy = critic_of(BASIS, WEIGHTS).policy
+    assert np.allclose(np.array(command(edge.T)), np.array(policy(edge.T)), rtol=1e-9)
+
+
+def test_a_basis_needs_weights(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["prove", "region", "--aircraft", PENDULUM, "--basis", "quadratic"]) == 2
+    assert "--weights" in capsys.readouterr().err
