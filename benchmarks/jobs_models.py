@@ -16,7 +16,7 @@ import numpy as np
 import hfa_model
 from benchmarks.report import Row, in_turn
 from controller.hfa_game import published_game
-from controller.riccati.gare import solve_games
+from controller.riccati.game_batch import solve_games
 from hfa_aircraft.loading import load_model
 from hfa_model import LINEAR_STATES, STATES, Parameters, default_parameters
 from hfa_model.atmosphere import density

@@ -22,11 +22,13 @@ from hfa_servo.scheduled_controller import (
     save_controller as save_controller,
 )
 
-from .critic.critic_file import critic_in as critic_in, critics_over_time as critics_over_time
+from .critic.critic_file import critic_in as critic_in
+from .critic.critic_history import critics_over_time as critics_over_time
 from .game.basis import basis as basis
 from .game.gain_schedule import GainSchedule as GainSchedule
 from .game.zero_sum import Game as Game
-from .hfa_game import load_game as load_game, published_game as published_game
+from .hfa_files import load_game as load_game
+from .hfa_game import published_game as published_game
 from .learning.certified import learn as learn
 from .learning.recording import Stack as Stack, random_pool as random_pool, record as record
 from .learning.ticks import run as run

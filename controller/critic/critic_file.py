@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import zipfile
 from collections.abc import Mapping
@@ -14,19 +13,18 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts
-from controller.critic.features import features_of
 from controller.game.array_file import UNKNOWN, read_arrays
 from controller.game.basis import Basis, basis
+from controller.game.file_entries import file_scales, found_in
 from controller.game.names import UNNAMED, PlantNames
-from controller.game.user_files import file_scales, found_in, words
-from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import CRITICS, offered, part
 from hfa_support.errors import BadInputError, numbers_in, said_of
 from hfa_support.files import MATRIX_FILES
 
 #: The parts of a critic -> their dimensions.
-_DIMENSIONS = {"W": 1, "P": 2, "K": 2}
+DIMENSIONS = {"W": 1, "P": 2, "K": 2}
 #: Other names of an entry.
 _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
@@ -55,6 +53,8 @@ class Reading:
     def functions(self, states: int, names: tuple[str, ...]) -> Basis | ca.Function:
         """The basis of weights on a plant with these states."""
         if self.basis is not None and self.lists_functions:
+            from controller.critic.features import features_of
+
             return features_of(self.basis, states, names)
         return basis(self.basis or "quadratic", states)
 
@@ -80,8 +80,10 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
             entries = {_part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
         # Beside the rows over time a file may hold the last of them under its own name.
         over_time = entries | {own: entries[key] for key, own in _ALIASES.items() if key in entries}
-        if "time" in over_time and any(name in over_time for name in _DIMENSIONS):
-            rows = _rows_over_time(over_time, game, reading)
+        if "time" in over_time and any(name in over_time for name in DIMENSIONS):
+            from controller.critic.critic_history import rows_over_time
+
+            rows = rows_over_time(over_time, game, reading)
             if rows is not None:
                 return rows
         functions = reading.functions(len(game.A), game.names.states)
@@ -107,56 +109,6 @@ def stored_parts(
     entries = entries_in(path)
     with said_of(path):
         return _single_parts(entries, plant, functions)
-
-
-@checks_arguments
-def critics_over_time(
-    game: Game, times: np.ndarray, functions: str = "quadratic", **parts: np.ndarray | None
-) -> tuple[Critic, ...]:
-    """The critic at each time, of a learner's history.
-
-    times: (N,), s, increasing from 0 or later.
-    functions: name of the basis of W.
-    parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them; a single W (M,), P (n, n) or
-        K (m, n) is that of the last row.
-
-    BadInputError when a number is not finite or too large, the times do not increase, or the number
-    of rows differs.
-
-    >>> import hfa
-    >>> import numpy as np
-    >>> from controller import critics_over_time
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
-    >>> weights = np.array([[1.0], [3.0]])
-    >>> [critic.K.item() for critic in critics_over_time(game, np.array([0.0, 1.0]), W=weights)]
-    [1.0, 3.0]
-    """
-    times = checked_matrix("time", times, LARGEST_CRITIC_ENTRY, ndim=None)
-    arrays = {
-        name: checked_matrix(name, parts[name], LARGEST_CRITIC_ENTRY, ndim=None)
-        for name in _DIMENSIONS
-        if parts.get(name) is not None
-    }
-    rows = {name: array for name, array in arrays.items() if array.ndim == _DIMENSIONS[name] + 1}
-    if times.ndim != 1 or not len(times) or not rows:
-        raise BadInputError(
-            "a history needs a time for each row, and W (rows of weights), P or K (matrices)"
-        )
-    for row in np.flatnonzero(np.diff(times, prepend=-np.finfo(float).tiny) <= 0.0):
-        raise BadInputError(
-            f"time is {times[row]:g} s at row {row + 1}; it must increase, from 0 s or later"
-        )
-    for name, array in rows.items():
-        if len(array) != len(times):
-            raise BadInputError(f"{name} has {len(array)} rows and there are {len(times)} times")
-    psi = basis(functions, len(game.A))
-    critics = []
-    for index, time in enumerate(times.tolist()):
-        parts_then = {name: array[index] for name, array in rows.items()}
-        if index == len(times) - 1:
-            parts_then |= {name: array for name, array in arrays.items() if name not in rows}
-        critics.append(from_parts(game, parts_then, psi, time))
-    return tuple(critics)
 
 
 def critic_suffixes() -> tuple[str, ...]:
@@ -213,7 +165,7 @@ def _single_parts(
     entries: Mapping[str, Any], plant: PlantNames, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
     """W (M,), P and K by name, as many as there are, in the units of the plant."""
-    parts = {name: numbers_in(name, entries[name]) for name in _DIMENSIONS if name in entries}
+    parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:
         raise BadInputError('H belongs to a plant in steps; did you mean time = "discrete"?')
     if not parts:
@@ -228,11 +180,11 @@ def _single_parts(
                 "matrices"
             )
         flat = values.reshape(-1) if name == "W" else values
-        parts[name] = checked_matrix(name, flat, LARGEST_CRITIC_ENTRY, _DIMENSIONS[name])
-    return _in_plant_units(parts, file_scales(entries, plant), functions)
+        parts[name] = checked_matrix(name, flat, LARGEST_CRITIC_ENTRY, DIMENSIONS[name])
+    return in_plant_units(parts, file_scales(entries, plant), functions)
 
 
-def _in_plant_units(
+def in_plant_units(
     parts: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
     """W ψ(s x), (s x)'P (s x) and K s x as functions of x: W (..., M), P (..., n, n), K (..., m,
@@ -248,43 +200,3 @@ def _in_plant_units(
         if name in parts and parts[name].shape[-factor.ndim :] == factor.shape:
             converted[name] = parts[name] * factor
     return converted
-
-
-def _rows_over_time(
-    entries: Mapping[str, Any], game: Game, reading: Reading
-) -> tuple[Critic, ...] | None:
-    """The critics of a history; None where beside its times the file holds the last row alone."""
-    if reading.lists_functions:
-        raise BadInputError("a list of --basis belongs to weights W without times")
-    times = np.ravel(numbers_in("time", entries["time"]))
-    stored_basis = words(entries, "basis") if "basis" in entries else ("quadratic",)
-    if reading.basis is None and len(stored_basis) != 1:
-        raise BadInputError("basis must be one name, such as 'quadratic'")
-    n, m = game.B.shape
-    psi = basis(reading.basis or stored_basis[0], n)
-    sizes = {"W": (psi.size,), "P": (n, n), "K": (m, n)}
-    rows = {
-        name: _stacked(name, entries[name], len(times), size, psi)
-        for name, size in sizes.items()
-        if name in entries
-    }
-    if all(array.shape == sizes[name] for name, array in rows.items()):
-        return None
-    rows = _in_plant_units(rows, file_scales(entries, game.names), psi)
-    return critics_over_time(game, times, psi.name, **rows)
-
-
-def _stacked(name: str, value: Any, count: int, size: tuple[int, ...], psi: Basis) -> np.ndarray:
-    """One part of a critic at each time, (N, *size), or that of the last row alone, (*size)."""
-    array = numbers_in(name, value)
-    if array.shape in ((count, *size), size):
-        return array
-    if len(size) == 2 and array.shape == (*size, count):
-        return np.moveaxis(array, -1, 0)
-    if array.shape == (count, math.prod(size)):
-        return array.reshape(count, *size)
-    reason = f"there are {count} times, so it must be {shape_text((count, *size))}"
-    if name == "W":
-        weights = f"basis {psi.name!r} on {psi.states} states has {psi.size} weights"
-        reason = f"{weights} and {reason}"
-    raise BadInputError(f"{name} is {shape_text(array.shape)}; {reason}")

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from controller.game.array_file import read_arrays
+from controller.game.file_entries import file_scales, words
 from controller.game.names import PlantNames
-from controller.game.user_files import file_scales, words
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, checked_matrix
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments

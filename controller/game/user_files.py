@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.array_file import read_arrays
+from controller.game.file_entries import found_in, words
 from controller.game.names import PlantNames
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened, shown
-from hfa_support.units import si_factor, si_unit
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta")
 #: What a plant in discrete time (time = "discrete") may have beside them.
@@ -24,60 +24,6 @@ DISCRETE_KEYS = ("time", "discount", "N")
 NAME_KEYS = ("states", "inputs", "state_units", "input_units")
 #: How python-control calls them in a `StateSpace`.
 _OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
-
-
-def found_in(stored: Mapping[str, Any]) -> str:
-    """For a message: the names in a file."""
-    if not stored:
-        return " (the file is empty)"
-    return f" (found: {shortened(', '.join(sorted(stored)), 200)})"
-
-
-def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """The texts of an entry; () where it holds anything else.
-
-    BadInputError for what a terminal would obey.
-    """
-    # As objects: rows of JSON may differ in length.
-    entries = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()
-    if not all(isinstance(entry, str) for entry in entries):
-        return ()
-    for entry in entries:
-        if not entry.isprintable():
-            raise BadInputError(f"{key} has {shortened(ascii(entry))}, which cannot be printed")
-    return tuple(entries)
-
-
-def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
-    """s with x_file = s x, (n,), from the entry `state_units`.
-
-    Ones where the file or the plant says no units. BadInputError for units that are neither the
-    plant's nor their SI or English ones, and where `states` or `inputs` of the file are the plant's
-    in another order."""
-    for key in ("states", "inputs"):
-        in_file = words(stored, key)
-        of_plant = getattr(plant, key)
-        if in_file != of_plant and sorted(in_file) == sorted(of_plant):
-            raise BadInputError(
-                f"its {key} are in the order {shortened(', '.join(in_file), 200)}; those of the"
-                f" plant are {shortened(', '.join(of_plant), 200)}: reorder the matrices, or leave"
-                f" {key} out of the file"
-            )
-    units = words(stored, "state_units")
-    scales = np.ones(len(plant.state_units))
-    if len(units) != len(scales):
-        return scales
-    for i, (unit, unit_of_plant) in enumerate(zip(units, plant.state_units, strict=True)):
-        if si_unit(unit_of_plant) == unit != unit_of_plant:
-            scales[i] = si_factor(unit_of_plant)
-        elif si_unit(unit) == unit_of_plant != unit:
-            scales[i] = 1.0 / si_factor(unit)
-        elif unit and unit_of_plant and unit != unit_of_plant:
-            raise BadInputError(
-                f"state {i + 1} is in {shortened(unit)} and that of the plant in {unit_of_plant};"
-                " convert it, or leave state_units out of the file"
-            )
-    return scales
 
 
 @dataclass(frozen=True)

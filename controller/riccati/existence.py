@@ -16,12 +16,36 @@ from controller.riccati.certificate import (
 )
 from controller.riccati.delta_search import Answer
 from controller.riccati.derivations import by_schur
-from controller.riccati.normal_form import NormalForm, StableSubspace, stable_subspace
+from controller.riccati.normal_form import BACKWARD, NormalForm, ordered_basis
 from hfa_support.errors import NoSolutionError
 
 #: What rounding, and a change of the last bits of A, B, E and Q, make of one entry of a Hamiltonian
 #: or of a sum over its rows, relative, times the number of its rows.
 ROUNDING = 4.0 * float(np.finfo(float).eps)
+
+
+class StableSubspace(NamedTuple):
+    """The stable subspace of a Hamiltonian.
+
+    basis: (2n, n), orthonormal
+    error: by which angle, rad, rounding of the Hamiltonian may turn it, to first order
+    """
+
+    basis: np.ndarray
+    error: float
+
+
+def stable_subspace(form: NormalForm) -> StableSubspace | None:
+    """That of the Hamiltonian, with its error; None where it has not half the dimension.
+
+    The error is |D| / sep for a change D of the Hamiltonian by `BACKWARD` of what it was computed
+    from, and sep the separation of the two halves of its Schur form. Source: Golub and Van Loan,
+    Theorem 7.2.4."""
+    basis, separation = ordered_basis(form.hamiltonian, job=b"V")
+    if basis is None:
+        return None
+    change = BACKWARD * float(np.linalg.norm(form.hamiltonian_sizes))
+    return StableSubspace(basis, change / separation if separation > 0.0 else np.inf)
 
 
 class Found(NamedTuple):

@@ -1,37 +1,29 @@
 """The exact solution of the zero-sum game on a linear model, certified, or the reason why there is
-none; of one game or of many."""
+none."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from controller.game.names import PlantNames
-from controller.game.zero_sum import LARGEST, Game
+from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import (
     Certificate,
     Certified,
-    carefully_certified,
     certified_solution,
-    certified_stack,
 )
-from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
-from controller.riccati.smallest_delta import smallest_delta_of
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
-from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table
-
-#: Games of one stack: enough to forget the cost of a call, few enough for the cache.
-TOGETHER = 256
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,22 +77,6 @@ class Solution(Result, Reported):
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class GameBatch(Shown):
-    """The solutions of N games.
-
-    P: (N, n, n), nan where not certified
-    K: (N, m, n), the same
-    certified: (N,)
-    reasons: N lines, "" where certified
-    """
-
-    P: np.ndarray
-    K: np.ndarray
-    certified: np.ndarray
-    reasons: tuple[str, ...]
-
-
 @checks_arguments
 def solve_game(game: Game, progress: Progress | None = None) -> Solution:
     """The exact solution of a game, with its certificate (paper Section 3.1).
@@ -128,11 +104,9 @@ def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
     try:
         return certified_solution(form)
     except NoSolutionError as failure:
-        smallest = smallest_delta_of(form, progress)  # raises by itself when no delta would do
-        verdict = f"not certified: {failure}"
-        if form.delta <= smallest.refused:
-            verdict = f"no value of the game: {existence(form).reason or failure}"
-        raise NoSolutionError(f"{verdict}; {smallest.advice(form.delta)}") from failure
+        from controller.riccati.smallest_delta import why_refused
+
+        raise NoSolutionError(why_refused(form, str(failure), progress)) from failure
 
 
 def solution_of(form: NormalForm, certified: Certified, names: PlantNames) -> Solution:
@@ -153,52 +127,6 @@ def solution_of(form: NormalForm, certified: Certified, names: PlantNames) -> So
         abscissa_error=_abscissa_error(form, accurate, X),
         names=names,
     )
-
-
-@checks_arguments
-def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
-    """`solve_game` of every plant (A (N, n, n), B (N, n, m)); E, Q, R, delta of `like`.
-
-    What is refused gets the test that failed as its reason. BadInputError names the model that is
-    none."""
-    A = np.asarray(A, dtype=float)
-    B = np.asarray(B, dtype=float)
-    _refuse_bad_plants(A, B, like)
-    P = np.full_like(A, np.nan)
-    K = np.full_like(B.mT, np.nan)
-    reasons = ["" for _ in A]
-    for first in range(0, len(A), TOGETHER):
-        part = slice(first, first + TOGETHER)
-        form = NormalForm.of_plants(A[part], B[part], like)
-        rows = np.flatnonzero(form.is_finite)
-        stack = certified_stack(form[rows])
-        P[first + rows] = form[rows].value(stack.X)
-        K[first + rows] = form[rows].gain(stack.X)
-        for i in np.flatnonzero(np.isnan(K[part]).any(axis=(1, 2))):
-            try:
-                alone = carefully_certified(form[int(i)])
-                P[first + i] = alone.form.value(alone.X)
-                K[first + i] = alone.form.gain(alone.X)
-            except NoSolutionError as failure:
-                reasons[first + i] = str(failure)
-    certified = np.array([not reason for reason in reasons])
-    return GameBatch(P, K, certified, tuple(reasons))
-
-
-def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:
-    """BadInputError of stacks that do not fit, of the first model with a number that is none, or of
-    the first one."""
-    if A.ndim != 3 or B.ndim != 3 or A.shape[:2] != B.shape[:2] or A.shape[1] != A.shape[2]:
-        raise BadInputError(
-            f"A is of shape {A.shape} and B of {B.shape}; give stacks (N, n, n) and (N, n, m)"
-        )
-    sound = (np.abs(A) <= LARGEST).all(axis=(1, 2)) & (np.abs(B) <= LARGEST).all(axis=(1, 2))
-    suspects = [*range(min(len(A), 1)), *np.flatnonzero(~sound)[:1]]
-    for i in suspects:
-        try:
-            replace(like, A=A[i], B=B[i])
-        except BadInputError as error:
-            raise BadInputError(f"model {i} of the batch: {error}") from error
 
 
 def _abscissa_error(form: NormalForm, form_of_X: NormalForm, X: np.ndarray) -> float:

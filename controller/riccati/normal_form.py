@@ -312,37 +312,13 @@ def relative_residual(game: Game, P: np.ndarray) -> float:
     return float(relative_residuals(game.A, game.S_control, S_disturbance, game.Q, P))
 
 
-class StableSubspace(NamedTuple):
-    """The stable subspace of a Hamiltonian.
-
-    basis: (2n, n), orthonormal
-    error: by which angle, rad, rounding of the Hamiltonian may turn it, to first order
-    """
-
-    basis: np.ndarray
-    error: float
-
-
-def stable_subspace(form: NormalForm) -> StableSubspace | None:
-    """That of the Hamiltonian, with its error; None where it has not half the dimension.
-
-    The error is |D| / sep for a change D of the Hamiltonian by `BACKWARD` of what it was computed
-    from, and sep the separation of the two halves of its Schur form. Source: Golub and Van Loan,
-    Theorem 7.2.4."""
-    basis, separation = _ordered(form.hamiltonian, job=b"V")
-    if basis is None:
-        return None
-    change = BACKWARD * float(np.linalg.norm(form.hamiltonian_sizes))
-    return StableSubspace(basis, change / separation if separation > 0.0 else np.inf)
-
-
 def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
     """(2n, n), orthonormal, of the stable subspace of a Hamiltonian; None where it has not half
     the dimension."""
-    return _ordered(matrix, job=b"N")[0]
+    return ordered_basis(matrix, job=b"N")[0]
 
 
-def _ordered(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
+def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
     """The basis of the stable subspace, and the separation where it is asked for.
 
     Of LAPACK itself, because SciPy's ordered Schur form asks Python about each eigenvalue: a signal

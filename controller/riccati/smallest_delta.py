@@ -120,6 +120,20 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
     return DeltaMin(value * size, refused * size)
 
 
+def why_refused(form: NormalForm, failure: str, progress: Progress | None = None) -> str:
+    """Why a game is refused, what its delta is beside the smallest, and what to change.
+
+    failure: the test of the certificate that failed.
+
+    Raises NoSolutionError when no delta would do.
+    """
+    smallest = smallest_delta_of(form, progress)
+    verdict = f"not certified: {failure}"
+    if form.delta <= smallest.refused:
+        verdict = f"no value of the game: {existence(form).reason or failure}"
+    return f"{verdict}; {smallest.advice(form.delta)}"
+
+
 def _some_solution(form: NormalForm) -> Certified:
     """Of the problem without disturbance, or else of the game itself."""
     inside = form.turned()

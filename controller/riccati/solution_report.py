@@ -10,7 +10,8 @@ from controller.game.zero_sum import Game
 from controller.riccati.cost import cost_check
 from controller.riccati.frequency_response import gain_checks
 from controller.riccati.gare import Solution, certified, solution_of
-from controller.riccati.margins import DiskMargin, LoopMargin, disk_margin, disk_sizes, loop_margins
+from controller.riccati.loop_margins import LoopMargin, loop_margins
+from controller.riccati.margins import DiskMargin, disk_margin, disk_sizes
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of
 from hfa_support.arguments import checks_arguments

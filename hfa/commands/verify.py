@@ -31,7 +31,6 @@ from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
 from hfa_support.progress import told
-from verification.critic.about_trim import box_within_limits, nonlinear_plant
 from verification.critic.critic_check import check_critic, check_history
 from verification.critic.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
 from verification.critic.verdict import NEAR, Verdict, verdicts_report
@@ -180,6 +179,8 @@ def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
     names = named.game.names
     box = ordinary_box(names.states, names.inputs, names.state_units)
     if box is None and named.linear is not None and names.states == named.linear.states:
+        from verification.critic.about_trim import box_within_limits
+
         box = box_within_limits(named.linear)
     if request.at is None:
         return Scope(box)
@@ -275,5 +276,7 @@ def _check_file(
         progress = ProgressLine("prove") if files == 1 else None
         scope = replace(scope, seconds=SECONDS / files, progress=progress)
         if named.linear is not None:
+            from verification.critic.about_trim import nonlinear_plant
+
             scope = replace(scope, plant=nonlinear_plant(named.linear))
     return check_critic(game, critics[0], limit=limit, scope=scope)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.hfa_game import paper_defaults, plant_names, usual_game
+from controller.hfa_game import plant_names, usual_game
 from hfa.options.argument_types import input_file, number, one_of, whole
 from hfa.options.request import OfModel, Request, option
 from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption
@@ -207,6 +207,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
 
     def _game_of_file(self, plant: Path, read: dict[str, Any] | None) -> NamedGame:
         from controller.game.user_files import stored_game
+        from controller.hfa_files import paper_defaults
 
         self.refuse_of_the_aircraft()
         stored = stored_game(plant, found=read, defaults=paper_defaults, **self.changed_weights())

@@ -17,14 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.riccati.frequency_response import frequency_grid
+from controller.riccati.loop_margins import LoopMargin, margin_of
 from controller.riccati.margins import (
     DiskMargin,
-    LoopMargin,
     Response,
     best_scaling,
     disk_of,
     disk_sizes,
-    margin_of,
     scaled_norm,
 )
 from hfa_policy.rest import Rest

@@ -12,13 +12,8 @@ import numpy as np
 
 from controller.riccati.balancing import spectrum
 from controller.riccati.frequency_response import frequency_grid
-from controller.riccati.margins import (
-    LoopMargin,
-    margin_of,
-    shifted_sensitivity,
-    single_margin,
-    stable_poles,
-)
+from controller.riccati.loop_margins import LoopMargin, margin_of, single_margin
+from controller.riccati.margins import shifted_sensitivity, stable_poles
 from hfa_aircraft.model import Model
 from hfa_servo.design import Actuator, Design
 from hfa_servo.design_model import DesignModel, design_model

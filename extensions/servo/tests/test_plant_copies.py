@@ -13,7 +13,8 @@ from copies import KINDS, copies
 from numpy.random import Generator
 from plant_references import gain_of, of_slycot
 
-from controller.riccati.normal_form import NormalForm, stable_subspace
+from controller.riccati.existence import stable_subspace
+from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin
 from hfa_servo.generalized_plant import GeneralizedPlant, conditions
 from hfa_servo.plant_side import Side

@@ -13,9 +13,10 @@ from game_files import small, stored
 from scipy.sparse import csc_matrix
 
 from controller import Game, load_game, published_game
+from controller.game.file_entries import file_scales
 from controller.game.names import PlantNames
-from controller.game.user_files import file_scales, stored_game
-from controller.hfa_game import paper_defaults
+from controller.game.user_files import stored_game
+from controller.hfa_files import paper_defaults
 from hfa.options.games import diagonal
 from hfa_model import LINEAR_STATES, published_models
 from hfa_support import BadInputError

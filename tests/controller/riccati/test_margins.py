@@ -13,7 +13,8 @@ from game_samples import game_models
 from scipy.optimize import minimize
 
 from controller import Game
-from controller.riccati.margins import best_scaling, loop_margins, margin_of, scaled_norm
+from controller.riccati.loop_margins import loop_margins, margin_of
+from controller.riccati.margins import best_scaling, scaled_norm
 from hfa_support import NoSolutionError
 from verification import bounded_real_gain, disk_margin, minimum_delta, solve_game
 

@@ -1,0 +1,107 @@
+"""Critics over time: of a file, or of a learner's history, one for each time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from controller.critic.critic import Critic, from_parts
+from controller.critic.critic_file import DIMENSIONS, Reading, in_plant_units
+from controller.game.basis import Basis, basis
+from controller.game.file_entries import file_scales, words
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError, numbers_in
+
+
+@checks_arguments
+def critics_over_time(
+    game: Game, times: np.ndarray, functions: str = "quadratic", **parts: np.ndarray | None
+) -> tuple[Critic, ...]:
+    """The critic at each time, of a learner's history.
+
+    times: (N,), s, increasing from 0 or later.
+    functions: name of the basis of W.
+    parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them; a single W (M,), P (n, n) or
+        K (m, n) is that of the last row.
+
+    BadInputError when a number is not finite or too large, the times do not increase, or the number
+    of rows differs.
+
+    >>> import hfa
+    >>> import numpy as np
+    >>> from controller import critics_over_time
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
+    >>> weights = np.array([[1.0], [3.0]])
+    >>> [critic.K.item() for critic in critics_over_time(game, np.array([0.0, 1.0]), W=weights)]
+    [1.0, 3.0]
+    """
+    times = checked_matrix("time", times, LARGEST_CRITIC_ENTRY, ndim=None)
+    arrays = {
+        name: checked_matrix(name, parts[name], LARGEST_CRITIC_ENTRY, ndim=None)
+        for name in DIMENSIONS
+        if parts.get(name) is not None
+    }
+    rows = {name: array for name, array in arrays.items() if array.ndim == DIMENSIONS[name] + 1}
+    if times.ndim != 1 or not len(times) or not rows:
+        raise BadInputError(
+            "a history needs a time for each row, and W (rows of weights), P or K (matrices)"
+        )
+    for row in np.flatnonzero(np.diff(times, prepend=-np.finfo(float).tiny) <= 0.0):
+        raise BadInputError(
+            f"time is {times[row]:g} s at row {row + 1}; it must increase, from 0 s or later"
+        )
+    for name, array in rows.items():
+        if len(array) != len(times):
+            raise BadInputError(f"{name} has {len(array)} rows and there are {len(times)} times")
+    psi = basis(functions, len(game.A))
+    critics = []
+    for index, time in enumerate(times.tolist()):
+        parts_then = {name: array[index] for name, array in rows.items()}
+        if index == len(times) - 1:
+            parts_then |= {name: array for name, array in arrays.items() if name not in rows}
+        critics.append(from_parts(game, parts_then, psi, time))
+    return tuple(critics)
+
+
+def rows_over_time(
+    entries: Mapping[str, Any], game: Game, reading: Reading
+) -> tuple[Critic, ...] | None:
+    """The critics of a history; None where beside its times the file holds the last row alone."""
+    if reading.lists_functions:
+        raise BadInputError("a list of --basis belongs to weights W without times")
+    times = np.ravel(numbers_in("time", entries["time"]))
+    stored_basis = words(entries, "basis") if "basis" in entries else ("quadratic",)
+    if reading.basis is None and len(stored_basis) != 1:
+        raise BadInputError("basis must be one name, such as 'quadratic'")
+    n, m = game.B.shape
+    psi = basis(reading.basis or stored_basis[0], n)
+    sizes = {"W": (psi.size,), "P": (n, n), "K": (m, n)}
+    rows = {
+        name: _stacked(name, entries[name], len(times), size, psi)
+        for name, size in sizes.items()
+        if name in entries
+    }
+    if all(array.shape == sizes[name] for name, array in rows.items()):
+        return None
+    rows = in_plant_units(rows, file_scales(entries, game.names), psi)
+    return critics_over_time(game, times, psi.name, **rows)
+
+
+def _stacked(name: str, value: Any, count: int, size: tuple[int, ...], psi: Basis) -> np.ndarray:
+    """One part of a critic at each time, (N, *size), or that of the last row alone, (*size)."""
+    array = numbers_in(name, value)
+    if array.shape in ((count, *size), size):
+        return array
+    if len(size) == 2 and array.shape == (*size, count):
+        return np.moveaxis(array, -1, 0)
+    if array.shape == (count, math.prod(size)):
+        return array.reshape(count, *size)
+    reason = f"there are {count} times, so it must be {shape_text((count, *size))}"
+    if name == "W":
+        weights = f"basis {psi.name!r} on {psi.states} states has {psi.size} weights"
+        reason = f"{weights} and {reason}"
+    raise BadInputError(f"{name} is {shape_text(array.shape)}; {reason}")

@@ -1,0 +1,115 @@
+"""Margins of one loop at a time while all others stay closed, or of several that change alike; from
+the M of `margins`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.margins import DISK_AT_INFINITY, Response, response_of
+
+#: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding
+#: moved.
+ROUNDING = 1e-9
+#: Secants, and halves of what is left between them, until a crossover has all its digits.
+_ROUNDS = 17
+
+
+class LoopMargin(NamedTuple):
+    """Of one loop, or the same factor, phase or delay in several at once.
+
+    The loop stays stable while its gain is multiplied by a factor in (gain_low, gain_high), its
+    phase shifted by less than `phase`, or its signal delayed by less than `delay` s; inf where none
+    of them ends stability. crossover: where |l| = 1 with that phase, nan where |l| is never 1.
+    disk: α of `DiskMargin`, of both at once."""
+
+    gain_low: float
+    gain_high: float
+    phase: float
+    crossover: float
+    delay: float
+    disk: float
+
+    @property
+    def gain(self) -> float:
+        """To the nearest instability, up or down, dB."""
+        with np.errstate(divide="ignore"):
+            return float(20.0 * np.abs(np.log10([self.gain_low, self.gain_high])).min())
+
+
+def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
+    """Margins of each input of u = -K z, in the order of the inputs. K: (m, n).
+
+    Raises NoSolutionError when A - B K is not Hurwitz.
+    """
+    M, grid = response_of(game, K)
+    return tuple(single_margin(M, i, grid) for i in range(game.B.shape[1]))
+
+
+def single_margin(M: Response, i: int, grid: np.ndarray) -> LoopMargin:
+    """Margin of loop i, the others closed."""
+    return margin_of(lambda frequencies: M(frequencies, i)[:, 0], grid)
+
+
+def margin_of(loci: Response, grid: np.ndarray) -> LoopMargin:
+    """Margin of k loops that change alike; loci: their M, (N, k), in any order. grid: has every
+    resonance, and 0.
+
+    Frequencies at which Im M or Re M is 0 are sought where it changes its sign between those of the
+    grid. Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994)."""
+    seen = _followed(loci(grid))
+
+    def crossing(part: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies at which this part of M changes its sign, and M there."""
+        above = part(seen) > 0.0
+        where, column = np.nonzero(above[1:] != above[:-1])
+        low = grid[where]
+        high = grid[where + 1]
+        first = seen[where, column]
+        last = seen[where + 1, column]
+        for number in range(_ROUNDS):
+            share = 0.5 if number % 2 else part(first) / (part(first) - part(last))
+            point = low + share * (high - low)
+            expected = first + share * (last - first)
+            curves = loci(point)
+            nearest = np.abs(curves - expected[:, None]).argmin(axis=1)
+            value = curves[np.arange(len(point)), nearest]
+            before = (part(value) > 0.0) == above[where, column]
+            low = np.where(before, point, low)
+            high = np.where(before, high, point)
+            first = np.where(before, value, first)
+            last = np.where(before, last, value)
+        return point, value
+
+    real = np.append(seen[0].real, crossing(np.imag)[1].real)
+    with np.errstate(divide="ignore"):
+        gains = (real + 0.5) / (real - 0.5)  # -1 / l
+    gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
+    frequencies, values = crossing(np.real)
+    angles = np.angle((values - 0.5) / (values + 0.5))  # of -l
+    phases = np.degrees(np.abs(angles))
+    return LoopMargin(
+        gain_low=float(gains[gains < 1.0].max(initial=0.0)),
+        gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
+        phase=float(phases.min(initial=math.inf)),
+        crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
+        delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
+        disk=min(1.0 / float(np.abs(seen).max()), DISK_AT_INFINITY),
+    )
+
+
+def _followed(loci: np.ndarray) -> np.ndarray:
+    """The same (N, k), each column a curve: of all orders of the next row the nearest to this
+    one."""
+    if loci.shape[1] == 1:
+        return loci
+    from scipy.optimize import linear_sum_assignment
+
+    followed = [loci[0]]
+    for row in loci[1:]:
+        followed.append(row[linear_sum_assignment(np.abs(followed[-1][:, None] - row))[1]])
+    return np.array(followed)
