@@ -175,7 +175,7 @@ def test_a_store_in_metres_is_the_store_in_feet(
         stores[system] = zarr.open_group(str(path), mode="r")
     assert stores["si"].attrs["state_units"][:3] == ["m/s", "rad", "m"]  # type: ignore[index]
     feet, metres = (np.asarray(store[name])[:, :3] for store in stores.values())
-    np.testing.assert_allclose(metres, feet * [FOOT, 1.0, FOOT], rtol=1e-9)
+    np.testing.assert_allclose(metres, feet * np.array([FOOT, 1.0, FOOT]), rtol=1e-9)
     continued = hfa(*words, "--resume", "-o", str(tmp_path / "si.zarr"))
     assert_refused(continued, BAD_INPUT, "belongs to another")
 

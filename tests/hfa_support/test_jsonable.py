@@ -26,7 +26,7 @@ def test_numbers_of_every_width_are_numbers() -> None:
     converted = jsonable(
         [[kind(3), np.array([kind(3)])] for kind in kinds] + [np.longdouble("inf"), np.bool_(True)]
     )
-    assert converted == [*[[3, [3]]] * len(kinds), None, True]
+    assert converted == [*[[3, [3]] for _ in kinds], None, True]
     assert {type(number) for number, _ in converted[:5]} == {float, int}
 
 

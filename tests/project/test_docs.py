@@ -119,7 +119,12 @@ def _run_python(block: Block, namespace: dict[str, Any], name: str) -> tuple[str
         with contextlib.redirect_stdout(out):
             # Blank lines before the code: a traceback then shows the document's own line numbers.
             exec(
-                compile("\n" * (block.line - 1) + block.text, name, "exec", dont_inherit=True),
+                compile(
+                    block.text.rjust(len(block.text) + block.line - 1, "\n"),
+                    name,
+                    "exec",
+                    dont_inherit=True,
+                ),
                 namespace,
             )
     except Exception as error:

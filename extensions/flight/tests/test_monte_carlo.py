@@ -243,7 +243,7 @@ def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -
 # Stores and reports.
 
 
-@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_chunks_workers_and_their_order_do_not_matter(
     plan: MonteCarlo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
 ) -> None:

@@ -141,8 +141,15 @@ def flown_rows(flight, place, count):
     return flight.rows(starts, np.tile(trim, (count, 1)), pushes)
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.05])
-@pytest.mark.parametrize("name", ["ppo_gtm", "td3_gtm"])
+@pytest.mark.parametrize(
+    ("name", "delay"),
+    [
+        ("ppo_gtm", 0.05),
+        ("td3_gtm", 0.0),
+        pytest.param("ppo_gtm", 0.0, marks=pytest.mark.slow),
+        pytest.param("td3_gtm", 0.05, marks=pytest.mark.slow),
+    ],
+)
 def test_a_window_of_flights_is_the_samples_of_each_alone(name, delay):
     late = card(name).changed(timing={"dt": 0.02, "delay": delay})
     assessor = Assessor(late.on(aircraft(name)), trims(name)[:1], samples=0)

@@ -71,7 +71,7 @@ def wrong(game: Game, candidate: Critic) -> bool:
 @pytest.mark.parametrize(
     "mistake",
     [
-        pytest.param(mistake, marks=[SLOW] if number % 2 else [])
+        pytest.param(mistake, marks=[SLOW] if number % 3 else [])
         for number, mistake in enumerate(NAMED)
     ],
 )
@@ -113,7 +113,7 @@ def test_a_critic_of_four_digits_is_named_too(game: Game, mistake: str) -> None:
 SMALL = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
 
 
-@pytest.mark.parametrize("draws", [2, pytest.param(100, marks=SLOW)])
+@pytest.mark.parametrize("draws", [1, pytest.param(100, marks=SLOW)])
 @pytest.mark.parametrize("kind", ["W", "P", "K"])
 @pytest.mark.parametrize("plant", ["aircraft", pytest.param("small", marks=SLOW)])
 def test_random_errors_get_no_cause(game: Game, plant: str, kind: str, draws: int) -> None:
@@ -190,7 +190,7 @@ def test_random_errors_of_a_gain_beside_its_value_get_no_cause(game: Game) -> No
     [
         ("P", "published", 15.0, 12.3),
         pytest.param("K", "published", 15.0, 12.3, marks=SLOW),
-        ("K", "newton", 0.0, 0.5),
+        pytest.param("K", "newton", 0.0, 0.5, marks=SLOW),
         pytest.param("K", "newton", 2.0, 1.0, marks=SLOW),
         pytest.param("K", "newton", 15.0, 15.1, marks=SLOW),
     ],
@@ -381,7 +381,7 @@ def random_value(
     return ca.Function("V", [z], [h**2 if is_square else h])
 
 
-@pytest.mark.parametrize("draws", [5, pytest.param(100, marks=SLOW)])
+@pytest.mark.parametrize("draws", [2, pytest.param(100, marks=SLOW)])
 def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) -> None:
     """A norm over the box is that of its largest entry: one of 21 would be a factor, a discount of
     1e5 1/s, a decimal slip."""
@@ -390,7 +390,7 @@ def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) ->
     for draw in range(draws):
         V = random_value(rng, (8, 32)[draw % 2], (1.0, 3.0, 10.0)[draw % 3], draw % 4 == 3)
         reasons.append(named(game, networks.from_network(game, V), None, BOX))
-    assert reasons == [""] * draws
+    assert not any(reasons), reasons
 
 
 def test_a_discount_and_a_step_are_plausible_beside_the_rates_of_the_plant(game: Game) -> None:

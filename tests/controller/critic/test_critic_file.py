@@ -129,9 +129,12 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
             {"times": [-1.0, 0.0, 1.0], "W": W},
             "time is -1 s at row 1; it must increase, from 0 s or later",
         ),
-        ({"times": TIMES, "W": W * [[1.0], [np.inf], [1.0]]}, r"W\[1\]\[0\] is inf; every entry"),
         (
-            {"times": TIMES, "W": W * [[1.0], [1.0], [1e60]]},
+            {"times": TIMES, "W": W * np.array([[1.0], [np.inf], [1.0]])},
+            r"W\[1\]\[0\] is inf; every entry",
+        ),
+        (
+            {"times": TIMES, "W": W * np.array([[1.0], [1.0], [1e60]])},
             r"W\[2\]\[0\] is 6e\+60; entries must not exceed 1e\+50",
         ),
         ({"times": TIMES[:2], "W": W}, "W has 3 rows and there are 2 times"),

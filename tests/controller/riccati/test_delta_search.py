@@ -124,7 +124,7 @@ def chain(rates: list[float], coupling: float) -> Game:
     """States of these rates, each driven by the one before, the first by the input: every mode is
     reached."""
     n = len(rates)
-    A = np.diag(rates) + np.diag([coupling] * (n - 1), -1)
+    A = np.diag(rates) + np.diag(np.full(n - 1, coupling), -1)
     return Game(A, np.eye(n)[:, :1], np.eye(n), np.eye(n), np.eye(1), math.inf)
 
 

@@ -164,8 +164,16 @@ def test_the_origin_is_in_the_file_and_the_file_is_made_again(suffix: str, tmp_p
     assert b"hfa 0, parameters c1fb" in paths[0].read_bytes()
 
 
-@pytest.mark.parametrize("name", ["$\\frac{$", "x$^$", "$x$", "$", "$$"])
-def test_a_name_with_dollar_signs_is_no_formula(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "suffixes"),
+    [
+        ("$\\frac{$", ("png", "svg", "pdf")),
+        *((name, ("svg",)) for name in ("x$^$", "$x$", "$", "$$")),
+    ],
+)
+def test_a_name_with_dollar_signs_is_no_formula(
+    name: str, suffixes: tuple[str, ...], tmp_path: Path
+) -> None:
     """Titles, legends and labels at the axes; powers of ten stay formulas."""
 
     figure: Figure = new_figure(4.0, 3.0)
@@ -174,7 +182,7 @@ def test_a_name_with_dollar_signs_is_no_formula(name: str, tmp_path: Path) -> No
     axes.set_xticks([0.0, 1.0], [name, name])
     axes.set_title(name)
     axes.legend()
-    for suffix in ("png", "svg", "pdf"):
+    for suffix in suffixes:
         save(figure, tmp_path / f"picture.{suffix}")
     powers = axes.get_yticklabels()
     assert any("10^" in label.get_text() and label.get_parse_math() for label in powers)

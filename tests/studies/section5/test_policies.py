@@ -107,7 +107,7 @@ def test_the_right_sides_are_equal(
     rng = np.random.default_rng(1)
     for _ in range(5):
         t = rng.uniform(0.0, 20.0)
-        z = rng.normal(size=6) * [2.0, 0.1, 0.1, 0.5, 0.5, 0.5]
+        z = rng.normal(size=6) * np.array([2.0, 0.1, 0.1, 0.5, 0.5, 0.5])
         W = law.equations.scaled(rng.normal(size=law.basis.size) * 100.0)
         u, rate = flown(policy, t, z, W, 1.0)
         u_expected, rate_expected = expected(law, r.at(t), z, W)

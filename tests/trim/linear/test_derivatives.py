@@ -20,7 +20,7 @@ WATCHED = tuple(OUTPUTS)
 ROWS = (*STATES, *WATCHED)
 COLUMNS = (*STATES, *INPUTS, *NAMES)
 #: What a step of 1 is, in the units of states, inputs and winds.
-SCALES = np.array([*STATE_SCALES, *INPUT_SCALES, *[10.0] * len(NAMES)])
+SCALES = np.array([*STATE_SCALES, *INPUT_SCALES, *np.full(len(NAMES), 10.0)])
 STEPS = np.array([5e-3, 1.5e-3, 5e-4])
 TROPOPAUSE = 36_152.0  # ft
 #: A remainder below this share of the values is rounding: the row is linear there.

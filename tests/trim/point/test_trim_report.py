@@ -131,7 +131,7 @@ def test_the_report_has_the_loads_of_the_whole_and_of_each_panel(
     )
 
 
-@pytest.mark.parametrize("command", ["trim", "linearize"])
+@pytest.mark.parametrize("command", ["trim", pytest.param("linearize", marks=pytest.mark.slow)])
 def test_a_trim_that_fails_is_data_too(command: str) -> None:
     """The nearest point within the limits, what binds and why; exit code 1 and the sentence as
     without --json."""

@@ -117,7 +117,9 @@ def test_the_loop_of_100_hz_flies_and_has_a_static_footprint(folder: Path) -> No
     assert (data, bss) <= (512, 0)
 
 
-@pytest.mark.parametrize("name", ["navion.py:NAVION", "f16.py:F16"])
+@pytest.mark.parametrize(
+    "name", ["navion.py:NAVION", pytest.param("f16.py:F16", marks=pytest.mark.slow)]
+)
 def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> None:
     """Tables, parameters or none, another number of states; the rates of both at random states."""
     model = load_model(str(EXAMPLES / name))
