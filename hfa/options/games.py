@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.game.weights_line import weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names, usual_game
 from hfa.options.argument_types import input_file, number, one_of, whole
@@ -295,13 +296,8 @@ class NamedGame(Result):
 
     def weights_line(self) -> str:
         """Which Q, R and delta the game has, and whose they are."""
-        shown = {
-            "Q": _weight_text(self.game.Q),
-            "R": _weight_text(self.game.R),
-            "delta": f"{self.game.delta:g}",
-        }
-        words = [f"{name} {text} ({self.weights_from[name]})" for name, text in shown.items()]
-        return ", ".join(words)
+        game = self.game
+        return weights_line(game.Q, game.R, game.delta, self.weights_from)
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:
@@ -314,15 +310,6 @@ class NamedGame(Result):
             if not self.has_time and "time.steps" in offered(PARTS):
                 question = loaded(offered(PARTS)["time.steps"])(self.game)
             raise NoSolutionError(f"{failure}{question}") from failure
-
-
-def _weight_text(matrix: np.ndarray) -> str:
-    """A matrix on one line: "diag(1, 2)" where nothing is beside the diagonal."""
-    diagonal = np.diag(matrix)
-    if np.array_equal(matrix, np.diag(diagonal)):
-        return f"diag({', '.join(f'{entry:g}' for entry in diagonal)})"
-    rows = [" ".join(f"{entry:g}" for entry in row) for row in matrix]
-    return f"[{'; '.join(rows)}]"
 
 
 def _converted(kind: str, text: str) -> Any:

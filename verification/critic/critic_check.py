@@ -13,6 +13,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.game.basis import basis
+from controller.game.weights_line import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import INDEFINITENESS
@@ -119,6 +120,7 @@ def check_critic(
         states,
         proof,
         sections=(Section((f"Box of states: {box.about}",), Details(box=box)), *sections),
+        weights=weights_line(game.Q, game.R, game.delta),
         table=table,
     )
 

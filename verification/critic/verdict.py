@@ -38,6 +38,8 @@ ROUNDING = 1e-9
 NEAR = 1.0
 #: Kinds of checks that the first line speaks of anyway; another one that fails is named there.
 _IN_THE_FACTS = ("error", "stability", "game loop")
+#: CasADi folds constants when an expression is built, before it is bounded.
+_PROVED = "proved as simplified"
 Grade = Literal["exact", "near", "fail"]
 #: Columns of the first line of a report.
 _FIRST_LINE = 100
@@ -171,6 +173,7 @@ class Verdict(Checked, Result, Reported):
     searched: how many states were searched, where the errors over the box are no bounds; else 0.
     proof: what is proved of them all the same.
     problem: what the exact solution is of.
+    weights: Q, R and delta of the game, and whose they are, in words.
     sections: what else was found.
     table: errors over time, of a history or a training run; else None.
     """
@@ -191,6 +194,7 @@ class Verdict(Checked, Result, Reported):
     searched: int = 0
     proof: Proved | None = None
     problem: str = "game solution"
+    weights: str = ""
     sections: tuple[Section, ...] = field(default_factory=tuple)
     table: ErrorTable | None = None
 
@@ -276,15 +280,15 @@ class Verdict(Checked, Result, Reported):
         if wrong is not None:
             reason = wrong.reason.partition(":")[0]
             if proof is not None and proof.fraction and self.limit < proof.error < 1.0:
-                reason = f"policy proved within {proof.error:g} {proof.where}"
+                reason = f"policy {_PROVED} within {proof.error:g} {proof.where}"
             return f"not exact ({reason})"
         if proof is not None and proof.is_of_all and proof.fraction == 1.0:
-            return f"no error above {self.limit:g} {proof.where}, proved"
+            return f"no error above {self.limit:g} {proof.where}, {_PROVED}"
         if self.searched:
             words = f"no error above {self.limit:g} found at {self.searched} states"
             if proof is None:
                 return words
-            return f"{words}, {'' if proof.is_of_all else 'V '}proved {proof.where}"
+            return f"{words}, {'' if proof.is_of_all else 'V '}{_PROVED} {proof.where}"
         return f"exact within {self.limit:g}"
 
     @property
@@ -310,7 +314,7 @@ class Verdict(Checked, Result, Reported):
         """The verdict in the first line, every check, the sections, P and K entry by entry.
 
         limit_cost: percent, then decides the verdict.
-        about: lines below the heading: which Q, R and delta the game has.
+        about: lines below the heading, in place of `weights`.
         """
         names = self.exact.names
         axes = (names.states, names.inputs)
@@ -321,7 +325,8 @@ class Verdict(Checked, Result, Reported):
         records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
         for section in self.sections:
             records = section.records or records
-        heading = [f"Critic on {names.origin}, against the exact {self.problem}", *about]
+        heading = [f"Critic on {names.origin}, against the exact {self.problem}"]
+        heading += about or (self.weights,)
         if self.reason:
             heading.append(f"Reason: {self.reason}")
         return Report(

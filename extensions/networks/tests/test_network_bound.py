@@ -170,7 +170,9 @@ def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
         return -back @ ca.fmax(t, 0.0) + back @ ca.fmax(-t, 0.0)
 
     verdict = judged(game, policy)
-    assert verdict.headline().startswith("PASS: no error above 1e-06 in the box, proved, stab")
+    assert verdict.headline().startswith(
+        "PASS: no error above 1e-06 in the box, proved as simplified, stab"
+    )
     assert verdict.to_dict()["network"]["proved"]["boxes"] == 1
     assert (
         judged(game, policy, seconds=0.0)
@@ -261,7 +263,7 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
     """The stored policy of 6-32-32-5."""
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))
-    line = "near: not exact (policy proved within 0.051 in the box), stabilizing"
+    line = "near: not exact (policy proved as simplified within 0.051 in the box), stabilizing"
     assert verdict.headline().startswith(line)
     assert 0.04 < verdict.value_of("searched_policy_error") < 0.051
 

@@ -9,7 +9,12 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hfa_printed.changed_entry import ChangedEntry, changed_entries, edits_tried
+from hfa_printed.changed_entry import (
+    ChangedEntry,
+    changed_entries,
+    edits_tried,
+    not_searched,
+)
 from hfa_printed.comparison import Comparison, Position, change, compare, compare_answer
 from hfa_printed.exact_answer import answer_of, certified_value
 from hfa_printed.printed_file import TIMES, PrintedFile
@@ -47,6 +52,7 @@ class Classified:
     comparison: of every entry with the exact answer of the plant as typed
     P: (n, n), that answer
     changed: the intervals of one entry of the plant that make all digits right
+    not_searched: why none were searched for; "" where they were, or needed not be
     """
 
     name: Class
@@ -54,6 +60,7 @@ class Classified:
     comparison: Comparison
     P: np.ndarray
     changed: tuple[ChangedEntry, ...] = ()
+    not_searched: str = ""
 
 
 def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
@@ -74,6 +81,9 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
         if question:
             raise NoSolutionError(f"{failure}; {question}") from failure
         entries = [str(entry) for entry in changed_entries(file, progress)]
+        unsearched = not_searched(file)
+        if unsearched:
+            raise NoSolutionError(f"{failure}; {unsearched}") from failure
         if not entries:
             raise
         changes = "; or with ".join(entries)
@@ -85,17 +95,20 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
     if by_digits is not None:
         name, reason = by_digits
         return Classified(name, reason, comparison, P)
+    unsearched = not_searched(file)
     changed = tuple(changed_entries(file, progress))
     mistake = _known_mistake(file, P, comparison)
     by_search = _by_search(file, comparison, changed, mistake)
     if by_search is not None:
         name, reason = by_search
-        return Classified(name, reason, comparison, P, changed)
-    if file.plant_rounded:
-        name, reason = _by_rounding(rounding_used(file, P, comparison))
-    else:
+        return Classified(name, reason, comparison, P, changed, unsearched)
+    if not file.plant_rounded:
         name, reason = _by_size(file, comparison)
-    return Classified(name, reason, comparison, P)
+    elif unsearched:
+        name, reason = "cannot tell", "the rounding of so many entries of the plant is not tried"
+    else:
+        name, reason = _by_rounding(rounding_used(file, P, comparison))
+    return Classified(name, reason, comparison, P, not_searched=unsearched)
 
 
 def fitting_time(file: PrintedFile) -> str:
@@ -131,7 +144,7 @@ def _by_digits(
         return None
     if file.learned and not _stands_out(comparison):
         return None
-    if file.plant_rounded and rounding_used(file, P, comparison) <= 1.0:
+    if file.plant_rounded and (not_searched(file) or rounding_used(file, P, comparison) <= 1.0):
         return None
     return "one entry of the answer", _wrong_entry(file, comparison, wrong[0])
 
@@ -308,6 +321,8 @@ def _mistaken_answers(
         if name in file.answer:
             yield f"{name} is twice the value", exact | {name: 2.0 * exact[name]}
             yield f"{name} is half the value", exact | {name: 0.5 * exact[name]}
+    if not_searched(file):
+        return
     n = len(P)
     for first in range(n):
         for second in range(first):
@@ -330,4 +345,6 @@ def _by_size(file: PrintedFile, comparison: Comparison) -> tuple[Class, str]:
         return "cannot tell", f"nothing says of which problem the answer is; {size}"
     if file.learned:
         return "close", size
+    if not_searched(file):
+        return "wrong", size
     return "wrong", f"{size}; no single entry of the plant explains it"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from controller.critic.critic import from_parts
+from controller.game.weights_line import weights_line
 from hfa_discrete.critic_check import check_discrete
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_printed.classes import Classified, classify
@@ -42,7 +44,7 @@ class PrintedVerdict(Result, Reported):
     keys = (
         "ok verdict=classified.name reason=classified.reason title=file.title "
         "relative_error=classified.comparison.relative_error cost_lost_percent=cost_lost entries "
-        "other_plants=classified.changed"
+        "other_plants=classified.changed weights_from not_searched=classified.not_searched"
     )
 
     file: PrintedFile
@@ -56,6 +58,12 @@ class PrintedVerdict(Result, Reported):
         if self.classified.name == "close":
             return self.limit_cost is not None and self.cost_lost <= self.limit_cost
         return self.classified.name in ("as printed", "cut off")
+
+    @property
+    def weights_from(self) -> Mapping[str, str]:
+        """Q, R, delta -> printed, or default where the file has no gamma."""
+        delta = "printed" if "gamma" in self.file.typed else "default"
+        return {"Q": "printed", "R": "printed", "delta": delta}
 
     @property
     def entries(self) -> list[dict[str, Any]]:
@@ -77,8 +85,12 @@ class PrintedVerdict(Result, Reported):
             position = str(comparison.positions[index])
             shown.append((position, f"{printed:.12g}", f"{exact:.12g}", f"{off:.3g}"))
         parts: list[Any] = [f"{self.file.title}: consistent with its digits is at most 1 half unit"]
+        plant = self.file.plant
+        parts.append(weights_line(plant.Q, plant.R, plant.gamma, self.weights_from))
         if self.file.assumption:
             parts.append(self.file.assumption)
+        if self.classified.not_searched:
+            parts.append(self.classified.not_searched)
         for entry in self.classified.changed:
             interval = f"{entry.lowest:.8g} to {entry.highest:.8g}"
             parts.append(f"{entry.position} in {interval} makes every printed digit right")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli import Terminal, answer, assert_refused, hfa
 
@@ -74,3 +75,25 @@ def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> Non
 
 def test_the_old_words_name_the_new_ones() -> None:
     assert_refused(hfa("verify", "--printed=a.toml"), BAD_INPUT, "is `hfa printed FILE` now")
+
+
+def test_a_plant_too_large_for_the_search_is_judged_without_it_and_says_so(tmp_path: Path) -> None:
+    """60 states that decay by themselves, at rates 1 to 60: K_i = 1 / (rate + sqrt(rate^2 + 1)) of
+    an input each; the printed gain belongs to other rates of the first two."""
+    rates = np.arange(1.0, 61.0)
+    gains = 1.0 / (rates + np.sqrt(rates**2 + 1.0))
+    rates[:2] = 9.0
+    rows = "\n".join(" ".join(f"{entry:g}" for entry in row) for row in np.diag(-rates))
+    diagonal = " ".join(["1"] * 60)
+    printed = "\n".join(" ".join(f"{entry:.4f}" for entry in row) for row in np.diag(gains))
+    file = tmp_path / "large.toml"
+    file.write_text(
+        f'time = "continuous"\n[plant]\nA = """\n{rows}\n"""\nB = "diag {diagonal}"\n'
+        f'Q = "diag {diagonal}"\nR = "diag {diagonal}"\n[printed]\nK = """\n{printed}\n"""\n'
+    )
+    data = answer("printed", str(file), code=FAILED)
+    assert data["not_searched"].startswith("neither one changed entry of the plant nor")
+    assert "60 states are more than the limit, 46296" in data["not_searched"]
+    text = hfa("printed", str(file)).out
+    assert data["not_searched"] in text
+    assert "Q diag of 60 entries from 1 to 1 (printed)" in text

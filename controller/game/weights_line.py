@@ -1,0 +1,36 @@
+"""Which Q, R and delta a result is about, in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+#: Entries of a matrix that are shown one by one.
+_SHOWN = 40
+
+
+def weights_line(
+    Q: np.ndarray, R: np.ndarray, delta: float, whose: Mapping[str, str] | None = None
+) -> str:
+    """ "Q diag(1, 2) (given), R diag(1) (default), delta inf (default)".
+
+    whose: "Q", "R", "delta" -> whose it is; None where the game was handed over with all of them
+    """
+    texts = {"Q": _matrix_text(Q), "R": _matrix_text(R), "delta": f"{delta:g}"}
+    whose = whose or dict.fromkeys(texts, "of the game")
+    return ", ".join(f"{name} {text} ({whose[name]})" for name, text in texts.items())
+
+
+def _matrix_text(matrix: np.ndarray) -> str:
+    """A matrix on one line: "diag(1, 2)" where nothing is beside the diagonal."""
+    diagonal = np.diag(matrix)
+    is_diagonal = np.array_equal(matrix, np.diag(diagonal))
+    shown = diagonal if is_diagonal else matrix
+    if shown.size > _SHOWN:
+        kind = "diag" if is_diagonal else "matrix"
+        return f"{kind} of {shown.size} entries from {shown.min():g} to {shown.max():g}"
+    if is_diagonal:
+        return f"diag({', '.join(f'{entry:g}' for entry in diagonal)})"
+    rows = [" ".join(f"{entry:g}" for entry in row) for row in matrix]
+    return f"[{'; '.join(rows)}]"
