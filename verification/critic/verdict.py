@@ -280,7 +280,7 @@ class Verdict(Checked, Result, Reported):
         if wrong is not None:
             reason = wrong.reason.partition(":")[0]
             if proof is not None and proof.fraction and self.limit < proof.error < 1.0:
-                reason = f"policy {_PROVED} within {proof.error:g} {proof.where}"
+                reason = f"policy proved within {proof.error:g} {proof.where}"
             return f"not exact ({reason})"
         if proof is not None and proof.is_of_all and proof.fraction == 1.0:
             return f"no error above {self.limit:g} {proof.where}, {_PROVED}"

@@ -263,7 +263,7 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
     """The stored policy of 6-32-32-5."""
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))
-    line = "near: not exact (policy proved as simplified within 0.051 in the box), stabilizing"
+    line = "near: not exact (policy proved within 0.051 in the box), stabilizing"
     assert verdict.headline().startswith(line)
     assert 0.04 < verdict.value_of("searched_policy_error") < 0.051
 
