@@ -76,14 +76,14 @@ MACHINE_CODE = "fly --dihedral 15 --law exact --samples 3 --duration 0.1 -o a.za
 @pytest.mark.parametrize(
     ("words", "home"),
     [
-        (MACHINE_CODE, "unset"),
+        (PICTURE, "unset"),
         *(
             pytest.param(PICTURE, home, marks=pytest.mark.slow)
-            for home in ("read-only", "a file", "unset", "missing")
+            for home in ("read-only", "a file", "missing")
         ),
         *(
             pytest.param(MACHINE_CODE, home, marks=pytest.mark.slow)
-            for home in ("missing", "read-only", "a file")
+            for home in ("unset", "missing", "read-only", "a file")
         ),
     ],
 )

@@ -161,7 +161,11 @@ def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -
     ("words", "name"),
     [
         (("sweep", "--dihedral", "5,15"), "states"),
-        (("fly", *AT, "--samples", "2", "--duration", "0.1", "--error", "chord=0.05"), "final"),
+        pytest.param(
+            ("fly", *AT, "--samples", "2", "--duration", "0.1", "--error", "chord=0.05"),
+            "final",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_store_in_metres_is_the_store_in_feet(

@@ -62,31 +62,28 @@ def test_a_gain_flies_with_offsets_actuators_faults_and_a_delay() -> None:
     assert scenario["actuators"]["faults"][0]["inputs"] == ["elevator", "aileron", "rudder"]
 
 
-def test_members_are_drawn_by_workers_and_a_changed_file_is_noticed() -> None:
-    words = (
-        "fly",
-        "--aircraft",
-        NAVION,
-        "--law",
-        "exact",
-        "--samples",
-        "4",
-        "--duration",
-        "0.2",
-    )
-    noisy = (*words, "--noise", "alpha=0.1", "-o", "a.zarr")
-    assert hfa(*noisy, "--workers", "2").code == 0
-    kept = open_store(Path("a.zarr"))
-    assert kept["final"].values.shape == (4, 8)
+FOUR = ("--law", "exact", "--samples", "4", "--duration", "0.2")
+MEMBERS = ("fly", "--aircraft", NAVION, *FOUR, "--noise", "alpha=0.1", "-o", "a.zarr")
+
+
+@pytest.mark.slow
+def test_members_are_drawn_by_workers() -> None:
+    assert hfa(*MEMBERS, "--workers", "2").code == 0
+    assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)
+
+
+def test_members_are_drawn_and_a_changed_file_is_noticed() -> None:
+    assert hfa(*MEMBERS).code == 0
+    assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)
     xcg = ("--error", "xcg=0.02", "-o", "f16.zarr")
-    assert hfa("fly", "--aircraft", F16, "--hold", "altitude=10000", *words[3:], *xcg).code in (
+    assert hfa("fly", "--aircraft", F16, "--hold", "altitude=10000", *FOUR, *xcg).code in (
         0,
         1,
     )
     assert open_store(Path("f16.zarr")).factors.shape == (4, 1)
     source = Path("navion.py").read_text("utf-8")
     Path("navion.py").write_text(source.replace("4.44", "4.45"), "utf-8")
-    assert_refused(hfa(*noisy, "--resume"), 2, "another Monte Carlo")
+    assert_refused(hfa(*MEMBERS, "--resume"), 2, "another Monte Carlo")
 
 
 def test_gains_over_the_speed_follow_a_command_of_it() -> None:

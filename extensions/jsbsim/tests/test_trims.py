@@ -91,10 +91,11 @@ def test_a_governed_propeller_may_rest_at_the_limit_of_its_blades():
             {"kcas": 200.0, "altitude": 5000.0},
             "nothing that a pilot moves changes a force or a moment",
         ),
-        (
+        pytest.param(
             "fokker50",
             {"kcas": 130.0, "altitude": 5000.0},
             r"full throttle gives 11\d\d lb from 2 x 14\d hp: 10\d\d of 22\d\d lb of thrust missing",
+            marks=pytest.mark.slow,
         ),
         (
             "B747",

@@ -407,7 +407,7 @@ def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
 @pytest.mark.parametrize(
     ("kind", "count"),
     [
-        ("learned", 40),
+        ("learned", 15),
         pytest.param("learned", 200, marks=pytest.mark.slow),
         pytest.param("rounded", 200, marks=pytest.mark.slow),
     ],

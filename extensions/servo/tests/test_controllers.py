@@ -63,7 +63,8 @@ def test_state_feedback_has_the_poles_of_the_exact_gain(
     same_poles(loop, np.linalg.eigvals(game.A - game.B @ solve_game(game).K))
 
 
-@pytest.mark.parametrize("delta", [pytest.param(np.inf, marks=pytest.mark.slow), 200.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("delta", [np.inf, 200.0])
 def test_output_feedback_has_the_poles_of_the_central_controller(
     published_aircraft: Model, delta: float
 ) -> None:

@@ -163,7 +163,13 @@ def _flip(file: Path) -> None:
     file.write_bytes(bytes(content))
 
 
-@pytest.mark.parametrize("file", ["square/c/1/0", "empty/c/1", "pole/c/1"])
+@pytest.mark.parametrize(
+    "file",
+    [
+        "square/c/1/0",
+        *(pytest.param(file, marks=pytest.mark.slow) for file in ("empty/c/1", "pole/c/1")),
+    ],
+)
 @pytest.mark.parametrize(
     ("damage", "noticed"),
     [(_flip, True), (lambda file: file.write_bytes(b""), True), (Path.unlink, False)],

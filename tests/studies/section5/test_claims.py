@@ -240,6 +240,7 @@ def test_a_flight_fails_when_it_is_lost_or_its_critic_is_refused(
     assert table["own_failures"] == (["5.1: planted"] if failed else [])
 
 
+@pytest.mark.slow
 def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The smallest one, flown for a second with steps of 1 ms."""
     brief = {"flight": {"step": 1e-3, "duration": 1.0}, "learning": {"predefined_time": [0.5] * 4}}
