@@ -397,7 +397,7 @@ def settings_of(n: int, degree: int) -> list[Setting]:
     if n <= 2:
         tried = [Setting(8, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
     elif n <= 4:
-        # Of V of degree 4 and rates of degree 5 or more too much is left out with half 4.
+        # With half 4 only 0.4 of the level of a quartic V holds, less than that of a quadratic V.
         tried = [Setting(6, 3, 2), Setting(7, 4, 2), Setting(9, 5, 4, 200.0)]
     else:
         tried = [Setting(5, 2, 2)]
