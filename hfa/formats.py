@@ -28,7 +28,7 @@ RESULTS = (
     "controller.game.training_run:TrainingRun hfa.options.games:NamedGame hfa.commands.game:Judged",
     "verification.critic.verdict:Verdict verification.critic.verdict:Details"
     " hfa.options.games:Weights hfa.options.games:NamedGame",
-    "verification.critic.verdict:Verdicts hfa.options.games:Weights hfa.options.games:NamedGame",
+    "verification.critic.several:Verdicts hfa.options.games:Weights hfa.options.games:NamedGame",
 )
 
 

@@ -18,9 +18,9 @@ from hfa_servo.generalized_plant import (
 
 from .critic.critic_check import (
     check_critic as check_critic,
-    check_history as check_history,
 )
 from .critic.critic_errors import relative_error as relative_error
+from .critic.history import check_history as check_history
 from .critic.scope import Scope as Scope
 from .critics import (
     from_gain as from_gain,

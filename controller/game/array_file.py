@@ -6,10 +6,8 @@ Whatever a file holds, the answer is that mapping or one line that names the fau
 
 from __future__ import annotations
 
-import csv
 import io
 import json
-import re
 import subprocess
 import sys
 import warnings
@@ -21,15 +19,13 @@ from typing import Any
 import numpy as np
 
 from hfa_support.errors import BadInputError, shortened
-from hfa_support.files import LARGEST, LARGEST_TEXT, MATRIX_FILES, read_json, regular_file
+from hfa_support.files import LARGEST, MATRIX_FILES, read_json, regular_file
 
 #: What .csv and .npy files hold by their own names: a plant, in files beside A.csv, and a critic.
 PLANT = ("A", "B", "E", "Q", "R", "delta", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
 CRITIC = ("W", "P", "K", "weights")
 #: What an .npy file of another name holds.
 UNKNOWN = "the array"
-#: Which sides of a matrix, 0 its rows and 1 its columns, are the states.
-_STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,)}
 #: s; a .mat file of 1 GiB takes a few.
 _LONGEST = 60.0
 _CHILD = Path(__file__).with_name("_loadmat.py")
@@ -131,79 +127,9 @@ def _beside(path: Path) -> dict[str, Path]:
 
 
 def _csv(path: Path) -> dict[str, Any]:
-    sides: dict[str, list[list[str]]] = {}
-    matrices = {}
-    for name, file in _beside(path).items():
-        matrices[name], *sides[name] = _table(name, file)
-    return _named(sides) | matrices
+    from controller.game.csv_file import matrices_and_names
 
-
-def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
-    """The matrix of a .csv file, and the names of its rows and of its columns, [] without names.
-
-    name: of the matrix in messages.
-    A first row without a number names the columns; a first column without a number the rows.
-    ValueError for rows of different lengths, for no rows, and for a cell that is no number.
-    """
-    with regular_file(path, LARGEST_TEXT).open(encoding="utf-8-sig", newline="") as stream:
-        rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
-    column_names: list[str] = []
-    if rows and not any(map(_is_number, rows[0])):
-        column_names = rows.pop(0)
-    row_names: list[str] = []
-    if rows and len(rows[0]) > 1:
-        first_column = [row[0] for row in rows]
-        if not any(map(_is_number, first_column)):
-            row_names = first_column
-            rows = [row[1:] for row in rows]
-            column_names = column_names[1:]
-    widths = {len(row) for row in rows}
-    if column_names:
-        widths.add(len(column_names))
-    if not rows:
-        raise ValueError(f"{name} has no numbers")
-    if len(widths) > 1:
-        cells = " and of ".join(map(str, sorted(widths)))
-        raise ValueError(f"{name} has rows of {cells} cells")
-    return np.array(rows, dtype=float), row_names, column_names
-
-
-def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
-    """Names and units of states, from A, and inputs, from B. ValueError where the states are in
-    another order."""
-    parts = {
-        name: [
-            [re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", word.strip(), re.DOTALL)[0] for word in side]
-            for side in both
-        ]
-        for name, both in sides.items()
-    }
-    A = parts.get("A", [[], []])
-    B = parts.get("B", [[], []])
-    names = {}
-    for kind, pairs in (("state", A[0] or A[1]), ("input", B[1])):
-        if pairs:
-            names[f"{kind}s"] = [name for name, _ in pairs]
-        if pairs and all(unit for _, unit in pairs):
-            names[f"{kind}_units"] = [unit for _, unit in pairs]
-    of_A = names.get("states", [])
-    for matrix, both in parts.items():
-        for side in _STATES.get(matrix, ()):
-            here = [name for name, _ in both[side]]
-            if here != of_A and sorted(here) == sorted(of_A):
-                where = f"the {('rows', 'columns')[side]} of {matrix}"
-                raise ValueError(
-                    f"{where} are {', '.join(here)} and A has {', '.join(of_A)}; give one order"
-                )
-    return names
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    return matrices_and_names(_beside(path))
 
 
 _READERS: Mapping[str, Callable[[Path], dict[str, Any]]] = dict(

@@ -31,9 +31,9 @@ from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
 from hfa_support.progress import told
-from verification.critic.critic_check import check_critic, check_history
+from verification.critic.critic_check import check_critic
 from verification.critic.scope import LIMIT, SECONDS, Nearby, Scheduled, Scope
-from verification.critic.verdict import NEAR, Verdict, verdicts_report
+from verification.critic.verdict import NEAR, Verdict
 from verification.hfa_box import ordinary_box
 
 if TYPE_CHECKING:
@@ -144,6 +144,8 @@ def verify(request: VerifyRequest) -> int:
         figure = partial(_figure, verdict)
         report = verdict.report(limit_cost=cost, about=about(named, verdict, cost))
     else:
+        from verification.critic.several import verdicts_report
+
         figure = partial(_figures, verdicts, named.game.names.origin)
         report = verdicts_report(verdicts, named.game.names.origin, cost)
     report = report.with_data(**named.as_data(), **named.weights.as_data())
@@ -257,6 +259,8 @@ def _check_file(
         )
         return verdict
     if is_history:
+        from verification.critic.history import check_history
+
         with said_of(path):
             return check_history(
                 game,

@@ -113,7 +113,9 @@ class ErrorTable(Result):
         """Some rows and the settling time for a report, all rows for a file."""
         columns = np.column_stack([self.times, *self.errors.values()])
         some = np.unique(np.linspace(0, len(columns) - 1, _TIMES).round().astype(int))
-        rows = [(f"{time:.4g}", *map(_number, errors)) for time, *errors in columns[some].tolist()]
+        rows = [
+            (f"{time:.4g}", *map(shown_number, errors)) for time, *errors in columns[some].tolist()
+        ]
         shown = Table(("time, s", *(COLUMNS[name] for name in self.errors)), rows)
         records = Table(("time [s]", *self.errors), columns)  # type: ignore[arg-type]
         return Section((shown, self.sentence), Details(history=self), records)
@@ -385,20 +387,6 @@ class Verdict(Checked, Result, Reported):
         return (table, f"{which}; -o FILE has all")
 
 
-@dataclass(frozen=True, eq=False)
-class Verdicts(Result):
-    """Several critics of one game.
-
-    ok: whether all pass.
-    critics: file -> what `hfa verify` says of that critic alone."""
-
-    schema = "hfa.critic-checks/1"
-    made_by = "hfa verify of several critics"
-
-    ok: bool
-    critics: Mapping[str, Any]
-
-
 def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
     """The checks; the first that failed carries the diagnosis, where a reader looks first."""
     with_reason = list(checks)
@@ -410,56 +398,8 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
     return tuple(with_reason)
 
 
-def verdicts_report(
-    verdicts: Mapping[str, Verdict], origin: str, limit_cost: float | None = None
-) -> Report:
-    """Several critics of one game in one table, by the names of their files.
-
-    limit_cost: as in `Verdict.report`.
-    """
-    header = (
-        "critic",
-        "verdict",
-        "error of P",
-        "error of K",
-        "largest error",
-        "stabilizing",
-        "cost lost, percent",
-        "L2 gain",
-    )
-    rows = []
-    for name, verdict in verdicts.items():
-        lost = 0.0 if verdict.cost_lost < ROUNDING else verdict.cost_lost
-        gain = verdict.value_of("l2_gain")
-        rows.append(
-            (
-                name,
-                verdict.grade_text(limit_cost),
-                _number(verdict.P_rel_error),
-                _number(verdict.K_rel_error),
-                _number(verdict.largest_error),
-                "yes" if verdict.stabilizing else "no",
-                f"{lost:.3g}",
-                "" if math.isnan(gain) else f"{gain:.4g}",
-            )
-        )
-    passed = sum(verdict.holds(limit_cost) for verdict in verdicts.values())
-    parts: list[Part] = []
-    if limit_cost is not None:
-        parts.append(f"Decided by the cost limit {limit_cost:g} percent")
-    reasons = [f"{name}: {verdict.reason}" for name, verdict in verdicts.items() if verdict.reason]
-    return Report(
-        title=f"{passed} of {len(verdicts)} critics on {origin} pass against the exact solution",
-        parts=(*parts, Table(header, rows), tuple(reasons)),
-        data=Verdicts(
-            passed == len(verdicts),
-            {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
-        ).as_data(),
-        records=Table(header, rows),
-    )
-
-
-def _number(value: float) -> str:
+def shown_number(value: float) -> str:
+    """A number in three digits; "" where there is none."""
     return "" if math.isnan(value) else f"{value:.3g}"
 
 

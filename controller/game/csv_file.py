@@ -1,0 +1,97 @@
+"""Matrices in .csv files, one a file, whose first row and first column may be names with units."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_support.files import LARGEST_TEXT, regular_file
+
+#: Which sides of a matrix, 0 its rows and 1 its columns, are the states.
+_STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,)}
+
+
+def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
+    """The matrix of each file by its name, and names and units of states and inputs, where there
+    are any.
+
+    ValueError names the fault of a file.
+    """
+    sides: dict[str, list[list[str]]] = {}
+    matrices = {}
+    for name, file in files.items():
+        matrices[name], *sides[name] = _table(name, file)
+    return _named(sides) | matrices
+
+
+def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
+    """The matrix of a .csv file, and the names of its rows and of its columns, [] without names.
+
+    name: of the matrix in messages.
+    A first row without a number names the columns; a first column without a number the rows.
+    ValueError for rows of different lengths, for no rows, and for a cell that is no number.
+    """
+    with regular_file(path, LARGEST_TEXT).open(encoding="utf-8-sig", newline="") as stream:
+        rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
+    column_names: list[str] = []
+    if rows and not any(map(_is_number, rows[0])):
+        column_names = rows.pop(0)
+    row_names: list[str] = []
+    if rows and len(rows[0]) > 1:
+        first_column = [row[0] for row in rows]
+        if not any(map(_is_number, first_column)):
+            row_names = first_column
+            rows = [row[1:] for row in rows]
+            column_names = column_names[1:]
+    widths = {len(row) for row in rows}
+    if column_names:
+        widths.add(len(column_names))
+    if not rows:
+        raise ValueError(f"{name} has no numbers")
+    if len(widths) > 1:
+        cells = " and of ".join(map(str, sorted(widths)))
+        raise ValueError(f"{name} has rows of {cells} cells")
+    return np.array(rows, dtype=float), row_names, column_names
+
+
+def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
+    """Names and units of states, from A, and inputs, from B. ValueError where the states are in
+    another order."""
+    parts = {
+        name: [
+            [re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", word.strip(), re.DOTALL)[0] for word in side]
+            for side in both
+        ]
+        for name, both in sides.items()
+    }
+    A = parts.get("A", [[], []])
+    B = parts.get("B", [[], []])
+    names = {}
+    for kind, pairs in (("state", A[0] or A[1]), ("input", B[1])):
+        if pairs:
+            names[f"{kind}s"] = [name for name, _ in pairs]
+        if pairs and all(unit for _, unit in pairs):
+            names[f"{kind}_units"] = [unit for _, unit in pairs]
+    of_A = names.get("states", [])
+    for matrix, both in parts.items():
+        for side in _STATES.get(matrix, ()):
+            here = [name for name, _ in both[side]]
+            if here != of_A and sorted(here) == sorted(of_A):
+                where = f"the {('rows', 'columns')[side]} of {matrix}"
+                raise ValueError(
+                    f"{where} are {', '.join(here)} and A has {', '.join(of_A)}; give one order"
+                )
+    return names
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

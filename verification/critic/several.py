@@ -1,0 +1,76 @@
+"""Several critics of one game in one table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hfa_support.reporting.report import Part, Report
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import Table
+from verification.critic.verdict import ROUNDING, Verdict, shown_number
+
+
+@dataclass(frozen=True, eq=False)
+class Verdicts(Result):
+    """Several critics of one game.
+
+    ok: whether all pass.
+    critics: file -> what `hfa verify` says of that critic alone."""
+
+    schema = "hfa.critic-checks/1"
+    made_by = "hfa verify of several critics"
+
+    ok: bool
+    critics: Mapping[str, Any]
+
+
+def verdicts_report(
+    verdicts: Mapping[str, Verdict], origin: str, limit_cost: float | None = None
+) -> Report:
+    """Several critics of one game in one table, by the names of their files.
+
+    limit_cost: as in `Verdict.report`.
+    """
+    header = (
+        "critic",
+        "verdict",
+        "error of P",
+        "error of K",
+        "largest error",
+        "stabilizing",
+        "cost lost, percent",
+        "L2 gain",
+    )
+    rows = []
+    for name, verdict in verdicts.items():
+        lost = 0.0 if verdict.cost_lost < ROUNDING else verdict.cost_lost
+        gain = verdict.value_of("l2_gain")
+        rows.append(
+            (
+                name,
+                verdict.grade_text(limit_cost),
+                shown_number(verdict.P_rel_error),
+                shown_number(verdict.K_rel_error),
+                shown_number(verdict.largest_error),
+                "yes" if verdict.stabilizing else "no",
+                f"{lost:.3g}",
+                "" if math.isnan(gain) else f"{gain:.4g}",
+            )
+        )
+    passed = sum(verdict.holds(limit_cost) for verdict in verdicts.values())
+    parts: list[Part] = []
+    if limit_cost is not None:
+        parts.append(f"Decided by the cost limit {limit_cost:g} percent")
+    reasons = [f"{name}: {verdict.reason}" for name, verdict in verdicts.items() if verdict.reason]
+    return Report(
+        title=f"{passed} of {len(verdicts)} critics on {origin} pass against the exact solution",
+        parts=(*parts, Table(header, rows), tuple(reasons)),
+        data=Verdicts(
+            passed == len(verdicts),
+            {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
+        ).as_data(),
+        records=Table(header, rows),
+    )
