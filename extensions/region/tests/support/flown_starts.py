@@ -1,0 +1,99 @@
+"""Starts in a proved set, flown: how many leave it or do not return.
+
+python extensions/region/tests/support/flown_starts.py FILE.json 100000 [FILE.py:NAME]
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from hfa_region.check.certificate import check_certificate
+from hfa_region.check.statement import RegionStatement
+from hfa_region.search.function import PolynomialFunction
+from hfa_region.search.invariant import DisturbedPlant
+from hfa_region.search.plant import Plant
+
+#: Steps in the time constant of the fastest mode, and time constants of the slowest that are flown.
+_STEPS = 4.0
+_CONSTANTS = 4.0
+#: Part of the level at which a start has returned, and by how much a step may be above it.
+_RETURNED = 0.1
+_ABOVE = 1e-6
+#: Starts that are flown at a time.
+_CHUNK = 20_000
+
+
+def starts_lost(
+    statement: RegionStatement, count: int, seed: int = 0, farther: float = 1.0
+) -> tuple[int, int]:
+    """How many of `count` starts leave {V <= rho} or a limit, and how many do not come to a small
+    V; half of them are drawn in the set and half on its edge.
+
+    statement: proved; of a set under disturbances the worst for V acts all the time, and none needs
+        to return
+    farther: the starts are so many times as far out; then leaving is not counted
+    """
+    V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
+    disturbed = bool(statement.loop.disturbances)
+    plant = DisturbedPlant(statement.loop, V) if disturbed else Plant(statement.loop)
+    generator = np.random.default_rng(seed)
+    left = 0
+    late = 0
+    for begin in range(0, count, _CHUNK):
+        starts = farther * drawn(V, statement, min(_CHUNK, count - begin), generator)
+        one_left, one_late = _flown(plant, V, starts, np.inf if farther > 1.0 else 1.0)
+        left += one_left
+        late += 0 if disturbed else one_late
+    return left, late
+
+
+def drawn(
+    V: PolynomialFunction, statement: RegionStatement, count: int, generator: np.random.Generator
+) -> np.ndarray:
+    """(count, n), the first half uniform in {V <= 1}, the others on its edge along rays."""
+    ends = np.array([max(-low, high) for low, high in statement.extents.values()])
+    n = len(ends)
+    rows = np.linalg.inv(np.linalg.cholesky(V.matrix())).T
+    rays = generator.normal(size=(count, n))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rays = rays @ rows.T
+    rays *= np.min(ends / np.maximum(np.abs(rays), 1e-300), axis=1)[:, None]
+    edge = rays * V.edge(rays, 1.0)[:, None]
+    shares = np.ones((count, 1))
+    shares[: count // 2] = generator.uniform(size=(count // 2, 1)) ** (1 / n)
+    return np.asarray(edge * shares * (1.0 - 1e-9))
+
+
+def _flown(
+    plant: Plant, V: PolynomialFunction, starts: np.ndarray, level: float
+) -> tuple[int, int]:
+    """How many leave {V <= level} or a limit, and how many of the others do not return in time."""
+    modes = np.linalg.eigvals(plant.closed_matrix)
+    step = 1.0 / (_STEPS * float(np.max(np.abs(modes))))
+    seconds = _CONSTANTS / float(np.min(np.abs(modes.real)))
+    z = starts
+    left = 0
+    for _ in range(int(np.ceil(seconds / step))):
+        k1 = plant.rates(z)
+        k2 = plant.rates(z + step / 2 * k1)
+        k3 = plant.rates(z + step / 2 * k2)
+        k4 = plant.rates(z + step * k3)
+        z = z + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        values = V(z)
+        gone = plant.away(z) | ~(values <= level * (1.0 + _ABOVE))
+        left += int(gone.sum())
+        z = z[~gone & (values > _RETURNED)]
+        if not len(z):
+            break
+    return left, len(z)
+
+
+if __name__ == "__main__":
+    from hfa_aircraft.loading import load_model
+
+    model = load_model(sys.argv[3]) if len(sys.argv) > 3 else None
+    proved = check_certificate(Path(sys.argv[1]), model=model).statement
+    print(sys.argv[1], sys.argv[2], *starts_lost(proved, int(sys.argv[2])))

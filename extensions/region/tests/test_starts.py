@@ -1,0 +1,96 @@
+"""Starts in proved sets are flown, and those of the tutorial's aircraft are proved."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flown_starts import drawn, starts_lost
+
+from hfa.main import main
+from hfa_aircraft.loading import load_model
+from hfa_region.check.certificate import check_certificate
+from hfa_region.check.statement import RegionStatement
+from hfa_region.search.function import PolynomialFunction
+
+ROOT = Path(__file__).parents[3]
+PENDULUM = f"{ROOT / 'examples' / 'pendulum.py'}:PENDULUM"
+VAN_DER_POL = f"{ROOT / 'examples' / 'pendulum.py'}:VAN_DER_POL"
+
+
+def proved(path: Path, aircraft: str, *words: str) -> tuple[RegionStatement, dict]:
+    """The statement of a new certificate, and what was printed."""
+    command = ["prove", "region", "--aircraft", aircraft, "-q", "--json", "-o", str(path), *words]
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert main(command) == 0
+    statement = check_certificate(path, model=load_model(aircraft)).statement
+    return statement, json.loads(printed.getvalue())
+
+
+def test_starts_are_drawn_in_the_set_and_on_its_edge(tmp_path: Path) -> None:
+    words = ("--degree", "2", "--seconds", "0.1")
+    statement, _ = proved(tmp_path / "vdp.json", VAN_DER_POL, *words)
+    V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
+    starts = drawn(V, statement, 2000, np.random.default_rng(0))
+    values = V(starts)
+    assert np.all(values <= 1.0)
+    assert np.all(values[1000:] > 1.0 - 1e-6)
+    # Uniform in an ellipse: V is uniform.
+    assert np.quantile(values[:1000], [0.25, 0.5, 0.75]) == pytest.approx(
+        [0.25, 0.5, 0.75], abs=0.06
+    )
+    assert starts_lost(statement, 200) == (0, 0)
+    # Outside of the limit cycle none returns: the simulation does tell.
+    left, late = starts_lost(statement, 200, farther=4.0)
+    assert left + late > 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("aircraft", "words"),
+    [
+        (PENDULUM, ("--degree", "4", "--seconds", "8")),
+        (PENDULUM, ("--degree", "2", "--seconds", "1", "--disturbance", "push=0.1")),
+        (VAN_DER_POL, ("--degree", "4", "--seconds", "5")),
+    ],
+)
+def test_no_start_in_a_proved_set_is_lost(
+    aircraft: str, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    statement, _ = proved(tmp_path / "proved.json", aircraft, *words)
+    assert starts_lost(statement, 20_000) == (0, 0)
+
+
+@pytest.mark.slow
+def test_the_region_of_the_tutorials_navion(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "tutorial.md").read_text()
+    (source,) = re.findall(r"```python\n(# navion\.py\n.*?)```", page, re.DOTALL)
+    (tmp_path / "navion.py").write_text(source)
+    aircraft = f"{tmp_path / 'navion.py'}:NAVION"
+    weights = ("--Q", "0.01,10,10,10", "--R", "0.0001,100", "--delta", "20")
+    statement, data = proved(
+        tmp_path / "region.json", aircraft, *weights, "--degree", "2", "--seconds", "2"
+    )
+    assert data["states"] == ["speed", "alpha", "pitch", "pitch_rate"]
+    assert data["rho"] < data["lost_at"]["V"]
+    assert data["extents"]["speed"] > 1.0
+    # The limits of the inputs and of gamma are those of the model.
+    assert data["limits"]["thrust"] == [0.0, 1000.0]
+    assert data["limits"]["gamma"] == [-0.4, 0.4]
+    assert starts_lost(statement, 1000) == (0, 0)
+
+
+@pytest.mark.slow
+def test_the_region_of_the_f16_with_constant_derivatives(tmp_path: Path) -> None:
+    aircraft = f"{ROOT / 'examples' / 'f16_constant.py'}:F16"
+    words = ("--delta", "inf", "--degree", "2", "--seconds", "2")
+    statement, data = proved(tmp_path / "region.json", aircraft, *words)
+    assert data["rho"] < data["lost_at"]["V"]
+    assert data["extents"]["speed"] > 10.0
+    assert statement.loop.limits["elevator"] == (-25.0, 25.0)
+    assert starts_lost(statement, 1000) == (0, 0)
