@@ -189,7 +189,8 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
             warnings += (f"{' and '.join(missing)} not given; taken: {', '.join(taken)}",)
         if self.design is not None:
-            self.refuse(("units",), "does not go with the weights of a design; leave it out")
+            why = "does not go with --design, whose weights are in the units of the declaration"
+            self.refuse(("units",), f"{why}; leave it out")
             built = part(PARTS, "design.model", "--design")(aircraft, linear, self.design)
             with said_of(f"design {built.design.name}"):
                 game = replace(built.game(), **self.changed_weights())

@@ -1,6 +1,6 @@
 """JSBSim's 60 aircraft: its own trims and ours at the same conditions, ours measured in JSBSim.
 
-Writes studies/jsbsim/results.json and the table of its README.md. Needs the package jsbsim; takes
+Writes studies/jsbsim/results.json and its sums into README.md. Needs the package jsbsim; takes
 about ten minutes on one core. `--only NAME` runs one aircraft and keeps the rows of the others.
 """
 
@@ -21,12 +21,12 @@ from studies.jsbsim.study import LIFTS, SPEEDS, study
 
 RESULTS = Path(__file__).with_name("results.json")
 PAGE = Path(__file__).with_name("README.md")
-_BEGIN = "<!-- table of studies.jsbsim -->"
-_END = "<!-- end of the table -->"
+_BEGIN = "<!-- sums of studies.jsbsim -->"
+_END = "<!-- end of the sums -->"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """0: the table is written. 2: JSBSim is not installed."""
+    """0: the results are written. 2: JSBSim is not installed."""
     parser = argparse.ArgumentParser("python -m studies.jsbsim", description=__doc__)
     parser.add_argument("--only", action="append", default=[], metavar="NAME")
     parser.add_argument("--workers", type=int, default=1, metavar="N")
@@ -54,50 +54,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def write_page(rows: Sequence[dict[str, Any]]) -> None:
-    """Put the table and its sums into the README of the study."""
+    """Put the sums of the rows into the README of the study."""
     before, _, behind = PAGE.read_text().partition(_BEGIN)
     _, _, after = behind.partition(_END)
-    write_text(PAGE, f"{before}{_BEGIN}\n\n{summary(rows)}\n\n{table(rows)}\n\n{_END}{after}")
-
-
-def table(rows: Sequence[dict[str, Any]]) -> str:
-    """One line an aircraft."""
-    header = [
-        "aircraft",
-        "JSBSim",
-        "level",
-        "glide",
-        "own speeds",
-        "residual",
-        "remark",
-    ]
-    lines = [header, ["---", *[":---:"] * 5, "---"]]
-    lines += [_line(row) for row in rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _line(row: dict[str, Any]) -> list[str]:
-    points = row["points"]
-    if not points:
-        return [row["aircraft"], *["-"] * 5, row["refused"]]
-    at_speeds = points[: len(SPEEDS)]
-    own_points = points[len(SPEEDS) :]
-    residuals = [point["residual"] for point in points if "residual" in point]
-    remarks = [point["reason"] for point in points if "reason" in point and point["kind"] == "none"]
-    remark = "" if any(point["kind"] != "none" for point in points) else remarks[-1]
-    return [
-        row["aircraft"],
-        str(sum(point["jsbsim"] for point in at_speeds)),
-        str(sum(point["kind"] == "level" for point in at_speeds)),
-        str(sum(point["kind"] == "glide" for point in at_speeds)),
-        str(sum(point["kind"] != "none" for point in own_points)),
-        f"{max(residuals):.0e}" if residuals else "-",
-        remark,
-    ]
+    write_text(PAGE, f"{before}{_BEGIN}\n\n{summary(rows)}\n\n{_END}{after}")
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> str:
-    """The sums of the table in sentences."""
+    """How many aircraft were trimmed, and how well, in sentences."""
     first = [row["points"][: len(SPEEDS)] for row in rows if row["points"]]
     own_points = [row["points"][len(SPEEDS) :] for row in rows if row["points"]]
     residuals = [

@@ -101,7 +101,10 @@ REFUSED = {
             "--hold belongs to the aircraft; leave it out with --model",
         ),
         ("--model given.json --units si", "--units belongs to the aircraft"),
-        ("--design servo --dihedral 11 --units si", "weights of a design; leave it out"),
+        (
+            "--design servo --dihedral 11 --units si",
+            "in the units of the declaration; leave it out",
+        ),
     ],
     "learn": [
         ("--dihedral 15 --law sarsa", "--law is 'sarsa'; use one of certified"),

@@ -327,7 +327,7 @@ def _factors(before: Model, after: Model, names: Iterable[str]) -> np.ndarray:
 
 def _key(model: Model) -> str:
     """What files and data call the values of the scheduling variable."""
-    return "dihedrals" if model.schedule == "dihedral" else "places"
+    return f"{model.schedule}s" if model.names_schedule else "places"
 
 
 def _stored(controller: ScheduledController) -> dict[str, Any]:

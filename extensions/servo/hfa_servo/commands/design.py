@@ -57,7 +57,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
     at: Range | None = scheduled(
         scheduled_range,
         "RANGE",
-        lambda model: f"default {_RANGE}" if model.schedule == "dihedral" else "",
+        lambda model: f"default {_RANGE}" if model.names_schedule else "",
     )
     bandwidth: tuple[float, ...] | None = option(
         "of the actuators behind which margins are computed, rad/s; default 2:10",
@@ -80,11 +80,11 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
             return native_values(self.model, (by,), typed[:, None])[:, 0]
         if design.shaping is not None:
             return np.array(design.shaping.breakpoints)
-        if by != "dihedral":
+        if not self.model.names_schedule:
             raise BadInputError(
                 f"give the values of {by or 'the scheduling variable'} by --at RANGE"
             )
-        return array_of("--dihedral", value_range(self.model, by, _RANGE), _MOST_POINTS)
+        return array_of(f"--{by}", value_range(self.model, by, _RANGE), _MOST_POINTS)
 
 
 @command(DesignRequest)
