@@ -11,6 +11,7 @@ from game_files import AT_15, stored
 from game_samples import failed_names
 from known_models import game_at
 from planted_critics import gain, value
+from tolerances import SAME_FORMULA
 
 from controller import Game
 from hfa.main import BAD_INPUT, FAILED
@@ -90,7 +91,7 @@ def test_an_exact_discounted_critic_that_does_not_stabilize_is_exact_and_fails()
     assert failed_names(verdict.checks) == {"control_loop_radius"}
     assert verdict.value_of("control_loop_radius") == pytest.approx(1.00003, abs=3e-6)
     assert verdict.value_of("discounted_loop_radius") == pytest.approx(
-        math.sqrt(0.95) * verdict.value_of("control_loop_radius"), rel=1e-12
+        math.sqrt(0.95) * verdict.value_of("control_loop_radius"), rel=SAME_FORMULA
     )
     (reason,) = [check.reason for check in verdict.checks if not check.ok]
     assert "the exact solution of this discounted problem does not stabilize either" in reason

@@ -7,6 +7,7 @@ from cli import answer, hfa
 from game_files import stored
 from reference_riccati import relative_error
 from reference_steps import reference_step_value
+from tolerances import FEW_ROUNDINGS, SAME_SOLUTION
 
 from controller import Game
 from hfa.main import FAILED
@@ -135,7 +136,7 @@ def test_units_of_inputs_and_costs_do_not_matter(size):
     plain = Game([[0.5]], [[1.0]], [[1.0]], [[1e-4]], [[1.0]], np.inf)
     scaled = Game([[0.5]], [[size]], [[1.0]], [[1e-4]], [[size**2]], np.inf)
     exact = solve_discounted(plain, 1.0).P
-    assert pytest.approx(exact, rel=1e-12) == solve_discounted(scaled, 1.0).P
+    assert pytest.approx(exact, rel=SAME_SOLUTION) == solve_discounted(scaled, 1.0).P
 
 
 def test_without_disturbance_nobody_is_advised_to_raise_delta():
@@ -326,8 +327,8 @@ def test_a_mode_that_grows_and_costs_nothing_costs_what_stops_it(pole):
     """P of x⁺ = a x + u with Q = 0 is a² - 1; value iteration from 0 would stay at 0."""
     game = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
     solution = solve_discounted(game, 1.0)
-    assert solution.P[0, 0] == pytest.approx(pole**2 - 1.0, rel=1e-14)
-    assert solution.radius == pytest.approx(1.0 / abs(pole), rel=1e-14)
+    assert solution.P[0, 0] == pytest.approx(pole**2 - 1.0, rel=FEW_ROUNDINGS)
+    assert solution.radius == pytest.approx(1.0 / abs(pole), rel=FEW_ROUNDINGS)
 
 
 def _hard_step(kind: str, seed: int) -> DiscreteGame:

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from policy_cases import FOLDER, GTM, card, gtm_card
+from tolerances import FEW_ROUNDINGS
 
 from hfa_aircraft.loading import load_model
 from hfa_policy.deployment import Deployment
@@ -135,7 +136,7 @@ def test_a_formula_is_arithmetic():
     observed = np.array(deployed.observe(X, trim[4:], trim)).ravel()
     np.testing.assert_allclose(observed, [0.02, 0.02], atol=1e-15)
     inputs = np.array(deployed.command(X, trim[4:], trim)).ravel()
-    np.testing.assert_allclose(inputs, [0.02 + 0.1 * np.sin(0.02) - 0.4, 15.0], rtol=1e-14)
+    np.testing.assert_allclose(inputs, [0.02 + 0.1 * np.sin(0.02) - 0.4, 15.0], rtol=FEW_ROUNDINGS)
 
 
 class Caller:
@@ -221,7 +222,7 @@ def test_a_gain_and_a_state_dict_and_an_onnx_graph_are_policies_too(tmp_path):
     for name in ("gain.npz", "layer.npz"):
         deployment = gtm_card({"file": tmp_path / name})
         action = np.array(deployment.on(load_model(GTM)).act(observation)).ravel()
-        np.testing.assert_allclose(action, -K @ observation, rtol=1e-14)
+        np.testing.assert_allclose(action, -K @ observation, rtol=FEW_ROUNDINGS)
 
 
 def test_a_zip_says_what_it_is():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from policy_cases import FOLDER, aircraft, card, gtm_card, trims
+from tolerances import SAME_FORMULA
 
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.nonlinear_flight import fly
@@ -71,7 +72,7 @@ def test_a_sample_pays_its_cost_and_who_leaves_pays_the_rest() -> None:
     env.reset(options={"start": np.array(point.states) + START})
     _, reward, lost, over, _ = env.step(np.array([0.5]))
     paid = 0.02 * (0.5 * 2.0**2 + 8.0 * 0.03**2 + 2.0 * 0.15**2)
-    assert (reward, lost, over) == (pytest.approx(-paid, rel=1e-12), False, False)
+    assert (reward, lost, over) == (pytest.approx(-paid, rel=SAME_FORMULA), False, False)
     outside = np.array(point.states) + np.array([0.0, 5.0, 0.0, 0.0])
     env.reset(options={"start": outside})
     _, reward, lost, _, _ = env.step(np.array([0.0]))

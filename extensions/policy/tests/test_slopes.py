@@ -6,6 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 from policy_cases import FOLDER, aircraft, card, trims
+from tolerances import SAME_FORMULA
 
 from hfa_networks.files.tensors import tensors_in
 from hfa_policy.assessment import Assessor
@@ -69,7 +70,7 @@ def test_the_stored_slopes_are_those_of_stable_baselines(name):
 
     for stored, again in zip(SLOPES[name], slopes(name), strict=True):
         for key, values in stored.items():
-            np.testing.assert_allclose(values, again[key], rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(values, again[key], rtol=SAME_FORMULA, atol=1e-12)
 
 
 def test_a_card_of_an_ONNX_file_is_that_of_the_zip(tmp_path):

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from policy_cases import AIRCRAFT, aircraft, card, gtm_card, trims
+from tolerances import SAME_FORMULA
 
 from hfa_networks.files.activations import ACTIVATIONS
 from hfa_networks.files.row_network import ROW_ACTIVATIONS
@@ -41,7 +42,7 @@ def test_the_network_on_rows_is_that_of_the_graph(name):
     observations = np.random.default_rng(1).normal(size=(601, actor.function.numel_in(0)))
     kept = observations.copy()
     graph = np.array(actor.function(observations.T)).T
-    np.testing.assert_allclose(actor.rows(observations), graph, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(actor.rows(observations), graph, rtol=SAME_FORMULA, atol=1e-12)
     np.testing.assert_array_equal(observations, kept)
 
 
@@ -159,7 +160,9 @@ def test_a_window_of_flights_is_the_samples_of_each_alone(name, delay):
     together = flight.window(5, 1.0)(rows)
     alone = flight.sample().fold(flight.samples_in_window)
     for after, row in zip(together, rows, strict=True):
-        np.testing.assert_allclose(after, np.array(alone(row)).ravel(), rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(
+            after, np.array(alone(row)).ravel(), rtol=SAME_FORMULA, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from controllers import small_controller
 from known_models import model_at
 from scipy.io import loadmat
 from servo_cases import A_Z, measured_servo, simvfa_design
+from tolerances import SAME_FORMULA
 
 import hfa_model
 from controller import ScheduledController, design_model, load_controller, save_controller
@@ -118,7 +119,7 @@ def test_matrices_are_linear_between_the_angles_and_constant_beyond(
     for degrees, shares in cases:
         for number, matrix in enumerate(controller.at(math.radians(degrees))):
             np.testing.assert_allclose(
-                matrix, np.dot(shares, np.arange(3.0)) + 10.0 * number, rtol=1e-12
+                matrix, np.dot(shares, np.arange(3.0)) + 10.0 * number, rtol=SAME_FORMULA
             )
 
 

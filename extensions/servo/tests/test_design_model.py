@@ -18,6 +18,7 @@ from known_models import model_at, released_simulation
 from project import ROOT
 from random_points import rising
 from servo_cases import SIMVFA, simvfa_design
+from tolerances import SAME_FORMULA
 
 import hfa_model
 from controller import Game, design_model, load_design, published_game
@@ -196,7 +197,7 @@ def test_the_integral_of_a_short_period_output_feels_the_air(dynamics: str) -> N
     found = _gust_by_differences(aircraft, built)
     np.testing.assert_allclose(built.E[:, 0], found, rtol=1e-6, atol=1e-9)
     flown = MeasuredOutputs(aircraft, built.model.point, built.design.integrals).F
-    np.testing.assert_allclose(built.E[-2:, 0], flown.sum(axis=1), rtol=1e-12)
+    np.testing.assert_allclose(built.E[-2:, 0], flown.sum(axis=1), rtol=SAME_FORMULA)
     without = np.append(built.E[:-1, 0], 0.0)
     assert not np.allclose(without, found, rtol=1e-6, atol=1e-9)
 
@@ -224,15 +225,15 @@ def test_sensors_are_states_or_outputs_in_the_order_of_their_names(
     found = linearize(published_aircraft, built.model.point, outputs=("load_factor",))
     columns = [built.model.inputs.index(name) for name in built.inputs]
     through_actuators = np.hstack([found.C[0], found.D[0, columns]])
-    np.testing.assert_allclose(built.C[1, :8], through_actuators, rtol=1e-12)
+    np.testing.assert_allclose(built.C[1, :8], through_actuators, rtol=SAME_FORMULA)
     np.testing.assert_array_equal(built.D, np.zeros((5, 2)))
     direct = design_at(
         published_aircraft,
         replace(design, actuators={}, sensors={"load_factor": 1.0}, **BARE),
         11.0,
     )
-    np.testing.assert_allclose(direct.D, found.D[:, columns], rtol=1e-12)
-    np.testing.assert_allclose(direct.C[:, :6], found.C, rtol=1e-12)
+    np.testing.assert_allclose(direct.D, found.D[:, columns], rtol=SAME_FORMULA)
+    np.testing.assert_allclose(direct.C[:, :6], found.C, rtol=SAME_FORMULA)
 
 
 def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Model) -> None:

@@ -17,6 +17,7 @@ from known_models import model_at
 from plant_references import gain_of, of_slycot
 from reference_riccati import reference_solution, relative_error
 from servo_cases import simvfa_design
+from tolerances import SAME_FORMULA, TWO_BRACKETS
 
 from controller import Game, design_model
 from controller.riccati.frequency_response import peak_gain
@@ -155,7 +156,7 @@ def test_what_u_adds_to_y_at_once_changes_nothing() -> None:
     smallest = smallest_of(8).value
     without = replace(plant, D22=np.zeros_like(plant.D22))
     # Two searches, each within 2.5e-7, and what D22 rounds.
-    assert without.minimum_delta().value == pytest.approx(smallest, rel=2e-6)
+    assert without.minimum_delta().value == pytest.approx(smallest, rel=TWO_BRACKETS)
     loops = []
     for each in (plant, without):
         found: Any = solve_plant(each, 2.0 * smallest)
@@ -431,7 +432,7 @@ def test_a_scalar_plant_by_hand() -> None:
     gain = Y / 0.25 / (1 - X * Y / 9)
     Ak = 0.5 + 0.49 / 9 * X - 2 * 2 / 0.4 * X - gain
     parts = [found.X[0, 0], found.Y[0, 0], found.coupling, found.Bk[0, 0], found.Ak[0, 0]]
-    assert parts == pytest.approx([X, Y, X * Y / 9, gain, Ak], rel=1e-12)
+    assert parts == pytest.approx([X, Y, X * Y / 9, gain, Ak], rel=SAME_FORMULA)
 
 
 @pytest.mark.parametrize("size", [pytest.param(1e-14, marks=pytest.mark.slow), 1e14])
@@ -441,7 +442,7 @@ def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
     expected = smallest_of(8).value
     scaled = replace(plant, C1=size * plant.C1, D11=size * plant.D11, D12=size * plant.D12)
     # Two searches, each within 2.5e-7, from another begin.
-    assert scaled.minimum_delta().value == pytest.approx(size * expected, rel=2e-6)
+    assert scaled.minimum_delta().value == pytest.approx(size * expected, rel=TWO_BRACKETS)
     assert all(check.ok for check in solve_plant(scaled, 2.0 * size * expected).checks)
 
 
@@ -451,7 +452,7 @@ def test_the_smallest_delta_of_a_scalar_plant_and_its_report() -> None:
     assert condition == "coupling condition"
     below, above = (
         delta**2 - math.prod(by_hand(delta))
-        for delta in (smallest * (1 - 2e-6), smallest * (1 + 2e-6))
+        for delta in (smallest * (1 - TWO_BRACKETS), smallest * (1 + TWO_BRACKETS))
     )
     assert below < 0 < above
     with pytest.raises(NoSolutionError, match="the coupling condition fails: rho"):
@@ -530,7 +531,7 @@ def test_units_of_the_states_over_16_decades_change_nothing(seed: int) -> None:
     found = other.minimum_delta()
     assert found.refused < found.value <= found.refused * (1 + 2e-6)
     # Two searches, each within 2.5e-7.
-    assert found.value == pytest.approx(smallest.value, rel=2e-6)
+    assert found.value == pytest.approx(smallest.value, rel=TWO_BRACKETS)
     assert found.condition == smallest.condition
     first: Any = solve_plant(one, 1.01 * smallest.value)
     second: Any = solve_plant(other, 1.01 * smallest.value)

@@ -11,6 +11,7 @@ import pytest
 from controllers import integrating_controller, small_controller
 from known_models import model_at
 from scipy.integrate import solve_ivp
+from tolerances import SAME_FORMULA
 
 from controller import (
     ActuatorBank,
@@ -83,7 +84,7 @@ def test_outputs_are_those_of_the_linear_model(
         v[3],
         model.C[1] @ x + model.D[1] @ a,
     ]
-    np.testing.assert_allclose(y, expected, rtol=1e-12)
+    np.testing.assert_allclose(y, expected, rtol=SAME_FORMULA)
     with pytest.raises(BadInputError, match="positions of its actuators"):
         outputs.at(Measurements(ca.SX(x), ca.SX(x), ca.SX(0, 1), ca.SX(0, 1)))
 
@@ -178,9 +179,9 @@ def test_a_signal_is_the_same_at_one_time_at_many_and_as_an_expression() -> None
     for row, time in zip(one, times.tolist(), strict=True):
         first = sine * np.sin(1.3 * time) + cosine * np.cos(1.3 * time)
         second = cosine * np.sin(0.2 * time) - sine * np.cos(0.2 * time)
-        np.testing.assert_allclose(row, constant + slope * time + first + second, rtol=1e-12)
-        np.testing.assert_allclose(signal.at(time), row, rtol=1e-12)
-        np.testing.assert_allclose(np.array(compiled(time)).ravel(), row, rtol=1e-12)
+        np.testing.assert_allclose(row, constant + slope * time + first + second, rtol=SAME_FORMULA)
+        np.testing.assert_allclose(signal.at(time), row, rtol=SAME_FORMULA)
+        np.testing.assert_allclose(np.array(compiled(time)).ravel(), row, rtol=SAME_FORMULA)
 
 
 def steps(damping: float = 2.0) -> CommandSteps:

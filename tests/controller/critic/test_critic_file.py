@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from game_files import stored
+from tolerances import FEW_ROUNDINGS
 
 from controller import Game, critic_in, critics_over_time
 from controller.critic.critic_file import Reading, critics_in, stored_parts
@@ -69,13 +70,13 @@ def test_the_functions_of_a_critic_are_what_its_matrices_say() -> None:
     x, y = z
     value = x**2 + 2 * x * y + 3 * y**2 + 0.5 * x**4 - 0.5 * y**4
     slopes = np.array([2 * x + 2 * y + 2 * x**3, 2 * x + 6 * y - 2 * y**3])
-    assert float(critic.value(z)) == pytest.approx(value, rel=1e-14)
-    assert np.array(critic.gradient(z)).ravel() == pytest.approx(slopes, rel=1e-14)
+    assert float(critic.value(z)) == pytest.approx(value, rel=FEW_ROUNDINGS)
+    assert np.array(critic.gradient(z)).ravel() == pytest.approx(slopes, rel=FEW_ROUNDINGS)
     u = -0.5 * GAME.R_inverse_B_transposed @ slopes
-    assert np.array(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-14)
+    assert np.array(critic.policy(z)).ravel() == pytest.approx(u, rel=FEW_ROUNDINGS)
     gain = critic_in(stored("k.npz", K=K[1]), GAME)
     assert gain.value is None
-    assert np.array(gain.policy(z)).ravel() == pytest.approx(-K[1] @ z, rel=1e-14)
+    assert np.array(gain.policy(z)).ravel() == pytest.approx(-K[1] @ z, rel=FEW_ROUNDINGS)
 
 
 # Critics over time.

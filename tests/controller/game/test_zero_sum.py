@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from game_files import SMALL
 from game_samples import game_models
+from tolerances import SAME_FORMULA
 
 from controller import Game, basis, published_game
 from controller.game.basis import BASES, Basis
@@ -71,8 +72,8 @@ def test_gains_are_the_extremals_of_the_hamiltonian_of_the_game() -> None:
         P = root @ root.T
         u = -game.gain(P) @ z
         d = game.disturbance_gain(P) @ z
-        np.testing.assert_allclose(game.R @ u, -game.B.T @ P @ z, rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(game.delta**2 * d, game.E.T @ P @ z, rtol=1e-12)
+        np.testing.assert_allclose(game.R @ u, -game.B.T @ P @ z, rtol=SAME_FORMULA, atol=1e-12)
+        np.testing.assert_allclose(game.delta**2 * d, game.E.T @ P @ z, rtol=SAME_FORMULA)
         cost = z @ game.Q @ z + u @ game.R @ u - game.delta**2 * d @ d
         hamiltonian = cost + 2.0 * z @ P @ (game.A @ z + game.B @ u + game.E @ d)
         assert z @ game.residual(P) @ z == pytest.approx(hamiltonian, rel=1e-11)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from learning_samples import published, stable_game
 from reference_riccati import reference_solution, relative_error
+from tolerances import FEW_ROUNDINGS
 
 from controller import Game, learn
 from controller.game.training_run import TrainingRun
@@ -130,7 +131,7 @@ def test_a_right_critic_settles_whatever_the_size_of_the_costs(Q: float, R: floa
     game = Game([[1.0]], [[1.0]], [[1.0]], [[Q]], [[R]], 2.0 * max(1.0, np.sqrt(R)))
     result = learn(game, tick=0.1)
     s = 1.0 / R - 1.0 / game.delta**2
-    assert result.P[0, 0] == pytest.approx((1.0 + np.sqrt(1.0 + Q * s)) / s, rel=1e-14)
+    assert result.P[0, 0] == pytest.approx((1.0 + np.sqrt(1.0 + Q * s)) / s, rel=FEW_ROUNDINGS)
     assert result.settled
     assert result.settling_time <= 9.5
 

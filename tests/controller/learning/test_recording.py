@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from learning_samples import PUBLISHED, QUADRATIC, build, published, stable_game
+from tolerances import SAME_FORMULA
 
 from controller import Game, Stack, basis, random_pool, record
 from controller.game.basis import BASES
@@ -98,7 +99,7 @@ def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
             pool.states * (1.0 + 1e-15 * rng.normal(size=pool.states.shape)), pool.drifts
         )
         assert choose(rounded, basis(functions, 6), 50).states == pytest.approx(
-            chosen.states, rel=1e-12
+            chosen.states, rel=SAME_FORMULA
         )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from copies import KINDS, copies
 from game_samples import game_models, random_game
+from tolerances import TWO_BRACKETS
 
 from controller import Game
 from controller.riccati.existence import existence
@@ -84,8 +85,7 @@ def test_the_solution_and_its_smallest_delta_are_the_same_of_every_copy(name: st
     smallest = minimum_delta(game)
     for copy in copies(game, 1, 8):
         counts = minimum_delta(copy.problem)
-        # The tolerance of the search, 1e-6, once for each.
-        assert counts.value == pytest.approx(smallest.value, rel=2e-6), copy.kind
+        assert counts.value == pytest.approx(smallest.value, rel=TWO_BRACKETS), copy.kind
         assert is_solved(copy.problem.with_delta(1.001 * smallest.value)), copy.kind
         assert not is_solved(copy.problem.with_delta(0.999 * smallest.value)), copy.kind
 
@@ -130,5 +130,4 @@ def test_the_smallest_delta_is_the_same_with_one_thread() -> None:
         command = [sys.executable, "-c", IN_ONE_THREAD, threads]
         run = subprocess.run(command, capture_output=True, text=True, check=True)
         values.append(json.loads(run.stdout))
-    # The tolerance of the search, 1e-6, once for each.
-    assert values[0] == pytest.approx(values[1], rel=2e-6)
+    assert values[0] == pytest.approx(values[1], rel=TWO_BRACKETS)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from game_samples import INITIAL, failed_names, game_models
+from tolerances import FEW_ROUNDINGS
 
 from controller import Game
 from controller.riccati.cost import cost_check, cost_matrix, flight_cost, loss_matrix
@@ -44,7 +45,7 @@ def test_cost_of_a_scalar_policy_in_closed_form() -> None:
     )  # u = -z/2, d = z/4: z' = -1.25 z
     exact = (2.0 + 3.0 / 4.0 - 4.0 / 16.0) / 2.5
     policies = np.array([[0.5]]), np.array([[0.25]])
-    assert cost_matrix(game, *policies)[0, 0] == pytest.approx(exact, rel=1e-14)
+    assert cost_matrix(game, *policies)[0, 0] == pytest.approx(exact, rel=FEW_ROUNDINGS)
 
 
 @pytest.mark.parametrize("seed", [6, 40, 41, 42, 43, 44])

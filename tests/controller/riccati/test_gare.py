@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from game_samples import game_models, random_game, regenerated_models
 from reference_riccati import reference_solution, relative_error
+from tolerances import FEW_ROUNDINGS, SAME_FORMULA
 
 from controller import Game
 from controller.riccati.derivations import by_iteration
@@ -66,8 +67,10 @@ def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
 def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     solution = solve_game(game)
     P = solve_game(game).P
-    np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=1e-12)
-    np.testing.assert_allclose(solution.disturbance_gain, game.E.T @ P / game.delta**2, rtol=1e-12)
+    np.testing.assert_allclose(solution.K, np.linalg.inv(game.R) @ game.B.T @ P, rtol=SAME_FORMULA)
+    np.testing.assert_allclose(
+        solution.disturbance_gain, game.E.T @ P / game.delta**2, rtol=SAME_FORMULA
+    )
     flown = np.linalg.eigvals(game.A - game.B @ solution.K)
     # Eigenvalues of two different matrices: rounding times their condition, about 1e4.
     np.testing.assert_allclose(
@@ -122,7 +125,7 @@ def test_double_eigenvalue_and_no_cost_at_all() -> None:
 
 def test_unstable_mode_outside_the_cost_is_brought_to_rest() -> None:
     P = solve_game(Game([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], math.inf)).P
-    assert P[0, 0] == pytest.approx(1.0, rel=1e-14)  # least energy: p = 2 a
+    assert P[0, 0] == pytest.approx(1.0, rel=FEW_ROUNDINGS)  # least energy: p = 2 a
 
 
 def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from copies import in_units
 from reference_riccati import reference_solution
+from tolerances import SAME_SOLUTION, TWO_BRACKETS
 
 from controller import Game
 from controller.riccati.solution_report import analyse_game
@@ -114,10 +115,10 @@ def test_units_over_16_decades_change_nothing() -> None:
     inputs = np.array([1e8, 1.0, 1e-8])
     turned = replace(game, B=game.B * inputs, R=game.R * np.outer(inputs, inputs))
     # P is refined with twice the digits; K loses a digit in R^-½ of the turned inputs.
-    np.testing.assert_allclose(solve_game(turned).P, plain.P, rtol=1e-12)
+    np.testing.assert_allclose(solve_game(turned).P, plain.P, rtol=SAME_SOLUTION)
     np.testing.assert_allclose(solve_game(turned).K, plain.K / inputs[:, None], rtol=1e-11)
     # Two searches, each within 1e-6.
-    assert minimum_delta(turned).value == pytest.approx(minimum_delta(game).value, rel=2e-6)
+    assert minimum_delta(turned).value == pytest.approx(minimum_delta(game).value, rel=TWO_BRACKETS)
     states = np.array([1e8, 1e-8, 1.0, 1e4, 1e-4])
     assert error(in_units(game, states)) <= EXACT
     assert error(in_units(turned, states)) <= EXACT
@@ -125,7 +126,7 @@ def test_units_over_16_decades_change_nothing() -> None:
         dearer = replace(game, Q=size * game.Q, R=size * game.R).with_delta(
             math.sqrt(size) * game.delta
         )
-        np.testing.assert_allclose(solve_game(dearer).P, size * plain.P, rtol=1e-12)
+        np.testing.assert_allclose(solve_game(dearer).P, size * plain.P, rtol=SAME_SOLUTION)
 
 
 @pytest.mark.parametrize("reach", [3e-6, 1e-8, 1e-11])

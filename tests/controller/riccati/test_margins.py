@@ -11,6 +11,7 @@ import pytest
 from copies import in_units
 from game_samples import game_models
 from scipy.optimize import minimize
+from tolerances import SAME_FORMULA, TWO_BRACKETS, TWO_GAINS
 
 from controller import Game
 from controller.riccati.loop_margins import loop_margins, margin_of
@@ -139,12 +140,12 @@ def test_speeds_in_metres_leave_what_has_no_unit_alone(game: Game) -> None:
     ]
     for computed, expected in exact:
         # Conversion of units rounds once; the margins are of condition 1e3 or less.
-        np.testing.assert_allclose(np.array(computed), np.array(expected), rtol=1e-12)
+        np.testing.assert_allclose(np.array(computed), np.array(expected), rtol=SAME_FORMULA)
     assert bounded_real_gain(si, there.K) == pytest.approx(
-        bounded_real_gain(game, here.K), rel=1e-8
+        bounded_real_gain(game, here.K), rel=TWO_GAINS
     )
     # The tolerance of the search, 1e-6, once for each.
-    assert minimum_delta(si).value == pytest.approx(minimum_delta(game).value, rel=2e-6)
+    assert minimum_delta(si).value == pytest.approx(minimum_delta(game).value, rel=TWO_BRACKETS)
     assert np.abs(there.K / here.K - 1.0).max() > 2.0  # K itself has units
 
 
@@ -193,4 +194,5 @@ def test_nine_loops_that_change_alike_have_the_margin_of_the_slackest() -> None:
 
     together = margin_of(shifted, frequencies)
     alone = margin_of(lambda omega: shifted(omega, 1), frequencies)
-    assert together[1:] == pytest.approx(alone[1:], rel=1e-12)  # all but the lowest gain, 0 at rest
+    # All but the lowest gain, 0 at rest.
+    assert together[1:] == pytest.approx(alone[1:], rel=SAME_FORMULA)

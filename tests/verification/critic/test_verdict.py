@@ -10,6 +10,7 @@ from cli import answer, hfa
 from extension import Extension
 from game_files import stored
 from planted_critics import gain, other_root, value
+from tolerances import SAME_FORMULA
 
 import hfa_model
 from controller import Game
@@ -115,7 +116,7 @@ def test_a_network_is_flown_within_the_limits_of_the_controls() -> None:
     u = np.full(5, 1000.0)
     assert np.all(plant.highest < u)
     held = np.array(plant.rates(z, plant.highest))
-    assert np.array(plant.closed(z, u)) == pytest.approx(held, rel=1e-12)
+    assert np.array(plant.closed(z, u)) == pytest.approx(held, rel=SAME_FORMULA)
     assert np.array(plant.closed(z, 0.0 * u)) == pytest.approx(0.0, abs=1e-8)
 
 
