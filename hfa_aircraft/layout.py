@@ -293,3 +293,18 @@ def linearized_rows(
     vectors = layout.symbols("x", "u", "p")
     flat = ca.vertcat(*(ca.vec(part.T) for part in function(*vectors)))
     return RowFunction(ca.Function("flat", vectors, [flat]))
+
+
+@lru_cache(maxsize=64)
+def places_of_parts(n: int, m: int, k: int, d: int) -> list[tuple[slice, tuple[int, ...]]]:
+    """Where the parts of a `Linearization` lie in a row of `linearized_rows`, and their shapes.
+
+    n, m, k, d: numbers of states, inputs, outputs and disturbances
+    """
+    places: list[tuple[slice, tuple[int, ...]]] = []
+    first = 0
+    for shape in ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d)):
+        last = first + math.prod(shape)
+        places.append((slice(first, last), shape))
+        first = last
+    return places

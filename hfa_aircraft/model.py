@@ -20,6 +20,7 @@ from hfa_aircraft.layout import (
     components,
     linearized,
     linearized_rows,
+    places_of_parts,
 )
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
@@ -368,19 +369,12 @@ class Model:
         FloatingPointError where one is not finite.
         """
         rows = linearized_rows(self.layout, tuple(outputs), tuple(disturbances))
-        (table,) = rows((x,), (u,), (self.p,))
-        n = len(self.states)
-        m = len(self.inputs)
-        k = len(outputs)
-        d = len(disturbances)
-        parts = []
-        first = 0
-        for shape in ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d)):
-            last = first + math.prod(shape)
-            parts.append(table[0, first:last].reshape(shape))
-            first = last
-        result = Linearization(*parts)
-        if not np.isfinite(table).all():
+        ((row,),) = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
+        places = places_of_parts(
+            len(self.states), len(self.inputs), len(outputs), len(disturbances)
+        )
+        result = Linearization(*[row[place].reshape(shape) for place, shape in places])
+        if not np.isfinite(row).all():
             values = dict(zip((*self.states, *self.inputs), (*x, *u), strict=True))
             raise FloatingPointError(self.not_finite(result.f, values, list(self.states)))
         return result

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -43,16 +44,8 @@ class Limits:
     ) -> Limits:
         """The limits of the named signals: min and max of their declarations, or the pairs in
         `changes`, name -> (lowest, highest)."""
-        rows = []
-        for name in names:
-            signal = model.signals[name]
-            lowest, highest = signal.min, signal.max
-            if changes and name in changes:
-                lowest, highest = changes[name]
-            least = lowest - SLACK * (signal.nominal + abs(lowest))
-            most = highest + SLACK * (signal.nominal + abs(highest))
-            rows.append((lowest, highest, least, most))
-        return Limits(model, tuple(names), *np.array(rows).reshape(-1, 4).T)
+        pairs = [(name, *ends) for name, ends in (changes or {}).items()]
+        return _limits(model, tuple(names), tuple(pairs))
 
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Which of the values (..., k) lie between their limits, give or take `SLACK`; nan does
@@ -90,3 +83,19 @@ class Limits:
         """(k,) nominal + |limit|; 0 where there is no limit."""
         nominal = np.array([self.model.signals[name].nominal for name in self.names])
         return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
+
+
+@lru_cache(maxsize=64)
+def _limits(
+    model: Model, names: tuple[str, ...], changes: tuple[tuple[str, float, float], ...]
+) -> Limits:
+    """`Limits.of`, which every trim of a model asks for again; changes: (name, lowest, highest)."""
+    changed = {name: (lowest, highest) for name, lowest, highest in changes}
+    rows = []
+    for name in names:
+        signal = model.signals[name]
+        lowest, highest = changed.get(name, (signal.min, signal.max))
+        least = lowest - SLACK * (signal.nominal + abs(lowest))
+        most = highest + SLACK * (signal.nominal + abs(highest))
+        rows.append((lowest, highest, least, most))
+    return Limits(model, names, *np.array(rows).reshape(-1, 4).T)

@@ -81,18 +81,19 @@ def _near_switches(
     switches = _switches(model.layout)
     if switches is None:
         return np.zeros(0, dtype=int), everything
-    values, slopes = switches(x, u, p)
-    sizes = np.abs(slopes.reshape(*values.shape, -1)) * _steps(model)
-    near = np.abs(values) <= 2 * sizes.sum(axis=2)
+    steps = _steps(model)[None].repeat(len(x), axis=0)
+    distances, moves = switches(x, u, p, steps)
+    near = distances <= 0.0
+    if not near.any():
+        return np.zeros(0, dtype=int), everything
     points = np.flatnonzero(near.any(axis=1))[:_MOST]
-    if not points.size:
-        return points, everything
-    moving = sizes[near]
+    moving = moves.reshape(*distances.shape, -1)[near]
     if not moving.any(axis=1).all():  # a switch that moves in second order only
         return points, everything
     return points, np.flatnonzero(moving.any(axis=0))
 
 
+@lru_cache(maxsize=16)
 def _steps(model: Model) -> np.ndarray:
     """The step of each state and input, (n + m,)."""
     signals = (*model.states.values(), *model.inputs.values())
@@ -117,8 +118,9 @@ def _calls_functions(layout: Layout) -> bool:
 
 @lru_cache(maxsize=16)
 def _switches(layout: Layout) -> RowFunction | None:
-    """(x, u, p) -> s and ∂s/∂(x, u) row by row: what each |.|, sign, min, max, comparison and
-    rounding in the equations switches over at s = 0. None without any."""
+    """(x, u, p, steps) -> |s| - 2 Σ m, and m = |∂s/∂(x, u)| steps row by row, of the s over which
+    each |.|, sign, min, max, comparison and rounding in the equations switches at 0. None without
+    any."""
     rates = _rates(layout)
     instructions = range(rates.n_instructions())
     operations = {rates.instruction_id(k) for k in instructions}
@@ -148,9 +150,12 @@ def _switches(layout: Layout) -> RowFunction | None:
     s = ca.vertcat(*(value for value in switching if not value.is_constant()))
     if not s.numel():
         return None
-    slopes = ca.jacobian(s, ca.vertcat(*vectors[:2]))
-    parts = [ca.densify(s), ca.vec(ca.densify(slopes).T)]
-    return RowFunction(ca.Function("switches", vectors, parts))
+    moved = ca.vertcat(*vectors[:2])
+    steps = ca.SX.sym("steps", moved.numel())
+    moves = ca.fabs(ca.densify(ca.jacobian(s, moved))) @ ca.diag(steps)
+    distances = ca.fabs(s) - 2 * ca.sum2(moves)
+    parts = [ca.densify(distances), ca.vec(ca.densify(moves).T)]
+    return RowFunction(ca.Function("switches", [*vectors, steps], parts))
 
 
 def _slopes(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray) -> np.ndarray:

@@ -437,16 +437,16 @@ def linearize(
     point.refuse_other(model)
     every_state = tuple(model.states)
     states = every_state if full else model.linear
-    rows = [every_state.index(name) for name in states]
+    rows = np.array([every_state.index(name) for name in states])
     shown = tuple(outputs or states)
     if disturbances is None:
         disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
     if outputs:
         _positions("output", shown, (*every_state, *model.outputs))
     _positions("disturbance", disturbances, tuple(model.disturbances))
-    exact = model.at(point.states, point.inputs, shown, disturbances)
     x = np.array([point.states])
     u = np.array([point.inputs])
+    exact = model.at(x[0], u[0], shown, disturbances)
     smoothed = with_means_at_kinks(model, x, u, model.p[None], exact.A[None], exact.B[None])
     return LinearModel(
         A=smoothed.A[0][rows][:, rows],

@@ -94,8 +94,11 @@ class TrimProblem:
 
     def solved(self, z: np.ndarray) -> bool:
         """Whether the equations balance within all limits."""
-        within = self.system.limits.within(z * self.system.scales).all()
-        return bool(within) and self.balanced(z) and not self.beyond(z)
+        if not self.balanced(z):
+            return False
+        system = self.system
+        unknowns = system.limits.within(z * system.scales)
+        return bool(unknowns.all() and system.watched.within(self.at(z).y).all())
 
     def balanced(self, z: np.ndarray) -> bool:
         """Whether every residual is within `BALANCE`, whatever the limits say; no where the model
@@ -141,13 +144,13 @@ class TrimProblem:
     def point(self, z: np.ndarray, status: Status, started: int = 0) -> OperatingPoint:
         """The operating point at these unknowns."""
         evaluation = self.at(z)
-        scaled = dict(zip(self.names, evaluation.residual * self.system.row_scales, strict=True))
+        amounts = (evaluation.residual * self.system.row_scales).tolist()
+        residuals = dict(zip(self.names, amounts, strict=True))
         structure = self.system.structure
-        in_order = [name for name, _ in (*structure.rates, *structure.outputs)]
         return OperatingPoint(
             self.model.layout.record("x", evaluation.x.tolist()),
             self.model.layout.record("u", evaluation.u.tolist()),
-            {name: float(scaled[name]) for name in in_order},
+            {name: residuals[name] for name, _ in (*structure.rates, *structure.outputs)},
             status,
             self.model,
             started,

@@ -110,8 +110,11 @@ class Equations:
 
     @cached_property
     def point_rows(self) -> RowFunction:
-        """(z, c) -> x, u, the watched outputs y, r, and J row by row, in one column."""
-        flat = ca.vertcat(self.x, self.u, self.y, self.residual, ca.vec(self.jacobian.T))
+        """(z, c) -> x, u, the watched outputs y, r, and the derivatives of r row by row, in one
+        column."""
+        unmoved = ca.SX(len(self.names) - self.moved, len(self.unknowns))
+        derivatives = ca.vertcat(self.jacobian, unmoved)
+        flat = ca.vertcat(self.x, self.u, self.y, self.residual, ca.vec(derivatives.T))
         return RowFunction(ca.Function("point", [self.z, self.c], [ca.cse(ca.densify(flat))]))
 
     @cached_property
@@ -130,21 +133,42 @@ class Equations:
 def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] = ()) -> Structure:
     """The structure of a condition where these variables, outputs or rates have other values at
     each point."""
+    zero = [name for name, value in condition.imposed.items() if value == 0.0]
+    still = [name for name, rate in condition.rates.items() if rate == 0.0]
+    unlimited = [name for name, ends in condition.limits.items() if tuple(ends) == _UNLIMITED]
+    names = (varied, condition.imposed, zero, condition.rates, still, condition.limits, unlimited)
+    return _structure(model, *map(tuple, names))
+
+
+@lru_cache(maxsize=64)
+def _structure(
+    model: Model,
+    varied: tuple[str, ...],
+    imposed: tuple[str, ...],
+    zero: tuple[str, ...],
+    rates: tuple[str, ...],
+    still: tuple[str, ...],
+    limited: tuple[str, ...],
+    unlimited: tuple[str, ...],
+) -> Structure:
+    """`structure_of` by names alone, which the conditions of a model share.
+
+    imposed, zero: what is imposed, and of it what is 0
+    rates, still: the states whose rates are imposed, and of them those whose rate is 0
+    limited, unlimited: what has limits other than the model's, and of it what has none
+    """
     given = {*varied}
-    given.update(
-        name for name, value in condition.imposed.items() if value != 0.0 or name in model.outputs
-    )
-    given.update(f"{name}_dot" for name, rate in condition.rates.items() if rate != 0.0)
-    states_in_balance = [
-        name for name in model.states if name in condition.rates or f"{name}_dot" in varied
-    ]
-    held = {*condition.imposed, *varied}
+    given.update(name for name in imposed if name not in zero or name in model.outputs)
+    given.update(f"{name}_dot" for name in rates if name not in still)
+    states_in_balance = [name for name in model.states if name in rates or f"{name}_dot" in varied]
+    held = {*imposed, *varied}
     free = [name for name in model.variables if name not in held]
     following = [name for name in (*model.states, *model.outputs) if name not in model.variables]
     outputs = [name for name in following if name in held]
     watched = []
     for name in following:
-        if name not in held and condition.limits_of(name) != _UNLIMITED:
+        is_limited = name in limited or model.limits[name] != _UNLIMITED
+        if name not in held and is_limited and name not in unlimited:
             watched.append(name)
     return Structure(
         model.layout,
@@ -297,8 +321,9 @@ class TrimSystem:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """z (N, k) after `FULL_STEPS` steps of Newton's method, none of them halved; which points
         are settled, and which are not (N,)."""
-        after, settled = self.equations.step_rows(z, c)
-        return after, settled[:, 0] == 1.0, settled[:, 0] != 1.0
+        after, flags = self.equations.step_rows(z, c)
+        settled = flags[:, 0] == 1.0
+        return after, settled, ~settled
 
     def at(self, z: np.ndarray, c: np.ndarray) -> Evaluation:
         """The equations at one point, unknowns z (k,) and constants c (1, ..)."""
@@ -308,14 +333,12 @@ class TrimSystem:
         inputs = states + len(self.model.inputs)
         watched = inputs + len(self.structure.watched)
         equations = watched + len(self.row_scales)
-        jacobian = np.zeros((len(self.row_scales), len(z)))
-        jacobian[: self.moved] = flat[equations:].reshape(self.moved, len(z))
         return Evaluation(
             flat[:states],
             flat[states:inputs],
             flat[inputs:watched],
             flat[watched:equations],
-            jacobian,
+            flat[equations:].reshape(len(self.row_scales), len(z)),
             bool(np.isfinite(flat).all()),
         )
 
@@ -346,7 +369,7 @@ class TrimSystem:
             have those of the condition and the model
         """
         columns = columns or {}
-        table = np.repeat(self._row[None], count, axis=0)
+        table = self._row[None].repeat(count, axis=0)
         for index, name in self._tables:
             scheduled = self.model.schedule
             at = columns.get(scheduled, self.condition.imposed.get(scheduled, 0.0))
