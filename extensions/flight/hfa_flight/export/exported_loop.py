@@ -21,7 +21,7 @@ from hfa_flight.scenario import Scenario
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
-    from trim.sweeps.interpolated import InterpolatedModel
+    from hfa_flight.export.interpolated import InterpolatedModel
 
 #: s: the longest step of a loop whose own modes are no faster than the aircraft's.
 LONGEST_STEP = 1e-3

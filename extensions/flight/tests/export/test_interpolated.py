@@ -11,8 +11,9 @@ import pytest
 from c_files import COMPILER, needs_gcc
 
 import hfa_model
+from hfa_flight.export.interpolated import InterpolatedModel
 from hfa_support import BadInputError
-from trim import InterpolatedModel, level_model, sweep
+from trim import level_model, sweep
 
 GRID = {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0]), "speed": np.array([60.0, 68.0, 76.0])}
 

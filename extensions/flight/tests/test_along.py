@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from hfa_aircraft import to_control
+from hfa_flight.along import models_along
 from hfa_support import BadInputError
-from trim import models_along
 
 
 def test_along_a_flight_small_deviations_follow_the_linear_model() -> None:
