@@ -31,7 +31,6 @@ from hfa_support.units import SYSTEMS
 from trim.hfa.level_flight import CONDITIONS, load_condition
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.reasons import explained
 from trim.point.solve import TrimError, find_operating_point
 
 #: All that says where the aircraft is trimmed, the scheduling variable apart.
@@ -403,6 +402,8 @@ class TrimOptions(HfaOptions):
         try:
             return find_operating_point(aircraft, condition, self.start_point)
         except TrimError as failure:
+            from trim.point.reasons import explained
+
             error = explained(failure, aircraft, condition)
             if "alpha" not in condition.imposed:
                 raise error from None

@@ -1,4 +1,4 @@
-"""Why a condition has no trim, in one line; and what a trim that was found should say of itself."""
+"""Why a condition has no trim, in one line; loaded when a trim fails."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ _NOTHING = 1e-12
 _DEPENDENT = 1e-9
 #: Imbalances that are smaller than this part of the largest are not named.
 _MINOR = 1e-3
-#: Condition number of the scaled Jacobian from which it counts as singular.
-_SINGULAR = 1e12
 
 
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
@@ -52,21 +50,6 @@ def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str
     these values of the free variables."""
     problem = TrimProblem(model, condition)
     return failure(problem, problem.unknowns(balancing))
-
-
-def singular_note(problem: TrimProblem, z: np.ndarray) -> str:
-    """A sentence where the Jacobian of as many equations as unknowns is singular at a solution: it
-    is one of many; "" elsewhere."""
-    equations, unknowns = problem.count
-    jacobian = problem.at(z).jacobian[:equations]
-    if equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
-        return ""
-    direction = np.abs(np.linalg.svd(jacobian)[2][-1])
-    moving = [problem.free[i] for i in np.argsort(-direction) if direction[i] > 0.1]
-    return (
-        f"The equations do not determine the trim: their Jacobian is singular here, along "
-        f"{', '.join(moving)}; hold one of these"
-    )
 
 
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:

@@ -15,7 +15,6 @@ from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
-from trim.point.diagnosis import failure
 from trim.point.newton import newton
 from trim.point.operating_point import OperatingPoint, Status
 from trim.point.problem import TrimProblem
@@ -129,6 +128,8 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
                 break
         elif number == 0 and not problem.balanced(nearest):
             nearest = z
+    from trim.point.diagnosis import failure
+
     message = failure(problem, nearest)
     if number:
         message += f"; {number} other starts failed too"

@@ -14,7 +14,6 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown_unit, shown_value
 from trim.point.condition import TrimCondition
-from trim.point.diagnosis import singular_note
 from trim.point.margins import Margin, all_margins
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.problem import STARTS, TrimProblem
@@ -22,6 +21,8 @@ from trim.point.solve import other_trims
 
 #: How many of the nearest limits are named, beside those that bind.
 _NEAREST = 3
+#: Condition number of the scaled Jacobian from which it counts as singular.
+_SINGULAR = 1e12
 _MARGIN_COLUMNS = ("value", "unit", "status", "lowest", "highest", "margin", "nearest limit")
 _NEAR_COLUMNS = ("nearest limit", "limit", "margin", "unit", "of its range", "verdict")
 
@@ -220,7 +221,7 @@ def _search(
                 f"Least effort: {unknowns} unknowns for {equations} equations, so this is the trim "
                 "with the least Σ (input / scale)² near the start"
             )
-        note = singular_note(problem, problem.unknowns(point.values))
+        note = _singular_note(problem, problem.unknowns(point.values))
         if note:
             sentences.append(note)
     if point.started:
@@ -241,6 +242,21 @@ def _search(
         "other_trims": [{name: other.values[name] for name in problem.free} for other in others],
     }
     return search, sentences
+
+
+def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
+    """A sentence where the Jacobian of as many equations as unknowns is singular at a solution: it
+    is one of many; "" elsewhere."""
+    equations, unknowns = problem.count
+    jacobian = problem.at(z).jacobian[:equations]
+    if equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
+        return ""
+    direction = np.abs(np.linalg.svd(jacobian)[2][-1])
+    moving = [problem.free[i] for i in np.argsort(-direction) if direction[i] > 0.1]
+    return (
+        f"The equations do not determine the trim: their Jacobian is singular here, along "
+        f"{', '.join(moving)}; hold one of these"
+    )
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
