@@ -187,7 +187,8 @@ class ProgressLine:
         """Say once, terminal or not, what will take long: by the pace of the first `_TRIAL`
         seconds."""
         now = time.monotonic()
-        if self._first is None or done < self._first[1]:  # the first part, or the next of several
+        is_next = self._first is not None and done < self._first[1]  # of several
+        if self._first is None or is_next or not done:  # before the first part all is preparation
             self._first = now, done
         began, before = self._first
         if self._announced or now - began < _TRIAL or done <= before:

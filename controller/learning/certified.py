@@ -553,6 +553,8 @@ def learn(
     if progress is not None:
         progress(0.0, 1.0, "choosing samples")
     learner = certified_law(game, settings, seed, pool)
+    if progress is not None:
+        progress(0.0, 1.0, "learning")
     return learner.conclude(run(learner, progress=progress))
 
 

@@ -21,9 +21,9 @@ from hfa.options.argument_types import (
 )
 from hfa.options.request import OfModel, Request, option
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import Signal
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_model.variants import variant_named
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
 from hfa_support.files import note_read
 from hfa_support.reporting.report import SUFFIXES, Report
@@ -139,7 +139,8 @@ def named_model(typed: Mapping[str, Any]) -> Model:
 
     typed: the fields of `AircraftOptions` that were typed."""
     if "steps" in typed:
-        return step_model(typed["steps"])
+        model: Model = part(PARTS, "model.steps", "--model")(typed["steps"])
+        return model
     if "aircraft" in typed:
         from hfa_aircraft.loading import load_model
 
@@ -152,43 +153,6 @@ def named_model(typed: Mapping[str, Any]) -> Model:
         return load_model(typed["aircraft"])
     values = (typed.get("parameters") or default_parameters()).values
     return hfa_model.aircraft(typed.get("dynamics", HfaOptions.dynamics), values)
-
-
-def step_model(path: Path) -> Model:
-    """The model of a plant in discrete time, whose rates are the changes x⁺ - x of a step.
-
-    BadInputError where the plant is in continuous time.
-    """
-    from controller.game.user_files import stored_game
-
-    problem = stored_game(path).discrete
-    if problem is None:
-        raise BadInputError(
-            f'{path} is in continuous time; hfa fly --model takes time = "discrete", others as'
-            " --aircraft FILE.py:NAME"
-        )
-    step = problem.step
-    names = step.names
-
-    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        rates = {}
-        for i, name in enumerate(names.states):
-            rates[name] = -x[i]
-            for j in range(len(names.states)):
-                rates[name] += step.A[i, j] * x[j]
-            for j in range(len(names.inputs)):
-                rates[name] += step.B[i, j] * u[j]
-        return rates, {}
-
-    states = {
-        name: Signal(unit or "1")
-        for name, unit in zip(names.states, names.state_units, strict=True)
-    }
-    inputs = {
-        name: Signal(unit or "1")
-        for name, unit in zip(names.inputs, names.input_units, strict=True)
-    }
-    return Model(str(path), states, inputs, equations)
 
 
 # The trim.

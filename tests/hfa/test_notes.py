@@ -137,3 +137,17 @@ def test_what_takes_more_than_a_minute_is_announced_once(
     for done in range(1, 10):
         short(done, 20)
     assert capsys.readouterr().err == ""
+
+
+def test_what_comes_before_the_first_part_is_no_pace(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """40 s of preparation, then 2 s for each of 1000 parts: half an hour, not 11 hours."""
+    times = iter([0.0, 40.0, 42.0, 44.0])
+    monkeypatch.setattr(output.time, "monotonic", lambda: next(times))
+    line = ProgressLine("learn")
+    line(0.0, 1.0, "choosing samples")
+    line(0.0, 1.0, "learning")
+    line(0.001, 1.0)
+    line(0.002, 1.0)
+    assert capsys.readouterr().err == "hfa: note: learn: about 33.3 minutes more; Ctrl-C ends it\n"

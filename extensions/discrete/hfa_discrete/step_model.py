@@ -1,0 +1,47 @@
+"""A plant in discrete time as a model, for what flies models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from controller.game.user_files import stored_game
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
+from hfa_support.errors import BadInputError
+
+
+def step_model(path: Path) -> Model:
+    """The model of a plant in discrete time, whose rates are the changes x⁺ - x of a step.
+
+    BadInputError where the plant is in continuous time.
+    """
+    problem = stored_game(path).discrete
+    if problem is None:
+        raise BadInputError(
+            f'{path} is in continuous time; hfa fly --model takes time = "discrete", others as'
+            " --aircraft FILE.py:NAME"
+        )
+    step = problem.step
+    names = step.names
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        rates = {}
+        for i, name in enumerate(names.states):
+            rates[name] = -x[i]
+            for j in range(len(names.states)):
+                rates[name] += step.A[i, j] * x[j]
+            for j in range(len(names.inputs)):
+                rates[name] += step.B[i, j] * u[j]
+        return rates, {}
+
+    states = {
+        name: Signal(unit or "1")
+        for name, unit in zip(names.states, names.state_units, strict=True)
+    }
+    inputs = {
+        name: Signal(unit or "1")
+        for name, unit in zip(names.inputs, names.input_units, strict=True)
+    }
+    return Model(str(path), states, inputs, equations)
