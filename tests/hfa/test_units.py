@@ -141,8 +141,11 @@ FLIGHT = ("fly", *AT, "--law", "exact", "--duration", "0.5")
 @pytest.mark.parametrize(
     "words",
     [
-        (*FLIGHT, "--gust", "60:1.5", "--command", "speed=0:0.003", "--picture"),
-        pytest.param(("trim", *AT, "--picture"), marks=pytest.mark.slow),
+        pytest.param(
+            (*FLIGHT, "--gust", "60:1.5", "--command", "speed=0:0.003", "--picture"),
+            marks=pytest.mark.slow,
+        ),
+        ("trim", *AT, "--picture"),
     ],
     ids=lambda words: words[0],
 )

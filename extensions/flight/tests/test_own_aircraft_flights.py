@@ -25,6 +25,7 @@ def _there(folder: Path) -> None:
         shutil.copy(EXAMPLES / name, ".")
 
 
+@pytest.mark.slow
 def test_a_doublet_without_a_law_is_written_and_drawn() -> None:
     doublet = ("--law", "none", "--command", "elevator=1:2,2:-2,3:0", "--duration", "4")
     result = hfa(
@@ -161,6 +162,7 @@ def test_what_does_not_fit_the_model_is_one_line(words: str, named: str) -> None
     assert_refused(hfa(command, "--aircraft", NAVION, *more), 2, named)
 
 
+@pytest.mark.slow
 def test_a_controller_is_designed_flown_and_exported_over_the_speed_of_the_user_s_model() -> None:
     for name in ("gtm.py", "gtm.toml"):
         shutil.copy(EXAMPLES / name, ".")

@@ -180,6 +180,7 @@ def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_line
     assert losses.max() <= linear.cost_lost * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 def test_a_network_of_a_discounted_game_is_searched_and_flown(game: Game) -> None:
     """Exact weights in a state dict pass; the same behind a tanh that saturates do not."""
     from verification import solve_discounted

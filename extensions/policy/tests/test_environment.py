@@ -92,6 +92,7 @@ def test_the_seed_decides_the_start_and_time_truncates() -> None:
     assert info["X"].shape == (4,)
 
 
+@pytest.mark.slow
 def test_the_picture_of_an_episode_has_its_samples() -> None:
     env = environment(
         aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), render_mode="rgb_array"

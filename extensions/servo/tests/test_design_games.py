@@ -86,6 +86,7 @@ def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
     return name
 
 
+@pytest.mark.slow
 def test_a_design_with_sensors_is_designed_from_its_measurements() -> None:
     file = own("own.toml", **{"delta = inf": "delta = 200.0"})
     data = answer("solve", "--design", file, *AT_11)
