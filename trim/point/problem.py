@@ -141,6 +141,15 @@ class TrimProblem:
             if not np.allclose(jacobian, here, rtol=1e-9, atol=1e-12):
                 yield start
 
+    def ends_within(self, starts: list[np.ndarray]) -> np.ndarray:
+        """Where Newton's method within the limits ends from each of the starts, (number of them,
+        k)."""
+        c = np.repeat(self.c, len(starts), axis=0)
+        begin = np.reshape(starts, (len(starts), len(self.free)))
+        with np.errstate(over="ignore"):
+            z, _ = newton(self.system, begin, c, bounded=True)
+        return z
+
     def point(self, z: np.ndarray, status: Status, started: int = 0) -> OperatingPoint:
         """The operating point at these unknowns."""
         evaluation = self.at(z)

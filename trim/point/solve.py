@@ -1,32 +1,18 @@
-"""Find an operating point: Newton's method from the usual start, then least squares within the
-limits, continuation from the model's own trim, other starts; the least effort where unknowns
-outnumber equations."""
+"""Find an operating point: Newton's method from the usual start, then the other searches."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
-from trim.point.newton import newton
 from trim.point.operating_point import OperatingPoint, Status
 from trim.point.problem import TrimProblem
-from trim.point.system import Structure, declared_start, equations as equations_of
-
-#: Shares of the way from the model's own trim that a step of continuation takes, first and at
-#: least, and how many steps it may take.
-_FIRST_SHARE = 0.25
-_LEAST_SHARE = 1e-3
-_MOST_STEPS = 200
-#: What a step of continuation may change, in scaled units.
-_FARTHEST = 10.0
+from trim.point.system import declared_start
 
 
 class TrimError(NoSolutionError):
@@ -105,7 +91,7 @@ def other_trims(
         return []
     starts.append(problem.unknowns(declared_start(model, condition.imposed)))
     trims = [trim]
-    for solution in _ends_within(problem, starts):
+    for solution in problem.ends_within(starts):
         distances = [float(np.abs(solution - z).max()) for z in trims]
         if problem.solved(solution) and min(distances) > 1e-6:
             trims.append(solution)
@@ -114,11 +100,9 @@ def other_trims(
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     """The first trim that a search from a guess ends at, or TrimError."""
-    equations, unknowns = problem.count
-    searches = _least_efforts if unknowns > equations else _balances
     nearest = guess
     number = 0
-    for number, z in searches(problem, guess):
+    for number, z in _searched(problem, guess):
         if problem.solved(z):
             return problem.point(z, Status.TRIMMED, number)
         if problem.balanced(z):
@@ -136,162 +120,13 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     raise TrimError(message, problem.point(problem.clip(nearest), Status.FAILED))
 
 
-def _balances(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Where Newton's method ends, with the number of the start: from the guess, from the least
-    squares within the limits, along the path from the model's own trim, from other starts; and
-    these least squares."""
-    yield 0, problem.newton(guess)
-    problem.at(guess)  # where the equations have no value there, that is the answer
-    nearest = _bounded_least_squares(problem, guess)
-    yield 0, problem.newton(nearest)
-    continued = _continued(problem)
-    if continued is not None:
-        yield 0, continued
-    yield 0, nearest
-    yield from enumerate(_ends_within(problem, [*problem.starts(guess)]), start=1)
+def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Where a search for a trim ends, with the number of its start: Newton's method from the guess
+    unless unknowns outnumber equations, then those of `searches.py`."""
+    equations, unknowns = problem.count
+    if unknowns <= equations:
+        yield 0, problem.newton(guess)
+    from trim.point import searches
 
-
-def _least_efforts(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Trims of least effort, with the number of the start: from the guess, from the least squares
-    within the limits, from other starts; and these least squares."""
-    problem.at(guess)  # where the equations have no value there, that is the answer
-    yield 0, _least_effort(problem, guess)
-    nearest = _polished(problem, _bounded_least_squares(problem, guess))
-    if problem.solved(nearest):
-        yield 0, _least_effort(problem, nearest)
-    yield 0, nearest
-    for number, start in enumerate(problem.starts(guess), start=1):
-        yield number, _least_effort(problem, start)
-
-
-def _ends_within(problem: TrimProblem, starts: list[np.ndarray]) -> np.ndarray:
-    """Where Newton's method within the limits ends from each of the starts, (number of them, k)."""
-    c = np.repeat(problem.c, len(starts), axis=0)
-    begin = np.reshape(starts, (len(starts), len(problem.free)))
-    with np.errstate(over="ignore"):
-        z, _ = newton(problem.system, begin, c, bounded=True)
-    return z
-
-
-def _continued(problem: TrimProblem) -> np.ndarray | None:
-    """The solution at the end of a path: from the model's own trim, its imposed values change to
-    those asked for in steps that Newton's method can follow, each begun on the line through the
-    two solutions before. None where the path ends, or there is none.
-
-    c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1."""
-    system = problem.system
-    usual = usual_condition(problem.model)
-    values = {
-        name: np.array([usual.imposed[name]])
-        for name in system.equations.constants
-        if name in usual.imposed
-    }
-    values |= {name: np.zeros(1) for name in system.equations.constants if name.endswith("_dot")}
-    first = system.constants(1, values)
-    if np.array_equal(first, problem.c) or not system.equations.square:
-        return None
-    guess = system.unknowns(declared_start(problem.model, usual.imposed))[None]
-    z, settled = newton(system, guess, first)
-    if not settled[0]:
-        return None
-    share = 0.0
-    slope = np.zeros_like(z)  # of the unknowns over the share of the way
-    step = _FIRST_SHARE
-    for _ in range(_MOST_STEPS):
-        target = min(1.0, share + step)
-        begin = z + (target - share) * slope
-        end, settled = newton(system, begin, first + target * (problem.c - first))
-        if settled[0] and np.abs(end - begin).max() < _FARTHEST:
-            slope = (end - z) / (target - share)
-            z = end
-            share = target
-            step *= 2.0
-        else:
-            step /= 2.0
-        if share == 1.0:
-            return np.asarray(z[0])
-        if step < _LEAST_SHARE:
-            return None
-    return None
-
-
-def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
-    """The unknowns after Newton's method, in which unknowns at a limit stay there.
-
-    z: scaled unknowns to begin with; those beyond a limit are moved to it
-    """
-    system = problem.system
-    z = problem.clip(z)
-    at_lowest = system.limits.at_lowest(z * system.scales)
-    at_highest = system.limits.at_highest(z * system.scales)
-    z[at_lowest] = system.lowest[at_lowest]
-    z[at_highest] = system.highest[at_highest]
-    moving = np.flatnonzero(~(at_lowest | at_highest))
-    if not moving.size:
-        return z
-    return problem.newton(z, moving)
-
-
-def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """The least |r|² within the limits, from a guess."""
-    from scipy.optimize import least_squares
-
-    def residual(z: np.ndarray) -> np.ndarray:
-        try:
-            return problem.at(z).residual
-        except (BadInputError, FloatingPointError):  # outside the model
-            return np.full(len(problem.names), np.inf)
-
-    lowest = problem.system.lowest
-    highest = problem.system.highest
-    inside = np.clip(guess, lowest + 1e-9, highest - 1e-9)
-    tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": (lowest, highest)}
-    solution = least_squares(residual, inside, jac=lambda z: problem.at(z).jacobian, **tight)
-    return np.asarray(solution.x)
-
-
-_IPOPT: dict[str, Any] = {
-    "print_level": 0,
-    "sb": "yes",
-    "tol": 1e-10,
-    "bound_relax_factor": 0.0,
-    "max_iter": 200,
-}
-
-
-@lru_cache(maxsize=16)
-def _effort_program(structure: Structure) -> ca.Function:
-    """min Σ z_i² over the inputs among the unknowns z, with g = the residuals that they can move
-    and the watched outputs."""
-    e = equations_of(structure)
-    inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names[1]]
-    scales = ca.DM([scale for _, scale in structure.watched])
-    program = {
-        "x": e.z,
-        "p": e.c,
-        "f": ca.sumsqr(e.z[inputs]),
-        "g": ca.vertcat(e.residual[: e.jacobian.shape[0]], e.y / scales),
-    }
-    return ca.nlpsol(
-        "effort",
-        "ipopt",
-        program,
-        {"print_time": False, "show_eval_warnings": False, "ipopt": _IPOPT},
-    )
-
-
-def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """min Σ (u_i / scale_i)² over the free inputs, subject to the equations, within the limits
-    (IPOPT, exact derivatives); then Newton's method on the equations."""
-    system = problem.system
-    balanced = np.zeros(system.moved)
-    scales = np.array([scale for _, scale in system.structure.watched])
-    solution = _effort_program(system.structure)(
-        x0=guess,
-        p=problem.c[0],
-        lbx=system.lowest,
-        ubx=system.highest,
-        lbg=np.concatenate([balanced, system.watched.lowest / scales]),
-        ubg=np.concatenate([balanced, system.watched.highest / scales]),
-    )
-    return _polished(problem, np.array(solution["x"]).ravel())
+    others = searches.of_least_effort if unknowns > equations else searches.in_balance
+    yield from others(problem, guess)
