@@ -53,11 +53,7 @@ _FLIGHT = 10.0
 def main(names: Sequence[str]) -> int:
     """Print the lines of these aircraft, of all without a name."""
     for name in names or _CONDITIONS:
-        kcas, altitude = _CONDITIONS[name]
-        gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
-        model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity)
-        held = {"kcas": kcas, "altitude": altitude}
-        point = find_operating_point(model, release(usual_condition(model), hold=held))
+        model, point = trimmed(name)
         agree, entries, worst = slopes(name, model, point)
         thrust = thrust_miss(name, model, point)
         line = f"{name}: {agree} of {entries} entries of A and B to 1e-6, worst {worst}"
@@ -66,6 +62,15 @@ def main(names: Sequence[str]) -> int:
             line += f"; flight {flight_miss(name, model, point)}"
         print(line, flush=True)
     return 0
+
+
+def trimmed(name: str, **parameters: float) -> tuple[Model, OperatingPoint]:
+    """An aircraft of JSBSim with these parameters, and its trim at its airspeed and altitude."""
+    kcas, altitude = _CONDITIONS[name]
+    gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
+    model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity, **parameters)
+    condition = release(usual_condition(model), hold={"kcas": kcas, "altitude": altitude})
+    return model, find_operating_point(model, condition)
 
 
 def _at(name: str, model: Model, state: Mapping[str, float], inputs: Mapping[str, float]) -> Any:
@@ -105,7 +110,12 @@ def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, st
 
 
 def _step(model: Model, name: str) -> float:
-    return _STEP * (10.0 if name == "speed" else 0.1 if model.unit(name) != "1" else 1.0)
+    """How far a state or an input is moved for a difference: 1e-2 ft/s, 1e-4 rad, 1e-3 of 1."""
+    if name == "speed":
+        return 10.0 * _STEP
+    if model.unit(name) == "1":
+        return _STEP
+    return 0.1 * _STEP
 
 
 def _of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:

@@ -101,11 +101,9 @@ def _draw_inputs(axes: Axes, result: NonlinearFlight, unit: str) -> None:
     """The inputs in one unit, with their limits."""
     inputs = result.point.model.inputs
     names = [name for name, signal in inputs.items() if signal.unit == unit]
-    for index, (name, signal) in enumerate(inputs.items()):
-        if signal.unit != unit:
-            continue
-        values = result.inputs[:, index]
-        limits = (signal.min, signal.max)
+    for name in names:
+        values = result.inputs[:, list(inputs).index(name)]
+        limits = (inputs[name].min, inputs[name].max)
         axes.plot(
             result.flight.times,
             shown_values(values, unit),

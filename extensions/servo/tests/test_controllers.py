@@ -182,10 +182,9 @@ def test_matlab_gets_stacks_with_the_angle_last(published_aircraft: Model, tmp_p
 def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: Path) -> None:
     def refused(name: str, message: str, **changed: object) -> None:
         with np.load(tmp_path / "good.npz") as good:
-            content = {
-                key: value for key, value in ({**good} | changed).items() if value is not None
-            }
-        np.savez(tmp_path / name, **content)
+            content = {**good} | changed
+        kept = {key: value for key, value in content.items() if value is not None}
+        np.savez(tmp_path / name, **kept)
         with pytest.raises(BadInputError, match=f"{name}: {message}"):
             load_controller(tmp_path / name, hfa_model.aircraft())
 

@@ -1,0 +1,27 @@
+"""A, B and thrust of an aircraft of JSBSim against JSBSim itself."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("jsbsim")
+
+from studies.jsbsim.dynamics import slopes, thrust_miss, trimmed
+
+
+@pytest.mark.slow
+def test_slopes_and_thrust_are_those_of_jsbsim() -> None:
+    """All entries but that of the roll rate by beta agree to 1e-6, that to 5e-6."""
+    model, point = trimmed("T38")
+    agree, entries, _ = slopes("T38", model, point)
+    assert (agree, entries) == (71, 72)
+    assert thrust_miss("T38", model, point) < 1e-12
+
+
+@pytest.mark.slow
+def test_an_aircraft_with_other_fuel_is_not_taken_for_the_same() -> None:
+    model, _ = trimmed("T38")
+    fuel = dict(zip(model.parameters, model.p, strict=True))["tank0"]
+    lighter, point = trimmed("T38", tank0=0.5 * fuel)
+    agree, entries, _ = slopes("T38", lighter, point)
+    assert entries - agree > 10
