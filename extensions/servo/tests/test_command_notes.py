@@ -1,0 +1,64 @@
+"""Notes of the commands that fly, export and design: beyond the paper's range, and at a kink."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from cli import hfa
+
+NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
+
+
+@pytest.mark.parametrize("words", [(), ("--samples", "2")], ids=["flight", "members"])
+def test_a_flight_says_once_that_a_dihedral_lies_beyond_the_paper(words: tuple[str, ...]) -> None:
+    fly = ("fly", "--law", "exact", "--duration", "0.1", *words)
+    for degrees, warnings in (("16", [NOTE]), ("15", [])):
+        result = hfa(*fly, "--dihedral", degrees, "--json")
+        assert result.err == "".join(f"hfa: note: {note}\n" for note in warnings)
+        assert json.loads(result.out)["warnings"] == warnings
+
+
+KINKED = """
+import casadi as ca
+from hfa import Model, Signal
+
+
+def equations(x, u, p, w):
+    return {"x": p.gain * u.u - 3.0 * ca.if_else(x.x < 1.0, x.x, 4.0 * x.x - 3.0)}, {}
+
+
+PLANT = Model(
+    "kinked", {"x": Signal("ft", 1.0, 0.0, 2.0)}, {"u": Signal("ft/s", 1.0, -50.0, 50.0)}, equations,
+    parameters={"gain": Signal(start=1.0)}, trim={"x": 1.0}, schedule="x",
+)
+"""
+KINK = "kink: A(x, x) is -7.5, the mean of the slopes below and above, -3 and -12"
+DESIGN = """
+inputs = ["u"]
+integrals = []
+disturbance = "states"
+delta = inf
+[weights.states]
+x = 1.0
+[weights.inputs]
+u = 1.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "where"),
+    [
+        ("fly --law exact --duration 0.1", ""),
+        ("fly --law exact --duration 0.1 --error gain=0.1 --samples 2", ""),
+        ("export -o folder", ""),
+        ("design design.toml --at 0.5:1.5:0.5", " (1 of 3 places, the first at 1 ft)"),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_a_gain_of_a_matrix_at_a_kink_comes_with_the_note(words: str, where: str) -> None:
+    Path("kinked.py").write_text(KINKED)
+    Path("design.toml").write_text(DESIGN)
+    result = hfa(*words.split(), "--aircraft", "kinked.py:PLANT")
+    assert (result.code, result.err) == (0, f"hfa: note: {KINK}{where}\n")
