@@ -30,9 +30,8 @@ class Number(NamedTuple):
         """What is asked for."""
         form = "a number" if self.infinite else "a finite number"
         if self.lowest > -math.inf:
-            form += (
-                f" {'above' if self.above else 'from'} {self.lowest:g}{' on' * (not self.above)}"
-            )
+            lowest = f"{self.lowest:g}"
+            form += f" above {lowest}" if self.above else f" from {lowest} on"
         return form if self.highest == math.inf else f"{form}, at most {self.highest:g}"
 
     def of(self, value: Any) -> float | None:
@@ -66,7 +65,9 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
     if declared is str or isinstance(declared, tuple):
         words = declared if isinstance(declared, tuple) else ()
         if not isinstance(value, str) or (words and value not in words):
-            wanted = ("one of " * (len(words) > 1) + ", ".join(words)) or "a text in quotes"
+            wanted = ", ".join(words) or "a text in quotes"
+            if len(words) > 1:
+                wanted = f"one of {wanted}"
             raise BadInputError(f"{where}: {entry} is {shown(value)}; give {wanted}")
         return value
     if isinstance(declared, list):

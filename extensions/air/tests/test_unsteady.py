@@ -54,7 +54,7 @@ def test_without_its_effects_it_is_newton(parameters: Parameters) -> None:
         )
     for name in EFFECTS:  # a planted error: a millionth of any effect is seen
         planted = UNSTEADY.with_parameters(
-            **parameters._asdict(), **{effect: 1e-6 * (effect == name) for effect in EFFECTS}
+            **parameters._asdict(), **(dict.fromkeys(EFFECTS, 0.0) | {name: 1e-6})
         )
         x, u, p, w = (
             planted.layout.record(*vector)
