@@ -6,7 +6,8 @@ Three kinds of right policies fly better with another card, and are told from mi
 - one that is too strong flies better with whatever weakens it: a change is named only where a lower
   gain, down to none at all, does clearly worse;
 - one that is too strong or too weak flies better with other scales: such a change is named only
-  where what the training saw asks for it;
+  where what the training saw asks for it, or, where that is not known, where no gain from a fifth
+  of the card's on comes near it and none at all is better;
 - one that cycles flies better at a higher rate: a rate is named only where the gain is right for
   it, as training makes it.
 """
@@ -50,8 +51,10 @@ _NO_CONTROL = 2.5
 _LOWER = 1.25
 #: Parts of the actions that show whether a lower gain would do.
 _GAINS = (0.5, 0.2, 0.1, 0.05, 0.0)
-#: Of a change of scales: how many times its cost the card must cost, and no control at all, and how
-#: much nearer to what the training saw it must be, as a sum of logarithms.
+#: A right policy is not so strong that less than this part of its gain is the best.
+_TOO_STRONG = 0.2
+#: Of a change of scales where it is known what the training saw: how many times its cost the card
+#: must cost, and no control at all, and how much nearer to that it must be, as a sum of logarithms.
 _CARD_OF_SCALES = 1.5
 _NO_CONTROL_OF_SCALES = 2.0
 _NEARER = 3.0
@@ -134,7 +137,7 @@ class _Trial:
         order = sorted(assessed, key=lambda point: point.flights.returned)  # type: ignore[union-attr]
         self.places = [point.place for point in order[:_PLACES]]
         self.points = [place.point for place in self.places]
-        self.holds_somewhere = any(point.holds for point in assessed)
+        self.holds_everywhere = all(point.holds for point in assessed)
         self.k = len(self.card.observation)
         self.m = len(self.card.action)
         as_it_is = Repair("", "", self.card, np.eye(self.k), np.ones(self.m))
@@ -150,8 +153,7 @@ class _Trial:
         for repair, cost in zip(repairs, costs[len(self.gains) :], strict=True):
             if self._is_clear(repair, cost, lower):
                 found.append(_Found(cost, self._nearer(repair) or 0.0, repair.kind, repair.text))
-        was_trained = self.card.actor.stored is not None and self.card.actor.stored.timesteps > 0
-        if not found and was_trained and not self.holds_somewhere:
+        if not found and not self.holds_everywhere:
             found = self._rates(lower)
         least = min((each.cost for each in found), default=0.0)
         as_good = [each for each in found if each.cost <= _AS_GOOD * least]
@@ -179,10 +181,17 @@ class _Trial:
         none, these are."""
         card, none = lower[0], lower[-1]
         nearer = self._nearer(repair)
-        if repair.kind in _OF_SIZE:
+        if repair.kind in _OF_SIZE and nearer is not None:
             is_better = card >= _CARD_OF_SCALES * cost and none >= _NO_CONTROL_OF_SCALES * cost
-            return is_better and nearer is not None and nearer >= _NEARER
+            return is_better and nearer >= _NEARER
         is_better = card >= _CARD * cost and none >= _NO_CONTROL * cost
+        if repair.kind in _OF_SIZE:
+            plausible = [
+                of_gain
+                for of_gain, gain in zip(lower[1:], _GAINS, strict=True)
+                if gain >= _TOO_STRONG
+            ]
+            return is_better and min(plausible) >= _LOWER * cost and min(lower) >= cost
         is_far = nearer is not None and nearer < -_FARTHER
         return is_better and min(lower) >= _LOWER * cost and not is_far
 
@@ -358,6 +367,22 @@ class _Trial:
                 why = f"all observations were {text}"
                 yield self._made("about", why, observation, np.eye(self.k))
 
+    def _sizes(self) -> np.ndarray:
+        """(k,), the size of each observation: the deviation that the card's Q prices with 1, else
+        the nominal one of the model, else 1."""
+        Q, _ = cost_weights(self.deployed)
+        signals = self.deployed.model.signals
+        sizes = []
+        for name, entry in self.card.observation.items():
+            observed = entry.get("formula", name)
+            size = 1.0
+            if Q.get(observed, 0.0) > 0.0:
+                size = Q[observed] ** -0.5
+            elif observed in signals:
+                size = signals[observed].nominal
+            sizes.append(size)
+        return np.array(sizes)
+
     def _scales(self) -> Iterator[Repair]:
         angles = []
         for formula in self.deployed.observed:
@@ -372,6 +397,11 @@ class _Trial:
             ("scale", "its observations were scaled twice", 1.0 / scales),
             ("scale", "its scales were taken once, not twice", np.sqrt(np.abs(scales))),
         ]
+        if np.allclose(scales, 1.0):
+            sizes = self._sizes()
+            names = self.card.observation
+            given = ", ".join(f"{name} {size:.3g}" for name, size in zip(names, sizes, strict=True))
+            trials.append(("scale", f"its observations had scales, as {given}", 1.0 / sizes))
         for kind, text, multiplied in trials:
             if np.allclose(multiplied, 1.0):
                 continue

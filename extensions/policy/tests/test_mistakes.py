@@ -133,6 +133,35 @@ def test_degrees_and_the_sample_time_are_suggested(changed, said):
     assert any(said in text for text in suggested("ppo_raw", changed))
 
 
+def without_records(deployment, times=1.0):
+    """A card whose policy says nothing of its training, `times` as strong."""
+    actor = card("ppo_raw").actor
+    o = ca.SX.sym("o", actor.function.numel_in(0))
+    function = ca.Function("alone", [o], [times * actor.function(o)])
+    vars(deployment)["actor"] = replace(actor, function=function, rows=None, stored=None)
+    return deployment
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("of", "said"),
+    [
+        (lambda scale: scale / DEGREES, "its angles were observed in radians"),
+        (lambda scale: scale * DEGREES, "its angles were observed in degrees"),
+    ],
+)
+def test_degrees_are_suggested_of_a_policy_without_records_of_its_training(of, said):
+    found = suggested("ppo_raw", without_records(rescaled("ppo_raw", of)))
+    assert any(said in text for text in found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [0.25, 1.0, 4.0])
+def test_nothing_is_suggested_of_a_right_card_without_records_of_its_training(times):
+    right = Deployment.load(FOLDER / "ppo_raw.toml")
+    assert suggested("ppo_raw", without_records(right, times)) == []
+
+
 @pytest.mark.slow
 def test_nothing_is_suggested_of_an_exchange_whose_loop_is_stable():
     assert suggested("ppo_raw", exchanged("ppo_raw", 1, 2)) == []
