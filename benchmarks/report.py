@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from hfa_support.files import write_text
 from hfa_support.reporting.figure import new_figure, save
-from hfa_support.reporting.report import markdown_table
+from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
 
 FOLDER = Path(__file__).parent

@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from hfa.formats import formats
-from hfa_support.reporting.report import markdown_table
+from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
 
 _HEAD = """# Formats of the outputs

@@ -21,13 +21,13 @@ from hfa.options.trims import (
     OutputOptions,
     TrimOptions,
     UnitsOption,
-    WorkersOptions,
     called_at,
     condition_or_list,
     output_option,
     picture_option,
     scheduled,
 )
+from hfa.options.workers import WorkersOptions
 from hfa.output import ProgressLine, print_report, show
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError

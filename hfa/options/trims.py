@@ -1,5 +1,4 @@
-"""Options of the aircraft, of a trim, of outputs and workers; the model and the condition that they
-name."""
+"""Options of the aircraft, of a trim and of outputs; the model and the condition that they name."""
 
 from __future__ import annotations
 
@@ -17,7 +16,6 @@ from hfa.options.argument_types import (
     output_file,
     quantity,
     span,
-    whole,
 )
 from hfa.options.request import OfModel, Request, option
 from hfa_aircraft.model import Model
@@ -35,7 +33,6 @@ from trim.point.solve import TrimError, find_operating_point
 
 #: All that says where the aircraft is trimmed, the scheduling variable apart.
 OF_THE_TRIM = ("condition", "free", "hold", "limit", "start")
-MOST_WORKERS = 1000
 #: Suffixes of the report itself. A page of HTML holds its pictures; nothing is written beside a
 #: text.
 REPORTS: dict[str, Callable[[Report], str]] = {
@@ -413,7 +410,7 @@ class OneTrimOptions(UnitsOption, AircraftOptions, TrimOptions):
     at: float | None = scheduled(breakpoint_value, required=True)
 
 
-# Outputs and workers.
+# Outputs.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -447,22 +444,3 @@ class OutputOptions(JsonOption):
 def picture_option(shows: str) -> Any:
     """The field `picture`. shows: what is drawn."""
     return option(f"draw {shows} ({', '.join(PICTURES)})", "FILE", output_file(*PICTURES))
-
-
-def _workers(text: str) -> int | str:
-    """A number of processes, or the address of a Dask scheduler."""
-    return text if "://" in text else whole(1, MOST_WORKERS)(text)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WorkersOptions(Request):
-    """Who works at many points."""
-
-    workers: int | str = option(
-        "processes, or a Dask scheduler, tcp://host:port; default 1",
-        "N|URL",
-        _workers,
-        default=1,
-        rare=True,
-    )
-    resume: bool = option("continue an interrupted run of the same options", rare=True)

@@ -4,15 +4,13 @@ files."""
 from __future__ import annotations
 
 import base64
-import html
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_support.reporting.text import Cell, Table, columns, printable, wrapped
+from hfa_support.reporting.text import Table, columns, printable, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,8 +39,10 @@ class Picture:
 
     def html(self) -> str:
         """The figure with its text below it, embedded."""
+        from hfa_support.reporting.markup import escaped
+
         data = base64.b64encode(self.png).decode("ascii")
-        text = _escaped(self.text)
+        text = escaped(self.text)
         image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
         return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
 
@@ -92,7 +92,14 @@ class Report:
 
     def markdown(self, level: int = 1) -> str:
         """With headings from `level` on, without pictures."""
-        shown = [_markdown(part, level) for part in self.parts if not isinstance(part, Picture)]
+        from hfa_support.reporting.markup import as_markdown
+
+        shown = []
+        for part in self.parts:
+            if isinstance(part, Report):
+                shown.append(part.markdown(level + 1))
+            elif not isinstance(part, Picture):
+                shown.append(as_markdown(part))
         first, *others = printable(self.title).split("\n")
         heading = [f"{'#' * level} {first}"] if first else []
         notes = (printable(f"Note: {note}") for note in self.notes)
@@ -101,11 +108,20 @@ class Report:
     def html(self, level: int = 1) -> str:
         """A fragment without styles, every word escaped; pictures embedded, nothing loaded from
         elsewhere."""
+        from hfa_support.reporting.markup import as_html, escaped, paragraph
+
         first, *others = self.title.split("\n")
-        heading = [f"<h{level}>{_escaped(first)}</h{level}>"] if first else []
-        shown = [_html(part, level) for part in self.parts]
+        heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []
+        shown = []
+        for part in self.parts:
+            if isinstance(part, Report):
+                shown.append(part.html(level + 1))
+            elif isinstance(part, Picture):
+                shown.append(part.html())
+            else:
+                shown.append(as_html(part))
         notes = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
-        return "\n".join([*heading, *map(_paragraph, others), *shown, *map(_paragraph, notes)])
+        return "\n".join([*heading, *map(paragraph, others), *shown, *map(paragraph, notes)])
 
     def json(self) -> str:
         """The data; a number that is not finite becomes null."""
@@ -158,90 +174,3 @@ def _text(part: Any, color: bool, width: int | None) -> str:
     if isinstance(part, str):
         return wrapped(printable(part), width)
     return "\n".join(_text(entry, color, width) for entry in part)
-
-
-def _markdown(part: Any, level: int) -> str:
-    if isinstance(part, Report):
-        return part.markdown(level + 1)
-    if isinstance(part, Table):
-        return markdown_table(part)
-    return (
-        printable(part)
-        if isinstance(part, str)
-        else "\n\n".join(_markdown(entry, level) for entry in part)
-    )
-
-
-def markdown_table(table: Table) -> str:
-    """A table as Markdown."""
-    header, *body = (f"| {' | '.join(map(_cell, row))} |" for row in (table.header, *table.rows))
-    return "\n".join([header, "|" + "---|" * len(table.header), *body])
-
-
-def _html(part: Part, level: int) -> str:
-    if isinstance(part, Report):
-        return part.html(level + 1)
-    if isinstance(part, Picture):
-        return part.html()
-    if isinstance(part, Table):
-        return html_table(part)
-    if isinstance(part, str):
-        return "\n".join(map(_paragraph, part.split("\n")))
-    return "\n".join(_html(entry, level) for entry in part)
-
-
-def html_table(table: Table) -> str:
-    """A table in a box that a narrow page can scroll, by keyboard too. Classes: `words` for a
-    column without numbers, and the tone of a cell."""
-    columns = [
-        ["words"] if _are_words([row[i] for row in table.rows]) else []
-        for i in range(len(table.header))
-    ]
-    head = "".join(
-        f'<th scope="col"{_class(words)}>{_escaped(cell)}</th>'
-        for cell, words in zip(table.header, columns, strict=True)
-    )
-    body = "\n".join(
-        f'<tr><th scope="row">{_escaped(row[0])}</th>'
-        + "".join(map(_td, row[1:], columns[1:]))
-        + "</tr>"
-        for row in table.rows
-    )
-    box = (
-        '<div class="table" role="group" tabindex="0" aria-label="table:'
-        f' {_escaped(table.header[0])}">'
-    )
-    return (
-        f"{box}<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
-    )
-
-
-def _are_words(cells: Sequence[Any]) -> bool:
-    """Whether fewer than half of the cells that say anything begin as a number does."""
-    texts = [text for cell in cells if (text := str(cell)) not in ("", "-")]
-    return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
-
-
-def _td(cell: Any, column: list[str]) -> str:
-    tone = [cell.tone] if isinstance(cell, Cell) and cell.tone else []
-    return f"<td{_class([*column, *tone])}>{_escaped(cell)}</td>"
-
-
-def _class(names: list[str]) -> str:
-    return f' class="{" ".join(names)}"' if names else ""
-
-
-def _cell(cell: Any) -> str:
-    """A cell of Markdown, where no name begins a column, a tag or a link."""
-    text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(str(cell), lines=False))
-    return text.replace("|", "\\|").replace("](", "]\\(")
-
-
-def _escaped(text: Any) -> str:
-    return html.escape(printable(str(text), lines=False))
-
-
-def _paragraph(line: str) -> str:
-    """A paragraph; what stands in backquotes is set as code."""
-    text = re.sub("`([^`]+)`", r"<code>\1</code>", _escaped(line))
-    return f"<p>{text}</p>"

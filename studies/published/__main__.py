@@ -18,7 +18,7 @@ from hfa_printed.printed_file import PrintedFile, load_printed
 from hfa_printed.printed_verdict import check_printed
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import write_text
-from hfa_support.reporting.report import markdown_table
+from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
 from verification import regenerate_all
 

@@ -31,7 +31,7 @@ from hfa_support.files import write_text
 from hfa_support.jsonable import json_text
 from hfa_support.provenance import Provenance, parameter_hash
 from hfa_support.reporting.figure import save
-from hfa_support.reporting.report import markdown_table
+from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped
 from studies.section5.claims import VERDICTS, Evidence, check_claim, claims_of, plans_of

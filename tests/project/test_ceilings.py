@@ -17,9 +17,9 @@ from project import FOLDERS, ROOT
 
 _LAYOUT = (tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER)
 #: Tokens of the project's own modules that a command loads. Wanted: 48,000 and 75,000. What is
-#: missing needs commands that need less: both load the options of all aircraft, and `verify` the
-#: modes of a linear model.
-LOADED = {"trim --dihedral 10": 49_200, "verify --dihedral 15 --weights K.npz": 82_400}
+#: missing of the second needs a command that needs less: `verify` loads the reports, the modes and
+#: the pictures of the linear model that it asks for A and B alone.
+LOADED = {"trim --dihedral 10": 48_000, "verify --dihedral 15 --weights K.npz": 81_300}
 #: Of all packages of the core. Wanted: 150,000.
 CORE = 141_700
 #: Of the tests of the core, those of studies left out. Wanted: 150,000.

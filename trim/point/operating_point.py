@@ -9,7 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from hfa_aircraft.degrees import notes_on_degrees
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_support.errors import BadInputError, refuse_unknown, shortened
@@ -142,11 +141,13 @@ class OperatingPoint(Result, Reported):
     @property
     def warnings(self) -> list[str]:
         """What a user should know before trusting a model at this point."""
-        return [
-            *self.model.notes,
-            *notes_on_degrees(self.model),
-            *beyond_range(self.model, self.states._asdict()),
-        ]
+        notes = [*self.model.notes]
+        declared = self.model.native or self.model
+        if any(signal.unit == "deg" for signal in declared.signals.values()):
+            from hfa_aircraft.degrees import notes_on_degrees
+
+            notes += notes_on_degrees(self.model)
+        return [*notes, *beyond_range(self.model, self.states._asdict())]
 
     def refuse_other(self, model: Model) -> None:
         """BadInputError when the point was trimmed with another model, or other dynamics."""

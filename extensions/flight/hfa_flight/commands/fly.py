@@ -17,10 +17,10 @@ from hfa.options.request import option
 from hfa.options.trims import (
     OneTrimOptions,
     OutputOptions,
-    WorkersOptions,
     output_option,
     picture_option,
 )
+from hfa.options.workers import WorkersOptions
 from hfa.output import ProgressLine, print_report, show
 from hfa_discrete.critic_file import critic_of_steps
 from hfa_flight.options import FlightOptions

@@ -1,0 +1,29 @@
+"""Options of the processes that work at many points or members."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hfa.options.argument_types import whole
+from hfa.options.request import Request, option
+
+MOST_WORKERS = 1000
+
+
+def _workers(text: str) -> int | str:
+    """A number of processes, or the address of a Dask scheduler."""
+    return text if "://" in text else whole(1, MOST_WORKERS)(text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WorkersOptions(Request):
+    """Who works at many points."""
+
+    workers: int | str = option(
+        "processes, or a Dask scheduler, tcp://host:port; default 1",
+        "N|URL",
+        _workers,
+        default=1,
+        rare=True,
+    )
+    resume: bool = option("continue an interrupted run of the same options", rare=True)

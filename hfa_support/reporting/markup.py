@@ -1,0 +1,92 @@
+"""Text and tables of a report as Markdown and as HTML."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from hfa_support.reporting.text import Cell, Table, printable
+
+
+def as_markdown(part: str | Table | tuple[str | Table, ...]) -> str:
+    """A paragraph, a table, or several of them with an empty line between, as Markdown."""
+    if isinstance(part, Table):
+        return markdown_table(part)
+    if isinstance(part, str):
+        return printable(part)
+    return "\n\n".join(map(as_markdown, part))
+
+
+def markdown_table(table: Table) -> str:
+    """A table as Markdown."""
+    header, *body = (f"| {' | '.join(map(_cell, row))} |" for row in (table.header, *table.rows))
+    return "\n".join([header, "|" + "---|" * len(table.header), *body])
+
+
+def as_html(part: str | Table | tuple[str | Table, ...]) -> str:
+    """A paragraph a line, a table, or several of them, as HTML; every word is escaped."""
+    if isinstance(part, Table):
+        return html_table(part)
+    if isinstance(part, str):
+        return "\n".join(map(paragraph, part.split("\n")))
+    return "\n".join(map(as_html, part))
+
+
+def html_table(table: Table) -> str:
+    """A table in a box that a narrow page can scroll, by keyboard too. Classes: `words` for a
+    column without numbers, and the tone of a cell."""
+    columns = [
+        ["words"] if _are_words([row[i] for row in table.rows]) else []
+        for i in range(len(table.header))
+    ]
+    head = "".join(
+        f'<th scope="col"{_class(words)}>{escaped(cell)}</th>'
+        for cell, words in zip(table.header, columns, strict=True)
+    )
+    body = "\n".join(
+        f'<tr><th scope="row">{escaped(row[0])}</th>'
+        + "".join(map(_td, row[1:], columns[1:]))
+        + "</tr>"
+        for row in table.rows
+    )
+    box = (
+        '<div class="table" role="group" tabindex="0" aria-label="table:'
+        f' {escaped(table.header[0])}">'
+    )
+    return (
+        f"{box}<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table></div>"
+    )
+
+
+def _are_words(cells: Sequence[Any]) -> bool:
+    """Whether fewer than half of the cells that say anything begin as a number does."""
+    texts = [text for cell in cells if (text := str(cell)) not in ("", "-")]
+    return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
+
+
+def _td(cell: Any, column: list[str]) -> str:
+    tone = [cell.tone] if isinstance(cell, Cell) and cell.tone else []
+    return f"<td{_class([*column, *tone])}>{escaped(cell)}</td>"
+
+
+def _class(names: list[str]) -> str:
+    return f' class="{" ".join(names)}"' if names else ""
+
+
+def _cell(cell: Any) -> str:
+    """A cell of Markdown, where no name begins a column, a tag or a link."""
+    text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(str(cell), lines=False))
+    return text.replace("|", "\\|").replace("](", "]\\(")
+
+
+def escaped(text: Any) -> str:
+    """A text where no character means anything to HTML."""
+    return html.escape(printable(str(text), lines=False))
+
+
+def paragraph(line: str) -> str:
+    """A paragraph; what stands in backquotes is set as code."""
+    text = re.sub("`([^`]+)`", r"<code>\1</code>", escaped(line))
+    return f"<p>{text}</p>"
