@@ -15,7 +15,7 @@ TESTS = ("tests/trim/point/test_solve.py", "tests/verification/critic/test_verdi
 
 @pytest.mark.slow
 def test_tests_of_the_core_pass_without_extensions() -> None:
-    words = [sys.executable, CORE_ALONE, "-q", "-n", "0", "-m", "not slow", *TESTS]
+    words = [sys.executable, CORE_ALONE, "-n", "0", "-m", "not slow", *TESTS]
     done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
     assert " passed" in done.stdout
