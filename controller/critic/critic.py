@@ -18,7 +18,7 @@ import numpy as np
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, shape_text
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, is_finite, numbers_in
+from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.results import Matrix
 
@@ -225,7 +225,7 @@ def from_weights(
     weights = numbers_in("W", weights)
     n = len(game.A)
     if not is_finite(constant):
-        raise BadInputError(f"constant is {constant:g}; V(0) must be a finite number")
+        raise BadInputError(f"constant is {shown(constant)}; V(0) must be a finite number")
     if isinstance(functions, ca.Function):
         count = functions.numel_out(0)
         if functions.numel_in(0) != n or weights.shape != (count,):
