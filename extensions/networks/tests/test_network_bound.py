@@ -263,7 +263,9 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
     """The stored policy of 6-32-32-5, which rests beside the trim: its cost never ends."""
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))
-    line = "FAIL: not exact (policy proved within 0.051 in the box), stabilizing, cost without bound"
+    line = (
+        "FAIL: not exact (policy proved within 0.051 in the box), stabilizing, cost without bound"
+    )
     assert verdict.headline().startswith(line)
     assert 0.04 < verdict.value_of("searched_policy_error") < 0.051
 
