@@ -121,11 +121,14 @@ def _text(package: str, name: str) -> list[str]:
     value = value_of(package, name)
     if isinstance(value, type) or inspect.isroutine(value):
         return (inspect.getdoc(value) or "").splitlines()
-    module = next(
-        f"{package}.{statement.module}"
+    statement = next(
+        statement
         for statement in imports_of(package)
         if name in (alias.name for alias in statement.names)
     )
+    module = statement.module or ""
+    if statement.level:
+        module = f"{package}.{module}"
     return ModuleAnalyzer.for_module(module).find_attr_docs().get(("", name), [])
 
 
