@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
@@ -118,7 +119,7 @@ def slow_note(one_by_one: int, count: int) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(ByValue, Result, Reported):
+class Sweep(StatesAndInputs, ByValue, Result, Reported):
     """N points in the order of the grid, the last variable running fastest; units of the model.
 
     plan: what was swept.
@@ -169,21 +170,6 @@ class Sweep(ByValue, Result, Reported):
     def state_names(self) -> tuple[str, ...]:
         """Names of the states of A and B, in order."""
         return self.model.linear
-
-    @property
-    def state_units(self) -> tuple[str, ...]:
-        """Unit of each state."""
-        return self.model.units(self.model.linear)
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs, in order."""
-        return tuple(self.model.inputs)
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        """Unit of each input."""
-        return self.model.units(self.input_names)
 
     @property
     def trimmed(self) -> np.ndarray:

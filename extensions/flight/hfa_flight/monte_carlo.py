@@ -15,6 +15,7 @@ import numpy as np
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS
+from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_flight.air import (
     ALPHA,
     limited_names,
@@ -54,7 +55,7 @@ KEPT = {
 
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
-class MonteCarlo(Shown):
+class MonteCarlo(StatesAndInputs, Shown):
     """N members, each a draw of one scenario. Two plans are equal when they give the same
     results.
 

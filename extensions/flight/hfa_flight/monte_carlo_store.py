@@ -10,7 +10,6 @@ import numpy as np
 
 from hfa_flight.air import limited_names
 from hfa_flight.monte_carlo import KEPT, MonteCarlo, fly_members
-from hfa_flight.nonlinear_flight import names_and_units
 from hfa_flight.results import MemberAttributes
 from hfa_stores.workers import open_workers
 from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
@@ -105,7 +104,10 @@ def _template(plan: MonteCarlo) -> Any:
         left=limited_names(model, plan.scenario.moving_air),
         error_states=model.linear,
         error_units=model.units(model.linear),
-        **names_and_units(model),
+        states=plan.state_names,
+        state_units=plan.state_units,
+        inputs=plan.input_names,
+        input_units=plan.input_units,
         plan=plan.identity,
     ).as_data()
     return xarray.Dataset(arrays, coordinates, attributes_of_store)

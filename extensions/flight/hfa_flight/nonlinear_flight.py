@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, OVER_GROUND, UPDRAFT, flown_through_air
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from hfa_flight.envelope import (
@@ -145,7 +146,7 @@ class FlightHistory(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NonlinearFlight(Result, Reported):
+class NonlinearFlight(StatesAndInputs, Result, Reported):
     """A flight, up to the first tick that left the envelope.
 
     envelope: limits of the states
@@ -219,26 +220,6 @@ class NonlinearFlight(Result, Reported):
     def held(self) -> bool:
         """Whether it stayed inside the envelope, without a limit cycle."""
         return self.departure is None and self.cycle is None
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states, in order."""
-        return tuple(self.model.states)
-
-    @property
-    def state_units(self) -> tuple[str, ...]:
-        """Unit of each state."""
-        return self.model.units(self.state_names)
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs, in order."""
-        return tuple(self.model.inputs)
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        """Unit of each input."""
-        return self.model.units(self.input_names)
 
     @property
     def scenario(self) -> Mapping[str, Any]:
@@ -437,13 +418,3 @@ def _tracking_table(commanded: Mapping[str, Any]) -> Table:
 
 def _by_name(names: Iterable[str], values: np.ndarray) -> dict[str, float]:
     return dict(zip(names, values.tolist(), strict=True))
-
-
-def names_and_units(model: Model) -> dict[str, list[str]]:
-    """What data about all states and inputs says of them."""
-    return {
-        "states": list(model.states),
-        "state_units": list(model.units(tuple(model.states))),
-        "inputs": list(model.inputs),
-        "input_units": list(model.units(tuple(model.inputs))),
-    }

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from hfa_aircraft.model import Model
+from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
@@ -28,7 +30,7 @@ _POINT = "point"
 
 
 @dataclass(frozen=True, eq=False)
-class SweepAttributes(Result):
+class SweepAttributes(StatesAndInputs, Result):
     """The attributes of a store of a sweep.
 
     plan: what is swept."""
@@ -37,31 +39,16 @@ class SweepAttributes(Result):
     made_by = "hfa sweep -o FILE.zarr: attributes of the store"
     keys = (
         "variables=plan.variables variable_units=plan.units grid=plan.grid "
-        "condition=plan.condition.changes states state_units inputs input_units status "
-        "warnings=plan.warnings plan=plan.text"
+        "condition=plan.condition.changes states=state_names state_units inputs=input_names "
+        "input_units status warnings=plan.warnings plan=plan.text"
     )
 
     plan: SweepPlan
 
     @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states, in order."""
-        return tuple(self.plan.model.states)
-
-    @property
-    def state_units(self) -> tuple[str, ...]:
-        """Unit of each state."""
-        return self.plan.model.units(self.states)
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs, in order."""
-        return tuple(self.plan.model.inputs)
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        """Unit of each input."""
-        return self.plan.model.units(self.inputs)
+    def model(self) -> Model:
+        """Whose trims these are."""
+        return self.plan.model
 
     @property
     def status(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_proof.checker.statement import ModelsStatement
 from hfa_support.reporting.results import Matrix, Result, Vector
 
@@ -103,7 +104,7 @@ class ProofData(Result):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class InterpolatedModels(Result):
+class InterpolatedModels(StatesAndInputs, Result):
     """Linear models that interpolate within a proved bound.
 
     statement: the models and their bounds
@@ -114,7 +115,8 @@ class InterpolatedModels(Result):
     made_by = "hfa prove models"
     keys = (
         "dynamics=model.name tolerance error=statement.errors dihedral_deg? A=statement.A "
-        "B=statement.B K=statement.K inputs_offset states inputs state_units input_units scheduled?"
+        "B=statement.B K=statement.K inputs_offset states=state_names inputs=input_names "
+        "state_units input_units scheduled?"
     )
 
     statement: ModelsStatement
@@ -143,24 +145,9 @@ class InterpolatedModels(Result):
         return self.statement.inputs[..., 0]
 
     @property
-    def states(self) -> Sequence[str]:
+    def state_names(self) -> tuple[str, ...]:
         """Names of the states, in order."""
         return self.model.linear
-
-    @property
-    def inputs(self) -> Sequence[str]:
-        """Names of the inputs, in order."""
-        return tuple(self.model.inputs)
-
-    @property
-    def state_units(self) -> Sequence[str]:
-        """Unit of each state."""
-        return self.model.units(self.model.linear)
-
-    @property
-    def input_units(self) -> Sequence[str]:
-        """Unit of each input."""
-        return self.model.units(tuple(self.model.inputs))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

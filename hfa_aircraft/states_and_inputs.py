@@ -1,0 +1,38 @@
+"""Names and units of the states and inputs of what belongs to one aircraft."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
+
+
+class StatesAndInputs:
+    """Names and units of the states and inputs of what has a `model`."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def model(self) -> Model:
+            """The aircraft."""
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states, in order."""
+        return tuple(self.model.states)
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Unit of each state."""
+        return self.model.units(self.state_names)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return tuple(self.model.inputs)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit of each input."""
+        return self.model.units(self.input_names)
