@@ -6,29 +6,25 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import Any
 
 import casadi as ca
 import numpy as np
 import scipy.linalg
 
 from hfa_region.check.loop import HIGHEST, LOWEST
-from hfa_region.check.polynomial import power_of_length
 from hfa_region.check.statement import SaturatedLoop
-from hfa_region.check.witness import ANY, BALL, EDGE, LEVEL
+from hfa_region.check.witness import ANY, EDGE, LEVEL
 from hfa_region.search.function import PolynomialFunction, edge_points
 from hfa_region.search.level import (
-    MARGIN,
     LevelSearch,
     ProvedLevel,
     Setting,
     accepted,
     holding_ball,
-    limits_within,
 )
 from hfa_region.search.plant import Plant
 from hfa_region.search.region import Region, bounds_of, measured, settings_of
-from hfa_region.search.squares import ONE, Terms, positive
+from hfa_region.search.squares import ONE, Terms
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -82,40 +78,21 @@ class DisturbedPlant(Plant):
 class EdgeSearch(LevelSearch):
     """Levels of one V on whose edge V' < 0, with every disturbance at each of its ends."""
 
-    def __init__(
-        self,
-        loop: SaturatedLoop,
-        V: PolynomialFunction,
-        rho: float,
-        T: np.ndarray,
-        setting: Setting,
-    ) -> None:
-        super().__init__(loop, V, rho, T, setting)
-        ends = [
-            dict(zip(loop.disturbances, done, strict=True))
-            for done in product((LOWEST, HIGHEST), repeat=len(loop.disturbances))
-        ]
-        self.parts = [part | end for part in self.parts for end in ends]
-        self.empty = [part | dict.fromkeys(loop.disturbances, ANY) for part in self.empty]
+    def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
+        """The parts of the inputs, each with every disturbance at its lowest and its highest."""
+        names = self.statement.loop.disturbances
+        parts, empty = super()._split()
+        parts_at_ends = []
+        for part in parts:
+            for ends in product((LOWEST, HIGHEST), repeat=len(names)):
+                parts_at_ends.append(part | dict(zip(names, ends, strict=True)))
+        return parts_at_ends, [part | dict.fromkeys(names, ANY) for part in empty]
 
-    def decrease(
-        self, part: Mapping[str, str], share: float, enough: float | None = None
-    ) -> dict[str, Any] | None:
-        """Evidence that V' < 0 on a part of {V = share rho}; None where none is found.
-
-        enough: a margin with which the solver may stop"""
-        half = self.setting.half
+    def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
+        """Name and polynomial of what is not negative on {V = share rho}: V / rho - share and its
+        negative."""
         edge = self.V_terms + ONE.scaled(-share)
-        of_level = (0, half - self.setting.degree // 2)
-        constraints = [(LEVEL, edge.scaled(-1.0), of_level), (EDGE, edge, of_level)]
-        if self.setting.degree > 2:
-            within = ONE + Terms.of(power_of_length(self.ball.n, 2)).scaled(-1.0)
-            constraints.append((BALL, within, (0, half - 1)))
-        constraints += limits_within(self.ball, part, 0, half)
-        found = positive(self.target(part), constraints, (0, half), self.ball.n, enough)
-        if found is None or found[0] < MARGIN:
-            return None
-        return found[1]
+        return [(LEVEL, edge.scaled(-1.0)), (EDGE, edge)]
 
 
 def invariant_region(

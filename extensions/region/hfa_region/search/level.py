@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.taylor import Taylor
 from hfa_region.check.witness import ANY, BALL, LEVEL, OUTSIDE, RegionWitness
 from hfa_region.search.function import PolynomialFunction, edge_points, ellipsoid
-from hfa_region.search.squares import Terms, positive
+from hfa_region.search.squares import ONE, Terms, positive
 from hfa_support.errors import NoSolutionError
 
 #: Least margin of a sum of squares, relative to the largest coefficient: the check adds errors of
@@ -100,10 +100,14 @@ class LevelSearch:
         }
         self.statement = RegionStatement(loop, V.terms, rho, named)
         self.ball = RegionLoop(self.statement, T, setting.order)
-        self.parts, self.empty = split(self.ball)
+        self.parts, self.empty = self._split()
         self.V_terms = Terms.of(self.ball.V)
         self._targets: dict[tuple[str, ...], Terms] = {}
         self._decreases: dict[tuple[str, ...], Taylor] = {}
+
+    def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
+        """The parts on which V' < 0 is shown, and the sets of parts that are shown to be empty."""
+        return split(self.ball)
 
     def target(self, part: Mapping[str, str]) -> Terms:
         """A lower bound of -V' on a part."""
@@ -131,21 +135,24 @@ class LevelSearch:
     def decrease(
         self, part: Mapping[str, str], share: float, enough: float | None = None
     ) -> dict[str, Any] | None:
-        """Evidence that V' < 0 on a part of {V <= share rho}; None where none is found.
+        """Evidence that V' < 0 on a part where `_level_constraints` hold; None where none is found.
 
+        share: of rho, the level
         enough: a margin with which the solver may stop"""
         low = 1 if all(what == FREE for what in part.values()) else 0
         half = self.setting.half
-        one = Terms(np.zeros(1, dtype=np.int64), np.array([share]))
-        level = one + self.V_terms.scaled(-1.0)
-        constraints = [(LEVEL, level, (low, half - self.setting.degree // 2))]
+        degrees = (low, half - self.setting.degree // 2)
+        constraints = [
+            (name, constraint, degrees) for name, constraint in self._level_constraints(share)
+        ]
         if self.setting.degree > 2:
             constraints.append((BALL, _within(self.ball.n), (low, half - 1)))
         constraints += limits_within(self.ball, part, low, half)
-        found = positive(self.target(part), constraints, (low, half), self.ball.n, enough)
-        if found is None or found[0] < MARGIN:
-            return None
-        return found[1]
+        return _evidence(self.target(part), constraints, (low, half), self.ball.n, enough)
+
+    def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
+        """Name and polynomial of what is not negative on {V <= share rho}: share - V / rho."""
+        return [(LEVEL, ONE.scaled(share) + self.V_terms.scaled(-1.0))]
 
     def holds(self, share: float) -> bool:
         """Whether V' < 0 is found on every part of {V <= share rho}; the part that refused last is
@@ -225,18 +232,17 @@ class LevelSearch:
         """Evidence that a deviation lies between two values in the set."""
         half = self.V.degree // 2
         deviation = Terms.of(self.ball.deviation(index))
-        one = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
-        level = one + self.V_terms.scaled(-1.0)
+        level = ONE + self.V_terms.scaled(-1.0)
         constraints = [(LEVEL, level, (0, 0)), (BALL, _within(self.ball.n), (0, half - 1))]
         pair = {}
         for side, room in (
-            (LOWEST, deviation + one.scaled(-low)),
-            (HIGHEST, one.scaled(high) + deviation.scaled(-1.0)),
+            (LOWEST, deviation + ONE.scaled(-low)),
+            (HIGHEST, ONE.scaled(high) + deviation.scaled(-1.0)),
         ):
-            found = positive(room, constraints, (0, half), self.ball.n)
-            if found is None or found[0] < MARGIN:
+            found = _evidence(room, constraints, (0, half), self.ball.n)
+            if found is None:
                 return None
-            pair[side] = found[1]
+            pair[side] = found
         return pair
 
 
@@ -310,17 +316,30 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
 
 def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | None:
     """Evidence that a part has no point of the unit ball."""
-    minus_one = Terms(np.zeros(1, dtype=np.int64), -np.ones(1))
     constraints = [(BALL, _within(ball.n), (0, 0))]
     for name, polynomial in _linear_limits(ball, part).items():
         constraints.append((name, Terms.of(polynomial), (0, 0)))
-    found = positive(minus_one, constraints, (0, 1), ball.n)
-    return None if found is None or found[0] < MARGIN else found[1]
+    return _evidence(ONE.scaled(-1.0), constraints, (0, 1), ball.n)
+
+
+def _evidence(
+    target: Terms,
+    constraints: Sequence[tuple[str, Terms, tuple[int, int]]],
+    degrees: tuple[int, int],
+    variables: int,
+    enough: float | None = None,
+) -> dict[str, Any] | None:
+    """The Gram matrices of `positive`, whose arguments these are; None where there are none, or
+    their margin is below `MARGIN`."""
+    found = positive(target, constraints, degrees, variables, enough)
+    if found is None or found[0] < MARGIN:
+        return None
+    return found[1]
 
 
 def _within(variables: int) -> Terms:
     """1 - |y|²."""
-    return Terms(np.zeros(1, dtype=np.int64), np.ones(1)) + _length(variables).scaled(-1.0)
+    return ONE + _length(variables).scaled(-1.0)
 
 
 def _length(variables: int) -> Terms:
@@ -336,9 +355,8 @@ def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
     degree: of V
     n: number of states
     """
-    one = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
-    target = V + one.scaled(-1.0)
-    outside = _length(n) + one.scaled(-1.0)
+    target = V + ONE.scaled(-1.0)
+    outside = _length(n) + ONE.scaled(-1.0)
     half = degree // 2
     found = positive(target, [(OUTSIDE, outside, (0, half - 1))], (0, half), n)
     return None if found is None or found[0] <= 0.0 else found[1]
