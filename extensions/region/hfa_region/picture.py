@@ -8,6 +8,7 @@ import numpy as np
 
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.region import Region, lost_starts
+from hfa_support.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,12 +32,13 @@ _FLOWN = 40
 def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     """The set where all deviations but two are 0, for the first pairs of states: what is proved,
     where V' >= 0 was found first, the level of the nearest start that was lost, and the first start
-    on each of some rays in this plane that was lost.
+    on each of some rays in this plane that was lost. Angles are in degrees.
 
-    box: (n,), largest deviations at which a critic is compared"""
+    box: (n,), largest deviations at which a critic is compared, in the units of the states"""
     from matplotlib.figure import Figure
 
     states = region.plant.loop.states
+    units = region.plant.loop.model.units(states)
     pairs = [(i, j) for i in range(len(states)) for j in range(i + 1, len(states))][:_MOST_PAIRS]
     columns = min(3, len(pairs))
     rows = -(-len(pairs) // columns)
@@ -44,18 +46,21 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     for index, (i, j) in enumerate(pairs):
         axes = figure.add_subplot(rows, columns, index + 1)
         _draw(axes, region, i, j)
-        model = region.plant.loop.model
-        axes.set_xlabel(f"{states[i]}, {model.unit(states[i])}")
-        axes.set_ylabel(f"{states[j]}, {model.unit(states[j])}")
+        axes.set_xlabel(f"{states[i]}, {shown_unit(units[i])}")
+        axes.set_ylabel(f"{states[j]}, {shown_unit(units[j])}")
         if box is not None:
-            _draw_box(axes, float(box[i]), float(box[j]))
+            x = shown_values(box[i], units[i])
+            y = shown_values(box[j], units[j])
+            _draw_box(axes, float(x), float(y))
         if index == 0:
             axes.legend(loc="upper right", fontsize="small")
     return figure
 
 
 def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
-    """The levels of one cut."""
+    """The levels of one cut, and the first lost starts in its plane."""
+    states = region.plant.loop.states
+    x_unit, y_unit = region.plant.loop.model.units((states[i], states[j]))
     levels = [("proved", region.rho, "C0", "-")]
     for name, (level, place), color in (
         ("V' >= 0 found", region.bounds.rises, "C1"),
@@ -64,15 +69,20 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
         if place is not None:
             levels.append((name, level, color, "--"))
     for name, level, color, style in levels:
-        x, y = _cut(region.V, level, region.T, i, j)
+        edge_x, edge_y = _cut(region.V, level, region.T, i, j)
+        x = shown_values(edge_x, x_unit)
+        y = shown_values(edge_y, y_unit)
         axes.plot(x, y, style, color=color, label=name)
         if name == "proved":
             axes.fill(x, y, color=color, alpha=0.2)
     x_limits, y_limits = axes.get_xlim(), axes.get_ylim()
     axes.set_xlim(*(_WIDER * np.array(x_limits)))
     axes.set_ylim(*(_WIDER * np.array(y_limits)))
-    found = lost_starts(region.plant, region.V, region.rho, region.T, _rays(region.T, i, j, _FLOWN))
-    axes.plot(found[:, i], found[:, j], "C3x", label="starts lost")
+    rays = _rays(region.T, i, j, _FLOWN)
+    starts = lost_starts(region.plant, region.V, region.rho, region.T, rays)
+    x = shown_values(starts[:, i], x_unit)
+    y = shown_values(starts[:, j], y_unit)
+    axes.plot(x, y, "C3x", label="starts lost")
     axes.plot(0.0, 0.0, "k+")
 
 

@@ -52,26 +52,29 @@ def test_the_picture_has_the_set_its_limits_the_lost_starts_and_the_box(region: 
     names = ("proved", "V' >= 0 found", "start lost", "starts lost", "box of a critic's comparison")
     assert set(names) <= set(shown)
     for name, level in (("proved", 0.25), ("V' >= 0 found", 0.3), ("start lost", 0.5)):
-        points = np.column_stack(shown[name].get_data())
+        points = np.radians(np.column_stack(shown[name].get_data()))
         assert np.allclose(region.V(points), level)
     x, y = shown["box of a critic's comparison"].get_data()
-    assert set(zip(np.abs(x), np.abs(y), strict=True)) == {(1.0, 8.0)}
-    assert axes.get_xlim()[1] > 1.0
-    assert axes.get_ylim()[1] > 8.0
-    assert axes.get_xlabel() == "angle, rad"
-    lost = np.column_stack(shown["starts lost"].get_data())
+    corners = set(zip(np.abs(x), np.abs(y), strict=True))
+    assert corners == {(np.degrees(1.0), np.degrees(8.0))}
+    assert axes.get_xlim()[1] > np.degrees(1.0)
+    assert axes.get_ylim()[1] > np.degrees(8.0)
+    assert axes.get_xlabel() == "angle, deg"
+    assert axes.get_ylabel() == "rate, deg/s"
+    lost = np.radians(np.column_stack(shown["starts lost"].get_data()))
     assert np.all(region.V(lost) > 0.25)
 
 
 def test_of_a_box_much_larger_than_the_set_the_label_says_how_far_it_reaches(
     region: Region,
 ) -> None:
-    axes = drawn(region_figure(region, np.array([40.0, 1.0])))
-    assert axes.get_xlabel() == "angle, rad (box to ±40)"
-    assert axes.get_xlim()[1] < 2.0
+    axes = drawn(region_figure(region, np.radians([2000.0, 50.0])))
+    assert axes.get_xlabel() == "angle, deg (box to ±2e+03)"
+    assert axes.get_xlim()[1] < 100.0
     x, y = lines(axes)["box of a critic's comparison"].get_data()
-    assert np.max(x) == 40.0
-    assert axes.get_ylim()[1] > np.max(y) == 1.0
+    assert np.max(x) == pytest.approx(2000.0, rel=1e-12)
+    assert np.max(y) == pytest.approx(50.0, rel=1e-12)
+    assert axes.get_ylim()[1] > 50.0
 
 
 def test_without_a_box_none_is_drawn(region: Region) -> None:
