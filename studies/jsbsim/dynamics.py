@@ -206,7 +206,7 @@ def _flown(
     x = np.array([state[name] for name in model.states])
 
     def rates(at: np.ndarray, u: list[float]) -> np.ndarray:
-        return np.array(list(model.rates_at(at, u).values()))
+        return np.array(list(model.rates_at(at.tolist(), u).values()))
 
     for number in range(round(_FLIGHT / step)):
         added = pulse if 1.0 <= number * step < 2.0 else {}

@@ -178,7 +178,8 @@ def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[s
     pictures = list(figures_of(section, setting.configuration, flown))
     for picture in pictures:
         path = place / f"figure-{picture.number:02d}"
-        np.savez_compressed(path.with_suffix(".npz"), **picture.arrays)
+        arrays: dict[str, Any] = picture.arrays
+        np.savez_compressed(path.with_suffix(".npz"), **arrays)
         save(draw(picture), path.with_suffix(".png"), origin.text())
     content = {
         "schema": "hfa.experiment/1",

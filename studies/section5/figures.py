@@ -161,7 +161,7 @@ class _Panels:
         title: str,
         label: str,
         records: Sequence[FlightRecord],
-        values: Callable[[FlightRecord], Any],
+        values: Values,
         **more: Any,
     ) -> PlotPanel:
         """One line a flight, as far as there are values."""
@@ -173,7 +173,7 @@ class _Panels:
         """A state as a deviation from its trim, with its command."""
         row = LINEAR_STATES.index(state)
         label = f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}"
-        panel = self._of_flights(title, label, records, lambda record: record.states[:, row])
+        panel = self._of_flights(title, label, records, _column("states", row))
         longest = max(records, key=lambda record: len(record.times))
         command = Line(_COMMAND, longest.times, longest.commands[:, row])
         return PlotPanel(title, label, (*panel.lines, command), marked=panel.marked)
@@ -184,11 +184,7 @@ class _Panels:
         for state in TRACKED:
             row = LINEAR_STATES.index(state)
             label = f"z{row + 1} = {_SYMBOLS[state]} error, {getattr(STATE_UNITS, state)}"
-            found.append(
-                self._of_flights(
-                    state, label, records, lambda record, row=row: record.errors[:, row]
-                )
-            )
+            found.append(self._of_flights(state, label, records, _column("errors", row)))
         return tuple(found)
 
     def inputs(
@@ -207,9 +203,9 @@ class _Panels:
                     "linear_part": 0.1,
                     "limits": tuple(records[0].limits[:, row].tolist()),
                 }
-                values = lambda record, row=row: record.inputs[:, row]  # noqa: E731
+                above = title if row == 0 else ""
                 panels.append(
-                    self._of_flights(title if row == 0 else "", label, records, values, **more)
+                    self._of_flights(above, label, records, _column("inputs", row), **more)
                 )
         return tuple(panels)
 
@@ -231,7 +227,10 @@ class _Panels:
 
     def residuals(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
         """|e| of the learned value at the simulated error, in units of the cost rate z'Qz."""
-        size = lambda record: np.maximum(np.abs(record.residual), _FLOOR)  # noqa: E731
+
+        def size(record: FlightRecord) -> np.ndarray:
+            return np.maximum(np.abs(record.residual), _FLOOR)
+
         return self._of_flights(
             title, "|Bellman residual|, cost / s", records, size, scale="log", marked=self.marks()
         )
@@ -249,6 +248,11 @@ class _Panels:
         return self._of_flights(
             title, "|W'| / |W(end)|, 1/s", records, speed, scale="log", marked=self.marks()
         )
+
+
+def _column(name: str, column: int) -> Values:
+    """Record -> a column of its array of that name, (N,)."""
+    return lambda record: getattr(record, name)[:, column]
 
 
 def _monomial(exponents: np.ndarray) -> str:

@@ -164,7 +164,7 @@ def requirements(aircraft: Model, controller: ScheduledController) -> Report:
         {
             "what": "slowest pole with 20 ms, effectiveness 0.5 to 1, 1/s",
             "asked": 0.0,
-            "reached": slowest_delayed(aircraft, controller, degrees),
+            "reached": slowest_delayed(aircraft, controller, degrees.tolist()),
         },
     ]
     models = {each: level_model(aircraft, math.radians(each)) for each in ANGLES}

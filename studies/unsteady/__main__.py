@@ -101,20 +101,20 @@ def main() -> None:
         for degrees in angles:
             for plant in PLANTS:
                 orders = (1, 2) if name == "servo" else (1,)
-                said = [margins(plant, degrees, table, order) for order in orders]
-                print(
-                    f"{name:9} {of:9} {degrees:3g} deg {plant:9}",
-                    *(f"{a:8.4f} {m:5.2f}" for a, m in said),
-                )
+                shown = []
+                for order in orders:
+                    abscissa, margin = margins(plant, degrees, table, order)
+                    shown.append(f"{abscissa:8.4f} {margin:5.2f}")
+                print(f"{name:9} {of:9} {degrees:3g} deg {plant:9}", *shown)
     print("largest 1-cosine updraft, up / down, ft/s, under the paper's policy of published")
     for degrees in (5.0, 15.0):
         for plant in PLANTS:
             largest = flier(plant, degrees)
-            said = [
+            gusts = [
                 f"{length} ft {largest(length, 1):.1f}/{largest(length, -1):.1f}"
                 for length in (150, 400, 1000)
             ]
-            print(f"{degrees:3g} deg {plant:9}", *said, sep="  ", flush=True)
+            print(f"{degrees:3g} deg {plant:9}", *gusts, sep="  ", flush=True)
 
 
 if __name__ == "__main__":

@@ -122,7 +122,10 @@ def _judged(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judg
 def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, float]) -> float:
     """The largest difference of the accelerations from JSBSim's, relative to 1 g and 1 rad/s^2 or
     to JSBSim's where these are larger."""
-    state = {name: answer.get(f"state.{name}", answer.get(name)) for name in model.states}
+    state = {}
+    for name in model.states:
+        key = f"state.{name}"
+        state[name] = answer[key] if key in answer else answer[name]
     commands = point["commands"]
     x = [state[name] for name in model.states]
     u = []
