@@ -30,12 +30,14 @@ def test_a_help_is_short_and_ends_with_its_example(name: str) -> None:
     assert whole.splitlines()[-1] == last
 
 
-def ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, examples: list[str]) -> dict[str, int]:
-    """Example -> exit code of its run, one after the other in a folder."""
+def ran(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, examples: list[str], *more: str
+) -> dict[str, int]:
+    """Example -> exit code of its run with these words more, one after the other in a folder."""
     monkeypatch.chdir(tmp_path)
     for folder in ("examples", "studies"):
         Path(folder).symlink_to(ROOT / folder)
-    return {example: hfa(*shlex.split(example)[1:]).code for example in examples}
+    return {example: hfa(*shlex.split(example)[1:], *more).code for example in examples}
 
 
 def test_the_quick_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,7 +46,9 @@ def test_the_quick_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.slow
-def test_every_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    codes = ran(tmp_path, monkeypatch, EXAMPLES)
+def test_every_example_runs_and_its_json_is_published(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    codes = ran(tmp_path, monkeypatch, EXAMPLES, "--json")
     assert {name: code for name, code in codes.items() if code} == {}
     assert len(codes) == len(NAMES)

@@ -44,7 +44,7 @@ class Assessment(Result, Reported):
         "dynamics=deployed.model.name card=deployed.deployment.origin first_line holds "
         "dt=deployed.deployment.dt delay=deployed.deployment.delay "
         "network=deployed.deployment.actor.chain commanded=deployed.commanded "
-        "states=deployed.model.linear mistakes points unmet"
+        "states=deployed.model.linear mistakes points unmet warnings"
     )
 
     deployed: Deployed
@@ -57,6 +57,11 @@ class Assessment(Result, Reported):
         """Whether it holds at every trim, and no mistake of its deployment is proved."""
         wrong = any(mistake.proved for mistake in self.mistakes)
         return all(point.holds for point in self.points) and not wrong
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to know before trusting the trims."""
+        return list(dict.fromkeys(text for point in self.points for text in point.point.warnings))
 
     @property
     def unmet(self) -> list[str]:

@@ -86,7 +86,7 @@ class Outcome(Result):
     returned: within the ball about the point of rest, 1 s long.
     lost: left the limits of the states that the model declares.
     worst_start: linear state -> value at the start of the worst.
-    worst_ends: "lost", "cycles" or "returns".
+    worst_ends: "lost", "is not back" or "returns".
     slowest: s, of those that returned.
     cycle: the oscillation of those that are neither, or that are back about an unstable point of
         rest; None where there is none.
@@ -252,7 +252,7 @@ class FlownRows:
                 cycle = measured_cycle(self.flight, self.rows[swinging], place)
         elif returned.size and not place.stable:
             cycle = measured_cycle(self.flight, self.rows[returned[0]], place)
-        ends = self.rows[settled[:1]][:, X][:, self.linear].ravel().tolist()
+        rests_at = self.rows[settled[:1]][:, X][:, self.linear].ravel().tolist()
         return Outcome(
             starts=len(mine),
             returned=len(returned),
@@ -262,7 +262,7 @@ class FlownRows:
             slowest=float(self.times[returned].max(initial=0.0)),
             cycle=cycle,
             elsewhere=len(settled),
-            elsewhere_at=dict(zip(model.linear, ends, strict=False)),
+            elsewhere_at=dict(zip(model.linear, rests_at, strict=False)),
         )
 
     def _worst(self, lost: Any, neither: Any, returned: Any) -> tuple[int, str]:

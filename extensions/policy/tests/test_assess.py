@@ -6,6 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from cli import complaints_about
 from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, trims
 
 import hfa
@@ -39,6 +40,7 @@ def test_the_first_line_is_for_who_reads_one_line(good):
 
 def test_data_have_the_keys_that_are_promised(good):
     data = json.loads(good.report().json())
+    assert complaints_about(data) == []
     assert data["holds"] is True
     assert len(data["points"]) == 2
     for point in data["points"]:
@@ -48,6 +50,7 @@ def test_data_have_the_keys_that_are_promised(good):
         assert {"worst", "mean", "sampled_worst"} <= point["cost_lost"].keys()
         assert {"starts", "returned", "lost", "worst_start"} <= point["flights"].keys()
         assert point["flights"]["returned"] == 16
+        assert point["flights"]["worst_ends"] == "returns"
 
 
 def test_needs_are_met_or_named(good):

@@ -8,4 +8,5 @@ REGION = CommandEntry(
     "hfa_region.commands.region:region",
     example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
     install=".[proof]",
+    results=("hfa_region.results:FoundSet", "hfa_region.results:CheckedSet"),
 )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_region.check.certificate import VerifiedRegion
 from hfa_region.check.statement import RegionStatement
+from hfa_region.results import CheckedSet, FoundSet, Place
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 
@@ -22,6 +23,14 @@ def region_report(region: Region) -> Report:
     region: proved"""
     statement = region.proved.statement
     bounds = region.bounds
+    found = FoundSet(
+        statement,
+        region.proved.parts,
+        region.origin,
+        _place(statement, bounds.rises),
+        _place(statement, bounds.lost),
+        bounds.limits,
+    )
     rows = [("proved", f"{statement.rho:.6g}", "1", "")]
     for name, (level, place) in (
         ("V' >= 0 found", bounds.rises),
@@ -39,23 +48,17 @@ def region_report(region: Region) -> Report:
         *_policy(statement),
         _extents(statement),
         table,
-        f"Limits that bind: {binding}. V is {region.origin}, of degree {_degree(statement)}; "
+        f"Limits that bind: {binding}. V is {region.origin}, of degree {found.degree}; "
         + _where_proved(statement, region.proved.parts),
         _not_covered(statement),
     )
-    data = _data(statement) | {
-        "origin": region.origin,
-        "parts": region.proved.parts,
-        "decrease_fails_at": _place(statement, bounds.rises),
-        "lost_at": _place(statement, bounds.lost),
-        "limits_that_bind": list(bounds.limits),
-    }
-    return Report(_title(statement), parts, data=data)
+    return Report(_title(statement), parts, data=found.as_data())
 
 
 def checked_report(verified: VerifiedRegion) -> Report:
     """What a certificate proves, as the checker has read it."""
     statement = verified.statement
+    checked = CheckedSet(statement, verified.parts, verified.written)
     loop = statement.loop
     gains = Table(
         ("K", *loop.states),
@@ -77,12 +80,11 @@ def checked_report(verified: VerifiedRegion) -> Report:
         _extents(statement),
         trim,
         gains,
-        f"{_where_proved(statement, verified.parts)} V of degree {_degree(statement)}, "
+        f"{_where_proved(statement, verified.parts)} V of degree {checked.degree}, "
         f"{len(statement.terms)} terms: with --json.",
         _not_covered(statement),
     )
-    data = _data(statement) | {"parts": verified.parts, "written": verified.written}
-    return Report(f"{_title(statement)}, checked", parts, data=data)
+    return Report(f"{_title(statement)}, checked", parts, data=checked.as_data())
 
 
 def _title(statement: RegionStatement) -> str:
@@ -169,56 +171,15 @@ def _limits(statement: RegionStatement, name: str) -> list[str]:
     return [model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
 
 
-def _degree(statement: RegionStatement) -> int:
-    return max(sum(exponents) for _, exponents in statement.terms)
-
-
 def _described(statement: RegionStatement, place: Sequence[float] | np.ndarray) -> str:
     model = statement.loop.model
     pairs = zip(statement.loop.states, np.asarray(place).tolist(), strict=True)
     return ", ".join(f"{name} {model.describe(name, value)}" for name, value in pairs)
 
 
-def _place(
-    statement: RegionStatement, found: tuple[float, np.ndarray | None]
-) -> Mapping[str, Any] | None:
+def _place(statement: RegionStatement, found: tuple[float, np.ndarray | None]) -> Place | None:
     """A level and the deviations there; None where nothing was found."""
     level, place = found
     if place is None:
         return None
-    return {"V": level, "z": dict(zip(statement.loop.states, place.tolist(), strict=True))}
-
-
-def _data(statement: RegionStatement) -> dict[str, Any]:
-    """The statement as JSON has it."""
-    loop = statement.loop
-    data: dict[str, Any] = {
-        "proved": True,
-        "rho": statement.rho,
-        "states": list(loop.states),
-        "state_units": list(loop.model.units(loop.states)),
-        "trim": {**loop.trim, **loop.inputs, **loop.held},
-        "K": loop.K,
-        "policy": {
-            name: [[coefficient, list(exponents)] for coefficient, exponents in terms]
-            for name, terms in loop.policy.items()
-        },
-        "limits": {name: list(pair) for name, pair in loop.limits.items()},
-        "disturbances": dict(loop.disturbances),
-        "extents": {name: max(-low, high) for name, (low, high) in statement.extents.items()},
-        "terms": [[coefficient, list(exponents)] for coefficient, exponents in statement.terms],
-    }
-    if _degree(statement) == 2:
-        data["P"] = _matrix(statement)
-    return data
-
-
-def _matrix(statement: RegionStatement) -> np.ndarray:
-    """P of V = z'P z."""
-    n = len(statement.loop.states)
-    P = np.zeros((n, n))
-    for coefficient, exponents in statement.terms:
-        i, j = np.repeat(np.arange(n), exponents)
-        P[i, j] += coefficient / 2
-        P[j, i] += coefficient / 2
-    return P
+    return Place(level, dict(zip(statement.loop.states, place.tolist(), strict=True)))

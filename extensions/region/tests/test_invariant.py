@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli import complaints_about, hfa
 from flint import arb
 from forged_regions import DISTURBED_KINDS, KINDS, forgeries
 
@@ -29,6 +30,7 @@ from hfa_region.search.plant import Plant
 from hfa_support.errors import NoSolutionError
 
 PENDULUM = f"{Path(__file__).parents[3] / 'examples' / 'pendulum.py'}:PENDULUM"
+OF_CHECK = ("prove", "--aircraft", PENDULUM, "--check")
 SIZE = 0.1
 
 
@@ -62,12 +64,14 @@ def test_what_is_proved_is_said(
     certificate: Path, model: Model, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data = json.loads(certificate.with_suffix(".printed").read_text())
+    assert complaints_about(data) == []
     assert data["disturbances"] == {"push": SIZE}
     assert data["rho"] < data["decrease_fails_at"]["V"] < 1.2 * data["rho"]
     verified = check_certificate(certificate, model=model)
     # The torque free, at its lowest and at its highest value, the push at each of its ends.
     assert verified.parts == 6
-    assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
+    assert "hfa.region-check/1" in hfa(*OF_CHECK, str(certificate), "--json").out
+    assert main([*OF_CHECK, str(certificate)]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "|push| <= 0.1 N m" in shown
     assert "That it converges is not claimed" in shown

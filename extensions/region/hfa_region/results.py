@@ -1,0 +1,141 @@
+"""A proved set as data: what `hfa prove region --json` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_region.check.statement import RegionStatement
+from hfa_support.reporting.results import Matrix, Result
+
+
+class Place(NamedTuple):
+    """A level of V, and a deviation from the trim on it, by state."""
+
+    V: float
+    z: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedSet(Result):
+    """A set that is proved.
+
+    statement: what is proved of it.
+    parts: on how many parts of the set, or of its edge, V' < 0 is proved.
+    """
+
+    keys = "proved rho states state_units trim K policy limits disturbances extents terms P? parts"
+
+    statement: RegionStatement
+    parts: int
+
+    @property
+    def proved(self) -> bool:
+        """True: what is not proved is not printed."""
+        return True
+
+    @property
+    def rho(self) -> float:
+        """Level of V: the set is V(z) <= rho, z the deviations from the trim."""
+        return self.statement.rho
+
+    @property
+    def states(self) -> Sequence[str]:
+        """Names of the entries of z."""
+        return self.statement.loop.states
+
+    @property
+    def state_units(self) -> Sequence[str]:
+        """Unit of each state."""
+        return self.statement.loop.model.units(self.states)
+
+    @property
+    def trim(self) -> Mapping[str, float]:
+        """State or input -> value at the trim."""
+        loop = self.statement.loop
+        return {**loop.trim, **loop.inputs, **loop.held}
+
+    @property
+    def K(self) -> Matrix:
+        """(m, n), gain of u = sat(u0 - K z + q(z))."""
+        return self.statement.loop.K
+
+    @property
+    def policy(self) -> Mapping[str, Sequence[Any]]:
+        """Input -> q, a list of [coefficient, exponents]; inputs without have q = 0."""
+        return self.statement.loop.policy
+
+    @property
+    def limits(self) -> Mapping[str, Sequence[float]]:
+        """Signal -> lowest and highest value."""
+        return self.statement.loop.limits
+
+    @property
+    def disturbances(self) -> Mapping[str, float]:
+        """Disturbance -> its largest absolute value."""
+        return self.statement.loop.disturbances
+
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """State -> how far the set reaches from the trim, or less."""
+        return {name: max(-low, high) for name, (low, high) in self.statement.extents.items()}
+
+    @property
+    def terms(self) -> Sequence[Any]:
+        """V = Σ coefficient z^exponents, a list of [coefficient, exponents]."""
+        return self.statement.terms
+
+    @property
+    def degree(self) -> int:
+        """Degree of V."""
+        return max(sum(exponents) for _, exponents in self.terms)
+
+    @property
+    def P(self) -> Matrix | None:
+        """(n, n), of V = z'P z; None of a higher degree."""
+        if self.degree > 2:
+            return None
+        n = len(self.states)
+        P = np.zeros((n, n))
+        for coefficient, exponents in self.terms:
+            i, j = np.repeat(np.arange(n), exponents)
+            P[i, j] += coefficient / 2
+            P[j, i] += coefficient / 2
+        return P
+
+
+@dataclass(frozen=True, eq=False)
+class FoundSet(ProvedSet):
+    """A set that a search has found and proved.
+
+    origin: what V is.
+    decrease_fails_at: the lowest V at which V' >= 0 was found; None where none was.
+    lost_at: the lowest V of a start that was lost; None where none was.
+    limits_that_bind: signals whose limits the set touches, nearly.
+    """
+
+    schema = "hfa.region/1"
+    made_by = "hfa prove region"
+    keys = f"{ProvedSet.keys} origin decrease_fails_at lost_at limits_that_bind"
+
+    origin: str
+    decrease_fails_at: Place | None
+    lost_at: Place | None
+    limits_that_bind: Sequence[str]
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedSet(ProvedSet):
+    """A set that a certificate proves.
+
+    written: version, command and date in the file, which nothing verifies.
+    """
+
+    schema = "hfa.region-check/1"
+    made_by = "hfa prove region --check FILE"
+    keys = f"{ProvedSet.keys} written"
+
+    written: Mapping[str, str]
