@@ -26,7 +26,7 @@ from hfa_proof.arithmetic.balls import TaylorModel, matrix
 from hfa_proof.checker.covering import covering
 from hfa_proof.checker.loop import actuated_loop, between, closed_loop
 from hfa_proof.checker.modes import check_motion, check_pieces, least_and_most
-from hfa_proof.checker.reading import Fields, Rejected
+from hfa_proof.checker.reading import Fields, Rejected, naming
 from hfa_proof.checker.riccati import (
     Solution,
     check_axis,
@@ -57,7 +57,7 @@ from hfa_proof.checker.witness import (
     TrimBox,
 )
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, NoSolutionError, on_one_line
+from hfa_support.errors import BadInputError, on_one_line
 from hfa_support.files import read_json
 from hfa_support.progress import Progress, told
 
@@ -101,31 +101,31 @@ def sealed(head: str, origin: str) -> str:
 def check_certificate(
     path: Path, progress: Progress | None = None, model: Model | None = None
 ) -> Verified:
-    """What the file proves. model: that of a certificate about a user's own.
+    """What the file proves.
 
-    BadInputError when the file is none or was edited; Rejected names entries that are not
-    understood or not proved."""
+    path: the certificate
+    progress: told of each box
+    model: that of a certificate about a user's own aircraft
+
+    BadInputError when the file is none or was edited, or is about another model; Rejected when its
+    entries are not understood or do not prove what it states.
+    """
     content, written = read_sealed(path)
-    try:
-        entries = Fields("", content)
-        for name in ("schema", "toolchain", *_CLOSING):
-            entries.value(name, lambda value: True)
+    with naming(path):
+        entries = claims_of(content)
         kind = entries.value("kind", lambda value: True)
         statement = read_statement(kind, entries.value("statement", lambda value: True), model)
         boxes = _check(statement, entries.fields("witness"), progress)
         entries.close()
-    except BadInputError as error:  # it is about another model
-        raise BadInputError(f"{path}: {error}") from error
-    except (
-        NoSolutionError,
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        ArithmeticError,
-    ) as error:
-        raise Rejected(f"{path}: not proved: {error or type(error).__name__}") from error
     return Verified(statement, boxes, written)
+
+
+def claims_of(content: dict[str, Any]) -> Fields:
+    """The entries of a certificate without those that claim nothing."""
+    entries = Fields("", content)
+    for name in ("schema", "toolchain", *_CLOSING):
+        entries.value(name, lambda value: True)
+    return entries
 
 
 def kind_of(path: Path) -> str:

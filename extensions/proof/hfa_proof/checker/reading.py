@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from flint import arb
 
-from hfa_support.errors import NoSolutionError, shown
+from hfa_support.errors import BadInputError, NoSolutionError, shown
 
 _DECIMAL = re.compile(r"-?\d{1,80}(\.\d{1,80})?(e[+-]?\d{1,3})?", re.ASCII)
 #: Larger numbers are refused: their squares are not doubles.
@@ -31,6 +33,29 @@ def require(holds: bool, where: str, value: Any = None) -> None:
     if not holds:
         shown_value = "" if value is None else f" ({shown(value)})"
         raise Malformed(f"{where} is not what a certificate holds{shown_value}")
+
+
+#: What reading and checking raise where an entry is wrong or does not prove what is stated.
+NOT_PROVED = (
+    NoSolutionError,
+    LookupError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    ArithmeticError,
+)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Within it an error of reading or checking a certificate names the file: BadInputError where
+    the certificate is about another model, Rejected otherwise."""
+    try:
+        yield
+    except BadInputError as error:
+        raise BadInputError(f"{path}: {error}") from error
+    except NOT_PROVED as error:
+        raise Rejected(f"{path}: not proved: {error or type(error).__name__}") from error
 
 
 class Fields:

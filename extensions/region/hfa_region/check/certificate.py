@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from hfa_aircraft.model import Model
-from hfa_proof.checker.checker import SCHEMA, read_sealed, sealed
-from hfa_proof.checker.reading import Fields, Rejected
+from hfa_proof.checker.checker import SCHEMA, claims_of, read_sealed, sealed
+from hfa_proof.checker.reading import naming
 from hfa_region.check.checker import check_region
 from hfa_region.check.statement import RegionStatement
 from hfa_region.check.witness import RegionWitness
-from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.jsonable import jsonable
 from hfa_support.progress import Progress
@@ -50,20 +49,9 @@ def check_certificate(
     entries are not understood or do not prove what it states.
     """
     content, written = read_sealed(path)
-    try:
+    with naming(path):
         statement, witness = read_content(content, model)
         parts = check_region(statement, witness, progress)
-    except BadInputError as error:
-        raise BadInputError(f"{path}: {error}") from error
-    except (
-        NoSolutionError,
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        ArithmeticError,
-    ) as error:
-        raise Rejected(f"{path}: not proved: {error or type(error).__name__}") from error
     return VerifiedRegion(statement, parts, written)
 
 
@@ -71,9 +59,7 @@ def read_content(
     content: dict[str, Any], model: Model | None
 ) -> tuple[RegionStatement, RegionWitness]:
     """Statement and witness of a certificate's content; Malformed names what it cannot hold."""
-    entries = Fields("", content)
-    for name in ("schema", "toolchain", "digest", "provenance", "checksum"):
-        entries.value(name, lambda value: True)
+    entries = claims_of(content)
     entries.same("kind", KIND)
     statement = RegionStatement.read(entries.value("statement", lambda value: True), model)
     witness = RegionWitness.read(entries.fields("witness"), statement)
