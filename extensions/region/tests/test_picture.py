@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from pendulum_regions import PENDULUM
 
 from hfa_aircraft.loading import load_model
 from hfa_region.check.statement import RegionStatement
@@ -19,8 +18,6 @@ from hfa_region.search.plant import Plant, saturated_loop
 from hfa_region.search.region import Bounds, Region
 from trim.linear.linear_model import linearize
 from trim.point.solve import find_operating_point
-
-PENDULUM = f"{Path(__file__).parents[3] / 'examples' / 'pendulum.py'}:PENDULUM"
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import re
 from pathlib import Path
@@ -11,30 +9,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flown_starts import drawn, starts_lost
+from pendulum_regions import PENDULUM, VAN_DER_POL, proved
 
-from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_region.check.certificate import check_certificate
 from hfa_region.check.statement import RegionStatement
 from hfa_region.search.function import PolynomialFunction
 
 ROOT = Path(__file__).parents[3]
-PENDULUM = f"{ROOT / 'examples' / 'pendulum.py'}:PENDULUM"
-VAN_DER_POL = f"{ROOT / 'examples' / 'pendulum.py'}:VAN_DER_POL"
 
 
-def proved(path: Path, aircraft: str, *words: str) -> tuple[RegionStatement, dict]:
+def stated(path: Path, aircraft: str, *words: str) -> tuple[RegionStatement, dict]:
     """The statement of a new certificate, and what was printed."""
-    command = ["prove", "region", "--aircraft", aircraft, "-q", "--json", "-o", str(path), *words]
-    with contextlib.redirect_stdout(io.StringIO()) as printed:
-        assert main(command) == 0
+    printed = proved(path, aircraft, "--json", *words)
     statement = check_certificate(path, model=load_model(aircraft)).statement
-    return statement, json.loads(printed.getvalue())
+    return statement, json.loads(printed)
 
 
 def test_starts_are_drawn_in_the_set_and_on_its_edge(tmp_path: Path) -> None:
     words = ("--degree", "2", "--seconds", "0.1")
-    statement, _ = proved(tmp_path / "vdp.json", VAN_DER_POL, *words)
+    statement, _ = stated(tmp_path / "vdp.json", VAN_DER_POL, *words)
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
     starts = drawn(V, statement, 2000, np.random.default_rng(0))
     values = V(starts)
@@ -62,7 +56,7 @@ def test_starts_are_drawn_in_the_set_and_on_its_edge(tmp_path: Path) -> None:
 def test_no_start_in_a_proved_set_is_lost(
     aircraft: str, words: tuple[str, ...], tmp_path: Path
 ) -> None:
-    statement, _ = proved(tmp_path / "proved.json", aircraft, *words)
+    statement, _ = stated(tmp_path / "proved.json", aircraft, *words)
     assert starts_lost(statement, 20_000) == (0, 0)
 
 
@@ -73,7 +67,7 @@ def test_the_region_of_the_tutorials_navion(tmp_path: Path) -> None:
     (tmp_path / "navion.py").write_text(source)
     aircraft = f"{tmp_path / 'navion.py'}:NAVION"
     weights = ("--Q", "0.01,10,10,10", "--R", "0.0001,100", "--delta", "20")
-    statement, data = proved(
+    statement, data = stated(
         tmp_path / "region.json", aircraft, *weights, "--degree", "2", "--seconds", "2"
     )
     assert data["states"] == ["speed", "alpha", "pitch", "pitch_rate"]
@@ -89,7 +83,7 @@ def test_the_region_of_the_tutorials_navion(tmp_path: Path) -> None:
 def test_the_region_of_the_f16_with_constant_derivatives(tmp_path: Path) -> None:
     aircraft = f"{ROOT / 'examples' / 'f16_constant.py'}:F16"
     words = ("--delta", "inf", "--degree", "2", "--seconds", "2")
-    statement, data = proved(tmp_path / "region.json", aircraft, *words)
+    statement, data = stated(tmp_path / "region.json", aircraft, *words)
     assert data["rho"] < data["lost_at"]["V"]
     assert data["extents"]["speed"] > 10.0
     assert statement.loop.limits["elevator"] == (-25.0, 25.0)

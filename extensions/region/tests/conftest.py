@@ -1,0 +1,5 @@
+"""The aircraft whose regions several test files prove."""
+
+from pendulum_regions import model
+
+__all__ = ["model"]
