@@ -20,7 +20,7 @@ from hfa.options.argument_types import (
 from hfa.options.request import OfModel, Request, option
 from hfa_aircraft.model import Model
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
-from hfa_model.variants import variant_named
+from hfa_model.variants import further_dynamics, variant_named
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
 from hfa_support.files import note_read
@@ -63,17 +63,20 @@ class UnitsOption(Request):
     )
 
 
+def _dynamics_help(_: Model | None) -> str:
+    """The dynamics that can be chosen: those of the core, and those that packages offer."""
+    core = (
+        "published (regenerates the printed matrices; default)",
+        "newton (exact mechanics, the same air loads)",
+    )
+    return ", ".join([*core, *further_dynamics()])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HfaOptions(Request):
     """Which of the HFA's equations, with which parameters."""
 
-    dynamics: str = option(
-        "published (regenerates the printed matrices; default), newton (exact mechanics, the "
-        "same air loads) or "
-        "unsteady (newton with air that has mass and memory, and tails that feel pitch rate)",
-        "VARIANT",
-        default="published",
-    )
+    dynamics: str = option(_dynamics_help, "VARIANT", default="published")
     parameters: ParameterSet | None = option(
         f"parameters file, or {' or '.join(NAMED)} (default: identified)",
         "FILE",

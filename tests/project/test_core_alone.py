@@ -45,6 +45,7 @@ def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
     assert "--design needs a package that offers 'design' at hfa.parts" in output
     code, output = run("trim", "--aircraft", "jsbsim:737")
     assert (code, output.count("\n")) == (2, 1)
+    assert "unsteady" not in run("trim", "--help")[1]
     code, output = run("trim", "--dihedral", "10", "--dynamics", "unsteady")
     assert (code, output.count("\n")) == (2, 1)
     assert "unknown dynamics 'unsteady'; choose from published, newton" in output

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cli import answer
+from cli import answer, hfa
 
 from hfa_air.unsteady import LAG_STATES, UNSTEADY
 from hfa_model import LINEAR_STATES
@@ -25,6 +25,10 @@ def test_trims_models_and_games_have_the_lag_states() -> None:
     assert game["certificate"]["ok"]
     assert game["delta_min"] == pytest.approx(141.95, abs=0.01)
     assert game["states"] == model["states"]
+
+
+def test_the_help_names_them() -> None:
+    assert "the same air loads), unsteady" in " ".join(hfa("trim", "--help").out.split())
 
 
 def test_effects_are_parameters_and_sweeps_have_them() -> None:

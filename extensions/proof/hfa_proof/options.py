@@ -17,6 +17,7 @@ from hfa.options.trims import (
     scheduled,
 )
 from hfa_aircraft.model import Model
+from hfa_model.variants import VARIANTS
 from hfa_servo.scheduled_controller import load_controller
 from hfa_support.errors import BadInputError
 from hfa_support.schema import Number
@@ -66,7 +67,7 @@ def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
     errors: every identified parameter may be off by this many of its standard errors."""
     from hfa_proof.search.family import Family
 
-    with_errors = not request.own and request.dynamics != "unsteady"
+    with_errors = not request.own and request.dynamics in VARIANTS
     standard_errors = request.parameter_set.standard_errors if with_errors else {}
     if errors and not standard_errors:
         raise BadInputError("the parameters have no standard errors; leave --error out")

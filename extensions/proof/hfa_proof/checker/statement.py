@@ -19,13 +19,12 @@ from flint import arb
 
 import hfa_model
 from hfa_aircraft.model import Model
+from hfa_model.variants import VARIANTS, further_dynamics
 from hfa_proof.arithmetic.balls import lowest_sign
 from hfa_proof.checker.reading import Fields, require
 from hfa_support.errors import BadInputError, shown
 from hfa_support.reporting.results import Stack, Vector
 
-#: The equations of the paper's aircraft, which a certificate names without a file.
-_DYNAMICS = ("published", "newton", "unsteady")
 #: A trim is the stated one when it lies this close to it, in nominal values of its unknowns.
 SAME_TRIM = 1e-6
 
@@ -556,7 +555,7 @@ def model_of(name: Any, source: Any, own: Model | None) -> Model:
                 f"the certificate is about {shown(name)} of another file than that of {own.name}"
             )
         return own
-    if source or name not in _DYNAMICS:
+    if source or name not in (*VARIANTS, *further_dynamics()):
         raise BadInputError(
             f"the certificate is about {shown(name)}; name its file by --aircraft FILE.py:NAME"
         )
