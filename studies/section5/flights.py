@@ -195,7 +195,10 @@ class FlightPlan:
         parts = [f"{self.dihedral_deg:g} deg", self.law]
         if self.uncertainty:
             parts.append(f"A {'+' if self.uncertainty > 0 else '-'} {abs(self.uncertainty):g} A")
-        parts += ["noise"] * self.noise + ["disturbance alone"] * (not self.commanded)
+        if self.noise:
+            parts.append("noise")
+        if not self.commanded:
+            parts.append("disturbance alone")
         return ", ".join(parts)
 
 

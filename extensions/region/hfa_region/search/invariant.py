@@ -9,7 +9,6 @@ from itertools import product
 
 import casadi as ca
 import numpy as np
-import scipy.linalg
 
 from hfa_region.check.loop import HIGHEST, LOWEST
 from hfa_region.check.statement import SaturatedLoop
@@ -23,7 +22,14 @@ from hfa_region.search.level import (
     holding_ball,
 )
 from hfa_region.search.plant import Plant
-from hfa_region.search.region import Region, bounds_of, measured, settings_of
+from hfa_region.search.region import (
+    LYAPUNOV,
+    Region,
+    bounds_of,
+    lyapunov_matrices,
+    measured,
+    settings_of,
+)
 from hfa_region.search.squares import ONE, Terms
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -151,16 +157,10 @@ class _Candidate:
 def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
     """V of the loop without disturbance, and Lyapunov matrices of the loop, of a size near it."""
     yield region.origin, region.V.scaled(1.0 / region.rho)
-    A = region.plant.closed_matrix
-    units = 1.0 / region.plant.nominal
-    generator = np.random.default_rng(0)
     points = edge_points(region.V, region.T, region.rho) @ region.T.T
-    for count in range(_CANDIDATES):
-        weights = units * 10.0 ** (generator.uniform(-1.0, 1.0, len(A)) * (count > 0))
-        P = scipy.linalg.solve_continuous_lyapunov(A.T, -np.diag(weights**2))
-        if np.all(np.linalg.eigvalsh(P) > 0.0):
-            V = PolynomialFunction.quadratic(P)
-            yield "a Lyapunov matrix of the loop", V.scaled(1.0 / float(np.median(V(points))))
+    for P in lyapunov_matrices(region.plant, _CANDIDATES):
+        V = PolynomialFunction.quadratic(P)
+        yield LYAPUNOV, V.scaled(1.0 / float(np.median(V(points))))
 
 
 def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:

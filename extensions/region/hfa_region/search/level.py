@@ -261,9 +261,12 @@ def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]
             met.append(done)
             return
         name = names[len(done)]
-        low, high = ball.reaches(name)
-        for what in [FREE] + [LOWEST] * low + [HIGHEST] * high:
-            descend(done | {name: what})
+        reaches_lowest, reaches_highest = ball.reaches(name)
+        descend(done | {name: FREE})
+        if reaches_lowest:
+            descend(done | {name: LOWEST})
+        if reaches_highest:
+            descend(done | {name: HIGHEST})
 
     descend({})
     return met, empty

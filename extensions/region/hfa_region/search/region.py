@@ -30,6 +30,8 @@ _TURNS_OF_A_PROOF = 5.0
 _GROWTH = 1.6
 #: Lyapunov matrices of the loop that are tried.
 _CANDIDATES = 10
+#: What their V is called.
+LYAPUNOV = "a Lyapunov matrix of the loop"
 #: Rays on which starts are followed, how many on each, and how many times as far as the set.
 _RAYS = 80
 _SHELLS = 10
@@ -161,14 +163,8 @@ class RegionSearch:
         """Positive definite matrices that may be a Lyapunov function of the loop."""
         if self._P is not None and np.all(np.linalg.eigvalsh((self._P + self._P.T) / 2) > 0.0):
             yield "P of the game", (self._P + self._P.T) / 2
-        A = self.plant.closed_matrix
-        units = 1.0 / self.plant.nominal
-        generator = np.random.default_rng(0)
-        for count in range(_CANDIDATES):
-            weights = units * 10.0 ** (generator.uniform(-1.0, 1.0, self._n) * (count > 0))
-            P = scipy.linalg.solve_continuous_lyapunov(A.T, -np.diag(weights**2))
-            if np.all(np.linalg.eigvalsh(P) > 0.0):
-                yield "a Lyapunov matrix of the loop", P
+        for P in lyapunov_matrices(self.plant, _CANDIDATES):
+            yield LYAPUNOV, P
 
     def _start(self) -> PolynomialFunction:
         """The first candidate of which a level is proved, those of the largest sampled sets first;
@@ -306,6 +302,21 @@ class _Turn:
     search: LevelSearch
     size: float
     seconds: float
+
+
+def lyapunov_matrices(plant: Plant, count: int) -> Iterator[np.ndarray]:
+    """P > 0, (n, n), with A'P + P A = -diag(w²), A of the linear loop, for so many weights w, (n,):
+    first 1 over the nominal values, then each entry of that times 0.1 to 10."""
+    A = plant.closed_matrix
+    generator = np.random.default_rng(0)
+    for index in range(count):
+        weights = 1.0 / plant.nominal
+        factors = 10.0 ** generator.uniform(-1.0, 1.0, len(A))
+        if index > 0:
+            weights = weights * factors
+        P = scipy.linalg.solve_continuous_lyapunov(A.T, -np.diag(weights**2))
+        if np.all(np.linalg.eigvalsh(P) > 0.0):
+            yield P
 
 
 def bounds_of(
