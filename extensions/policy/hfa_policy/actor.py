@@ -56,6 +56,8 @@ def read_actor(entries: Mapping[str, Any], folder: Path, observations: int, acti
         actor = Actor(source, "a CasADi function", bool(entries.get("squash", False)))
         _refuse_sizes(actor.function, "the function", observations, actions)
         return actor
+    if not isinstance(source, (str, Path)):
+        raise BadInputError(f"policy.file is {shown(source)}; give the name of a file")
     path = folder / source
     if path.suffix.lower() not in SUFFIXES:
         raise BadInputError(f"policy.file {path}: give a file ({', '.join(SUFFIXES)})")

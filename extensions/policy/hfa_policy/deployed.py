@@ -10,6 +10,7 @@ All are functions of `trim` too, (X0; U0; p): one compiled function serves every
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -122,6 +123,17 @@ class Deployed:
         n, m = len(self.model.states), len(self.model.inputs)
         return self.values(trim[:n], trim[n : n + m], trim)
 
+    def refuse_undefined_at(self, point: OperatingPoint) -> None:
+        """BadInputError where an observation or a map has no value or no slope at a trim."""
+        n = len(self.model.states)
+        m = len(self.model.inputs)
+        trim = self.trim_vector(point)
+        at_trim = (trim[:n], trim[n : n + m], trim)
+        entries = self.deployment.observation
+        o = _refuse_undefined("observation", entries, self.observe, at_trim, (0, 1))
+        maps = self.deployment.action
+        _refuse_undefined("action", maps, self.unlimited_inputs, (self.act(o), *at_trim), (0,))
+
     # Functions.
 
     @cached_property
@@ -227,3 +239,25 @@ class Deployed:
         slopes = [ca.jacobian(commanded, X), ca.jacobian(commanded, U)]
         parts = [ca.densify(part) for part in (commanded, *slopes)]
         return ca.Function("command_slopes", [X, U, trim], parts)
+
+
+def _refuse_undefined(
+    table: str,
+    entries: Iterable[str],
+    function: ca.Function,
+    arguments: tuple[Any, ...],
+    varied: tuple[int, ...],
+) -> np.ndarray:
+    """The values of the entries of a table of the card, (k,); BadInputError where one is no number,
+    or its slope by one of the arguments that are varied."""
+    values = np.array(function(*arguments)).ravel()
+    slopes = function.jacobian()(*arguments, function(*arguments))
+    by_varied = np.hstack([np.array(slopes[index]) for index in varied])
+    is_defined = np.isfinite(values) & np.isfinite(by_varied).all(axis=1)
+    for name, defined in zip(entries, is_defined.tolist(), strict=True):
+        if not defined:
+            raise BadInputError(
+                f"{table}.{name}: its formula has no value or no slope at the trim; write one that "
+                "is smooth there"
+            )
+    return values

@@ -102,7 +102,7 @@ class RestSearch:
         residual, jacobian = self._system(z)
         size = self._size(residual)
         for _ in range(_MOST_STEPS):
-            if size <= _AT_REST * 1e-3 or not np.isfinite(size):
+            if size <= _AT_REST * 1e-3 or not (np.isfinite(size) and np.isfinite(jacobian).all()):
                 break
             scaled = jacobian * self.scales / self.residual_scales[:, None]
             step = np.linalg.lstsq(scaled, -residual / self.residual_scales, rcond=1e-12)[0]

@@ -53,6 +53,23 @@ def test_data_have_the_keys_that_are_promised(good):
         assert point["flights"]["worst_ends"] == "returns"
 
 
+@pytest.mark.parametrize(
+    ("table", "name", "entry"),
+    [
+        ("observation", "speed", {"formula": "sqrt(speed - 45.0)"}),
+        ("observation", "speed", {"formula": "1 / (speed - 45.0)", "about": 0.0}),
+        ("action", "elevator", {"map": "trim + 0.1 * sqrt(a)"}),
+        ("action", "elevator", {"map": "a**a"}),
+    ],
+)
+def test_a_formula_that_is_not_smooth_at_the_trim_is_refused_by_name(table, name, entry):
+    o = ca.SX.sym("o", 4)
+    right = gtm_card({"file": ca.Function("gain", [o], [0.1 * o[1:3]])})
+    model = load_model(GTM)
+    with pytest.raises(hfa.BadInputError, match=rf"^the deployment: {table}\.{name}: its formula"):
+        assess(model, right.changed(**{table: {**getattr(right, table), name: entry}}), [45.0])
+
+
 def test_needs_are_met_or_named(good):
     met = {"delay": 0.01, "margin": 0.1, "cost": 1000.0}
     assert replace(good, needs=met).unmet == []

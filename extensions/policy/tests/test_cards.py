@@ -68,6 +68,7 @@ def message_of(folder, text):
         ("dt = 0.02", "dt = 0.02\ndelay = -1", "timing.delay is -1"),
         ('file = "ppo_gtm.zip"', "", "policy.file is missing"),
         ('file = "ppo_gtm.zip"', 'file = "other.zip"', "other.zip"),
+        ('file = "ppo_gtm.zip"', "file = {name = 1}", "give the name of a file"),
         ('file = "ppo_gtm.zip"', 'file = "ppo_gtm.py"', "give a file (.zip"),
         ("speed = {scale = 20.0}", "sped = {}", "takes the unknown name 'sped'"),
         ("speed = {scale = 20.0}", "speed = {skale = 20.0}", "did you mean scale?"),
