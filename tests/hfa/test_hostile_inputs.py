@@ -29,7 +29,13 @@ def test_a_hostile_input_is_a_result_or_one_line(way: str) -> None:
     } == {}
 
 
-@pytest.mark.parametrize("way", [way for way in WAYS if WAYS[way]])
+@pytest.mark.parametrize(
+    "way",
+    [
+        pytest.param(way, marks=[pytest.mark.slow] if number % 3 else [])
+        for number, way in enumerate(way for way in WAYS if WAYS[way])
+    ],
+)
 def test_what_is_made_hostile_is_accepted_as_it_was(way: str) -> None:
     for name, content in seeds().items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)

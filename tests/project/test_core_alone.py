@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,28 @@ from project import ROOT
 
 CORE_ALONE = str(ROOT / "tests" / "core_alone.py")
 TESTS = ("tests/trim/point/test_solve.py", "tests/verification/critic/test_verdict.py")
+
+#: Command lines, and a program that prints the exit code and the output of each.
+LINES = (
+    "--help",
+    "trim --help",
+    "trim --dihedral 10",
+    "trim --dihedral 10 --dynamics unsteady",
+    "trim --aircraft jsbsim:737",
+    "fly --dihedral 15",
+    "solve --dihedral 11 --design paper",
+)
+PROGRAM = """
+import contextlib, io, json
+from hfa.main import main
+answers = []
+for words in {lines}:
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
+        code = main(words)
+    answers.append((code, out.getvalue()))
+print(json.dumps(answers))
+"""
 
 
 @pytest.mark.slow
@@ -28,11 +51,13 @@ def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
     finally:
         sys.path.remove(str(ROOT / "tests"))
     python = environment(tmp_path / "core")
-    hfa = python.with_name("hfa")
+    lines = [words.split() for words in LINES]
+    program = PROGRAM.format(lines=lines)
+    done = subprocess.run([python, "-c", program], capture_output=True, text=True, check=True)
+    answers = dict(zip(LINES, json.loads(done.stdout), strict=True))
 
     def run(*words: str) -> tuple[int, str]:
-        done = subprocess.run([hfa, *words], capture_output=True, text=True, check=False)
-        return done.returncode, done.stdout + done.stderr
+        return tuple(answers[" ".join(words)])
 
     code, output = run("--help")
     assert (code, "  verify " in output, "  fly " in output) == (0, True, False)

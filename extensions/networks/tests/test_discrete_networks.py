@@ -59,8 +59,13 @@ PROBLEMS = {
     "cross weights": problem_of(N=0.3),
 }
 
+NAMES = [
+    pytest.param(name, marks=[pytest.mark.slow] if name in ("LQR", "discounted") else [])
+    for name in PROBLEMS
+]
 
-@pytest.mark.parametrize("name", PROBLEMS)
+
+@pytest.mark.parametrize("name", NAMES)
 def test_exact_networks_of_v_its_slopes_and_u_pass(name: str) -> None:
     problem = PROBLEMS[name]
     V = exact_value(problem)
@@ -102,7 +107,7 @@ def test_a_constant_in_u_is_off_at_the_origin_and_rests_off_trim() -> None:
     assert verdict.reason == "it is right but for a constant in u"
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_value_that_is_wrong_away_from_the_origin_fails(name: str) -> None:
     problem = PROBLEMS[name]
     V = exact_value(problem)

@@ -197,7 +197,7 @@ def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
     return ca.fmax(ca.sum1(hats) - (y.numel() - 1.0), 0.0)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_narrow_bump_that_the_search_misses_is_found(game: Game, seed: int) -> None:
     """The first input off by 300 % at one place, in 0.05 of the width of the box."""
     rng = np.random.default_rng(seed)
@@ -248,12 +248,12 @@ def test_where_there_is_no_bound_nothing_is_proved() -> None:
     """An error that is 1 at 0 and the limit, and one beyond all doubles."""
     y = ca.SX.sym("y", 2)
     squares = ca.tanh(y[0]) ** 2 + ca.tanh(y[1]) ** 2
-    proof = prove("error", ca.Function("f", [y], [1.0 - 0.1 * squares]), np.ones(2), 1.0, 0.5)
+    proof = prove("error", ca.Function("f", [y], [1.0 - 0.1 * squares]), np.ones(2), 1.0, 0.1)
     assert proof is not None
     assert proof.beyond is None
     assert proof.fraction == 0.0
     huge = ca.Function("f", [y], [(1e200 * ca.tanh(y[0])) ** 2 * 1e-200])
-    proof = prove("error", huge, np.ones(2), 1e299, 0.2)
+    proof = prove("error", huge, np.ones(2), 1e299, 0.1)
     assert proof is not None
     assert proof.fraction < 1.0
 

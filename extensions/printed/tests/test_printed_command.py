@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -91,9 +92,10 @@ def test_a_plant_too_large_for_the_search_is_judged_without_it_and_says_so(tmp_p
         f'time = "continuous"\n[plant]\nA = """\n{rows}\n"""\nB = "diag {diagonal}"\n'
         f'Q = "diag {diagonal}"\nR = "diag {diagonal}"\n[printed]\nK = """\n{printed}\n"""\n'
     )
-    data = answer("printed", str(file), code=FAILED)
+    judged = hfa("printed", str(file), "-o", str(tmp_path / "large.json"))
+    assert judged.code == FAILED
+    data = json.loads((tmp_path / "large.json").read_text("utf-8"))
     assert data["not_searched"].startswith("neither one changed entry of the plant nor")
     assert "60 states are more than the limit, 46296" in data["not_searched"]
-    text = hfa("printed", str(file)).out
-    assert data["not_searched"] in text
-    assert "Q diag of 60 entries from 1 to 1 (printed)" in text
+    assert data["not_searched"] in judged.out
+    assert "Q diag of 60 entries from 1 to 1 (printed)" in judged.out

@@ -145,7 +145,7 @@ def assert_learned(game: Game, share: float, tick: float) -> None:
     assert result.settling_time < 10.0
 
 
-@pytest.mark.parametrize(("seed", "states"), [(9, 6), (1, 7), (2, 7), (7, 8)])
+@pytest.mark.parametrize(("seed", "states"), [(9, 6), (7, 8)])
 def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
     rng = np.random.default_rng(seed)
     eye = np.eye(states)

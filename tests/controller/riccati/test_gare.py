@@ -174,7 +174,7 @@ def test_problem_without_lqr_solution_names_the_mode(
         assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-200, 1e-150])
+@pytest.mark.parametrize("size", [5e-324, 1e-150])
 @pytest.mark.parametrize("weight", [1.0, 1e-310])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_denormal_numbers_end_in_a_solution_or_in_one_line(
@@ -226,7 +226,7 @@ def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
     assert smallest.margin(game.delta) == pytest.approx(game.delta / smallest.value)
 
 
-@pytest.mark.parametrize("games", [8, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("games", [4, pytest.param(20, marks=pytest.mark.slow)])
 def test_minimum_delta_of_random_games(games: int) -> None:
     rng = np.random.default_rng(11)
     for number in range(games):
@@ -270,7 +270,7 @@ def test_a_thousandth_above_the_minimum_is_solved_and_a_millionth_says_why_not(g
         solve_game(game.with_delta(smallest * (1.0 + 3e-6)))
 
 
-@pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_an_undamped_mode_that_costs_nothing_is_named_in_any_unit_of_time(size: float) -> None:
     """An oscillator in random coordinates, whose eigenvalues rounding moves off the axis, to either
     side."""

@@ -87,7 +87,7 @@ def test_an_undamped_mode_that_Q_sees_is_solved_and_one_that_it_does_not_is_name
     A = np.zeros((5, 5))
     A[:2, :2], A[2:4, 2:4] = TURN, 3.0 * TURN
     B = np.ones((5, 1))
-    for seed in range(3):
+    for seed in range(2):
         seen = elsewhere(
             Game(A, B, 0.1 * B, np.diag([1.0, 0.0, 1.0, 0.0, 1.0]), [[1.0]], delta), seed
         )
@@ -204,7 +204,7 @@ def scalar(a: float, apart: float) -> Game:
 
 
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
-@pytest.mark.parametrize("apart", [1e-3, 1e-6, 1e-9, -1e-9, -1e-6, -1e-3])
+@pytest.mark.parametrize("apart", [1e-3, 1e-9, -1e-9, -1e-3])
 def test_at_its_smallest_delta_a_game_is_solved_or_told_on_which_side_it_is(
     a: float, apart: float
 ) -> None:

@@ -88,7 +88,7 @@ def test_disk_margin_is_tight(game: Game) -> None:
     assert largest >= 0.97 / margin.disk
 
 
-@pytest.mark.parametrize("size", [2, 3, 5, 8])
+@pytest.mark.parametrize("size", [2, 8])
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
 @pytest.mark.parametrize("draws", [3, pytest.param(30, marks=pytest.mark.slow)])
 def test_structured_bound_reaches_what_is_known_at_kinks_and_at_infinity(

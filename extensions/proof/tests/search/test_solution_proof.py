@@ -76,7 +76,7 @@ def test_delta_min_of_a_scalar_game_is_bracketed(found: float) -> None:
     assert bracket.value - bracket.refused <= 1e-6 * bracket.value
 
 
-@pytest.mark.parametrize("share", [1e-5, 1e-3, 0.1])
+@pytest.mark.parametrize("share", [1e-5, 0.1])
 def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
     game = ExactGame.of(game_at(15.0))
     smallest = minimum_delta(game_at(15.0)).value
@@ -117,7 +117,7 @@ def test_the_search_says_what_it_does() -> None:
     assert "bounding delta_min from above" in said
 
 
-@pytest.mark.parametrize("size", [1e-12, 1e-9, 1e-3])
+@pytest.mark.parametrize("size", [1e-12, 1e-3])
 def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
     game = game_at(15.0)
     functions = basis("quadratic", 6)
