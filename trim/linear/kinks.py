@@ -24,6 +24,8 @@ _APART = 1e-4
 _FELT = 1e-2
 #: Points at which slopes are compared, the first of those near a switch.
 _MOST = 1_000
+#: No points, no states and inputs.
+_NOWHERE = (np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 
 
 class Smoothed(NamedTuple):
@@ -75,29 +77,28 @@ def _near_switches(
 
     Where equations call functions, whose inside is not seen: all points, all states and inputs.
     """
-    everything = np.arange(len(model.states) + len(model.inputs))
-    if _calls_functions(model.layout):
-        return np.flatnonzero(np.isfinite(x).all(axis=1))[:_MOST], everything
-    switches = _switches(model.layout)
+    steps = _steps(model)
+    switches = _switches(model.layout, steps)
     if switches is None:
-        return np.zeros(0, dtype=int), everything
-    steps = _steps(model)[None].repeat(len(x), axis=0)
-    distances, moves = switches(x, u, p, steps)
+        if not _calls_functions(model.layout):
+            return _NOWHERE
+        return np.flatnonzero(np.isfinite(x).all(axis=1))[:_MOST], np.arange(len(steps))
+    distances, moves = switches(x, u, p)
     near = distances <= 0.0
     if not near.any():
-        return np.zeros(0, dtype=int), everything
+        return _NOWHERE
     points = np.flatnonzero(near.any(axis=1))[:_MOST]
     moving = moves.reshape(*distances.shape, -1)[near]
     if not moving.any(axis=1).all():  # a switch that moves in second order only
-        return points, everything
+        return points, np.arange(len(steps))
     return points, np.flatnonzero(moving.any(axis=0))
 
 
 @lru_cache(maxsize=16)
-def _steps(model: Model) -> np.ndarray:
-    """The step of each state and input, (n + m,)."""
+def _steps(model: Model) -> tuple[float, ...]:
+    """The step of each state and input."""
     signals = (*model.states.values(), *model.inputs.values())
-    return _STEP * np.array([signal.nominal for signal in signals])
+    return tuple(_STEP * signal.nominal for signal in signals)
 
 
 @lru_cache(maxsize=16)
@@ -117,10 +118,12 @@ def _calls_functions(layout: Layout) -> bool:
 
 
 @lru_cache(maxsize=16)
-def _switches(layout: Layout) -> RowFunction | None:
-    """(x, u, p, steps) -> |s| - 2 Σ m, and m = |∂s/∂(x, u)| steps row by row, of the s over which
-    each |.|, sign, min, max, comparison and rounding in the equations switches at 0. None without
-    any."""
+def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
+    """(x, u, p) -> |s| - 2 Σ m, and m = |∂s/∂(x, u)| steps row by row, of the s over which each
+    |.|, sign, min, max, comparison and rounding in the equations switches at 0. None without any,
+    and where the equations call functions."""
+    if _calls_functions(layout):
+        return None
     rates = _rates(layout)
     instructions = range(rates.n_instructions())
     operations = {rates.instruction_id(k) for k in instructions}
@@ -151,11 +154,10 @@ def _switches(layout: Layout) -> RowFunction | None:
     if not s.numel():
         return None
     moved = ca.vertcat(*vectors[:2])
-    steps = ca.SX.sym("steps", moved.numel())
-    moves = ca.fabs(ca.densify(ca.jacobian(s, moved))) @ ca.diag(steps)
+    moves = ca.fabs(ca.densify(ca.jacobian(s, moved))) @ ca.diag(ca.DM(steps))
     distances = ca.fabs(s) - 2 * ca.sum2(moves)
     parts = [ca.densify(distances), ca.vec(ca.densify(moves).T)]
-    return RowFunction(ca.Function("switches", [*vectors, steps], parts))
+    return RowFunction(ca.Function("switches", vectors, parts))
 
 
 def _slopes(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -167,7 +169,7 @@ def _slopes(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray) -> 
     """
     n = len(model.states)
     count, size = z.shape
-    steps = _steps(model)
+    steps = np.array(_steps(model))
     offsets = np.arange(-3, 4)[:, None, None] * np.diag(steps)[columns]
     places = (z[:, None, None, :] + offsets).reshape(-1, size)
     parameters = np.repeat(p, 7 * len(columns), axis=0)
@@ -190,7 +192,7 @@ def _correct(
     derivative = jacobian[:, columns]
     below = 2.5 * slopes[1] - 1.5 * slopes[0]
     above = 2.5 * slopes[4] - 1.5 * slopes[5]
-    nominal = _steps(model)[columns] / _STEP
+    nominal = np.array(_steps(model))[columns] / _STEP
     scale = nominal / np.array([[model.rate_scale(name)] for name in model.states])
     allowed = _APART * (1 + np.abs(derivative) * scale) / scale
     smooth_below = np.abs(slopes[1] - slopes[0]) <= allowed

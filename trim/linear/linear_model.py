@@ -439,25 +439,26 @@ def linearize(
     states = every_state if full else model.linear
     rows = np.array([every_state.index(name) for name in states])
     shown = tuple(outputs or states)
-    if disturbances is None:
-        disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
     if outputs:
         _positions("output", shown, (*every_state, *model.outputs))
-    _positions("disturbance", disturbances, tuple(model.disturbances))
+    if disturbances is None:
+        disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
+    else:
+        _positions("disturbance", disturbances, tuple(model.disturbances))
     x = np.array([point.states])
     u = np.array([point.inputs])
     exact = model.at(x[0], u[0], shown, disturbances)
     smoothed = with_means_at_kinks(model, x, u, model.p[None], exact.A[None], exact.B[None])
     return LinearModel(
-        A=smoothed.A[0][rows][:, rows],
-        B=smoothed.B[0][rows],
+        A=smoothed.A[0].take(rows, axis=0).take(rows, axis=1),
+        B=smoothed.B[0].take(rows, axis=0),
         states=states,
         inputs=tuple(model.inputs),
         point=point,
         outputs=shown,
-        C=exact.C[:, rows],
+        C=exact.C.take(rows, axis=1),
         D=exact.D,
-        E=exact.E[rows],
+        E=exact.E.take(rows, axis=0),
         F=exact.F,
         output_offsets=exact.y,
         disturbances=tuple(disturbances),

@@ -76,7 +76,7 @@ class TrimProblem:
             return self._last[1]
         evaluation = self.system.at(z, self.c)
         if self.model.check is not None:
-            self.model.check(self.model.layout.record("x", evaluation.x.tolist()))
+            self.model.check(evaluation.x)
         if not evaluation.finite:
             self.model.at(evaluation.x, evaluation.u)  # says which rate is not a number
             raise FloatingPointError(f"{self.model.name}: an output is not a number")
@@ -157,8 +157,8 @@ class TrimProblem:
         residuals = dict(zip(self.names, amounts, strict=True))
         structure = self.system.structure
         return OperatingPoint(
-            self.model.layout.record("x", evaluation.x.tolist()),
-            self.model.layout.record("u", evaluation.u.tolist()),
+            evaluation.x,
+            evaluation.u,
             {name: residuals[name] for name, _ in (*structure.rates, *structure.outputs)},
             status,
             self.model,

@@ -243,14 +243,15 @@ def equations(structure: Structure) -> Equations:
 class Evaluation(NamedTuple):
     """The equations at one point.
 
-    x, u, y: states, inputs and watched outputs
+    x, u: states and inputs, by name
+    y: watched outputs
     residual: (e,), in scaled units
     jacobian: (e, k), by the scaled unknowns
     finite: whether all of them are numbers
     """
 
-    x: np.ndarray
-    u: np.ndarray
+    x: Any
+    u: Any
     y: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
@@ -283,7 +284,7 @@ class TrimSystem:
         """varied: variables, outputs, rates and parameters that differ between points; begin: where
         condition and declaration begin unless given."""
         if begin is None:
-            begin = declared_start(model, condition.imposed) | dict(condition.begin)
+            begin = {**declared_start(model, condition.imposed), **condition.begin}
         self.model = model
         self.condition = condition
         self.begin = begin
@@ -334,8 +335,8 @@ class TrimSystem:
         watched = inputs + len(self.structure.watched)
         equations = watched + len(self.row_scales)
         return Evaluation(
-            flat[:states],
-            flat[states:inputs],
+            self.model.layout.record("x", flat[:states].tolist()),
+            self.model.layout.record("u", flat[states:inputs].tolist()),
             flat[inputs:watched],
             flat[watched:equations],
             flat[equations:].reshape(len(self.row_scales), len(z)),
@@ -369,43 +370,28 @@ class TrimSystem:
             have those of the condition and the model
         """
         columns = columns or {}
-        table = self._row[None].repeat(count, axis=0)
-        for index, name in self._tables:
-            scheduled = self.model.schedule
-            at = columns.get(scheduled, self.condition.imposed.get(scheduled, 0.0))
-            table[:, index] = self.condition.values_at(name, at)
-        for name, values in columns.items():
-            if name in self._index:
-                table[:, self._index[name]] = values
+        names = self.equations.constants
+        table = np.empty((count, len(names) + len(self.model.p)))
+        for index, name in enumerate(names):
+            table[:, index] = columns[name] if name in columns else self._constant(name, columns)
+        table[:, len(names) :] = self.model.p
+        for name in self.model.parameters.keys() & columns:
+            table[:, len(names) + list(self.model.parameters).index(name)] = columns[name]
         return table
 
-    @cached_property
-    def _index(self) -> dict[str, int]:
-        """Name of a constant or parameter -> its column in the table of constants."""
-        names = (*self.equations.constants, *self.model.parameters)
-        return {name: index for index, name in enumerate(names)}
-
-    @cached_property
-    def _tables(self) -> list[tuple[int, str]]:
-        """The constants that change with the scheduling variable: column, name."""
-        return [
-            (self._index[name], name)
-            for name, value in self.condition.imposed.items()
-            if isinstance(value, LinearTable) and name in self._index
-        ]
-
-    @cached_property
-    def _row(self) -> np.ndarray:
-        """The constants of a point that gives no values of its own; 0 for tables."""
-        row = []
-        for name in self.equations.constants:
-            value = self.condition.imposed.get(name, 0.0)
-            if name in self.equations.idle:
-                value = self.begin[name]
-            elif name in self.model.rates:
-                value = self.condition.rates.get(name.removesuffix("_dot"), 0.0)
-            row.append(0.0 if isinstance(value, LinearTable) else value)
-        return np.concatenate([row, self.model.p])
+    def _constant(self, name: str, columns: Mapping[str, np.ndarray]) -> float | np.ndarray:
+        """The value of a constant that has no column of its own, or its values (N,) where a table
+        gives them."""
+        if name in self.equations.idle:
+            return self.begin[name]
+        if name in self.model.rates:
+            return self.condition.rates.get(name.removesuffix("_dot"), 0.0)
+        imposed = self.condition.imposed
+        value = imposed.get(name, 0.0)
+        if not isinstance(value, LinearTable):
+            return value
+        by = self.model.schedule
+        return self.condition.values_at(name, columns.get(by, imposed.get(by, 0.0)))
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
         """(k,), the scaled unknowns among the values of all variables."""
