@@ -3,15 +3,18 @@ their own."""
 
 from __future__ import annotations
 
-import math
+import re
 import textwrap
+from collections.abc import Mapping
 
 import casadi as ca
 
 from hfa_support.errors import BadInputError
 
 #: Operation -> C expression of its operands.
-_OPERATIONS = {
+OPERATIONS = {
+    ca.OP_CONST: "{0}",
+    ca.OP_INPUT: "{0}",
     ca.OP_ASSIGN: "{0}",
     ca.OP_ADD: "{0} + {1}",
     ca.OP_SUB: "{0} - {1}",
@@ -41,7 +44,7 @@ _OPERATIONS = {
     ca.OP_NOT: "(double)(!{0})",
     ca.OP_AND: "(double)({0} && {1})",
     ca.OP_OR: "(double)({0} || {1})",
-    ca.OP_SIGN: "(double)(({0} > 0.0) - ({0} < 0.0))",
+    ca.OP_SIGN: "{0} < 0.0 ? -1.0 : {0} > 0.0 ? 1.0 : {0}",
     ca.OP_FLOOR: "floor({0})",
     ca.OP_CEIL: "ceil({0})",
     ca.OP_LOG: "log({0})",
@@ -52,10 +55,15 @@ _OPERATIONS = {
 
 
 def c_function(
-    function: ca.Function, name: str, arguments: tuple[str, ...], results: tuple[str, ...]
+    function: ca.Function,
+    name: str,
+    arguments: tuple[str, ...],
+    results: tuple[str, ...],
+    real: str = "double",
+    operations: Mapping[int, str] = OPERATIONS,
 ) -> str:
     """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a
-    dense SX Function.
+    dense SX Function; of another type than double where its operations are given too.
 
     Columns of a matrix come one after the other. One function that it calls, of one argument and
     one result, comes before it. Avoids compiler warnings about empty and unused variables.
@@ -67,54 +75,44 @@ def c_function(
                 f"{name}: the function {each.name()} ({each.class_name()}) of the model cannot be"
                 " written as C: declare it by expressions"
             )
-    called = "".join(c_function(each, f"{name}_{each.name()}", ("x",), ("y",)) for each in inner)
-    names = ", ".join(
-        [*(f"const double *{each}" for each in arguments), *(f"double *{each}" for each in results)]
+    called = "".join(
+        c_function(each, f"{name}_{each.name()}", ("x",), ("y",), real, operations)
+        for each in inner
     )
+    given = [f"const {real} *{each}" for each in arguments]
+    names = ", ".join(given + [f"{real} *{each}" for each in results])
     lines = []
-    used = set()
     for index in range(function.n_instructions()):
         code = function.instruction_id(index)
         out = function.instruction_output(index)
         source = function.instruction_input(index)
-        used |= set(out if code != ca.OP_OUTPUT else source) - {-1}
+        operands = [f"w{each}" for each in source]
         if code == ca.OP_CONST:
-            lines.append(f"w{out[0]} = {_number(function.instruction_constant(index))};")
+            number = repr(function.instruction_constant(index))
+            operands = [number.replace("inf", "HUGE_VAL").replace("nan", "NAN")]
         elif code == ca.OP_INPUT:
-            lines.append(f"w{out[0]} = {arguments[source[0]]}[{source[1]}];")
-        elif code == ca.OP_OUTPUT:
+            operands = [f"{arguments[source[0]]}[{source[1]}]"]
+        if code == ca.OP_OUTPUT:
             lines.append(f"{results[out[0]]}[{out[1]}] = w{source[0]};")
         elif code == ca.OP_CALL and len(inner) == 1:
-            given = ", ".join(f"w{each}" for each in source)
             taken = " ".join(
                 f"w{each} = y[{place}];" for place, each in enumerate(out) if each >= 0
             )
             callee = f"{name}_{inner[0].name()}"
+            inputs = ", ".join(operands)
             lines.append(
-                f"{{ const double x[] = {{{given}}}; double y[{len(out)}]; {callee}(x, y);"
-                f" {taken} }}"
+                f"{{ const {real} x[] = {{{inputs}}}; {real} y[{len(out)}];"
+                f" {callee}(x, y); {taken} }}"
             )
-        elif code in _OPERATIONS:
-            lines.append(
-                f"w{out[0]} = {_OPERATIONS[code].format(*(f'w{each}' for each in source))};"
-            )
+        elif code in operations:
+            lines.append(f"w{out[0]} = {operations[code].format(*operands)};")
         else:
-            words = [
-                word for word in dir(ca) if word.startswith("OP_") and getattr(ca, word) == code
-            ]
-            raise BadInputError(
-                f"{name}: the operation {words[0] if words else code} cannot be written as C"
-            )
-    work = textwrap.fill(", ".join(f"w{index}" for index in sorted(used)), 100)
-    body = "\n".join(f"    {line}" for line in [*f"double {work};".splitlines(), *lines])
+            words = [word for word in dir(ca) if word[:3] == "OP_" and getattr(ca, word) == code]
+            raise BadInputError(f"{name}: the operation {words[0]} cannot be written as C")
+    used = dict.fromkeys(re.findall(r"\bw\d+", " ".join(lines)))
+    work = textwrap.fill(", ".join(used), 100)
+    body = "\n".join(f"    {line}" for line in [*f"{real} {work};".splitlines(), *lines])
     idle = "".join(
         f"    (void){each};\n" for each in (*arguments, *results) if f"{each}[" not in body
     )
     return f"{called}static void {name}({names})\n{{\n{body}\n{idle}}}\n"
-
-
-def _number(value: float) -> str:
-    """A constant as C writes it."""
-    if math.isinf(value):
-        return "HUGE_VAL" if value > 0.0 else "-HUGE_VAL"
-    return repr(value)

@@ -16,13 +16,12 @@ from hfa_policy.deployed import Deployed
 from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import start_box
+from hfa_policy.row_code import row_code
 from hfa_support.errors import BadInputError, is_finite, shown
-from hfa_support.native.bound import RowFunction
-from hfa_support.native.machine_code import machine_code
 from trim.point.operating_point import OperatingPoint
 
-#: Episodes from which on threads share them.
-_MANY = 100
+#: Episodes from which on threads share them: fewer are flown in the time that sharing takes.
+_MANY = 500
 #: Seconds of an episode unless asked for.
 SECONDS = 20.0
 
@@ -76,9 +75,9 @@ class Episodes:
             extra=actions,
             other=_moved_by_actions(deployed, self.low, self.high),
         )
-        self._step = RowFunction(machine_code(self._sample()))
+        self._step = row_code(self._sample())
         self._threads = ThreadPoolExecutor() if count >= _MANY else None
-        self._observe = RowFunction(self._observation())
+        self._observe = row_code(self._observation())
         envelopes = [flight_envelope(deployed.model, point) for point in points]
         self._least = np.array([envelope.least for envelope in envelopes])
         self._most = np.array([envelope.most for envelope in envelopes])
@@ -128,14 +127,13 @@ class Episodes:
         """One sample of all episodes with these actions, (N, m), within the box."""
         extra = self._flight.slices[-1]
         self._rows[:, extra] = actions
-        with np.errstate(all="ignore"):
-            after, costs = self._stepped()
-        state = self._flight.slices[0]
-        X = after[:, state]
+        after, costs = self._stepped()
+        X = after[:, self._flight.slices[0]]
         inside = (self._least[self.owners] <= X) & (self._most[self.owners] >= X)
-        lost = ~(inside.all(axis=1) & np.isfinite(after).all(axis=1))
+        finite = np.isfinite(after).all(axis=1)
+        lost = ~(inside.all(axis=1) & finite)
         # What is no number is shown where the flight was last.
-        self._rows = np.where(np.isfinite(after).all(axis=1)[:, None], after, self._rows)
+        np.copyto(self._rows[:, : after.shape[1]], after, where=finite[:, None])
         self.done += 1
         rewards = -np.nan_to_num(costs[:, 0], nan=0.0, posinf=1e6)
         rewards[lost] *= 1 + self.samples - self.done[lost]
@@ -143,8 +141,8 @@ class Episodes:
         return Stepped(self.observations(numbers), rewards, lost, self.done >= self.samples)
 
     def _stepped(self) -> Sequence[np.ndarray]:
-        """The rows a sample later and the costs, of many in as many threads as there are
-        processors."""
+        """What changes of the rows, a sample later, and the costs; of many in as many threads as
+        there are processors."""
         if self._threads is None:
             return self._step(self._rows)
         parts = np.array_split(self._rows, os.cpu_count() or 1)
@@ -152,25 +150,19 @@ class Episodes:
         return [np.concatenate(tables) for tables in zip(*done, strict=True)]
 
     def _sample(self) -> ca.Function:
-        """row -> (row a sample later, cost of the sample)."""
+        """row -> (what changes of it, a sample later, cost of the sample)."""
         flight = self._flight
         row = ca.MX.sym("row", sum(flight.sizes))
-        parts = ca.vertsplit(row, np.cumsum([0, *flight.sizes]).tolist())
-        X, memory, trim, actions = parts[0], parts[1], parts[6], parts[8]
-        m = len(self.deployed.model.inputs)
-        U = flight.steered.command()(X, memory[-m:], trim, actions)
+        X, before, trim, actions = flight.observed(row)
+        U = flight.steered.moves(actions, X, before, trim, actions)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
-        return ca.Function("episode", [row], [flight.sample()(row), ca.densify(cost)])
+        return ca.Function("episode", [row], [flight.later()(row, actions), ca.densify(cost)])
 
     def _observation(self) -> ca.Function:
         """row -> o."""
-        flight = self._flight
-        row = ca.MX.sym("row", sum(flight.sizes))
-        parts = ca.vertsplit(row, np.cumsum([0, *flight.sizes]).tolist())
-        m = len(self.deployed.model.inputs)
-        return ca.Function(
-            "observation", [row], [self.deployed.observe(parts[0], parts[1][-m:], parts[6])]
-        )
+        row = ca.MX.sym("row", sum(self._flight.sizes))
+        X, before, trim, _ = self._flight.observed(row)
+        return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])
 
 
 def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:

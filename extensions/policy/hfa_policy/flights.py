@@ -22,8 +22,8 @@ import numpy as np
 from hfa_networks.files.row_network import RowNetwork
 from hfa_policy.deployed import Deployed
 from hfa_policy.held_step import held_step
+from hfa_policy.row_code import row_code
 from hfa_support.native.bound import RowFunction
-from hfa_support.native.machine_code import machine_code
 
 #: Samples from which on compiling to machine code pays.
 COMPILE_FROM = 50_000
@@ -31,6 +31,9 @@ COMPILE_FROM = 50_000
 WINDOW = 1.0
 #: A delay within this part of a sample of a whole number of them is that number.
 _WHOLE = 1e-9
+
+#: A function of tables with a row a flight.
+Rows = Callable[..., list[np.ndarray]]
 
 
 class Steered(NamedTuple):
@@ -139,7 +142,7 @@ class SampledFlight:
     def entering(self) -> ca.Function:
         """row -> what the network takes."""
         row = ca.MX.sym("row", sum(self.sizes))
-        return ca.Function("entering", [row], [self.steered.enters(*self._observed(row))])
+        return ca.Function("entering", [row], [self.steered.enters(*self.observed(row))])
 
     def later(self) -> ca.Function:
         """(row, what the network gives) -> the numbers that change, a sample later."""
@@ -149,7 +152,7 @@ class SampledFlight:
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
         X, memory, low_X, high_X, low_U, high_U, trim, push, _ = self._parts(row)
         before = memory[-m:]
-        U = self.steered.moves(raw, *self._observed(row))
+        U = self.steered.moves(raw, *self.observed(row))
         p = trim[n + m :]
         acting = U if self.whole == 0 else memory[(self.whole - 1) * m : self.whole * m]
         after = X
@@ -180,19 +183,18 @@ class SampledFlight:
         """The parts of a row."""
         return ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
 
-    def _observed(self, row: ca.MX) -> tuple[ca.MX, ...]:
+    def observed(self, row: ca.MX) -> tuple[ca.MX, ...]:
         """(X, U before, trim, extra) of a row."""
         X, memory, _, _, _, _, trim, _, extra = self._parts(row)
         return X, memory[-len(self.deployed.model.inputs) :], trim, extra
 
     def window(self, flights: int, seconds: float) -> Window:
         """What advances rows by a window, as machine code where so many flights pay for it."""
-        entering, network, later = self.entering(), self.steered.network, self.later()
-        if flights * seconds / self.dt >= COMPILE_FROM:
-            entering, later = machine_code(entering), machine_code(later)
-            if self.steered.rows is None:
-                network = machine_code(network)
-        return Window(entering, network, later, self.steered.rows, self.samples_in_window)
+        is_long = flights * seconds / self.dt >= COMPILE_FROM
+        on_rows = row_code if is_long else RowFunction
+        network = self.steered.rows or _first_result(on_rows(self.steered.network))
+        entering, later = on_rows(self.entering()), on_rows(self.later())
+        return Window(entering, network, later, self.samples_in_window)
 
     def rows(
         self,
@@ -212,22 +214,25 @@ class SampledFlight:
         return np.hstack(columns)
 
 
+def _first_result(function: Rows) -> RowNetwork:
+    """The first result of a function of rows."""
+    return lambda rows: function(rows)[0]
+
+
 class Window:
     """Advances rows by a number of samples."""
 
     def __init__(
         self,
-        entering: ca.Function,
-        network: ca.Function,
-        later: ca.Function,
-        rows: RowNetwork | None,
+        entering: Rows,
+        network: RowNetwork,
+        later: Rows,
         samples: int,
     ) -> None:
         self._samples = samples
-        self._entering = RowFunction(entering)
-        self._later = RowFunction(later)
-        on_rows = RowFunction(network)
-        self._network = rows or (lambda seen: on_rows(seen)[0])
+        self._entering = entering
+        self._network = network
+        self._later = later
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """The rows a window later."""

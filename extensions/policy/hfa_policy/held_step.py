@@ -29,41 +29,40 @@ def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
 
 
 @lru_cache(maxsize=16)
-def rate_function(layout: Layout, linear: tuple[str, ...]) -> ca.Function:
-    """(X, U, push, p) -> X' = f(X, U, p) + push on the states `linear`, in still air."""
+def step_of_integration(layout: Layout, linear: tuple[str, ...]) -> ca.Function:
+    """[X; U; push; p; h] -> X after h seconds, by a step of the classical Runge-Kutta method of
+    order 4 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2) for
+    X' = f(X, U, p) + push on the states `linear`, in still air."""
     states, inputs, parameters = layout.names[0], layout.names[1], layout.names[2]
-    X = ca.SX.sym("X", len(states))
-    U = ca.SX.sym("U", len(inputs))
-    push = ca.SX.sym("push", len(linear))
-    p = ca.SX.sym("p", len(parameters))
+    sizes = (len(states), len(inputs), len(linear), len(parameters))
+    X, U, push, p = (ca.SX.sym("x", size) for size in sizes)
     rates, _ = layout.expressions([components(vector) for vector in (X, U, p)], ())
     pushed = [
         rate + (push[linear.index(name)] if name in linear else 0.0)
         for name, rate in zip(states, ca.vertsplit(rates), strict=True)
     ]
-    options = {"cse": True, "never_inline": True}
-    return ca.Function("rate", [X, U, push, p], [ca.densify(ca.vertcat(*pushed))], options)
+    once = {"cse": True, "never_inline": True}
+    rate = ca.Function("rate", [ca.vertcat(X, U, push, p)], [ca.densify(ca.vertcat(*pushed))], once)
+    h = ca.SX.sym("h")
+    k1 = rate(ca.vertcat(X, U, push, p))
+    k2 = rate(ca.vertcat(X + h / 2 * k1, U, push, p))
+    k3 = rate(ca.vertcat(X + h / 2 * k2, U, push, p))
+    k4 = rate(ca.vertcat(X + h * k3, U, push, p))
+    after = X + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return ca.Function("step", [ca.vertcat(X, U, push, p, h)], [after], {"never_inline": True})
 
 
 def held_step(model: Model, dt: float, parts: int) -> ca.Function:
-    """(X, U, push, p) -> X after dt seconds, by `parts` steps of the classical Runge-Kutta method
-    of order 4 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2).
+    """(X, U, push, p) -> X after dt seconds, in `parts` steps of the integration.
 
     X: (n,), absolute, as U (m,), which is held
     push: (k,), adds to the rates of the linear states
     p: the parameters of the model
     """
-    rate = rate_function(model.layout, model.linear)
-    X, U, push, p = (ca.MX.sym("x", rate.numel_in(index)) for index in range(4))
-    h = dt / parts
-    k1 = rate(X, U, push, p)
-    k2 = rate(X + h / 2 * k1, U, push, p)
-    k3 = rate(X + h / 2 * k2, U, push, p)
-    k4 = rate(X + h * k3, U, push, p)
-    after = X + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    one = ca.Function("part", [X, U, push, p], [after])
-    if parts == 1:
-        return one
-    whole = one.mapaccum("parts", parts)
-    repeated = [ca.repmat(each, 1, parts) for each in (U, push, p)]
-    return ca.Function("held_step", [X, U, push, p], [whole(X, *repeated)[:, -1]])
+    step = step_of_integration(model.layout, model.linear)
+    sizes = (len(model.states), len(model.inputs), len(model.linear), len(model.parameters))
+    X, U, push, p = (ca.MX.sym("x", size) for size in sizes)
+    after = X
+    for _ in range(parts):
+        after = step(ca.vertcat(after, U, push, p, dt / parts))
+    return ca.Function("held_step", [X, U, push, p], [after])

@@ -1,0 +1,150 @@
+"""CasADi Functions of many rows as machine code that computes several rows side by side."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_support.errors import BadInputError
+from hfa_support.native.bound import MAKING, RowFunction
+from hfa_support.native.c_code import OPERATIONS, c_function
+from hfa_support.native.machine_code import compiled, machine_code
+
+#: Rows side by side: the registers of every 64-bit processor take two.
+_LANES = 2
+_EXACT = ("sqrt", "fabs", "floor", "ceil")
+_OF_ONE = (*_EXACT, "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "tanh")
+_OF_TWO = ("pow", "atan2")
+#: Operation -> C expression of operands that hold a number of each row. A condition is 1.0 or 0.0.
+_ON_LANES = {
+    ca.OP_CONST: "(real){{}} + {0}",
+    ca.OP_FMIN: "lanes_fmin({0}, {1})",
+    ca.OP_FMAX: "lanes_fmax({0}, {1})",
+    ca.OP_LT: "truth({0} < {1})",
+    ca.OP_LE: "truth({0} <= {1})",
+    ca.OP_EQ: "truth({0} == {1})",
+    ca.OP_NE: "truth({0} != {1})",
+    ca.OP_NOT: "truth({0} == 0.0)",
+    ca.OP_AND: "truth(({0} != 0.0) & ({1} != 0.0))",
+    ca.OP_OR: "truth(({0} != 0.0) | ({1} != 0.0))",
+    ca.OP_SIGN: "chosen({0} == {0}, truth({0} > 0.0) - truth({0} < 0.0), {0})",
+    ca.OP_IF_ELSE_ZERO: "(real)(({0} != 0.0) & (mask){1})",
+}
+_FROM_MATH = {
+    operation: f"lanes_{text}"
+    for operation, text in OPERATIONS.items()
+    if text.partition("(")[0] in (*_OF_ONE, *_OF_TWO)
+}
+_OPERATIONS = {**OPERATIONS, **_FROM_MATH, **_ON_LANES}
+
+_HEAD = """
+#include <math.h>
+#define LANES {lanes}
+typedef double real __attribute__((vector_size(8 * LANES)));
+typedef long long mask __attribute__((vector_size(8 * LANES)));
+#define INLINE static inline __attribute__((always_inline, unused))
+#define OF_ONE(name) INLINE real lanes_##name(real a) \\
+    {{ for (int i = 0; i < LANES; i++) a[i] = name(a[i]); return a; }}
+#define OF_TWO(name) INLINE real lanes_##name(real a, real b) \\
+    {{ for (int i = 0; i < LANES; i++) a[i] = name(a[i], b[i]); return a; }}
+
+INLINE real truth(mask holds) {{ return (real)(holds & (mask)((real){{}} + 1.0)); }}
+INLINE real chosen(mask first, real a, real b)
+{{
+    return (real)((first & (mask)a) | (~first & (mask)b));
+}}
+INLINE real lanes_fmax(real a, real b) {{ return chosen((a > b) | (b != b), a, b); }}
+INLINE real lanes_fmin(real a, real b) {{ return chosen((a < b) | (b != b), a, b); }}
+"""
+
+_LOOP = """
+void {symbol}(long long count, const double *const *tables, double *const *results)
+{{
+    for (long long first = 0; first < count; first += LANES) {{
+        int rows = count - first < LANES ? (int)(count - first) : LANES;
+        {memory}
+        {read}
+        of_rows({names});
+        {write}
+    }}
+}}
+"""
+_READ = """for (int j = 0; j < {size}; j++)
+            for (int i = 0; i < LANES; i++)
+                {name}[j][i] = tables[{index}][(first + (i < rows ? i : 0)) * {size} + j];"""
+_WRITE = """for (int j = 0; j < {size}; j++)
+            for (int i = 0; i < rows; i++)
+                results[{index}][(first + i) * {size} + j] = {name}[j][i];"""
+
+
+class RowCode:
+    """A compiled function, called once a row of its arguments as a `RowFunction` is; threads run at
+    the same time."""
+
+    def __init__(self, function: ca.Function, symbol: str, library: Path) -> None:
+        self._call = getattr(ctypes.CDLL(str(library)), symbol)
+        self._widths = [function.numel_in(index) for index in range(function.n_in())]
+        self._sizes = [function.numel_out(index) for index in range(function.n_out())]
+
+    def __call__(self, *tables: Any) -> list[np.ndarray]:
+        """Of arguments (N, size of the argument) the results (N, size of the result)."""
+        count = len(tables[0])
+        given = [np.ascontiguousarray(table, dtype=float) for table in tables]
+        for table, width in zip(given, self._widths, strict=True):
+            if table.shape != (count, width):
+                raise ValueError(f"a table is {table.shape}, not {(count, width)}")
+        results = [np.empty((count, size)) for size in self._sizes]
+        self._call(ctypes.c_longlong(count), _addresses(given), _addresses(results))
+        return results
+
+
+def row_code(function: ca.Function) -> RowCode | RowFunction:
+    """A dense function as machine code for many rows; where its operations cannot be written as C,
+    or with one note where no compiler works, as CasADi calls it."""
+    with MAKING:
+        try:
+            text = _text(function)
+        except (BadInputError, RuntimeError):
+            return RowFunction(machine_code(function))
+    code = compiled(
+        lambda symbol: text.replace("SYMBOL", symbol),
+        lambda symbol, library: RowCode(function, symbol, library),
+    )
+    return RowFunction(function) if code is None else code
+
+
+def _text(function: ca.Function) -> str:
+    """C of a function; RuntimeError where CasADi cannot write it in scalars, BadInputError where
+    `c_function` cannot."""
+    scalars = function if function.is_a("SXFunction") else function.expand()
+    arguments = tuple(f"x{index}" for index in range(function.n_in()))
+    results = tuple(f"y{index}" for index in range(function.n_out()))
+    memory, read, write = [], [], []
+    for index, name in enumerate(arguments):
+        size = function.numel_in(index)
+        memory.append(f"real {name}[{max(1, size)}];")
+        read.append(_READ.format(name=name, index=index, size=size))
+    for index, name in enumerate(results):
+        size = function.numel_out(index)
+        memory.append(f"real {name}[{max(1, size)}];")
+        write.append(_WRITE.format(name=name, index=index, size=size))
+    loop = _LOOP.format(
+        symbol="SYMBOL",
+        memory="\n        ".join(memory),
+        read="\n        ".join(read),
+        names=", ".join([*arguments, *results]),
+        write="\n        ".join(write),
+    )
+    from_math = [f"OF_ONE({name})" for name in _OF_ONE] + [f"OF_TWO({name})" for name in _OF_TWO]
+    head = _HEAD.format(lanes=_LANES) + "\n".join(from_math)
+    return "\n".join(
+        [head, c_function(scalars, "of_rows", arguments, results, "real", _OPERATIONS), loop]
+    )
+
+
+def _addresses(arrays: list[np.ndarray]) -> Any:
+    return (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
