@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 NEEDS = {"delay": "s", "margin": "disk margin", "cost": "percent over the optimum"}
 #: A command that is off its slope by less is linear.
 _LINEAR = 0.01
+#: Percent over the optimum, from which on a cost is another one.
+_SAME_COST = 1e-6
 #: A rest off trim by less than this part of the box of starts is at the trim.
 _AT_TRIM = 0.01
 
@@ -199,14 +201,18 @@ class Assessment(Result, Reported):
         return f"{part} of the starts do not come back"
 
     def _costing(self) -> str:
-        worst = [point.cost.worst for point in self.points if point.cost is not None]
-        if not worst:
+        costs = [point.cost.worst for point in self.points if point.cost is not None]
+        if not costs:
             return ""
-        if not math.isfinite(max(worst)):
+        worst = max(costs)
+        if not math.isfinite(worst):
             return "its cost has no bound"
-        if max(worst) >= 100.0:
-            return f"costs up to {1.0 + max(worst) / 100.0:.2g} x the optimum"
-        return f"costs up to {max(worst):.2g} % more than the optimum"
+        if worst < _SAME_COST:
+            return "costs what the optimum costs"
+        if worst < 100.0:
+            return f"costs up to {worst:.2g} % more than the optimum"
+        times = float(f"{1.0 + worst / 100.0:.2g}")
+        return f"costs up to {short_number(times, '')} x the optimum"
 
     def report(self) -> Report:
         """The first line, the trims, the findings."""
