@@ -105,8 +105,10 @@ def network_in(
     with said_of(path):
         try:
             if suffix == ".onnx":
-                functions, rows, precision, chain = graph_functions(path, states, inputs, parts)
-                return NetworkFile(functions, chain, precision, rows=rows)
+                graph = graph_functions(path, states, inputs, parts)
+                return NetworkFile(
+                    graph.functions, graph.operators, graph.precision, rows=graph.rows
+                )
             content = regular_file(path, LARGEST_FILE).read_bytes()
             tensors, precision = checked_tensors(tensors_in(content, suffix))
             networks = {

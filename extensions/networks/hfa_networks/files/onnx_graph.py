@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial, reduce
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -306,17 +306,33 @@ _ELEMENTWISE = (
 )
 
 
+class GraphFunctions(NamedTuple):
+    """What an ONNX graph computes.
+
+    functions: what was asked for, or the name of the output -> x (states,), of a Q
+        (states + inputs,) -> its numbers.
+    rows: the same name -> the function of many x at once, where a product is large.
+    precision: of its weights, "float32" or "float64".
+    operators: on x with the sizes of their results, as one line.
+    """
+
+    functions: dict[str, ca.Function]
+    rows: dict[str, RowNetwork]
+    precision: str
+    operators: str
+
+
 def graph_functions(
     path: Path, states: int, inputs: int, outputs: Mapping[str, str]
-) -> tuple[dict[str, ca.Function], dict[str, RowNetwork], str, str]:
-    """The functions of a graph, those of them on rows, the precision of its weights, and its
-    operators as one line.
+) -> GraphFunctions:
+    """The functions of the graph in a file.
 
     path: of the file; weights beside it are read from files of its folder.
-    states, inputs: of the plant.
+    states: how many the plant has.
+    inputs: how many the plant has.
     outputs: what is asked for -> the name of an output of the graph; "" for all of them.
-    Functions: what was asked for, or the name of the output -> x (states,), of a Q
-        (states + inputs,) -> its numbers.
+
+    BadInputError without the package onnx, and for a graph that is not read.
     """
     try:
         import onnx
@@ -336,22 +352,49 @@ def graph_functions(
     initializers = {tensor.name: tensor for tensor in graph.initializer}
     arrays, precision = _constants(onnx, initializers, path.parent)
     shapes = _inputs_of(graph, set(arrays), states, inputs)
-    width = sum(shape[-1] for shape in shapes.values())
-    x = ca.SX.sym("x", width)
+    widths = [shape[-1] for shape in shapes.values()]
+    x = ca.SX.sym("x", sum(widths))
     entries = np.fromiter(ca.vertsplit(x), object)
-    for name, shape in shapes.items():
-        arrays[name] = entries[: shape[-1]].reshape(shape)
-        entries = entries[shape[-1] :]
+    begin = 0
+    for (name, shape), width in zip(shapes.items(), widths, strict=True):
+        arrays[name] = entries[begin : begin + width].reshape(shape)
+        begin += width
     products = Products(x)
     operators: dict[str, Callable[..., Any]] = {
         "MatMul": products.times,
         "Gemm": partial(_gemm, products.times),
         **_OPERATORS,
     }
-    steps = [" and ".join(str(shape[-1]) for shape in shapes.values())]
+    steps = [" and ".join(map(str, widths))]
+    steps_of_nodes, precision_of_nodes = _evaluate(onnx, graph.node, operators, arrays)
+    steps += steps_of_nodes
+    functions = {}
+    rows = {}
+    for key, name in _outputs_of(graph, outputs).items():
+        functions[key] = products.function(arrays[name])
+        on_rows = products.rows(arrays[name])
+        if on_rows is not None:
+            rows[key] = on_rows
+    lowest_precision = min(precision, precision_of_nodes)  # float32 before float64
+    return GraphFunctions(functions, rows, lowest_precision, " -> ".join(steps))
+
+
+def _evaluate(
+    onnx: Any,
+    nodes: Iterable[Any],
+    operators: Mapping[str, Callable[..., Any]],
+    arrays: dict[str, Any],
+) -> tuple[list[str], str]:
+    """Add the results of all nodes to the arrays; the operators on symbols with the sizes of their
+    results, and the lowest precision of a constant that a node holds.
+
+    BadInputError where they have more numbers than are computed.
+    """
+    steps = []
+    precision = "float64"
     scalars = 0
     constants = 0
-    for node in graph.node:
+    for node in nodes:
         results, node_precision = _evaluated(onnx, operators, node, arrays)
         size = sum(result.size for result in results)
         is_symbolic = any(result.dtype == object for result in results)
@@ -368,14 +411,7 @@ def graph_functions(
         precision = min(precision, node_precision)  # float32 before float64
         if node.op_type not in _ARRANGING and is_symbolic:
             steps.append(f"{node.op_type} {size}")
-    functions = {}
-    rows = {}
-    for key, name in _outputs_of(graph, outputs).items():
-        functions[key] = products.function(arrays[name])
-        on_rows = products.rows(arrays[name])
-        if on_rows is not None:
-            rows[key] = on_rows
-    return functions, rows, precision, " -> ".join(steps)
+    return steps, precision
 
 
 def _inputs_of(

@@ -24,12 +24,14 @@ class Products:
         self._factors: list[tuple[ca.SX, np.ndarray]] = []
 
     def times(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """a @ b."""
+        """a @ b: new symbols where one factor has symbols and the other is a large matrix of
+        constants."""
         a_is_constant = a.dtype != object
         b_is_constant = b.dtype != object
         if a_is_constant and not b_is_constant and a.ndim == 2 and b.ndim <= 2:
             return self.times(b.T, a.T).T
-        if a_is_constant or not b_is_constant or b.ndim != 2 or b.size <= _SCALARS:
+        b_is_large = b.ndim == 2 and b.size > _SCALARS
+        if a_is_constant or not (b_is_constant and b_is_large):
             return np.asarray(a @ b)
         rows, columns = b.shape
         shape = (*a.shape[:-1], columns)

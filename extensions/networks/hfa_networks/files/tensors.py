@@ -76,13 +76,16 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
 
 
 def _safetensors(content: bytes) -> dict[str, np.ndarray]:
+    """Tensors by name: eight bytes have the length of a JSON object, whose entries say where the
+    numbers of a tensor are in what follows."""
     begin = 8 + int.from_bytes(content[:8], "little")
     header = json.loads(content[8:begin])
+    data = memoryview(content)[begin:]
     tensors = {}
     for name, entry in header.items():
         if name != "__metadata__":
             start, stop = entry["data_offsets"]
-            values = np.frombuffer(content[begin + start : begin + stop], _dtype(entry["dtype"]))
+            values = np.frombuffer(data[start:stop], _dtype(entry["dtype"]))
             tensors[name] = values.reshape(entry["shape"])
     return tensors
 
