@@ -165,6 +165,9 @@ def diagnose(
 ) -> str:
     """One sentence that names the mistake which this critic makes, or "" when none is recognized.
 
+    game: whose solution the critic should be.
+    exact: that solution.
+    critic: P and K, K alone, or a network.
     limit: of the errors.
     nearby: other games to which the critic may belong.
     box: (n,), half widths of the box of states, of a network.
@@ -175,16 +178,20 @@ def diagnose(
     value, gain = _views(game, critic, exact.P, exact.K)
     if value is None or critic.P is None:
         return _of_view(gain, _usual(game, gain, critic), others.of_polynomial(gain))
-    P = critic.P
-    apart = error_of(gain, gain.judged + gain.exact - game.gain(P))
-    not_together = _NOT_TOGETHER if apart > _APART else ""
-    if all(check.ok for check in matrix_errors(game, "P", P, exact.P, limit)):
-        if critic.feedback is not None and critic.is_quadratic:
-            return _rounded(gain)
-        of_gain = _of_view(gain, _usual(game, gain, critic))
-        return _beyond_quadratic(critic) or of_gain or not_together
-    of_value = _of_view(value, _usual(game, value, critic), others.of_polynomial(value))
-    return of_value or not_together or _another_root(game, P)
+    P_is_right = all(check.ok for check in matrix_errors(game, "P", critic.P, exact.P, limit))
+    if P_is_right and critic.feedback is not None and critic.is_quadratic:
+        return _rounded(gain)
+    if P_is_right:
+        mistake = _beyond_quadratic(critic) or _of_view(gain, _usual(game, gain, critic))
+    else:
+        mistake = _of_view(value, _usual(game, value, critic), others.of_polynomial(value))
+    if mistake:
+        return mistake
+    # |K - R⁻¹B'P| of the critic's own P, over |K| of the exact solution.
+    difference = error_of(gain, gain.exact + gain.judged - game.gain(critic.P))
+    if difference > _APART:
+        return _NOT_TOGETHER
+    return "" if P_is_right else _another_root(game, critic.P)
 
 
 def diagnose_discrete(
@@ -316,6 +323,7 @@ def _beyond_quadratic(critic: Critic) -> str:
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
+    """What is said of a P that solves the Riccati equation and does not stabilize; or ""."""
     form = NormalForm.of(game)
     abscissa = spectrum(game.A - game.S @ P).abscissa
     residual = float(form.relative_residual(form.of_value(P)))
