@@ -218,11 +218,7 @@ class TrimSearch:
                 polynomials[name][order] = arb(float(-step.mid()))
             if order == 1:
                 self._add_errors(trim, C)
-        remaining = (C * self._residual(trim).range()).entries()
-        room = _ROOM * math.sqrt(len(unknowns))
-        for name, step in zip(unknowns, remaining, strict=True):
-            nominal = self.family.model.signals[name].nominal
-            trim.radii[name] = arb(room * float(abs(step).upper()) + _FINEST * nominal)
+        trim.radii.update(self._radii(C, self._residual(trim), _ROOM))
         return trim
 
     def point_trim(self, scheduling_value: float) -> PointTrim:
@@ -234,16 +230,25 @@ class TrimSearch:
             name: [value, arb(0), arb(0)] for name, value in zip(unknowns, values, strict=True)
         }
         trim = TrimBox(scheduling_value, scheduling_value, center, {})
-        radii: list[dict[str, arb]] = []
-        for decimals in (False, True):
-            steps = (C * self._residual(trim, decimals=decimals).range()).entries()
-            room = 2 * _ROOM * math.sqrt(len(unknowns))
-            sizes = {}
-            for name, step in zip(unknowns, steps, strict=True):
-                nominal = self.family.model.signals[name].nominal
-                sizes[name] = arb(room * float(abs(step).upper()) + _FINEST * nominal)
-            radii.append(sizes)
-        return PointTrim(center, *radii)
+        of_doubles = self._radii(C, self._residual(trim, decimals=False), 2 * _ROOM)
+        of_decimals = self._radii(C, self._residual(trim, decimals=True), 2 * _ROOM)
+        return PointTrim(center, of_doubles, of_decimals)
+
+    def _radii(self, C: Any, residual: TaylorModel, room: float) -> dict[str, arb]:
+        """Unknown -> the radius within which its root is sought: √n times the step of Newton's
+        method, C F, times `room`, and a little of its nominal value.
+
+        C: about F_w⁻¹
+        residual: F at the center
+        """
+        unknowns = self._equations.unknowns
+        steps = (C * residual.range()).entries()
+        factor = room * math.sqrt(len(unknowns))
+        radii = {}
+        for name, step in zip(unknowns, steps, strict=True):
+            nominal = self.family.model.signals[name].nominal
+            radii[name] = arb(factor * float(abs(step).upper()) + _FINEST * nominal)
+        return radii
 
     def stated_trim(self, scheduling_value: float) -> StatedTrim:
         """The trim in doubles."""

@@ -133,6 +133,8 @@ class GridSearch:
             self.cells.append(cell)
 
     def _prove(self, box: Box) -> Cell | None:
+        """The proved cell; None where it could be halved and uses up too much of the tolerance with
+        breakpoints at its own ends."""
         linear = self._trims.linear_model(box)
         cell = self._solved(box, linear)
         if box.high - box.low > _NARROWEST * self.family.step:
