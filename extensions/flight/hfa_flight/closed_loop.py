@@ -275,19 +275,21 @@ class ClosedLoop:
         if scenario.actuators is None:
             applied = arriving
             u = arriving
-            moving = ca.SX(0, 1)
+            actuators_rate = ca.SX(0, 1)
         else:
-            applied = scenario.actuators.reachable(arriving, plant.trim)
+            actuators = scenario.actuators
+            applied = actuators.reachable(arriving, plant.trim)
             u = measurements.positions
-            moving = scenario.actuators.states_rate(state.actuators, applied, inputs.actuators)
-        learning = self.policy.memory_rate(t, measurements, state.memory, inputs.policy, applied)
-        blowing = ca.SX(0, 1)
+            actuators_rate = actuators.states_rate(state.actuators, applied, inputs.actuators)
+        memory_rate = self.policy.memory_rate(t, measurements, state.memory, inputs.policy, applied)
+        gust_rate = ca.SX(0, 1)
         if scenario.gust is not None:
-            blowing = scenario.gust.memory_rate(t, state.gust, inputs.gust)
+            gust_rate = scenario.gust.memory_rate(t, state.gust, inputs.gust)
         disturbance = scenario.disturbance or zero(len(plant.chosen))
-        flying = plant.rate(state.plant, u, disturbance.at(t), winds, inputs.parameters)
+        plant_rate = plant.rate(state.plant, u, disturbance.at(t), winds, inputs.parameters)
+        rates = StateParts(plant_rate, actuators_rate, memory_rate, gust_rate)
         return Expressions(
-            rate=ca.vertcat(*StateParts(flying, moving, learning, blowing)),
+            rate=ca.vertcat(*rates),
             error=ca.mtimes(ca.DM(plant.chosen), state.plant) - self._reference(t),
             inputs=u,
             winds=ca.vertcat(ca.SX(0, 1), *winds.values()),

@@ -58,11 +58,11 @@ def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
 
 
 def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
-    """The outcomes, and quantiles over the members inside; angles in degrees for people.
+    """The outcomes, and quantiles over the members inside, as text and as a `MemberSummary`.
 
+    plan: of the flights
+    read: name of a result -> its values, (N, ...), one for each member
     where: the members are kept, for the title
-
-    data: those of `MemberSummary`
     """
     found = summary(plan, read)
     title = (

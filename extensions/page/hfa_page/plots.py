@@ -144,11 +144,8 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
     )
     room = in_units_of(aircraft, 16.0, "ft")
     wide = 1.5 * span + in_units_of(aircraft, 12.0, "ft")
-    plain = {
-        "constrain": "domain",
-        "showgrid": False,
-        "zeroline": False,
-    }  # lines would cross the texts
+    # Lines of a grid would cross the texts.
+    plain = {"constrain": "domain", "showgrid": False, "zeroline": False}
     x = _axis(length, range=[-wide, wide], **plain)
     low = float(np.nanmin(heights)) - room
     high = float(np.nanmax(heights)) + room

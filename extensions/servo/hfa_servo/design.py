@@ -209,12 +209,12 @@ class Design:
                 raise BadInputError(
                     f"{where} shaping.schedule.{name} needs one factor for each {variable}"
                 )
-        increasing = bool(shaping.breakpoints) and np.all(np.diff(shaping.breakpoints) > 0.0)
-        if len(following.filter) != 2 or not increasing:
+        if len(following.filter) != 2:
             raise BadInputError(
-                f"{where} shaping.following.filter is a bandwidth and a damping,"
-                f" and the {variable}s increase"
+                f"{where} shaping.following.filter must be a bandwidth and a damping"
             )
+        if not shaping.breakpoints or np.any(np.diff(shaping.breakpoints) <= 0.0):
+            raise BadInputError(f"{where} the {variable}s of the shaping must increase")
 
     def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
         """BadInputError for an input that a table lacks."""

@@ -529,10 +529,9 @@ def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
     The search for δ_min starts above it: it has the units of δ, whatever these are. inf where
     rounding hides that controller.
     """
-    games = [side.game(math.inf) for side in plant.sides]
     values = []
-    for game in games:
-        value = solution_that_holds(NormalForm.of(game))
+    for side in plant.sides:
+        value = solution_that_holds(NormalForm.of(side.game(math.inf)))
         if value is None:
             return math.inf
         values.append(value)

@@ -271,8 +271,11 @@ def test_names_and_filter_of_the_controller() -> None:
             ("[shaping.inputs]\nthrottle", "[shaping.inputs]\nflap"),
             "unknown weight of an input 'flap'",
         ),
-        (("filter = [0.5, 2.0]", "filter = [0.5]"), "filter is a bandwidth and a damping"),
-        (("dihedrals = [0, 3,", "dihedrals = [3, 3,"), "and the dihedrals increase"),
+        (("filter = [0.5, 2.0]", "filter = [0.5]"), "filter must be a bandwidth and a damping"),
+        (
+            ("dihedrals = [0, 3,", "dihedrals = [3, 3,"),
+            "the dihedrals of the shaping must increase",
+        ),
         (
             ("pitch_rate = [", "pitch_rate = [1.0, "),
             "shaping.schedule.pitch_rate needs one factor for each dihedral",
