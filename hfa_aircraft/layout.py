@@ -174,7 +174,7 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
     symbols = layout.symbols(*(names[:3] if still else names))
     values = [components(vector) for vector in symbols]
     if still:
-        values.append([0.0] * len(layout.names[3]))
+        values.append([0.0 for _ in layout.names[3]])
     arguments = [layout.record(name, vector) for name, vector in zip(names, values, strict=True)]
     rates, outputs = _called(layout, arguments)
     f = [_scalar(layout, "rate", name, rates[name]) for name in layout.names[0]]

@@ -24,6 +24,9 @@ _LEAST_SHARE = 1e-3
 _MOST_STEPS = 200
 #: What a step of continuation may change, in scaled units.
 _FARTHEST = 10.0
+#: How far inside the limits a search for the least squares begins, in scaled units: its steps in an
+#: unknown are as long as the way to the limit, so that from the limit itself it would not move.
+_INSIDE = 1e-9
 
 
 def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
@@ -124,7 +127,7 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
 
     lowest = problem.system.lowest
     highest = problem.system.highest
-    inside = np.clip(guess, lowest + 1e-9, highest - 1e-9)
+    inside = np.clip(guess, lowest + _INSIDE, highest - _INSIDE)
     tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": (lowest, highest)}
     solution = least_squares(residual, inside, jac=lambda z: problem.at(z).jacobian, **tight)
     return np.asarray(solution.x)
