@@ -3,38 +3,17 @@ are none."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import SCRIPT, assert_refused, hfa, hfa_process
+from cli import assert_refused, hfa
+from system_faults import has_no_room, on_linux, shell, small_disk, works_without_a_home
 
-from hfa.main import BAD_INPUT, DONE
+from hfa.main import BAD_INPUT
 
-pytestmark = pytest.mark.skipif(
-    sys.platform != "linux", reason="the faults are made as Linux has them"
-)
-SWEEP = (
-    "sweep",
-    "--dihedral",
-    "12:15:0.01",
-    "--hold",
-    "speed=60:70:1",
-    "--workers",
-    "2",
-    "-o",
-    "a.zarr",
-)
-
-
-def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """A line of sh, in which "$0" "$@" is `hfa` with the words."""
-    return subprocess.run(
-        ["sh", "-c", text, SCRIPT, *words], cwd=folder, capture_output=True, text=True, timeout=120
-    )
+pytestmark = on_linux
+__all__ = ["small_disk"]
 
 
 @pytest.mark.parametrize("lost", [pytest.param("2>&-", marks=pytest.mark.slow), "2>/dev/full"])
@@ -60,102 +39,37 @@ def test_what_is_written_is_no_input_and_no_other_output(tmp_path: Path, words: 
     assert path.read_text() == "{}"
 
 
-#: Where HOME is: a line of sh before the command.
-NO_HOME = {
-    "unset": "unset HOME XDG_CACHE_HOME",
-    "missing": 'export HOME="$PWD/nowhere"; unset XDG_CACHE_HOME',
-    "a file": 'export HOME="$0"; export XDG_CACHE_HOME="$0"',
-    "read-only": 'export HOME="$PWD/home"; unset XDG_CACHE_HOME',
-}
-
-
 PICTURE = "trim --dihedral 15 --picture a.png"
-MACHINE_CODE = "fly --dihedral 15 --law exact --samples 3 --duration 0.1 -o a.zarr"
 
 
 @pytest.mark.parametrize(
-    ("words", "home"),
+    "home",
     [
-        (PICTURE, "unset"),
+        "unset",
         *(
-            pytest.param(PICTURE, home, marks=pytest.mark.slow)
+            pytest.param(home, marks=pytest.mark.slow)
             for home in ("read-only", "a file", "missing")
-        ),
-        *(
-            pytest.param(MACHINE_CODE, home, marks=pytest.mark.slow)
-            for home in ("unset", "missing", "read-only", "a file")
         ),
     ],
 )
-def test_without_a_home_that_can_be_written_the_result_is_there(
-    tmp_path: Path, words: str, home: str
-) -> None:
-    """Caches of machine code and of fonts are done without; nothing appears where HOME was."""
-    folder = tmp_path / "home"
-    folder.mkdir()
-    if home == "read-only":
-        mounted = subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", "ro", "none", folder], capture_output=True
-        )
-        if mounted.returncode:
-            pytest.skip("only who may mount can make a disk that not even root can write")
-    try:
-        done = shell(f'{NO_HOME[home]}; exec "$0" "$@"', *words.split(), folder=tmp_path)
-    finally:
-        if home == "read-only":
-            subprocess.run(["umount", "--lazy", folder], check=True)
-    assert done.returncode == DONE, done.stderr
-    assert all(line.startswith(("hfa: ", "wrote ")) for line in done.stderr.splitlines())
-    assert {path.name for path in tmp_path.iterdir()} - {"nowhere"} == {"home", words.split()[-1]}
-    assert list(folder.iterdir()) == []
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 400 KB."""
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=400k", "none", tmp_path], capture_output=True
-    )
-    if mounted.returncode:
-        pytest.skip("only who may mount can make a small disk")
-    yield tmp_path
-    subprocess.run(["umount", "--lazy", tmp_path], check=True)
-
-
-@pytest.mark.slow  # three processes; what a full disk leaves is tried below, what resumes in test_store.py
-def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
-    small_disk: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    elsewhere = tmp_path_factory.mktemp("elsewhere")
-    full = hfa_process(*SWEEP, folder=small_disk, TMPDIR=str(elsewhere))
-    assert (full.code, full.out) == (BAD_INPUT, "")
-    assert full.err == "hfa: cannot write the output: No space left on device\n"
-    subprocess.run(["mount", "-o", "remount,size=100m", small_disk], check=True)
-    resumed = hfa_process(*SWEEP, "--resume", folder=small_disk, TMPDIR=str(elsewhere))
-    assert resumed.code == DONE
-    assert resumed.out == hfa_process(*SWEEP, folder=elsewhere).out
+def test_without_a_home_that_can_be_written_the_result_is_there(tmp_path: Path, home: str) -> None:
+    works_without_a_home(tmp_path, PICTURE, home)
 
 
 @pytest.mark.parametrize(
     ("words", "left"),
     [
+        ("trim --dihedral 15 -o a.json", 0),
         pytest.param("learn --dihedral 15 -o a.npz", 4, marks=pytest.mark.slow),
-        pytest.param("trim --dihedral 15 --picture a.png", 4, marks=pytest.mark.slow),
+        pytest.param(PICTURE, 4, marks=pytest.mark.slow),
         # room for the data, not for the picture
         pytest.param("trim --dihedral 15 -o a.json --picture a.png", 24, marks=pytest.mark.slow),
-        ("export --dihedral 15 -o folder", 12),  # room for the header, not for the rest
     ],
 )
 def test_a_result_that_the_disk_has_no_room_for_is_not_there(
     small_disk: Path, words: str, left: int
 ) -> None:
-    (small_disk / "full").write_bytes(b"x" * (400 - left) * 1024)
-    done = hfa_process(*words.split(), folder=small_disk)
-    assert (done.code, done.err) == (
-        BAD_INPUT,
-        "hfa: cannot write the output: No space left on device\n",
-    )
-    assert [path.name for path in small_disk.iterdir()] == ["full"]
+    has_no_room(small_disk, words, left)
 
 
 def test_too_little_address_space_is_one_line(tmp_path: Path) -> None:

@@ -4,16 +4,14 @@ length, mass or force changes by its factor and nothing else does."""
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import zarr
 from cli import answer, assert_refused, hfa
+from units_of_outputs import assert_no_feet
 
-from hfa.main import BAD_INPUT
 from hfa_support import units
 
 FOOT = 0.3048
@@ -135,56 +133,10 @@ def test_the_trim_that_was_printed_can_be_typed() -> None:
 
 
 AT = ("--dihedral", "12")
-FLIGHT = ("fly", *AT, "--law", "exact", "--duration", "0.5")
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        pytest.param(
-            (*FLIGHT, "--gust", "60:1.5", "--command", "speed=0:0.003", "--picture"),
-            marks=pytest.mark.slow,
-        ),
-        ("trim", *AT, "--picture"),
-    ],
-    ids=lambda words: words[0],
-)
-def test_text_and_pictures_say_no_feet(words: tuple[str, ...], tmp_path: Path) -> None:
-    """Matplotlib repeats each text of an .svg as a comment."""
-    picture = tmp_path / "p.svg"
-    result = hfa(*words, str(picture), "--units", "si")
-    assert result.code == 0, result.err
-    drawn = re.findall(r"<!-- (.*) -->", picture.read_text("utf-8"))
-    assert any(re.search(r"\bm(/s)?\b", text) for text in drawn)
-    texts = [*drawn, *result.out.split("\nhfa 0.")[0].split("\n")]
-    assert not [text for text in texts if re.search(r"\b(ft|slug|lbf)\b", text)]
-
-
-@pytest.mark.parametrize(
-    ("words", "name"),
-    [
-        (("sweep", "--dihedral", "5,15"), "states"),
-        pytest.param(
-            ("fly", *AT, "--samples", "2", "--duration", "0.1", "--error", "chord=0.05"),
-            "final",
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
-def test_a_store_in_metres_is_the_store_in_feet(
-    words: tuple[str, ...], name: str, tmp_path: Path
-) -> None:
-    stores = {}
-    for system in ("english", "si"):
-        path = tmp_path / f"{system}.zarr"
-        result = hfa(*words, "--units", system, "-o", str(path))
-        assert result.code == 0, result.err
-        stores[system] = zarr.open_group(str(path), mode="r")
-    assert stores["si"].attrs["state_units"][:3] == ["m/s", "rad", "m"]  # type: ignore[index]
-    feet, metres = (np.asarray(store[name])[:, :3] for store in stores.values())
-    np.testing.assert_allclose(metres, feet * np.array([FOOT, 1.0, FOOT]), rtol=1e-9)
-    continued = hfa(*words, "--resume", "-o", str(tmp_path / "si.zarr"))
-    assert_refused(continued, BAD_INPUT, "belongs to another")
+def test_text_and_pictures_say_no_feet(tmp_path: Path) -> None:
+    assert_no_feet("trim", *AT, folder=tmp_path)
 
 
 @pytest.mark.parametrize("suffix", ["npz", pytest.param("mat", marks=pytest.mark.slow)])

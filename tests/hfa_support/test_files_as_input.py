@@ -26,8 +26,6 @@ def test_a_fifo_and_a_device_do_not_keep_us_waiting(tmp_path: Path, read) -> Non
         "trim --dihedral 15 --parameters",
         "solve --model",
         "verify --dihedral 15 --weights",
-        "prove --check",
-        "report --dihedral 5 --claims",
     ],
 )
 def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
@@ -40,7 +38,6 @@ def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
     [
         "trim --dihedral 15 -o a.json",
         "trim --dihedral 15 --picture a.png",
-        "export --dihedral 15 -o a.fmu",
     ],
 )
 def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:

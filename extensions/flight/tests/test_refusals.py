@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -39,3 +40,10 @@ from hfa.main import BAD_INPUT
 def test_bad_requests(folder: Path, words: str, named: str) -> None:
     assert_refused(hfa(*words.split()), BAD_INPUT, named)
     assert list(folder.iterdir()) == []
+
+
+def test_no_export_takes_the_place_of_a_fifo(folder: Path) -> None:
+    os.mkfifo("a.fmu")
+    refused = hfa("export", "--dihedral", "15", "-o", "a.fmu")
+    assert_refused(refused, BAD_INPUT, "it is no regular file; name another")
+    assert (folder / "a.fmu").is_fifo()

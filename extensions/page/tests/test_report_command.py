@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -186,3 +187,9 @@ def test_bad_requests(words: str, named: str) -> None:
     Path("file").write_text("a file", encoding="utf-8")
     assert_refused(hfa("report", *words.split()), BAD_INPUT, named)
     assert list(Path().iterdir()) == [Path("file")]
+
+
+def test_claims_are_no_fifo() -> None:
+    os.mkfifo("fifo.json")
+    refused = hfa("report", "--dihedral", "5", "--claims", "fifo.json")
+    assert_refused(refused, BAD_INPUT, "fifo")

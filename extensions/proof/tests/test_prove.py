@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -179,3 +180,8 @@ def test_a_table_that_is_unstable_between_its_angles_is_refuted(tmp_path: Path) 
     assert result.code == 1
     assert result.out.startswith("Refuted")
     assert "unstable modes at every angle from 15.014 to 15.016 deg" in result.out
+
+
+def test_a_fifo_is_no_certificate(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "fifo.json")
+    assert_refused(hfa("prove", "--check", str(tmp_path / "fifo.json")), 2, "fifo")

@@ -1,0 +1,24 @@
+"""Flights and exports where the home cannot be written or the disk is full."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from system_faults import has_no_room, on_linux, small_disk, works_without_a_home
+
+pytestmark = on_linux
+__all__ = ["small_disk"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("home", ["unset", "missing", "read-only", "a file"])
+def test_without_a_home_that_can_be_written_the_result_is_there(tmp_path: Path, home: str) -> None:
+    """There is no cache of machine code."""
+    words = "fly --dihedral 15 --law exact --samples 3 --duration 0.1 -o a.zarr"
+    works_without_a_home(tmp_path, words, home)
+
+
+def test_an_export_that_the_disk_has_no_room_for_is_not_there(small_disk: Path) -> None:
+    """Room for the header, not for the rest."""
+    has_no_room(small_disk, "export --dihedral 15 -o folder", 12)

@@ -1,0 +1,22 @@
+"""Flights in metres."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from units_of_outputs import assert_no_feet, assert_store_in_metres
+
+FLIGHT = ("fly", "--dihedral", "12")
+
+
+@pytest.mark.slow
+def test_text_and_pictures_say_no_feet(tmp_path: Path) -> None:
+    gust = ("--law", "exact", "--duration", "0.5", "--gust", "60:1.5", "--command", "speed=0:0.003")
+    assert_no_feet(*FLIGHT, *gust, folder=tmp_path)
+
+
+@pytest.mark.slow
+def test_a_store_in_metres_is_the_store_in_feet(tmp_path: Path) -> None:
+    members = ("--samples", "2", "--duration", "0.1", "--error", "chord=0.05")
+    assert_store_in_metres(*FLIGHT, *members, name="final", folder=tmp_path)

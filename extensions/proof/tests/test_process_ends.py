@@ -1,0 +1,15 @@
+"""A proof that is ended from outside, and continued, writes the same certificate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from ended_runs import comes_to_the_same_bits, proc
+
+
+@proc
+@pytest.mark.slow
+def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(tmp_path: Path) -> None:
+    words = ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json")
+    comes_to_the_same_bits(tmp_path, words)

@@ -1,0 +1,40 @@
+"""A store on a full disk."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+from cli import hfa_process
+from system_faults import on_linux, small_disk
+
+from hfa.main import BAD_INPUT, DONE
+
+pytestmark = on_linux
+__all__ = ["small_disk"]
+SWEEP = (
+    "sweep",
+    "--dihedral",
+    "12:15:0.01",
+    "--hold",
+    "speed=60:70:1",
+    "--workers",
+    "2",
+    "-o",
+    "a.zarr",
+)
+
+
+@pytest.mark.slow
+def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
+    small_disk: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    full = hfa_process(*SWEEP, folder=small_disk, TMPDIR=str(elsewhere))
+    assert (full.code, full.out) == (BAD_INPUT, "")
+    assert full.err == "hfa: cannot write the output: No space left on device\n"
+    subprocess.run(["mount", "-o", "remount,size=100m", small_disk], check=True)
+    resumed = hfa_process(*SWEEP, "--resume", folder=small_disk, TMPDIR=str(elsewhere))
+    assert resumed.code == DONE
+    assert resumed.out == hfa_process(*SWEEP, folder=elsewhere).out

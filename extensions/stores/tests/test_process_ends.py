@@ -1,0 +1,42 @@
+"""How a sweep into a store ends from outside: Ctrl-C, SIGTERM, SIGHUP, kill -9; and what is
+continued afterwards."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import pytest
+from ended_runs import comes_to_the_same_bits, leaves_nothing, proc
+
+from hfa.exit_codes import INTERRUPTED, TERMINATED
+
+SWEEP = ("sweep", "--dihedral")
+WORKERS = ("--workers", "2", "-o", "a.zarr")
+THREE_CHUNKS = (*SWEEP, "0:14:0.01", "--hold", "speed=66:68:0.0125", *WORKERS)
+LONG = (*SWEEP, "0:20:1", "--hold", "panel_mass=0.1:2:0.00002", *WORKERS)
+SLOW = pytest.mark.slow
+
+
+@proc
+@pytest.mark.parametrize(
+    ("number", "code", "said"),
+    [
+        pytest.param(signal.SIGTERM, TERMINATED, "hfa: terminated\n", marks=SLOW),
+        pytest.param(signal.SIGINT, INTERRUPTED, "hfa: interrupted\n", marks=SLOW),
+        pytest.param(signal.SIGHUP, TERMINATED, "hfa: terminated\n", marks=SLOW),
+        (signal.SIGKILL, -signal.SIGKILL, None),
+    ],
+)
+def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
+    tmp_path: Path, number: signal.Signals, code: int, said: str | None
+) -> None:
+    ended = leaves_nothing(tmp_path, LONG, number)
+    assert ended.code == code
+    assert said is None or ended.err == said
+
+
+@proc
+@pytest.mark.slow
+def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(tmp_path: Path) -> None:
+    comes_to_the_same_bits(tmp_path, THREE_CHUNKS)

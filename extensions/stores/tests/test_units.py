@@ -1,0 +1,11 @@
+"""Stores in metres."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from units_of_outputs import assert_store_in_metres
+
+
+def test_a_store_in_metres_is_the_store_in_feet(tmp_path: Path) -> None:
+    assert_store_in_metres("sweep", "--dihedral", "5,15", name="states", folder=tmp_path)

@@ -1,0 +1,169 @@
+"""Runs of `hfa` that are ended from outside, and what they leave."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from cli import SCRIPT
+
+SIGNALS = {
+    signal.SIGKILL: None,
+    signal.SIGTERM: "hfa: terminated\n",
+    signal.SIGINT: "hfa: interrupted\n",
+}
+
+proc = pytest.mark.skipif(
+    not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc"
+)
+
+
+class Ended(NamedTuple):
+    """A run: exit code, standard output and error, seconds, the worker processes that were seen."""
+
+    code: int
+    out: str
+    err: str
+    seconds: float
+    workers: set[int]
+
+
+def stat(process: int) -> list[str]:
+    """State, parent, ... of a process; "X" for one that is gone."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return ["X", "0"]
+
+
+def workers(parent: int) -> list[int]:
+    """Worker processes of a run; the one that looks after semaphores is none."""
+    processes = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdigit()]
+    children = [process for process in processes if int(stat(process)[1]) == parent]
+    return [
+        each for each in children if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()
+    ]
+
+
+def until(holds: Callable[[], bool], seconds: float = 60.0) -> bool:
+    """Wait for it; whether it came."""
+    end = time.monotonic() + seconds
+    while not holds() and time.monotonic() < end:
+        time.sleep(0.05)
+    return holds()
+
+
+def run(
+    folder: Path,
+    *words: str,
+    number: signal.Signals | None = None,
+    after: float = 0.0,
+    working: int = 0,
+) -> Ended:
+    """A command in a folder, with temporary files in folder/temporary; the signal comes `after`
+    seconds from where so many workers are there.
+
+    Ctrl-C goes to all processes of the run, as from a terminal; the others to the one that was
+    started."""
+    (folder / "temporary").mkdir(parents=True, exist_ok=True)
+    environment = {**os.environ, "TMPDIR": str(folder / "temporary")}
+    begun = time.monotonic()
+    seen = set[int]()
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen(
+        [SCRIPT, *words], cwd=folder, env=environment, text=True, start_new_session=True, **streams
+    )
+    try:
+        if number is not None:
+            assert until(lambda: len(workers(process.pid)) >= working)
+            end = time.monotonic() + after
+            until(lambda: process.poll() is not None or time.monotonic() > end, after + 1.0)
+            seen = set(workers(process.pid))
+            if process.poll() is None:
+                (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
+        out, err = process.communicate(timeout=600)
+    finally:
+        process.kill()
+    return Ended(process.returncode, out, err, time.monotonic() - begun, seen)
+
+
+def result_of(folder: Path) -> dict[str, Any]:
+    """File -> its content without date and command."""
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    # What a kill may leave.
+    killed = {path for path in files if path.suffix == ".partial" or ".hfa-" in str(path)}
+    folders = {"temporary", "session"}
+    files = [path for path in files if path not in killed and not {*path.parts} & folders]
+    return {
+        str(path.relative_to(folder)): (
+            _plain(json.loads(path.read_bytes())) if path.suffix == ".json" else path.read_bytes()
+        )
+        for path in files
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        dropped = ("provenance", "digest", "checksum")
+        return {key: _plain(entry) for key, entry in value.items() if key not in dropped}
+    return [_plain(entry) for entry in value] if isinstance(value, list) else value
+
+
+def leaves_nothing(folder: Path, words: tuple[str, ...], number: signal.Signals) -> Ended:
+    """A run that is ended while two workers compute leaves no worker, and no temporary file but
+    after SIGKILL."""
+    ended = run(folder, *words, number=number, after=0.3, working=2)
+    assert len(ended.workers) == 2
+    assert until(lambda: all(stat(worker)[0] in "XZ" for worker in ended.workers), 10.0)
+    assert ended.out == ""
+    assert number == signal.SIGKILL or list((folder / "temporary").iterdir()) == []
+    return ended
+
+
+#: Runs of each command that are ended three times, once by each signal: 51 moments.
+RUNS = 17
+
+
+def in_one_line(ended: Ended, said: str) -> bool:
+    """Ended in one line; before the command begins by Python itself; or after all was
+    done."""
+    lines = [
+        line for line in ended.err.splitlines(keepends=True) if not line.startswith("hfa: note: ")
+    ]
+    by_signal = ended.code in (1, -signal.SIGINT, -signal.SIGTERM)
+    by_python = by_signal and "hfa/main.py" not in ended.err
+    return lines == [said] or by_python or (ended.code == 0 and not lines)
+
+
+def comes_to_the_same_bits(folder: Path, words: tuple[str, ...]) -> None:
+    """A run that is ended at random moments, and continued, has the result of one that is not."""
+    whole = run(folder / "whole", *words)
+    assert whole.code == 0
+    expected = result_of(folder / "whole")
+    moments = random.Random(" ".join(words))
+    for number in range(RUNS):
+        place = folder / str(number)
+        again: tuple[str, ...] = ()
+        for signal_number, log in SIGNALS.items():
+            ended = run(
+                place,
+                *words,
+                *again,
+                number=signal_number,
+                after=moments.uniform(0.0, whole.seconds),
+            )
+            assert until(
+                lambda seen=ended.workers: all(stat(worker)[0] in "XZ" for worker in seen), 10.0
+            )
+            assert log is None or in_one_line(ended, log), (number, ended)
+            again = ("--resume",) if (place / words[-1]).exists() else ()
+        assert run(place, *words, *again).code == 0
+        assert result_of(place) == expected, number

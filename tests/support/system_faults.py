@@ -1,0 +1,77 @@
+"""What the system refuses or takes away: a full disk, a home that cannot be written."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from cli import SCRIPT, hfa_process
+
+from hfa.main import BAD_INPUT, DONE
+
+on_linux = pytest.mark.skipif(
+    sys.platform != "linux", reason="the faults are made as Linux has them"
+)
+
+
+def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A line of sh, in which "$0" "$@" is `hfa` with the words."""
+    return subprocess.run(
+        ["sh", "-c", text, SCRIPT, *words], cwd=folder, capture_output=True, text=True, timeout=120
+    )
+
+
+#: Where HOME is: a line of sh before the command.
+NO_HOME = {
+    "unset": "unset HOME XDG_CACHE_HOME",
+    "missing": 'export HOME="$PWD/nowhere"; unset XDG_CACHE_HOME',
+    "a file": 'export HOME="$0"; export XDG_CACHE_HOME="$0"',
+    "read-only": 'export HOME="$PWD/home"; unset XDG_CACHE_HOME',
+}
+
+
+def works_without_a_home(tmp_path: Path, words: str, home: str) -> None:
+    """Caches of machine code and of fonts are done without; nothing appears where HOME was."""
+    folder = tmp_path / "home"
+    folder.mkdir()
+    if home == "read-only":
+        mounted = subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "ro", "none", folder], capture_output=True
+        )
+        if mounted.returncode:
+            pytest.skip("only who may mount can make a disk that not even root can write")
+    try:
+        done = shell(f'{NO_HOME[home]}; exec "$0" "$@"', *words.split(), folder=tmp_path)
+    finally:
+        if home == "read-only":
+            subprocess.run(["umount", "--lazy", folder], check=True)
+    assert done.returncode == DONE, done.stderr
+    assert all(line.startswith(("hfa: ", "wrote ")) for line in done.stderr.splitlines())
+    assert {path.name for path in tmp_path.iterdir()} - {"nowhere"} == {"home", words.split()[-1]}
+    assert list(folder.iterdir()) == []
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 400 KB."""
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=400k", "none", tmp_path], capture_output=True
+    )
+    if mounted.returncode:
+        pytest.skip("only who may mount can make a small disk")
+    yield tmp_path
+    subprocess.run(["umount", "--lazy", tmp_path], check=True)
+
+
+def has_no_room(small_disk: Path, words: str, left: int) -> None:
+    """A command on a disk with so many KB left is refused in one line and leaves nothing."""
+    (small_disk / "full").write_bytes(b"x" * (400 - left) * 1024)
+    done = hfa_process(*words.split(), folder=small_disk)
+    assert (done.code, done.err) == (
+        BAD_INPUT,
+        "hfa: cannot write the output: No space left on device\n",
+    )
+    assert [path.name for path in small_disk.iterdir()] == ["full"]

@@ -1,0 +1,45 @@
+"""Outputs in SI units, of the commands of the core and of the extensions."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from cli import assert_refused, hfa
+
+from hfa.main import BAD_INPUT
+
+FOOT = 0.3048
+
+
+def assert_no_feet(*words: str, folder: Path) -> None:
+    """The text and the picture of a command have metres alone.
+
+    Matplotlib repeats each text of an .svg as a comment."""
+    picture = folder / "p.svg"
+    result = hfa(*words, "--picture", str(picture), "--units", "si")
+    assert result.code == 0, result.err
+    drawn = re.findall(r"<!-- (.*) -->", picture.read_text("utf-8"))
+    assert any(re.search(r"\bm(/s)?\b", text) for text in drawn)
+    texts = [*drawn, *result.out.split("\nhfa 0.")[0].split("\n")]
+    assert not [text for text in texts if re.search(r"\b(ft|slug|lbf)\b", text)]
+
+
+def assert_store_in_metres(*words: str, name: str, folder: Path) -> None:
+    """A store in metres has the numbers of that in feet, and is continued in metres alone.
+
+    name: of the array whose first three columns are a speed, an angle and a length"""
+    import zarr
+
+    stores = {}
+    for system in ("english", "si"):
+        path = folder / f"{system}.zarr"
+        result = hfa(*words, "--units", system, "-o", str(path))
+        assert result.code == 0, result.err
+        stores[system] = zarr.open_group(str(path), mode="r")
+    assert stores["si"].attrs["state_units"][:3] == ["m/s", "rad", "m"]  # type: ignore[index]
+    feet, metres = (np.asarray(store[name])[:, :3] for store in stores.values())
+    np.testing.assert_allclose(metres, feet * np.array([FOOT, 1.0, FOOT]), rtol=1e-9)
+    continued = hfa(*words, "--resume", "-o", str(folder / "si.zarr"))
+    assert_refused(continued, BAD_INPUT, "belongs to another")
