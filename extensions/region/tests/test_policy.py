@@ -126,7 +126,7 @@ def test_a_policy_that_drives_the_loop_away_is_refused(certificate: Path, model:
 def test_starts_in_the_set_return(certificate: Path, model: Model) -> None:
     statement = check_certificate(certificate, model=model).statement
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
-    T = np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.5
+    T = V.coordinates()
     edge = edge_points(V, T, 1.0)[::50] @ T.T
     plant = Plant(statement.loop)
     assert not lost(plant, edge, lambda z: V(z) <= 1e-4, 20.0).any()

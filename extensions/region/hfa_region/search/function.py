@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+#: Steps of the bisection for the edge of a set.
+_HALVINGS = 40
 #: Directions in which a set is measured.
 _DIRECTIONS = 3000
 #: Steps of the ellipsoid's iteration, and how near to the smallest it is left.
@@ -65,6 +67,11 @@ class PolynomialFunction:
                 P[j, i] += coefficient / 2
         return P
 
+    def coordinates(self) -> np.ndarray:
+        """T, (n, n), z = T y: the unit ball of y is {z'P z <= 1.5²}, P the quadratic part of V, a
+        little larger than {V <= 1}."""
+        return np.asarray(1.5 * np.linalg.inv(np.linalg.cholesky(self.matrix())).T)
+
     def scaled(self, factor: float) -> PolynomialFunction:
         """V times a number."""
         return PolynomialFunction(self.coefficients * factor, self.exponents)
@@ -105,16 +112,15 @@ class PolynomialFunction:
         for degree in np.unique(degrees).tolist():
             by_degree[degree] = values[:, degrees == degree].sum(axis=1)
             along += by_degree[degree][:, None] * shares**degree
-        beyond = along >= level
-        first = beyond.argmax(axis=1)
-        high = shares[first]
+        is_beyond = along >= level
+        high = shares[is_beyond.argmax(axis=1)]
         low = high - shares[0]
-        for _ in range(40):
+        for _ in range(_HALVINGS):
             middle = (low + high) / 2
-            there = sum(part * middle**degree for degree, part in by_degree.items())
-            high = np.where(there >= level, middle, high)
-            low = np.where(there >= level, low, middle)
-        return np.asarray(np.where(beyond.any(axis=1), high, np.inf))
+            values_there = sum(part * middle**degree for degree, part in by_degree.items())
+            high = np.where(values_there >= level, middle, high)
+            low = np.where(values_there >= level, low, middle)
+        return np.asarray(np.where(is_beyond.any(axis=1), high, np.inf))
 
 
 def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 0) -> np.ndarray:

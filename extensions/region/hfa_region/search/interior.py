@@ -249,20 +249,22 @@ class _Search:
         return enough(cost, bound)
 
     def step(self) -> bool:
-        """One step, first predicted, then corrected; whether it is not too short."""
+        """One step, predicted for Q Z = 0 and then corrected for Q Z = σ μ 1, μ the mean of the
+        eigenvalues of Q Z and σ by what the prediction leaves of the gap (Mehrotra); whether it is
+        not too short."""
         reduced = np.zeros((len(self.f), len(self.f)))
         for part in self.parts:
             reduced += part.factor()
         factors = scipy.linalg.cho_factor(reduced, lower=True, check_finite=False)
-        product = self._gap / sum(cone.matrix.size for cone in self._cones)
+        mean_product = self._gap / sum(cone.matrix.size for cone in self._cones)
         self._direct(factors, 0.0, corrected=False)
         length_Q, length_Z = self._lengths(1.0)
-        predicted = sum(
+        predicted_gap = sum(
             float(np.sum((cone.Q + length_Q * cone.dQ) * (cone.Z + length_Z * cone.dZ)))
             for cone in self._cones
         )
-        centering = float(np.clip((predicted / self._gap) ** 3, 1e-6, 1.0))
-        df = self._direct(factors, centering * product, corrected=True)
+        centering = float(np.clip((predicted_gap / self._gap) ** 3, 1e-6, 1.0))
+        df = self._direct(factors, centering * mean_product, corrected=True)
         length_Q, length_Z = self._lengths(_SHARE)
         self.f = self.f + length_Q * df
         for part in self.parts:

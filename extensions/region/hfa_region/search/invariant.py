@@ -167,21 +167,30 @@ def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
     """Each V that has a level with V' < 0 where it was sampled."""
     for origin, V in _functions(region):
         plant = DisturbedPlant(loop, V)
-        T = np.asarray(1.5 * np.linalg.inv(np.linalg.cholesky(V.matrix())).T)
+        T = V.coordinates()
         falling = (level for level in _LEVELS.tolist() if _falls(plant, V, T, level)[0])
-        low = next(falling, None)
-        if low is None:
+        highest = next(falling, None)
+        if highest is None:
             continue
-        above = low * float(_LEVELS[0] / _LEVELS[1])
-        for _ in range(_FINER):
-            middle = float(np.sqrt(low * above))
-            if _falls(plant, V, T, middle)[0]:
-                low = middle
-            else:
-                above = middle
-        place = _falls(plant, V, T, above)[1]
+        level, above = _bisected(plant, V, T, highest)
+        _, place = _falls(plant, V, T, above)
         beyond = (np.inf, None) if place is None else (above, place)
-        yield _Candidate(V, origin, plant, T, low, measured(V, low, T), beyond)
+        yield _Candidate(V, origin, plant, T, level, measured(V, level, T), beyond)
+
+
+def _bisected(
+    plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, low: float
+) -> tuple[float, float]:
+    """The largest level on which V' < 0 where it was sampled, and one a little above on which it is
+    not so: between one of `_LEVELS` and the next above."""
+    above = low * float(_LEVELS[0] / _LEVELS[1])
+    for _ in range(_FINER):
+        middle = float(np.sqrt(low * above))
+        if _falls(plant, V, T, middle)[0]:
+            low = middle
+        else:
+            above = middle
+    return low, above
 
 
 def _falls(

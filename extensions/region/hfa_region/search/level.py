@@ -139,7 +139,7 @@ class LevelSearch:
 
         share: of rho, the level
         enough: a margin with which the solver may stop"""
-        low = 1 if all(what == FREE for what in part.values()) else 0
+        low = lowest_degree(part)
         half = self.setting.half
         degrees = (low, half - self.setting.degree // 2)
         constraints = [
@@ -244,6 +244,12 @@ class LevelSearch:
                 return None
             pair[side] = found
         return pair
+
+
+def lowest_degree(part: Mapping[str, str]) -> int:
+    """The lowest degree of the monomials of the Gram matrices of V' on a part: 1 where every input
+    is free, since the trim is in that part and V' = 0 there, otherwise 0."""
+    return 1 if all(what == FREE for what in part.values()) else 0
 
 
 def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]:

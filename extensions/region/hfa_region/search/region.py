@@ -202,7 +202,7 @@ class RegionSearch:
         """Prove the largest level up to rho and keep it where its set is the largest; its size, 0
         where nothing is proved."""
         self._tell(f"proving {origin}")
-        T = self._T_of(V)
+        T = V.coordinates()
         proved = proved_level(self.loop, V, rho, setting, T)
         if proved is None:
             return 0.0
@@ -239,7 +239,7 @@ class RegionSearch:
         begin = time.process_time()
         for level in _LEVELS:
             tried = V.scaled(1.0 / level)
-            held = holding_ball(tried, 1.0, self._T_of(tried))
+            held = holding_ball(tried, 1.0, tried.coordinates())
             if held is None:
                 continue
             try:
@@ -255,7 +255,7 @@ class RegionSearch:
 
     def _highest(self, V: PolynomialFunction) -> float:
         """A level above 1 that may be proved: within the limits, V' < 0 where it is sampled."""
-        T = self._T_of(V)
+        T = V.coordinates()
         rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
         highest = 1.0
         for level in np.geomspace(1.01, _GROWTH, 12):
@@ -264,10 +264,6 @@ class RegionSearch:
                 break
             highest = float(level)
         return highest
-
-    def _T_of(self, V: PolynomialFunction) -> np.ndarray:
-        """Coordinates in which {V <= 1} has about the size of the unit ball."""
-        return np.asarray(1.5 * np.linalg.inv(np.linalg.cholesky(V.matrix())).T)
 
     def _region(self) -> Region:
         """What is proved, and what bounds it."""

@@ -12,11 +12,10 @@ from math import prod
 
 import numpy as np
 
-from hfa_region.check.loop import FREE
 from hfa_region.check.polynomial import exponents_of, monomials, power_of_length
 from hfa_region.check.witness import LEVEL
 from hfa_region.search.function import PolynomialFunction
-from hfa_region.search.level import MARGIN, LevelSearch, limits_within
+from hfa_region.search.level import MARGIN, LevelSearch, limits_within, lowest_degree
 from hfa_region.search.squares import Identity, Squares, Terms
 
 #: V is at least this much of |y|².
@@ -89,7 +88,7 @@ class _Step:
                 within = _degrees(lowered + key) <= 2 * half
                 columns = self.theta[kept][within]
                 problem.add(identity, lowered[within] + key, columns, slopes[within] * rate)
-        low = 1 if all(what == FREE for what in part.values()) else 0
+        low = lowest_degree(part)
         multiplier = evidence["multipliers"][LEVEL]
         sigma = _square(self.n, low, multiplier["degrees"][1], np.array(multiplier["gram"]))
         sigma = sigma.scaled(scale)
