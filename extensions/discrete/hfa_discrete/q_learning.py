@@ -252,24 +252,30 @@ class _QLearner:
         )
 
     def is_settled(self, before: np.ndarray, after: np.ndarray) -> bool:
-        """Whether a policy iteration changes nothing, and its policies stabilize the linear fit of
-        the steps."""
+        """Whether a policy iteration changes nothing in the block of the states, and its policies
+        stabilize the linear fit of the steps.
+
+        before, after: H of Q = [x; u; w]'H [x; u; w], of one iteration and of the next
+        """
+        n, m = self.problem.step.B.shape
         squares = np.outer(self.scales, self.scales)
-        states = slice(len(self.problem.step.A))
-        change = np.abs((after - before) * squares)[states, states].max()
-        size = np.abs(after * squares)[states, states].max()
+        change = np.abs((after - before) * squares)[:n, :n].max()
+        size = np.abs(after * squares)[:n, :n].max()
         if not (change <= SETTLED * size and self.has_saddle(after)):
             return False
-        n, m = self.problem.step.B.shape
-        together = self.steps.together / self.scales
-        fit = np.linalg.lstsq(together, self.steps.next_states, rcond=None)[0].T / self.scales
-        parts = self.problem.of_q_function(after)
-        loop = fit[:, :n] - fit[:, n : n + m] @ parts["K"]
-        loops = [loop]
-        if "L" in parts:
-            loops.append(loop + fit[:, n + m :] @ parts["L"])
+        A, B, E = np.split(self._fitted_steps(), [n, n + m], axis=1)
+        policies = self.problem.of_q_function(after)
+        loops = [A - B @ policies["K"]]
+        if "L" in policies:
+            loops.append(loops[0] + E @ policies["L"])
         root = np.sqrt(self.problem.discount)
-        return all(root * np.abs(np.linalg.eigvals(matrix)).max() < 1.0 for matrix in loops)
+        return all(root * np.abs(np.linalg.eigvals(loop)).max() < 1.0 for loop in loops)
+
+    def _fitted_steps(self) -> np.ndarray:
+        """[A B E] of the x⁺ = A x + B u + E w that is nearest to the steps, (n, n + m + k)."""
+        scaled = self.steps.together / self.scales
+        fit = np.linalg.lstsq(scaled, self.steps.next_states, rcond=None)[0]
+        return np.asarray(fit.T / self.scales)
 
 
 def _products(z: np.ndarray) -> np.ndarray:

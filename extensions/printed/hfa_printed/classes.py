@@ -77,19 +77,7 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
     try:
         P = certified_value(file.plant)
     except NoSolutionError as failure:
-        question = fitting_time(file)
-        if question:
-            raise NoSolutionError(f"{failure}; {question}") from failure
-        entries = [str(entry) for entry in changed_entries(file, progress)]
-        unsearched = not_searched(file)
-        if unsearched:
-            raise NoSolutionError(f"{failure}; {unsearched}") from failure
-        if not entries:
-            raise
-        changes = "; or with ".join(entries)
-        raise NoSolutionError(
-            f"with {changes} every printed digit is right; as typed: {failure}"
-        ) from failure
+        raise NoSolutionError(_explained(failure, file, progress)) from failure
     comparison = compare(file, file.plant, P)
     by_digits = _by_digits(file, P, comparison)
     if by_digits is not None:
@@ -189,6 +177,22 @@ def _by_search(
     if is_evident:
         return "the answer belongs to another plant", explanations[0]
     return "wrong", f"perhaps {explanations[0]}, for which too few other entries speak"
+
+
+def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress | None) -> str:
+    """Why the plant as typed has no certified answer, with the other time that every digit fits, or
+    entries of the plant one of which, changed, makes every digit right."""
+    other_time = fitting_time(file)
+    if other_time:
+        return f"{failure}; {other_time}"
+    unsearched = not_searched(file)
+    if unsearched:
+        return f"{failure}; {unsearched}"
+    changed = changed_entries(file, progress)
+    if not changed:
+        return str(failure)
+    changes = "; or with ".join(map(str, changed))
+    return f"with {changes} every printed digit is right; as typed: {failure}"
 
 
 def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
