@@ -28,28 +28,21 @@ class Aerodynamics:
         motion: Motion,
         body: Any,
     ) -> None:
-        """body: has `mass` and `reference_point(where)`."""
+        """Read the functions, and set the properties that follow from them.
+
+        element: <aerodynamics>; None of an aircraft without it
+        properties: of the aircraft
+        wings: area, span and chord
+        motion: through the air
+        body: has `mass` and `reference_point(where)`
+        """
         self.element = element
         self._properties = properties
         self._wings = wings
         self._body = body
         self._motion = motion
         self.hysteresis = ""
-        self._axes: dict[str, list[Element]] = {}
-        self._functions: dict[str, list[Element]] = {name: [] for name in _AXES}
-        for axis in element.all("axis") if element is not None else ():
-            name = axis.attributes.get("name", "")
-            if name not in _AXES or "frame" in axis.attributes:
-                fault = f"the axis {shortened(name)} is not read"
-                raise axis.error(f"{fault}; use {', '.join(_AXES)} without a frame")
-            functions = list(axis.all("function"))
-            for function in functions:
-                if function.attributes.get("apply_at_cg") == "true":
-                    raise function.error("apply_at_cg is not read; leave it out")
-            for other in self._axes.get(name, ()):
-                other.taken = False
-            self._axes[name] = [axis]
-            self._functions[name] = functions  # a second axis of one name replaces the first
+        self._functions = _functions_along_axes(element)
         self._define_stall()
         where = element.where if element else ""
         computed = {
@@ -96,8 +89,10 @@ class Aerodynamics:
 
     def _sum(self, axis: str) -> Any:
         """The sum of the functions along an axis."""
-        values = (function_value(function, self._properties) for function in self._functions[axis])
-        return sum(values, start=ca.SX(0.0))
+        total = ca.SX(0.0)
+        for function in self._functions.get(axis, ()):
+            total = total + function_value(function, self._properties)
+        return total
 
     def _lift_squared(self) -> Any:
         """(LIFT / (q S))^2."""
@@ -114,3 +109,25 @@ class Aerodynamics:
             back = function_value(shift.need("function"), self._properties) * self._wings.chord
             arm = arm - ca.vertcat(back, 0.0, 0.0)
         return force, ca.vertcat(*moments) + ca.cross(arm, force)
+
+
+def _functions_along_axes(element: Element | None) -> dict[str, list[Element]]:
+    """The functions of each <axis>, by its name; a second axis of one name replaces the first,
+    which is then left out. BadInputError for an axis or a function that is not read."""
+    functions: dict[str, list[Element]] = {}
+    if element is None:
+        return functions
+    axes: dict[str, Element] = {}
+    for axis in element.all("axis"):
+        name = axis.attributes.get("name", "")
+        if name not in _AXES or "frame" in axis.attributes:
+            fault = f"the axis {shortened(name)} is not read"
+            raise axis.error(f"{fault}; use {', '.join(_AXES)} without a frame")
+        functions[name] = list(axis.all("function"))
+        for function in functions[name]:
+            if function.attributes.get("apply_at_cg") == "true":
+                raise function.error("apply_at_cg is not read; leave it out")
+        if name in axes:
+            axes[name].taken = False
+        axes[name] = axis
+    return functions

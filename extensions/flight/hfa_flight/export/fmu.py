@@ -184,6 +184,11 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
 
 
 def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
+    """The shared library of C sources; NoSolutionError where the compiler refuses them.
+
+    compiler: the command
+    sources: name of a file -> its text
+    """
     with temporary_folder() as folder:
         for name, text in sources.items():
             (folder / name).write_text(text, encoding="utf-8")
@@ -201,9 +206,9 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
         ]
         done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
         if done.returncode:
-            said = (done.stderr.strip().splitlines() or ["no message"])[0]
+            messages = done.stderr.strip().splitlines() or ["no message"]
             raise NoSolutionError(
-                f"{compiler} cannot compile the FMU ({said}); name another compiler by CC"
+                f"{compiler} cannot compile the FMU ({messages[0]}); name another compiler by CC"
             )
         return (folder / "library").read_bytes()
 

@@ -79,10 +79,15 @@ class Loop:
 def loop_of_gains(
     model: Model, breakpoints: Any, K: np.ndarray, intervals: Intervals | None = None
 ) -> Loop:
-    """u = -K x, or of (x, positions of the actuators); with intervals through uncertain actuators
-    of first order.
+    """u = -K x, or with intervals through uncertain actuators of first order, u = -K x or -K [x;
+    positions of the actuators].
 
-    K: (g, m, n) or (g, m, n + m). BadInputError for a single gain and for other shapes.
+    model: of the aircraft
+    breakpoints: (g,), values of the scheduling variable
+    K: (g, m, n), or with intervals (g, m, n + m)
+    intervals: of bandwidth, effectiveness and delay of the actuators
+
+    BadInputError for a single gain and for other shapes.
     """
     if len(breakpoints) < 2:
         raise BadInputError("a table of gains needs at least two breakpoints, in increasing order")
@@ -105,9 +110,9 @@ def loop_of_gains(
         measurements,
         inputs,
     )
-    return Loop(
-        controller, None if intervals is None else _uncertain([1] * m, [1.0] * m, intervals)
-    )
+    if intervals is None:
+        return Loop(controller)
+    return Loop(controller, _uncertain([1] * m, [1.0] * m, intervals))
 
 
 def loop_of_schedule(gains: GainSchedule, intervals: Intervals | None = None) -> Loop:
@@ -193,6 +198,7 @@ def _with_slowest_actuators(game: Game, slowest: float, changes: Mapping[str, An
 def _uncertain(
     orders: Sequence[int], dampings: Sequence[float], intervals: Intervals
 ) -> UncertainActuators:
+    """Actuators of these orders and dampings, all else of which lies in the intervals."""
     return UncertainActuators(
         tuple(orders),
         np.array(dampings, dtype=float),

@@ -143,6 +143,8 @@ def common_lyapunov(
 def _largest_margin(
     points: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray] | None:
+    """H, (n, n), and the diagonal of X, (size - n,), of the largest t with the form of `decrease`
+    - t I >= 0 at all points (rates, rows), 0 <= H <= I, 0 <= X <= 100; None unless t > 0."""
     import cvxpy as cp
 
     n, size = points[0][0].shape
