@@ -27,8 +27,8 @@ RESULTS = Path(__file__).with_name("results.csv")
 PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
 HEADER = ("file", "verdict")
-#: How the verdict begins where every digit is right.
-RIGHT = "as printed"
+#: How the verdicts begin that name the mistake.
+NAMED = ("the answer belongs to another plant", "one entry of the answer")
 _HEAD = """# Printed answers of others
 
 Judge an answer that a paper, a manual or a repository prints beside its plant:
@@ -96,19 +96,17 @@ def load_results() -> list[Row]:
 
 
 def page_of(rows: list[Row]) -> str:
-    """docs/published.md: how many answers have each verdict, then those that are not as printed,
-    each with the first part of its verdict."""
+    """docs/published.md: how many answers have each verdict, then those with a named mistake, each
+    with the first part of its verdict."""
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
-    others = [
-        (row.name, row.verdict.partition(";")[0])
-        for row in rows
-        if not row.verdict.startswith(RIGHT)
+    mistakes = [
+        (row.name, row.verdict.partition(";")[0]) for row in rows if row.verdict.startswith(NAMED)
     ]
     parts = [
         _HEAD,
         markdown_table(Table(("verdict", "files"), counts.most_common())),
-        "\n## Not as printed\n",
-        markdown_table(Table(HEADER, others)),
+        "\n## Mistakes that are named\n",
+        markdown_table(Table(HEADER, mistakes)),
         _PAPER,
         *_lines_of_the_paper(),
     ]
