@@ -131,8 +131,8 @@ class Deployed:
         at_trim = (trim[:n], trim[n : n + m], trim)
         entries = self.deployment.observation
         o = _refuse_undefined("observation", entries, self.observe, at_trim, (0, 1))
-        maps = self.deployment.action
-        _refuse_undefined("action", maps, self.unlimited_inputs, (self.act(o), *at_trim), (0,))
+        inputs = tuple(self.model.inputs)  # those without a map stay at the trim
+        _refuse_undefined("action", inputs, self.unlimited_inputs, (self.act(o), *at_trim), (0,))
 
     # Functions.
 
