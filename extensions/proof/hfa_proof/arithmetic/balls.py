@@ -175,6 +175,11 @@ class TaylorModel:
         """The transpose of a matrix."""
         return self.map(lambda part: part.transpose())
 
+    def polynomial_at(self, s: float) -> Any:
+        """c_0 + c_1 s + c_2 s²: without the remainder and the errors."""
+        c0, c1, c2, *_ = self.parts
+        return c0 + arb(s) * c1 + arb(s * s) * c2
+
     def off_center(self, s: Any = _ALL, square: Any = _SQUARE) -> Any:
         """An enclosure of every value less c_0.
 

@@ -73,10 +73,7 @@ class Cell:
             "inputs": self.linear.inputs,
             "K": self.exact.K,
         }
-        return {
-            name: doubles(model.parts[0] + arb(s) * model.parts[1] + model.parts[2])
-            for name, model in models.items()
-        }
+        return {name: doubles(model.polynomial_at(s)) for name, model in models.items()}
 
     def content(self) -> Content:
         """As a certificate has it."""
@@ -229,9 +226,6 @@ def _solution_near(game: Game, weights: Weights, linear: LinearModelBox) -> Solu
 def _solutions(game: Game, linear: LinearModelBox, units: np.ndarray) -> Iterator[np.ndarray]:
     """P in these units at s = -_ZERO, 0 and _ZERO, symmetric."""
     for s in (-_ZERO, 0.0, _ZERO):
-        A, B = (
-            doubles(model.parts[0] + arb(s) * model.parts[1] + arb(s * s) * model.parts[2])
-            for model in (linear.A, linear.B)
-        )
+        A, B = (doubles(model.polynomial_at(s)) for model in (linear.A, linear.B))
         P = schur_solution(replace(game, A=A, B=B)) * np.outer(units, units)
         yield (P + P.T) / 2

@@ -410,6 +410,8 @@ def prove_critic(
 
 
 def _trim_content(trim: PointTrim | None) -> dict[str, Any]:
+    """The entry of the trim in a witness: unknown -> center, and its radius for doubles and for
+    numbers that read as them; empty of a plant without a trim."""
     if trim is None:
         return {}
     rows = {}

@@ -10,7 +10,6 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from flint import arb
 
 from hfa_aircraft.model import Model
 from hfa_proof.arithmetic.balls import doubles
@@ -90,10 +89,8 @@ def _points(
     lag = doubles(loop.lag)
     points = []
     for s in (-1.0, 1.0):
-        base, U = (
-            doubles(model.parts[0] + arb(s) * model.parts[1] + model.parts[2])
-            for model in (loop.base, loop.U)
-        )
+        base = doubles(loop.base.polynomial_at(s))
+        U = doubles(loop.U.polynomial_at(s))
         heard = U @ eye[:n] + eye[n : n + a]
         v = (least + most) / 2 * heard + eye[n + a :]
         for w in sorted(set(bandwidth)):
