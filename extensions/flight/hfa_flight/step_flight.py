@@ -83,13 +83,18 @@ class StepFlight(Result, Reported):
 def fly_steps(
     problem: DiscreteGame, K: np.ndarray, policy: str, start: np.ndarray, count: int
 ) -> StepFlight:
-    """The flight of u = -K x, (m, n), from a state, (n,), of so many steps.
+    """The flight of u = -K x.
+
+    problem: x⁺ = A x + B u, its costs and its discount
+    K: (m, n)
+    policy: what K is called
+    start: (n,)
+    count: of steps
 
     NoSolutionError where it leaves all bounds on the way.
     """
     step = problem.step
     loop = step.A - step.B @ K
-    weights = problem.q_function(np.zeros_like(loop))
     states = [np.asarray(start, dtype=float)]
     for k in range(count):
         states.append(loop @ states[-1])
@@ -97,9 +102,10 @@ def fly_steps(
             raise NoSolutionError(f"the state grows without bound: beyond 1e50 at step {k + 1}")
     before = np.array(states[:-1])
     inputs = -before @ K.T
-    together = np.hstack([before, inputs])
-    weights = weights[: together.shape[1], : together.shape[1]]
-    costs = np.einsum("ki,ij,kj->k", together, weights, together)
+    xu = np.hstack([before, inputs])
+    size = xu.shape[1]
+    weights = problem.q_function(np.zeros_like(loop))[:size, :size]
+    costs = np.einsum("ki,ij,kj->k", xu, weights, xu)
     return StepFlight(
         problem,
         policy,

@@ -255,15 +255,19 @@ def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) ->
 
 
 def signal_unit(model: Model, name: str) -> str:
-    """ft/s of speed_estimate, ft/s^2 s of the integral of an acceleration; "" of a name that says
-    none."""
-    rest = re.sub(r"_lag_\d+$", "", name).removeprefix("model_")
-    if (known := model.part(rest)[0]) in model.signals:
-        return model.unit(known)
-    for end, times in _ENDS.items():
-        if rest.endswith(end):
-            unit = signal_unit(model, rest.removesuffix(end))
-            return re.sub(r"^(.*/.*)/s$", r"(\1)/s", f"{unit}{times}") if unit else ""
+    """The unit of a state of a controller, by its name: ft/s of speed_estimate, ft/s^2 s of the
+    integral of an acceleration; "" where the name is not of a signal of the model."""
+    without_lag = re.sub(r"_lag_\d+$", "", name).removeprefix("model_")
+    whole, _ = model.part(without_lag)
+    if whole in model.signals:
+        return model.unit(whole)
+    for ending, times in _ENDS.items():
+        if without_lag.endswith(ending):
+            unit = signal_unit(model, without_lag.removesuffix(ending))
+            if not unit:
+                return ""
+            # (ft/s)/s, not ft/s/s.
+            return re.sub(r"^(.*/.*)/s$", r"(\1)/s", unit + times)
     return ""
 
 

@@ -71,7 +71,7 @@ def from_network(
     origin = f"network {Path(source).name}: {stored.chain}"
     with said_of(source):
         if stored.on_basis is not None:
-            return _on_basis(game, stored, functions, scales, (parts, origin))
+            return _on_basis(game, stored, functions, scales, parts, origin)
         variants: dict[str, Callable[[], Critic]] = {}
         if activation:
             read = partial(from_network, game, source, network=network, scale=scale)
@@ -128,10 +128,18 @@ def _on_basis(
     stored: NetworkFile,
     functions: Basis | ca.Function,
     scales: np.ndarray,
-    asked: tuple[Mapping[str, str], str],
+    parts: Mapping[str, str],
+    origin: str,
 ) -> Critic:
-    """The polynomial of a single layer on the basis; asked: its parts and its origin."""
-    parts, origin = asked
+    """The polynomial of a single layer on the basis.
+
+    game: of the critic.
+    stored: what the file has.
+    functions: of the basis.
+    scales: (n,), of the states.
+    parts: which of `OUTPUTS` were asked for.
+    origin: what the critic is.
+    """
     layer = stored.on_basis
     assert layer is not None
     if len(layer.weight) != 1 or not set(parts) <= {"", "V"}:
