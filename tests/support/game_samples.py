@@ -70,7 +70,9 @@ def failed_names(checks: Iterable[Check]) -> set[str]:
     return {check.name for check in checks if not check.ok}
 
 
-@pytest.fixture(params=sorted(game_models()))
+@pytest.fixture(
+    params=["published-15", pytest.param("published-5", marks=pytest.mark.slow)],
+)
 def game(request: pytest.FixtureRequest) -> Game:
     return game_models()[request.param]
 

@@ -75,7 +75,12 @@ def test_slow_flights_of_the_book(
 
 
 @pytest.mark.parametrize(
-    ("kind", "name"), [("states", "alpha"), ("inputs", "elevator"), ("outputs", "gamma")]
+    ("kind", "name"),
+    [
+        ("states", "alpha"),
+        ("inputs", "elevator"),
+        pytest.param("outputs", "gamma", marks=pytest.mark.slow),
+    ],
 )
 @pytest.mark.parametrize(
     "factor", [*(pytest.param(factor, marks=pytest.mark.slow) for factor in (0.01, 5.0)), 100.0]

@@ -274,7 +274,13 @@ OTHER_METADATA: dict[str, tuple[tuple[str | int, ...], Any]] = {
 }
 
 
-@pytest.mark.parametrize("what", OTHER_METADATA)
+@pytest.mark.parametrize(
+    "what",
+    [
+        pytest.param(what, marks=[pytest.mark.slow] if number % 3 else [])
+        for number, what in enumerate(OTHER_METADATA)
+    ],
+)
 def test_another_description_of_an_array_is_refused(path: Path, what: str) -> None:
     """With "big" every number was read in the wrong byte order and none was missing."""
     change_metadata(path, "square/zarr.json", OTHER_METADATA[what])
@@ -341,7 +347,16 @@ def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
         fill_store(row_job(), path, resume=True)
 
 
-@pytest.mark.parametrize("what", ["another job", "another chunk", "another array", "its checksum"])
+@pytest.mark.parametrize(
+    "what",
+    [
+        "another job",
+        *(
+            pytest.param(what, marks=pytest.mark.slow)
+            for what in ("another chunk", "another array", "its checksum")
+        ),
+    ],
+)
 def test_a_chunk_that_is_of_something_else_is_computed_again(
     made: Path, path: Path, tmp_path: Path, what: str
 ) -> None:
