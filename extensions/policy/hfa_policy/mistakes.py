@@ -33,7 +33,7 @@ class Mistake(NamedTuple):
     """A mistake of a deployment.
 
     kind: which.
-    proved: whether the files prove it; else undoing it brings clearly more starts back.
+    proved: whether the files prove it; else the policy costs clearly less where it is undone.
     text: a sentence.
     """
 
@@ -43,12 +43,12 @@ class Mistake(NamedTuple):
 
 
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """The mistakes that the files prove; where they prove none and the policy does not hold, the
-    one whose undoing lets it fly better."""
+    """The mistakes that the files prove; where they prove none, those whose undoing
+    lets it fly clearly better."""
     proved = list(proved_mistakes(assessor.deployed, assessor.points))
     yield from proved
     if not proved and assessor.samples:
-        from hfa_policy.repairs import better_repairs
+        from hfa_policy.repair_trial import better_repairs
 
         yield from better_repairs(assessor, assessed)
 

@@ -7,9 +7,11 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import AIRCRAFT, FOLDER, aircraft, card, trims
+from policy_cases import AIRCRAFT, FOLDER, ROOT, aircraft, card, trims
 
-from hfa_policy.assessment import Assessor
+import hfa
+from hfa_aircraft.loading import load_model
+from hfa_policy.assessment import Assessor, trims_of
 from hfa_policy.deployment import Deployment
 from hfa_policy.mistakes import mistakes_of, proved_mistakes
 from hfa_policy.normalizer import read_normalizer
@@ -185,6 +187,72 @@ def test_nothing_is_suggested_of_a_right_card_whose_policy_is_too_strong_or_weak
 def test_nothing_is_suggested_of_a_right_card_with_and_without_delay(name, delay):
     timing = {**card(name).timing, "delay": delay}
     assert suggested(name, card(name).changed(timing=timing)) == []
+
+
+F16 = f"{ROOT}/examples/f16_constant.py:F16"
+SCALES = {"speed": 50.0, "alpha": 0.1, "pitch": 0.2, "pitch_rate": 0.5}
+
+
+def optimum_on_f16(times=1.0):
+    """The card of an exact optimum on the F-16, `times` as strong, which observes with scales."""
+    Q = {name: scale**-2 for name, scale in SCALES.items()}
+    R = {"thrust": 1e-6, "elevator": 0.04}
+    model = load_model(F16)
+    linear = hfa.linearize(model, hfa.find_operating_point(model, hold={"speed": 502.0}))
+    K = hfa.solve_game(hfa.game(linear, Q, R)).K
+    o = ca.SX.sym("o", 4)
+    sizes = np.array([SCALES[name] for name in model.linear])
+    return Deployment(
+        policy={"file": ca.Function("optimum", [o], [ca.mtimes(ca.DM(-times * K * sizes), o)])},
+        observation={name: {"about": "trim", "scale": SCALES[name]} for name in model.linear},
+        action={"thrust": {"map": "trim + a"}, "elevator": {"map": "trim + a"}},
+        timing={"dt": 0.05},
+        cost={"Q": Q, "R": R},
+    )
+
+
+def kinds_on_f16(deployment):
+    """Of what would fly better."""
+    model = load_model(F16)
+    assessor = Assessor(deployment.on(model), trims_of(model, [502.0]), 24)
+    return [mistake.kind for mistake in mistakes_of(assessor, assessor.assessed())]
+
+
+def with_mistake(kind):
+    """The optimum on the F-16 with a mistake of its card."""
+    right = optimum_on_f16()
+    observation = {name: dict(entry) for name, entry in right.observation.items()}
+    if kind == "sign":
+        action = {**right.action, "elevator": {"map": "trim - a"}}
+        return right.changed(action=action)
+    if kind == "order":
+        names = ["alpha", "speed", "pitch", "pitch_rate"]
+        return right.changed(observation={name: observation[name] for name in names})
+    for name, entry in observation.items():
+        if kind == "about":
+            entry["about"] = 0.0
+        elif kind == "degrees" and name != "speed":
+            entry["scale"] *= DEGREES
+        elif kind == "scale":
+            entry["scale"] = 1.0
+    return right.changed(observation=observation)
+
+
+@pytest.mark.parametrize("kind", ["sign", "order", "about", "degrees", "scale"])
+def test_each_kind_of_mistake_is_suggested_on_another_aircraft(kind):
+    assert kind in kinds_on_f16(with_mistake(kind))
+
+
+@pytest.mark.parametrize("times", [0.02, 0.2, 1.0, 3.0])
+def test_nothing_is_suggested_of_an_optimum_of_another_strength(times):
+    assert kinds_on_f16(optimum_on_f16(times)) == []
+
+
+@pytest.mark.parametrize("samples", [2, 6])
+def test_nothing_is_suggested_of_an_optimum_that_is_late(samples):
+    assert (
+        kinds_on_f16(optimum_on_f16().changed(timing={"dt": 0.05, "delay": samples * 0.05})) == []
+    )
 
 
 def test_a_card_whose_normalizer_lies_elsewhere_is_refused_by_its_name(tmp_path):
