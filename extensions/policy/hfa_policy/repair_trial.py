@@ -38,12 +38,12 @@ _OTHER_GAIN = 1.25
 #: that was trained for dear control is up to fifty times too weak, none is more than five times too
 #: strong.
 _GAINS = (1.0, 0.0, 0.2, 0.5, 2.0, 5.0, 10.0, 20.0, 50.0)
+#: How many of them, the first, are flown at another sample time.
+_AT_RATES = 5
 #: The sizes of observations ask for a change, or speak against it, where they are as a sum of
 #: logarithms so much nearer to what the training saw, or farther: a factor of 20, a third of the
 #: degrees of a radian.
 _NEARER = 3.0
-#: How many of them, the first, are flown at another sample time.
-_AT_RATES = 5
 #: Trims where changes are flown: those where the fewest starts come back.
 _PLACES = 2
 #: Changes of a kind that are left after a few short flights of all, and that are named at most.

@@ -243,11 +243,13 @@ def test_each_kind_of_mistake_is_suggested_on_another_aircraft(kind):
     assert kind in kinds_on_f16(with_mistake(kind))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [0.02, 0.2, 1.0, 3.0])
 def test_nothing_is_suggested_of_an_optimum_of_another_strength(times):
     assert kinds_on_f16(optimum_on_f16(times)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [2, 6])
 def test_nothing_is_suggested_of_an_optimum_that_is_late(samples):
     assert (
