@@ -23,7 +23,9 @@ from hfa_support.reporting.report import Report
 from trim.hfa.printed import bands_known, beside_the_print, entry_bands, printed_at, with_bands
 from trim.linear import linear_model
 from trim.linear.handling_qualities import with_qualities
-from trim.linear.linear_model import LinearModel, linear_model_report, reduction_note
+from trim.linear.linear_model import LinearModel
+from trim.linear.linear_report import linear_model_report
+from trim.linear.reduction import reduction_note
 from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point

@@ -1,13 +1,29 @@
-"""Text and tables of a report as Markdown and as HTML."""
+"""Reports, their text and tables as Markdown and as HTML."""
 
 from __future__ import annotations
 
+import base64
 import html
 import re
 from collections.abc import Sequence
 from typing import Any
 
+from hfa_support.reporting.report import Picture, Report
 from hfa_support.reporting.text import Cell, Table, printable
+
+
+def report_as_markdown(report: Report, level: int) -> str:
+    """A report with headings from `level` on, without pictures."""
+    shown = []
+    for part in report.parts:
+        if isinstance(part, Report):
+            shown.append(report_as_markdown(part, level + 1))
+        elif not isinstance(part, Picture):
+            shown.append(as_markdown(part))
+    first, *others = printable(report.title).split("\n")
+    heading = [f"{'#' * level} {first}"] if first else []
+    notes = (printable(f"Note: {note}") for note in report.notes)
+    return "\n\n".join(filter(None, [*heading, *others, *shown, *notes, report.source]))
 
 
 def as_markdown(part: str | Table | tuple[str | Table, ...]) -> str:
@@ -23,6 +39,31 @@ def markdown_table(table: Table) -> str:
     """A table as Markdown."""
     header, *body = (f"| {' | '.join(map(_cell, row))} |" for row in (table.header, *table.rows))
     return "\n".join([header, "|" + "---|" * len(table.header), *body])
+
+
+def report_as_html(report: Report, level: int) -> str:
+    """A report with headings from `level` on, as a fragment without styles."""
+    first, *others = report.title.split("\n")
+    heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []
+    shown = []
+    for part in report.parts:
+        if isinstance(part, Report):
+            shown.append(report_as_html(part, level + 1))
+        elif isinstance(part, Picture):
+            shown.append(picture_as_html(part))
+        else:
+            shown.append(as_html(part))
+    notes = [f"Note: {note}" for note in report.notes]
+    notes += filter(None, report.source.split("\n"))
+    return "\n".join([*heading, *map(paragraph, others), *shown, *map(paragraph, notes)])
+
+
+def picture_as_html(picture: Picture) -> str:
+    """A figure with its text below it, embedded."""
+    data = base64.b64encode(picture.png).decode("ascii")
+    text = escaped(picture.text)
+    image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
+    return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
 
 
 def as_html(part: str | Table | tuple[str | Table, ...]) -> str:

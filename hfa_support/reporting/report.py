@@ -3,7 +3,6 @@ files."""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -36,15 +35,6 @@ class Picture:
         from hfa_support.reporting.figure import png_bytes
 
         return png_bytes(self.draw())
-
-    def html(self) -> str:
-        """The figure with its text below it, embedded."""
-        from hfa_support.reporting.markup import escaped
-
-        data = base64.b64encode(self.png).decode("ascii")
-        text = escaped(self.text)
-        image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
-        return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,36 +82,16 @@ class Report:
 
     def markdown(self, level: int = 1) -> str:
         """With headings from `level` on, without pictures."""
-        from hfa_support.reporting.markup import as_markdown
+        from hfa_support.reporting.markup import report_as_markdown
 
-        shown = []
-        for part in self.parts:
-            if isinstance(part, Report):
-                shown.append(part.markdown(level + 1))
-            elif not isinstance(part, Picture):
-                shown.append(as_markdown(part))
-        first, *others = printable(self.title).split("\n")
-        heading = [f"{'#' * level} {first}"] if first else []
-        notes = (printable(f"Note: {note}") for note in self.notes)
-        return "\n\n".join(filter(None, [*heading, *others, *shown, *notes, self.source]))
+        return report_as_markdown(self, level)
 
     def html(self, level: int = 1) -> str:
         """A fragment without styles, every word escaped; pictures embedded, nothing loaded from
         elsewhere."""
-        from hfa_support.reporting.markup import as_html, escaped, paragraph
+        from hfa_support.reporting.markup import report_as_html
 
-        first, *others = self.title.split("\n")
-        heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []
-        shown = []
-        for part in self.parts:
-            if isinstance(part, Report):
-                shown.append(part.html(level + 1))
-            elif isinstance(part, Picture):
-                shown.append(part.html())
-            else:
-                shown.append(as_html(part))
-        notes = (*(f"Note: {note}" for note in self.notes), *filter(None, self.source.split("\n")))
-        return "\n".join([*heading, *map(paragraph, others), *shown, *map(paragraph, notes)])
+        return report_as_html(self, level)
 
     def json(self) -> str:
         """The data; a number that is not finite becomes null."""

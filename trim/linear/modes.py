@@ -5,46 +5,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, eigenvalue_text
+from trim.linear.mode import Mode
 
 #: An eigenvalue that is no larger than this many times its error by rounding counts as 0.
 _ZERO = 10.0
-
-
-@dataclass(frozen=True)
-class Mode(Result):
-    """One real eigenvalue or one conjugate pair λ = -ζ ω_n ± i ω_n sqrt(1 - ζ²).
-
-    Times are in the model's unit of time, s unless it declares another.
-
-    name: of the states that take part most.
-    eigenvalue: 1/s, imaginary part >= 0; 0 where it differs from 0 by rounding only.
-    damping: ζ = -Re λ / |λ|, 0 for λ = 0.
-    frequency: ω_n = |λ|, rad/s.
-    period: 2π / Im λ, s, inf when real.
-    time_to_half: -ln 2 / Re λ, s, inf unless stable.
-    time_to_double: ln 2 / Re λ, s, inf unless unstable.
-    stable: Re λ < 0.
-    participation: state -> share; they sum to 1.
-    """
-
-    name: str
-    eigenvalue: complex
-    damping: float
-    frequency: float
-    period: float
-    time_to_half: float
-    time_to_double: float
-    stable: bool
-    participation: dict[str, float]
 
 
 @checks_arguments

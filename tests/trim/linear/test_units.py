@@ -8,7 +8,7 @@ from own_models import F16, NAVION, trimmed
 import hfa_model
 from hfa_aircraft import Model, Signal
 from trim import find_operating_point, level_model, linearize
-from trim.linear.linear_model import units_in_words
+from trim.linear.linear_report import units_in_words
 from trim.point.condition import usual_condition
 
 

@@ -1,0 +1,68 @@
+"""The fields of a dataclass as a report, small matrices entry by entry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from hfa_support.errors import shortened
+from hfa_support.reporting.checks import Check, checks_block
+from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.text import matrix_table, numbered
+
+#: Of larger matrices and longer arrays the shape is shown.
+_MOST = 12
+#: Characters of a field that are shown.
+_LONGEST = 110
+
+
+def fields_report(result: Any) -> Report:
+    """The first line of the docstring, the fields, small matrices, the checks."""
+    held = {field.name: getattr(result, field.name) for field in fields(result)}
+    lines: list[str] = []
+    matrices: list[Part] = []
+    checks: list[Part] = []
+    for name, value in held.items():
+        if _is_small_matrix(value):
+            rows, columns = (numbered("", count) for count in value.shape)
+            matrices.append(matrix_table(name, rows, columns, value))
+        elif isinstance(value, tuple) and value and isinstance(value[0], Check):
+            checks.append(checks_block(value))
+        else:
+            lines.append(f"{name}: {_on_one_line(value)}")
+    kind = type(result)
+    first_line = (kind.__doc__ or "").partition("\n")[0]
+    title = f"{kind.__name__}: {first_line}"
+    return Report(title, ["\n".join(lines), *matrices, *checks], data=held)
+
+
+def _is_small_matrix(value: Any) -> bool:
+    """Whether its entries are shown."""
+    if not isinstance(value, np.ndarray) or value.ndim != 2:
+        return False
+    return value.size > 0 and max(value.shape) <= _MOST
+
+
+def _on_one_line(value: Any) -> str:
+    """A value, shortened; of long arrays their shape, of other results their kind."""
+    fields = value._asdict() if hasattr(value, "_asdict") else value
+    if value is None:
+        text = ""
+    elif isinstance(value, np.ndarray) and (value.ndim != 1 or value.size > _MOST):
+        text = f"an array of shape {value.shape}"
+    elif isinstance(fields, Mapping):
+        text = ", ".join(f"{name} {_on_one_line(entry)}" for name, entry in fields.items())
+    elif isinstance(value, (tuple, list, np.ndarray)):
+        text = ", ".join(map(_on_one_line, value))
+    elif isinstance(value, (float, np.floating)):
+        text = f"{value:.6g}"
+    elif isinstance(value, Reported):
+        text = type(value).__name__
+    else:
+        text = str(value)
+    if "array(" in text or " object at 0x" in text:
+        text = type(value).__name__
+    return shortened(" ".join(text.split()) or "-", _LONGEST)

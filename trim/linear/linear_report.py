@@ -1,0 +1,130 @@
+"""How a linear model reads: its matrices with names and units, its offsets and modes."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, degrees, matrix_table
+from trim.linear.linear_model import LinearModel
+from trim.linear.modes import modes_table
+from trim.point.operating_point import at_scheduled
+
+#: Units of length.
+_LENGTHS = ("ft", "m", "km", "nmi", "mi", "in", "cm", "mm")
+
+
+class Block(NamedTuple):
+    """One of A, B, C, D with the names and units of its rows and columns, as it is printed."""
+
+    name: str
+    rows: tuple[str, ...]
+    row_units: tuple[str, ...]
+    columns: tuple[str, ...]
+    column_units: tuple[str, ...]
+    values: np.ndarray
+
+
+def linear_model_report(model: LinearModel) -> Report:
+    """A, B, offsets and modes; in the data E and F too."""
+    point = model.point
+    signals = point.model
+    blocks = _blocks(model)
+    names = (*model.states, *model.inputs)
+    offsets = (*model.state_offsets.tolist(), *model.input_offsets.tolist())
+    offset_rows = [
+        (name, *degrees(value, signals.unit(name)))
+        for name, value in zip(names, offsets, strict=True)
+    ]
+    matrix_names = [block.name for block in blocks]
+    equations = "x' = A x + B u, "
+    if "C" in matrix_names:
+        equations += "y = C x + D u, "
+    where = ", ".join(word for word in (at_scheduled(point), point.called) if word)
+    title = (
+        f"Linear model {where} ({equations}x = X - X0, u = U - U0)\n"
+        f"{', '.join(matrix_names[:-1])} and {matrix_names[-1]} in {units_in_words(model)}; the "
+        "offsets X0 and U0 in the units next to them"
+    )
+    return Report(
+        title=title,
+        parts=[
+            *matrices(model),
+            Table(("offset", "value", "unit"), offset_rows),
+            modes_table(model.modes, signals.time_unit),
+        ],
+        notes=model.warnings,
+        data=model.as_data(),
+        records=_records(model, blocks),
+    )
+
+
+def _records(model: LinearModel, blocks: list[Block]) -> Table:
+    """A row an entry of the matrices and an offset: matrix, row, column, value, unit."""
+    rows: list[tuple[Any, ...]] = []
+    for block in blocks:
+        for i, row in enumerate(block.rows):
+            for j, column in enumerate(block.columns):
+                unit = f"({block.row_units[i]})/({block.column_units[j]})"
+                rows.append((block.name, row, column, block.values[i, j], unit))
+    unit_of = model.point.model.unit
+    for name, value in zip(model.states, model.state_offsets.tolist(), strict=True):
+        rows.append(("X0", name, "", value, unit_of(name)))
+    for name, value in zip(model.inputs, model.input_offsets.tolist(), strict=True):
+        rows.append(("U0", name, "", value, unit_of(name)))
+    return Table(("matrix", "row", "column", "value", "unit"), rows)
+
+
+def units_in_words(model: LinearModel) -> str:
+    """The units that the entries of the matrices are made of, and which names have others: "rad,
+    ft, s, but elevator, aileron in deg"."""
+    units = model.point.model.units
+    length = next(
+        (unit for state in model.state_units for unit in _base_units(state) if unit in _LENGTHS), ""
+    )
+    names = dict.fromkeys((*model.states, *model.inputs, *model.outputs))
+    time = model.point.model.time_unit
+    common = {"rad", length, time}
+    others: dict[str, list[str]] = {}
+    present = {time}
+    for name, unit in zip(names, units(tuple(names)), strict=True):
+        bases = _base_units(unit)
+        if bases <= common:
+            present |= bases
+        else:
+            others.setdefault(unit, []).append(name)
+    words = ", ".join(unit for unit in ("rad", length, time) if unit in present)
+    if others:
+        listed = [f"{', '.join(names)} in {unit}" for unit, names in others.items()]
+        words += f", but {'; '.join(listed)}"
+    return words
+
+
+def _base_units(unit: str) -> set[str]:
+    """The units that a unit is made of: ft and s of ft/s^2."""
+    return {*re.findall(r"[A-Za-z%]+", unit)}
+
+
+def matrices(model: LinearModel) -> tuple[Table, ...]:
+    """A and B with their names, C and D where the outputs are not the states."""
+    return tuple(
+        matrix_table(block.name, block.rows, block.columns, block.values)
+        for block in _blocks(model)
+    )
+
+
+def _blocks(model: LinearModel) -> list[Block]:
+    """The matrices of the text and of the records."""
+    signals = model.point.model
+    of_states = (model.states, model.state_units)
+    of_inputs = (model.inputs, model.input_units)
+    rates = (model.states, tuple(signals.rate_unit(name) for name in model.states))
+    blocks = [Block("A", *rates, *of_states, model.A), Block("B", *rates, *of_inputs, model.B)]
+    if model.outputs != model.states:
+        outputs = (model.outputs, signals.units(model.outputs))
+        blocks.append(Block("C", *outputs, *of_states, model.C))
+        blocks.append(Block("D", *outputs, *of_inputs, model.D))
+    return blocks

@@ -1,0 +1,114 @@
+"""Linear models of fewer states: what is left out rests, or follows the other states at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_support.errors import BadInputError
+from trim.linear.linear_model import LinearModel, positions
+
+#: Condition number, in nominal units, from which a matrix counts as singular.
+_SINGULAR = 1e12
+
+
+class _Kept(NamedTuple):
+    """What is kept of a model of fewer states, by number: states, states that follow the others at
+    once, outputs."""
+
+    rows: list[int]
+    following: list[int]
+    outputs: list[int]
+
+
+def reduced(
+    model: LinearModel,
+    states: tuple[str, ...] | None,
+    inputs: tuple[str, ...] | None,
+    residualize: tuple[str, ...],
+) -> LinearModel:
+    """The model of the named states and inputs, as `LinearModel.select` has it."""
+    if states is None:
+        states = tuple(name for name in model.states if name not in residualize)
+    rows = positions("state", states, model.states)
+    columns = positions("input", inputs, model.inputs)
+    following = positions("state", (*states, *residualize), model.states)[len(rows) :]
+    if not rows:
+        raise BadInputError("no state is left in the model; leave at least one out of residualize")
+    outputs = list(range(len(model.outputs)))
+    if model.outputs == model.states:
+        outputs = rows
+    disturbances = list(range(len(model.disturbances)))
+    kept = _Kept(rows, following, outputs)
+    A, C = _reduced(model, model.A, model.C, kept, rows)
+    B, D = _reduced(model, model.B, model.D, kept, columns)
+    E, F = _reduced(model, model.E, model.F, kept, disturbances)
+    return replace(
+        model,
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        E=E,
+        F=F,
+        states=tuple(model.states[i] for i in rows),
+        inputs=tuple(model.inputs[i] for i in columns),
+        outputs=tuple(model.outputs[i] for i in outputs),
+        output_offsets=model.output_offsets[outputs],
+    )
+
+
+def _reduced(
+    model: LinearModel,
+    of_rates: np.ndarray,
+    of_outputs: np.ndarray,
+    kept: _Kept,
+    columns: list[int],
+) -> tuple[np.ndarray, np.ndarray]:
+    """The rows and columns that are kept of A and C, of B and D or of E and F, with what the
+    states that follow at once add. BadInputError when their rates do not determine them."""
+    rows, following, outputs = kept
+    rates = of_rates[:, columns]
+    shown = of_outputs[np.ix_(outputs, columns)]
+    if not following:
+        return rates[rows], shown
+    A22 = model.A[np.ix_(following, following)]
+    names = [model.states[i] for i in following]
+    nominal = np.array([model.point.model.states[name].nominal for name in names])
+    if np.linalg.cond(A22 * nominal / nominal[:, None]) > _SINGULAR:
+        raise BadInputError(
+            f"{', '.join(names)} cannot follow the other states: their rates do not determine "
+            "them (A22 is singular); residualize fewer"
+        )
+    followed = -np.linalg.solve(A22, rates[following])
+    return (
+        rates[rows] + model.A[np.ix_(rows, following)] @ followed,
+        shown + model.C[np.ix_(outputs, following)] @ followed,
+    )
+
+
+def reduction_note(
+    model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()
+) -> str:
+    """What a model of fewer states does to the eigenvalues of the whole one; "" where no state of
+    it is missing."""
+    truncated = tuple(name for name in whole.states if name not in (*model.states, *residualized))
+    clauses = []
+    for names, how in (
+        (truncated, "left out (truncated)"),
+        (residualized, "residualized (at rest at every moment)"),
+    ):
+        if names:
+            clauses.append(f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}")
+    if not clauses:
+        return ""
+    eigenvalues = np.linalg.eigvals(whole.A)
+    sizes = np.maximum(np.abs(eigenvalues), 1e-12)
+    apart = [np.min(np.abs(value - eigenvalues) / sizes) for value in np.linalg.eigvals(model.A)]
+    advice = "" if residualized else " (--residualize names states that follow instead)"
+    return (
+        f"{'; '.join(clauses)}; the eigenvalues lie up to {100 * float(max(apart)):.2g} % from "
+        f"those of all {len(whole.states)} states{advice}"
+    )
