@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.linear_game import nominal_weights
 from controller.game.names import UNNAMED, PlantNames, names_of_linear
+from controller.game.weights import nominal_weights
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_aircraft.model import Model
 from hfa_model.published_data import published_data

@@ -3,7 +3,6 @@ line."""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import inspect
 import io
@@ -11,15 +10,14 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from hfa.doors import CommandEntry, command_named, commands, found_in, words_after
+from hfa.doors import command_named, commands, found_in, words_after
 from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from hfa.options.parser import Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened
 from hfa_support.progress import drop, say_aside
-from hfa_support.version import VERSION
 
 if TYPE_CHECKING:
     from hfa.options.command import Command
@@ -36,8 +34,6 @@ _OF_THE_MODEL = ("aircraft", "steps", "dynamics", "parameters", "units")
 _ADDRESS_SPACE = 384
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
-#: The groups of commands in the order of the help; those of other packages follow.
-GROUPS = ("model", "critic", "flight", "proof", "exchange")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -217,6 +213,8 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
     name, options = found_in(words)
     if name:
         return command_named(name).load(), f"hfa {name}", options
+    from hfa.overview import overview
+
     first = words[0] if words else "--help"
     overview().parse_words([first])
     raise BadInputError(unknown(f"command {shortened(first)!r}", first.lower(), commands(), "hfa"))
@@ -229,32 +227,4 @@ def filled(parser: Parser, command: Command, model: Model) -> Parser:
     parser.example = command.example
     if parser.prog.startswith("hfa "):
         parser.words = words_after(parser.prog.removeprefix("hfa "))
-    return parser
-
-
-def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
-    """The commands of a group, in the help of `hfa`."""
-    examples = [entry.example for entry in entries.values() if entry.example]
-    title = f"{name}, for example {examples[0]}" if examples else name
-    return "\n".join([title, *(f"  {each:<16}{entry.about}" for each, entry in entries.items())])
-
-
-def overview() -> Parser:
-    """`hfa` without a command: --help and --version."""
-    by_group: dict[str, dict[str, CommandEntry]] = {name: {} for name in GROUPS}
-    for name, entry in commands().items():
-        by_group.setdefault(entry.group, {})[name] = entry
-    parser = Parser(
-        prog="hfa",
-        usage="hfa [--version] command ...  (hfa command --help)",
-        description=(
-            "Trims, linear models, games, flights and proofs; "
-            "critics checked against the exact solution."
-        ),
-        epilog="\n\n".join(_group(name, entries) for name, entries in by_group.items()),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
-    version = f"hfa {VERSION}"
-    parser.add_argument("--version", action="version", version=version, help=argparse.SUPPRESS)
     return parser

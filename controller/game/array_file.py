@@ -6,10 +6,6 @@ Whatever a file holds, the answer is that mapping or one line that names the fau
 
 from __future__ import annotations
 
-import io
-import json
-import subprocess
-import sys
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping
@@ -26,9 +22,6 @@ PLANT = ("A", "B", "E", "Q", "R", "delta", "B1", "B2", "C1", "C2", "D11", "D12",
 CRITIC = ("W", "P", "K", "weights")
 #: What an .npy file of another name holds.
 UNKNOWN = "the array"
-#: s; a .mat file of 1 GiB takes a few.
-_LONGEST = 60.0
-_CHILD = Path(__file__).with_name("_loadmat.py")
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
@@ -90,28 +83,6 @@ def _npy(path: Path) -> dict[str, Any]:
     }
 
 
-def _mat(path: Path) -> dict[str, Any]:
-    """As SciPy reads it in a child process, which a damaged file may crash or hang."""
-    command = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=_LONGEST)
-    except subprocess.TimeoutExpired as error:
-        raise ValueError(f"reading it takes longer than {_LONGEST:g} s") from error
-    if done.returncode:
-        message = ""
-        if done.returncode == 1:
-            message = done.stderr.decode("utf-8", "replace").strip()
-        raise ValueError(message or "it is damaged: SciPy crashes on it")
-    entries: dict[str, Any] = {}
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
-        for number, (*structures, name) in enumerate(json.loads(str(arrays["paths"]))):
-            inside = entries
-            for structure in structures:
-                inside = inside.setdefault(structure, {})
-            inside[name] = arrays[str(number)]
-    return entries
-
-
 def _beside(path: Path) -> dict[str, Path]:
     """Name -> file of the matrices that belong together without names inside."""
     if path.stem not in (*PLANT[:1], *CRITIC):
@@ -124,6 +95,12 @@ def _beside(path: Path) -> dict[str, Path]:
             if file.is_file():
                 files.setdefault(name, file)
     return files
+
+
+def _mat(path: Path) -> dict[str, Any]:
+    from controller.game.mat_file import structures
+
+    return structures(path)
 
 
 def _csv(path: Path) -> dict[str, Any]:

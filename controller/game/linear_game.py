@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from controller.game.names import names_of_linear
+from controller.game.weights import nominal_weights
 from controller.game.zero_sum import Game
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown, shown
 from trim.linear.linear_model import LinearModel
-
-if TYPE_CHECKING:
-    from hfa_aircraft.model import Model
 
 
 @checks_arguments
@@ -54,11 +52,6 @@ def game(
         delta=delta,
         names=names_of_linear(linear),
     )
-
-
-def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
-    """diag(1/nominal²) of these states or inputs: a deviation of its nominal size costs 1."""
-    return np.diag([model.signals[name].nominal ** -2.0 for name in names])
 
 
 def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...]) -> np.ndarray:

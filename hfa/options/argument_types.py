@@ -52,14 +52,6 @@ def breakpoint_value(model: Model, text: str) -> float:
     return quantity(model, model.schedule, text)
 
 
-def interval(text: str) -> tuple[float, ...]:
-    """`LOW:HIGH` or one number, as written: a proof is about these numbers."""
-    ends = tuple(number(part) for part in text.split(":"))
-    if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
-        raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH, the lower end first")
-    return ends
-
-
 def span(model: Model, name: str, text: str) -> tuple[float, float]:
     """`LOW:HIGH` of a named variable, low < high."""
     low, colon, high = text.partition(":")
@@ -168,25 +160,5 @@ def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
                 f"{where}: it is {'a folder' if path.is_dir() else 'no regular file'}; name another"
             )
         return path
-
-    return convert
-
-
-def numbers(
-    form: str, count: int, otherwise: tuple[float, ...] = ()
-) -> Callable[[str], tuple[float, ...]]:
-    """A function that turns "1:2:3" into numbers.
-
-    form: how the word looks, for its BadInputError
-    count: how many numbers it has
-    otherwise: values of the last ones, which may be left out
-    """
-
-    def convert(text: str) -> tuple[float, ...]:
-        parts = text.split(":")
-        least = count - len(otherwise)
-        if not least <= len(parts) <= count:
-            raise BadInputError(f"is {text!r}; give {form}")
-        return (*(number(part) for part in parts), *otherwise[len(parts) - least :])
 
     return convert

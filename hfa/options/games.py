@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.weights_line import weights_line
+from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names, usual_game
 from hfa.options.argument_types import input_file, number, one_of, whole

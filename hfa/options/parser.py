@@ -6,7 +6,6 @@ import argparse
 import difflib
 import re
 import sys
-import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NoReturn
 
@@ -27,7 +26,8 @@ class Parser(argparse.ArgumentParser):
             )
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
-        self._options: dict[str, Option] = {}
+        #: Name of the value -> option.
+        self.options: dict[str, Option] = {}
         #: The line that ends the help.
         self.example = ""
         #: Words that may follow the program -> what the command of both does, for the help.
@@ -36,7 +36,7 @@ class Parser(argparse.ArgumentParser):
 
     def declare(self, options: Mapping[str, Option]) -> None:
         """Add options, name of the value -> option."""
-        self._options.update(options)
+        self.options.update(options)
         for name, option in options.items():
             names = option.flags
             how: dict[str, Any] = {"help": ""}
@@ -60,29 +60,9 @@ class Parser(argparse.ArgumentParser):
 
     def format_help(self, more: bool = False) -> str:
         """Usage, description, options (without `more` the rare ones by name only), example."""
-        words = "".join(f"  {self.prog} {word:<10}{about}\n" for word, about in self.words.items())
-        example = f"example: {self.example}\n" if self.example else ""
-        return "\n".join(filter(None, [self._options_help(more), words, example]))
+        from hfa.options.help_text import help_text
 
-    def _options_help(self, more: bool) -> str:
-        for action in self._actions:
-            if action.dest in self._options:
-                about = self._options[action.dest].about
-                action.help = about() if callable(about) else about
-        if more:
-            return super().format_help()
-        rare = {name for name, option in self._options.items() if option.rare}
-        hidden = [action for action in self._actions if action.dest in rare]
-        texts = [action.help for action in hidden]
-        for action in hidden:
-            action.help = argparse.SUPPRESS
-        shown = super().format_help()
-        for action, text in zip(hidden, texts, strict=True):
-            action.help = text
-        if not hidden:
-            return shown
-        names = ", ".join(action.option_strings[-1] for action in hidden)
-        return shown + textwrap.fill(f"more ({self.prog} --help more): {names}", 80) + "\n"
+        return help_text(self, more)
 
     def parse_words(self, words: list[str]) -> dict[str, Any]:
         """Name of the option -> value, of the options that were typed.
@@ -106,7 +86,7 @@ class Parser(argparse.ArgumentParser):
         typed = self._typed(parsed)
         missing = [
             option.flags[-1]
-            for name, option in self._options.items()
+            for name, option in self.options.items()
             if option.required and name not in typed
         ]
         if missing:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.weights_line import weights_line
+from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import INDEFINITENESS

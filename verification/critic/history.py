@@ -18,16 +18,19 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check, at_least, at_most
+from hfa_support.reporting.text import Table
 from verification.critic.critic_check import check_critic
 from verification.critic.critic_errors import critic_errors, relative_error
 from verification.critic.scope import LIMIT, Scope
-from verification.critic.verdict import ErrorTable, Verdict
+from verification.critic.verdict import COLUMNS, Details, ErrorTable, Section, Verdict, shown_number
 
 if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun
 
 #: Relative Riccati residual, in balanced units, below which a run counts as settled.
 SETTLED = 1e-9
+#: Rows of the table in a report. Files have all.
+_TIMES = 9
 
 
 @checks_arguments
@@ -74,8 +77,18 @@ def check_history(
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     table = ErrorTable(times, columns, "largest_error", limit, predefined_time)
     checks = (*verdict.checks, *time_checks(table))
-    sections = (*verdict.sections, table.section())
+    sections = (*verdict.sections, _section(table))
     return replace(verdict, checks=checks, sections=sections, table=table)
+
+
+def _section(table: ErrorTable) -> Section:
+    """Some rows and the settling time for a report, all rows for a file."""
+    columns = np.column_stack([table.times, *table.errors.values()])
+    some = np.unique(np.linspace(0, len(columns) - 1, _TIMES).round().astype(int))
+    rows = [(f"{time:.4g}", *map(shown_number, errors)) for time, *errors in columns[some].tolist()]
+    shown = Table(("time, s", *(COLUMNS[name] for name in table.errors)), rows)
+    records = Table(("time [s]", *table.errors), columns)  # type: ignore[arg-type]
+    return Section((shown, table.sentence), Details(history=table), records)
 
 
 def _residual(game: Game, P: np.ndarray) -> float:

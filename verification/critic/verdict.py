@@ -25,9 +25,7 @@ COLUMNS = {
     "riccati_residual": "Riccati residual",
     "largest_error": "largest error",
 }
-#: Rows of a table of critics over time, and entries of P and K, in a report; in that of a critic
-#: that fails fewer entries. Files have all.
-_TIMES = 9
+#: Entries of P and K in a report; in that of a critic that fails fewer. Files have all.
 _ENTRIES = 12
 _ENTRIES_OF_A_FAILURE = 3
 #: Failures with their reasons; the others by name.
@@ -108,17 +106,6 @@ class ErrorTable(Result):
             return f"{what} stays within {self.limit:g} from {self.settling_time:.4g} s on"
         last = self.errors[self.decides][-1]
         return f"{what} ends at {last:.3g} and does not settle within {self.limit:g}"
-
-    def section(self) -> Section:
-        """Some rows and the settling time for a report, all rows for a file."""
-        columns = np.column_stack([self.times, *self.errors.values()])
-        some = np.unique(np.linspace(0, len(columns) - 1, _TIMES).round().astype(int))
-        rows = [
-            (f"{time:.4g}", *map(shown_number, errors)) for time, *errors in columns[some].tolist()
-        ]
-        shown = Table(("time, s", *(COLUMNS[name] for name in self.errors)), rows)
-        records = Table(("time [s]", *self.errors), columns)  # type: ignore[arg-type]
-        return Section((shown, self.sentence), Details(history=self), records)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.weights_line import weights_line
+from controller.game.weights import weights_line
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix, shape_text
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.implied_policy import discrete_critic

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hfa.options.argument_types import input_file, number, numbers, quantity, span
+from hfa.options.argument_types import input_file, number, quantity, span
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
 from hfa.options.games import (
     DEFAULT_LAW,
@@ -162,6 +162,26 @@ def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
     for note in linear.kinks:
         warnings.warn(note, stacklevel=2)
     return linear
+
+
+def numbers(
+    form: str, count: int, otherwise: tuple[float, ...] = ()
+) -> Callable[[str], tuple[float, ...]]:
+    """A function that turns "1:2:3" into numbers.
+
+    form: how the word looks, for its BadInputError
+    count: how many numbers it has
+    otherwise: values of the last ones, which may be left out
+    """
+
+    def convert(text: str) -> tuple[float, ...]:
+        parts = text.split(":")
+        least = count - len(otherwise)
+        if not least <= len(parts) <= count:
+            raise BadInputError(f"is {text!r}; give {form}")
+        return (*(number(part) for part in parts), *otherwise[len(parts) - least :])
+
+    return convert
 
 
 def card_option() -> Any:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from controller.game.gain_schedule import load_gain_schedule
-from hfa.options.argument_types import interval, number
+from hfa.options.argument_types import number
 from hfa.options.trims import (
     AircraftOptions,
     OutputOptions,
@@ -19,7 +19,7 @@ from hfa.options.trims import (
 from hfa_aircraft.model import Model
 from hfa_model.variants import VARIANTS
 from hfa_servo.scheduled_controller import load_controller
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, shortened
 from hfa_support.schema import Number
 
 if TYPE_CHECKING:
@@ -27,6 +27,14 @@ if TYPE_CHECKING:
     from hfa_proof.search.loops import Intervals, Loop
 
 not_negative = partial(number, declared=Number(0.0))
+
+
+def interval(text: str) -> tuple[float, ...]:
+    """`LOW:HIGH` or one number, as written: a proof is about these numbers."""
+    ends = tuple(number(part) for part in text.split(":"))
+    if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
+        raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH, the lower end first")
+    return ends
 
 
 def positive_interval(text: str) -> tuple[float, float]:

@@ -1,13 +1,20 @@
-"""Which Q, R and delta a result is about, in one line."""
+"""The weights of a game: those where none are given, and how they read in one line."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from hfa_aircraft.model import Model
+
 #: Entries of a matrix that are shown one by one.
 _SHOWN = 40
+
+
+def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
+    """diag(1/nominal²) of these states or inputs: a deviation of its nominal size costs 1."""
+    return np.diag([model.signals[name].nominal ** -2.0 for name in names])
 
 
 def weights_line(

@@ -1,0 +1,41 @@
+"""Arrays and structures of arrays in .mat files."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_support.files import LARGEST, regular_file
+
+#: s; a .mat file of 1 GiB takes a few.
+_LONGEST = 60.0
+_CHILD = Path(__file__).with_name("_loadmat.py")
+
+
+def structures(path: Path) -> dict[str, Any]:
+    """Name -> array, of a structure a mapping, as SciPy reads it in a child process, which a
+    damaged file may crash or hang. ValueError names the fault."""
+    command = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=_LONGEST)
+    except subprocess.TimeoutExpired as error:
+        raise ValueError(f"reading it takes longer than {_LONGEST:g} s") from error
+    if done.returncode:
+        message = ""
+        if done.returncode == 1:
+            message = done.stderr.decode("utf-8", "replace").strip()
+        raise ValueError(message or "it is damaged: SciPy crashes on it")
+    entries: dict[str, Any] = {}
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
+        for number, (*structures, name) in enumerate(json.loads(str(arrays["paths"]))):
+            inside = entries
+            for structure in structures:
+                inside = inside.setdefault(structure, {})
+            inside[name] = arrays[str(number)]
+    return entries

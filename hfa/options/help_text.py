@@ -1,0 +1,42 @@
+"""What `--help` and `--help more` say of a command."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hfa.options.parser import Parser
+
+
+def help_text(parser: Parser, more: bool) -> str:
+    """Usage, description, options (without `more` the rare ones by name only), example."""
+    texts = [_options_text(parser, more)]
+    if parser.words:
+        lines = [f"  {parser.prog} {word:<10}{about}\n" for word, about in parser.words.items()]
+        texts.append("".join(lines))
+    if parser.example:
+        texts.append(f"example: {parser.example}\n")
+    return "\n".join(texts)
+
+
+def _options_text(parser: Parser, more: bool) -> str:
+    """Usage, description and options."""
+    declared = [action for action in parser._actions if action.dest in parser.options]
+    for action in declared:
+        about = parser.options[action.dest].about
+        action.help = about() if callable(about) else about
+    if more:
+        return argparse.ArgumentParser.format_help(parser)
+    hidden = [action for action in declared if parser.options[action.dest].rare]
+    texts = [action.help for action in hidden]
+    for action in hidden:
+        action.help = argparse.SUPPRESS
+    shown = argparse.ArgumentParser.format_help(parser)
+    for action, text in zip(hidden, texts, strict=True):
+        action.help = text
+    if not hidden:
+        return shown
+    names = ", ".join(action.option_strings[-1] for action in hidden)
+    return shown + textwrap.fill(f"more ({parser.prog} --help more): {names}", 80) + "\n"

@@ -1,0 +1,41 @@
+"""`hfa` without a command: its commands by groups, and its version."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+
+from hfa.doors import CommandEntry, commands
+from hfa.options.parser import Parser
+from hfa_support.version import VERSION
+
+#: The groups of commands in the order of the help; those of other packages follow.
+GROUPS = ("model", "critic", "flight", "proof", "exchange")
+
+
+def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
+    """The commands of a group, in the help of `hfa`."""
+    examples = [entry.example for entry in entries.values() if entry.example]
+    title = f"{name}, for example {examples[0]}" if examples else name
+    return "\n".join([title, *(f"  {each:<16}{entry.about}" for each, entry in entries.items())])
+
+
+def overview() -> Parser:
+    """`hfa` without a command: --help and --version."""
+    by_group: dict[str, dict[str, CommandEntry]] = {name: {} for name in GROUPS}
+    for name, entry in commands().items():
+        by_group.setdefault(entry.group, {})[name] = entry
+    parser = Parser(
+        prog="hfa",
+        usage="hfa [--version] command ...  (hfa command --help)",
+        description=(
+            "Trims, linear models, games, flights and proofs; "
+            "critics checked against the exact solution."
+        ),
+        epilog="\n\n".join(_group(name, entries) for name, entries in by_group.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
+    version = f"hfa {VERSION}"
+    parser.add_argument("--version", action="version", version=version, help=argparse.SUPPRESS)
+    return parser
