@@ -233,6 +233,8 @@ def from_weights(
                 f"there are {weights.size} weights and {n} states; the features are {count} "
                 f"functions of {functions.numel_in(0)} states"
             )
+        from controller.critic.expressions import from_functions
+
         z = ca.SX.sym("z", n)
         V = ca.DM(weights).T @ ca.vec(functions(z)) + constant
         return from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
@@ -300,46 +302,6 @@ def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
         raise BadInputError("W and P are of different values; leave one of them out")
 
 
-def from_functions(
-    game: Game,
-    z: ca.SX,
-    outputs: Mapping[str, ca.SX],
-    origin: str,
-    precision: str = "float64",
-    variants: Mapping[str, Callable[[], Critic]] | None = None,
-) -> Critic:
-    """The critic of expressions of the symbols z (n,): "V", "gradient" (∂V/∂z) or "policy", or V
-    and a policy.
-
-    K and P are their exact derivatives at z = 0.
-    """
-    V = outputs.get("V")
-    u = outputs.get("policy")
-    gradient = outputs.get("gradient") if V is None else ca.gradient(V, z)
-    expressions = {"V": V, "gradient": gradient, "policy": u}
-    network = {
-        name: ca.Function(name, [z], [ca.densify(expression)])
-        for name, expression in expressions.items()
-        if expression is not None
-    }
-    P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
-    if u is not None:
-        K = -_derivative_at_0(u, z)
-    else:
-        assert P is not None
-        K = game.gain(P)
-    return Critic(
-        K,
-        P,
-        origin,
-        constant=0.0 if V is None else float(network["V"](np.zeros(len(game.A)))),
-        precision=precision,
-        feedback=game.R_inverse_B_transposed if u is None else None,
-        network=network,
-        variants=variants or {},
-    )
-
-
 def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
     """New symbols z (n,): scalars (SX), or one matrix (MX) where a function is a graph of matrices,
     as a wide network is, which would take a minute and a gigabyte as scalars.
@@ -349,11 +311,3 @@ def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
     if all(function.is_a("SXFunction") for function in functions):
         return ca.SX.sym("z", n)
     return ca.MX.sym("z", n)  # type: ignore[return-value]
-
-
-def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
-    """∂expression/∂z at z = 0, (k, n), one reverse sweep a row."""
-    weights = type(z).sym("w", expression.numel())
-    rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
-    each_row = rows(np.zeros((z.numel(), expression.numel())), np.eye(expression.numel()))
-    return np.array(each_row).T

@@ -13,7 +13,8 @@ from controller.game.names import UNNAMED, PlantNames
 from controller.game.settling import settled_at
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
-from hfa_support.reporting.text import RowsMade, Table, matrix_table
+from hfa_support.reporting.rows_made import RowsMade
+from hfa_support.reporting.text import Table, matrix_table
 
 #: Largest residual of a settled critic, relative to the terms that cancel in it.
 SETTLED = 1e-9

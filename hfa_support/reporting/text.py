@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -53,23 +53,6 @@ def printable(text: str, lines: bool = True) -> str:
     be none."""
     spelled = _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
     return spelled if lines else spelled.replace("\n", " ")
-
-
-class RowsMade(Sequence[tuple[Any, ...]]):
-    """Rows 0 ... count - 1, each made when somebody asks for it: a million of them need no
-    memory."""
-
-    def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
-        self._count = count
-        self._row = row
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __getitem__(self, index: Any) -> Any:
-        if not 0 <= index < self._count:
-            raise IndexError(index)
-        return self._row(index)
 
 
 def matrix_table(

@@ -156,44 +156,16 @@ class LinearModel(ByValue, Result, Reported):
 
     def to_control(self) -> control.StateSpace:
         """The same model as python-control's `StateSpace`, names kept."""
-        import control
+        from trim.linear.exchange import state_space
 
-        return control.ss(
-            self.A,
-            self.B,
-            self.C,
-            self.D,
-            states=list(self.states),
-            inputs=list(self.inputs),
-            outputs=list(self.outputs),
-        )
+        return state_space(self)
 
     def to_xarray(self) -> Any:
         """The same model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with names
         and units. Needs xarray."""
-        import xarray
+        from trim.linear.exchange import dataset
 
-        states = ("state", list(self.states), {"units": list(self.state_units)})
-        inputs = ("input", list(self.inputs), {"units": list(self.input_units)})
-        outputs = ("output", list(self.outputs), {"units": list(self.output_units)})
-        return xarray.Dataset(
-            {
-                "A": (("rate", "state"), self.A),
-                "B": (("rate", "input"), self.B),
-                "C": (("output", "state"), self.C),
-                "D": (("output", "input"), self.D),
-                "X0": ("state", self.state_offsets),
-                "U0": ("input", self.input_offsets),
-                "Y0": ("output", self.output_offsets),
-            },
-            coords={
-                "state": states,
-                "input": inputs,
-                "output": outputs,
-                "rate": ("rate", list(self.states)),
-            },
-            attrs={"model": self.point.called},
-        )
+        return dataset(self)
 
 
 def positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:

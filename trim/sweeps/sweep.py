@@ -18,7 +18,8 @@ from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, RootTable, Stack
-from hfa_support.reporting.text import RowsMade, Table, eigenvalue_text, shown_unit, shown_value
+from hfa_support.reporting.rows_made import RowsMade
+from hfa_support.reporting.text import Table, eigenvalue_text, shown_unit, shown_value
 from trim.linear.kinks import with_means_at_kinks
 from trim.linear.modes import fastest_first, modes_of
 from trim.point.condition import TrimCondition

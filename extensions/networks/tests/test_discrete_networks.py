@@ -13,7 +13,8 @@ from game_samples import failed_names
 from network_files import torch_file
 
 from controller import Game, basis
-from controller.critic.critic import Critic, from_functions, from_parts
+from controller.critic.critic import Critic, from_parts
+from controller.critic.expressions import from_functions
 from hfa.main import DONE, FAILED
 from hfa_discrete.critic_check import check_discounted, check_discrete
 from hfa_discrete.discrete_game import DiscreteGame

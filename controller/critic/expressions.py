@@ -1,0 +1,59 @@
+"""Critics of expressions of the state: networks, and lists of functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic
+from controller.game.zero_sum import Game
+
+
+def from_functions(
+    game: Game,
+    z: ca.SX,
+    outputs: Mapping[str, ca.SX],
+    origin: str,
+    precision: str = "float64",
+    variants: Mapping[str, Callable[[], Critic]] | None = None,
+) -> Critic:
+    """The critic of expressions of the symbols z (n,): "V", "gradient" (∂V/∂z) or "policy", or V
+    and a policy.
+
+    K and P are their exact derivatives at z = 0.
+    """
+    V = outputs.get("V")
+    u = outputs.get("policy")
+    gradient = outputs.get("gradient") if V is None else ca.gradient(V, z)
+    expressions = {"V": V, "gradient": gradient, "policy": u}
+    network = {
+        name: ca.Function(name, [z], [ca.densify(expression)])
+        for name, expression in expressions.items()
+        if expression is not None
+    }
+    P = None if gradient is None else _derivative_at_0(gradient, z) / 2.0
+    if u is not None:
+        K = -_derivative_at_0(u, z)
+    else:
+        assert P is not None
+        K = game.gain(P)
+    return Critic(
+        K,
+        P,
+        origin,
+        constant=0.0 if V is None else float(network["V"](np.zeros(len(game.A)))),
+        precision=precision,
+        feedback=game.R_inverse_B_transposed if u is None else None,
+        network=network,
+        variants=variants or {},
+    )
+
+
+def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
+    """∂expression/∂z at z = 0, (k, n), one reverse sweep a row."""
+    weights = type(z).sym("w", expression.numel())
+    rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
+    each_row = rows(np.zeros((z.numel(), expression.numel())), np.eye(expression.numel()))
+    return np.array(each_row).T

@@ -1,0 +1,114 @@
+"""Where the equations switch: at a knot of a table, at the 0 of |x|, min, max, sign, a comparison
+or a rounding."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.model import Model
+from hfa_support.native.bound import RowFunction
+
+_ONE_ARGUMENT = {ca.OP_FABS, ca.OP_SIGN}
+_TWO_ARGUMENTS = {ca.OP_FMIN, ca.OP_FMAX, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
+_ROUNDING = {ca.OP_FLOOR, ca.OP_CEIL}
+#: Step of the slopes, in nominal values.
+STEP = 1e-6
+#: Points at which slopes are compared, the first of those near a switch.
+_MOST = 1_000
+#: No points, no states and inputs.
+_NOWHERE = (np.zeros(0, dtype=int), np.zeros(0, dtype=int))
+
+
+def near_switches(
+    model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the first `_MOST` points from which a step can reach a switch, and of the states
+    and inputs that reach one there.
+
+    Where equations call functions, whose inside is not seen: all points, all states and inputs.
+    """
+    steps = steps_of(model)
+    switches = _switches(model.layout, steps)
+    if switches is None:
+        if not _calls_functions(model.layout):
+            return _NOWHERE
+        return np.flatnonzero(np.isfinite(x).all(axis=1))[:_MOST], np.arange(len(steps))
+    distances, moves = switches(x, u, p)
+    near = distances <= 0.0
+    if not near.any():
+        return _NOWHERE
+    points = np.flatnonzero(near.any(axis=1))[:_MOST]
+    moving = moves.reshape(*distances.shape, -1)[near]
+    if not moving.any(axis=1).all():  # a switch that moves in second order only
+        return points, np.arange(len(steps))
+    return points, np.flatnonzero(moving.any(axis=0))
+
+
+@lru_cache(maxsize=16)
+def steps_of(model: Model) -> tuple[float, ...]:
+    """The step of each state and input."""
+    signals = (*model.states.values(), *model.inputs.values())
+    return tuple(STEP * signal.nominal for signal in signals)
+
+
+@lru_cache(maxsize=16)
+def rates_of(layout: Layout) -> ca.Function:
+    """(x, u, p) -> the rates."""
+    vectors = layout.symbols("x", "u", "p")
+    rates, _ = layout.expressions([components(vector) for vector in vectors], ())
+    return ca.Function("rates", vectors, [rates])
+
+
+@lru_cache(maxsize=16)
+def _calls_functions(layout: Layout) -> bool:
+    """Whether the equations call functions: tables of `casadi.interpolant`, functions that are not
+    inlined."""
+    rates = rates_of(layout)
+    return ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}
+
+
+@lru_cache(maxsize=16)
+def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
+    """(x, u, p) -> |s| - 2 Σ m, and m = |∂s/∂(x, u)| steps row by row, of the s over which each
+    |.|, sign, min, max, comparison and rounding in the equations switches at 0. None without any,
+    and where the equations call functions."""
+    if _calls_functions(layout):
+        return None
+    rates = rates_of(layout)
+    instructions = range(rates.n_instructions())
+    operations = {rates.instruction_id(k) for k in instructions}
+    if not operations & {*_ONE_ARGUMENT, *_TWO_ARGUMENTS, *_ROUNDING}:
+        return None
+    vectors = layout.symbols("x", "u", "p")
+    switching = []
+    work = [ca.SX(0) for _ in range(rates.sz_w())]
+    for k in instructions:
+        operation = rates.instruction_id(k)
+        sources = rates.instruction_input(k)
+        target = rates.instruction_output(k)[0]
+        if operation == ca.OP_INPUT:
+            work[target] = vectors[sources[0]][sources[1]]
+        elif operation == ca.OP_CONST:
+            work[target] = ca.SX(rates.instruction_constant(k))
+        elif operation != ca.OP_OUTPUT:
+            values = [work[source] for source in sources]
+            if operation in _ONE_ARGUMENT:
+                switching.append(values[0])
+            elif operation in _TWO_ARGUMENTS:
+                switching.append(values[0] - values[1])
+            elif operation in _ROUNDING:
+                switching.append(ca.sin(ca.pi * values[0]))
+            make = ca.SX.unary if len(values) == 1 else ca.SX.binary
+            work[target] = make(operation, *values)
+    s = ca.vertcat(*(value for value in switching if not value.is_constant()))
+    if not s.numel():
+        return None
+    moved = ca.vertcat(*vectors[:2])
+    moves = ca.fabs(ca.densify(ca.jacobian(s, moved))) @ ca.diag(ca.DM(steps))
+    distances = ca.fabs(s) - 2 * ca.sum2(moves)
+    parts = [ca.densify(distances), ca.vec(ca.densify(moves).T)]
+    return RowFunction(ca.Function("switches", vectors, parts))
