@@ -17,9 +17,6 @@ import numpy as np
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import LARGEST, MATRIX_FILES, read_json, regular_file
 
-#: What .csv and .npy files hold by their own names: a plant, in files beside A.csv, and a critic.
-PLANT = ("A", "B", "E", "Q", "R", "delta", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
-CRITIC = ("W", "P", "K", "weights")
 #: What an .npy file of another name holds.
 UNKNOWN = "the array"
 
@@ -75,26 +72,9 @@ def _npz(path: Path) -> dict[str, Any]:
 
 
 def _npy(path: Path) -> dict[str, Any]:
-    if path.stem not in (*PLANT, *CRITIC):
-        return {UNKNOWN: np.load(regular_file(path), allow_pickle=False)}
-    return {
-        name: np.load(regular_file(file), allow_pickle=False)
-        for name, file in _beside(path).items()
-    }
+    from controller.game.one_matrix_files import npy_matrices
 
-
-def _beside(path: Path) -> dict[str, Path]:
-    """Name -> file of the matrices that belong together without names inside."""
-    if path.stem not in (*PLANT[:1], *CRITIC):
-        called = "a .csv holds one matrix and has its name, A with B beside it, or K, P, W"
-        raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")
-    files = {path.stem: path}
-    if path.stem == "A":
-        for name in PLANT:
-            file = path.with_name(name + path.suffix)
-            if file.is_file():
-                files.setdefault(name, file)
-    return files
+    return npy_matrices(path)
 
 
 def _mat(path: Path) -> dict[str, Any]:
@@ -104,9 +84,9 @@ def _mat(path: Path) -> dict[str, Any]:
 
 
 def _csv(path: Path) -> dict[str, Any]:
-    from controller.game.csv_file import matrices_and_names
+    from controller.game.one_matrix_files import csv_matrices
 
-    return matrices_and_names(_beside(path))
+    return csv_matrices(path)
 
 
 _READERS: Mapping[str, Callable[[Path], dict[str, Any]]] = dict(

@@ -13,15 +13,12 @@ from controller.game.names import UNNAMED, PlantNames
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.text import matrix_table, numbered
 
 #: Numbers beyond this (or below its inverse) overflow when they are multiplied, and mean nothing in
 #: a model.
 LARGEST = 1e100
 #: Entries of a critic beyond this overflow when P S P is squared, and mean nothing.
 LARGEST_CRITIC_ENTRY = 1e50
-#: Larger matrices are not shown at the prompt.
-MOST_SHOWN = 12
 #: A scaled eigenvalue of a semidefinite matrix may be so far below 0.
 SEMIDEFINITE = 1e-12
 
@@ -84,25 +81,9 @@ class Game(ByValue, Reported):
 
     def report(self) -> Report:
         """The matrices, with the names of their rows and columns."""
-        states = self.names.states
-        inputs = self.names.inputs
-        disturbances = numbered("d", self.E.shape[1])
-        return Report(
-            title=f"Game on {self.names.origin}, delta {self.delta:.6g}:"
-            " z' = A z + B u + E d, cost z'Qz + u'Ru - delta^2 d'd",
-            parts=[
-                matrix_table(name, rows, columns, getattr(self, name))
-                for name, rows, columns in (
-                    ("A", states, states),
-                    ("B", states, inputs),
-                    ("E", states, disturbances),
-                    ("Q", states, states),
-                    ("R", inputs, inputs),
-                )
-                if len(rows) <= MOST_SHOWN and len(columns) <= MOST_SHOWN
-            ],
-            data={name: getattr(self, name) for name in ("A", "B", "E", "Q", "R", "delta")},
-        )
+        from controller.game.game_report import game_report
+
+        return game_report(self)
 
     @cached_property
     def R_inverse_B_transposed(self) -> np.ndarray:

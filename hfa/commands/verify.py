@@ -5,18 +5,14 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from controller.critic.critic import from_weights
-from controller.critic.critic_file import (
-    critic_suffixes,
-    critics_in,
-    is_network,
-)
+from controller.critic.critic_file import critic_suffixes, critics_in, is_network
 from controller.game.zero_sum import Game
 from hfa.options.argument_types import positive
 from hfa.options.command import command
@@ -38,6 +34,8 @@ from verification.hfa_box import ordinary_box
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from controller.critic.critic import Critic
 
 #: Of more files than this, each network is flown from a few starts.
 _MANY = 5
@@ -211,6 +209,10 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
                 raise BadInputError(
                     f"--set {name} belongs to networks; give the file of one by --weights"
                 )
+    if len(paths) == 1 and paths[0].suffix.lower() == ".onnx" and "activation" in request.set:
+        raise BadInputError(
+            f"{paths[0]}: --set activation belongs to a state dict; an ONNX file says it"
+        )
     if (request.discount is None) != (request.dt is None):
         raise BadInputError("--discount and --dt belong together; neither has a default")
     if request.discount is not None:
@@ -231,56 +233,66 @@ def _check_file(
     path: Path, request: VerifyRequest, named: NamedGame, scope: Scope, files: int
 ) -> Verdict:
     """The verdict on the critic in a file, or on the last of a history; of `files` files."""
-    game = named.game
-    limit = request.limit_error
     if path.suffix.lower() == ".zip":
         warnings.warn(
             f"{path}: its normalizer, clip and action map are not in it, this is about the network "
             "alone; `hfa assess CARD.toml` judges the policy as it is deployed",
             stacklevel=2,
         )
-    time = request.set.get("predefined_time")
-    activation = request.set.get("activation")
-    if files == 1 and path.suffix.lower() == ".onnx" and activation is not None:
-        raise BadInputError(
-            f"{path}: --set activation belongs to a state dict; an ONNX file says it"
-        )
-    critics = critics_in(path, game, request.reading())
-    is_history = critics[-1].time is not None
-    if request.discount is not None and request.dt is not None:
-        if is_history:
-            raise BadInputError(
-                f"{path}: --discount judges one critic and this is over time; give one row of it"
-            )
-        scope = replace(scope, progress=ProgressLine("prove"))
-        check_discounted = part(PARTS, "verify.discounted", "--discount")
-        verdict: Verdict = check_discounted(
-            game, critics[0], request.discount, request.dt, limit=limit, scope=scope
-        )
-        return verdict
-    if is_history:
-        from verification.critic.history import check_history
-
-        with said_of(path):
-            return check_history(
-                game,
-                critics,
-                limit=limit,
-                scope=scope,
-                predefined_time=time,
-                progress=ProgressLine("compare"),
-            )
-    if time is not None:
+    critics = critics_in(path, named.game, request.reading())
+    critic = critics[-1]
+    if request.discount is not None:
+        return _check_discounted(path, critic, request, named, scope)
+    if critic.time is not None:
+        return _check_history(path, critics, request, named, scope)
+    if "predefined_time" in request.set:
         raise BadInputError(
             f"--set predefined_time belongs to a critic over time; {path} has no time"
         )
     if files > _MANY:
         scope = replace(scope, flights=_FEW_FLIGHTS)
-    if critics[0].network:
+    if critic.network:
         progress = ProgressLine("prove") if files == 1 else None
         scope = replace(scope, seconds=SECONDS / files, progress=progress)
         if named.linear is not None:
             from verification.critic.about_trim import nonlinear_plant
 
             scope = replace(scope, plant=nonlinear_plant(named.linear))
-    return check_critic(game, critics[0], limit=limit, scope=scope)
+    return check_critic(named.game, critic, limit=request.limit_error, scope=scope)
+
+
+def _check_discounted(
+    path: Path, critic: Critic, request: VerifyRequest, named: NamedGame, scope: Scope
+) -> Verdict:
+    """The verdict on a critic as one of the discounted problem in discrete time."""
+    if critic.time is not None:
+        raise BadInputError(
+            f"{path}: --discount judges one critic and this is over time; give one row of it"
+        )
+    scope = replace(scope, progress=ProgressLine("prove"))
+    check = part(PARTS, "verify.discounted", "--discount")
+    verdict: Verdict = check(
+        named.game, critic, request.discount, request.dt, limit=request.limit_error, scope=scope
+    )
+    return verdict
+
+
+def _check_history(
+    path: Path,
+    critics: Sequence[Critic],
+    request: VerifyRequest,
+    named: NamedGame,
+    scope: Scope,
+) -> Verdict:
+    """The verdict on the last critic of a history."""
+    from verification.critic.history import check_history
+
+    with said_of(path):
+        return check_history(
+            named.game,
+            critics,
+            limit=request.limit_error,
+            scope=scope,
+            predefined_time=request.set.get("predefined_time"),
+            progress=ProgressLine("compare"),
+        )

@@ -22,7 +22,7 @@ from hfa_aircraft.model import Model
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_model.variants import further_dynamics, variant_named
 from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, shortened
+from hfa_support.errors import BadInputError, refuse_unknown, shortened
 from hfa_support.files import note_read
 from hfa_support.reporting.report import SUFFIXES, Report
 from hfa_support.units import SYSTEMS
@@ -358,33 +358,16 @@ class TrimOptions(HfaOptions):
         Raises TrimError that also says so where a held angle of attack is why there is no trim."""
         condition = self.trim_condition()
         by = self.model.schedule
-        describe = self.model.describe
         if self.at is not None and by in condition.free:
-            typed = f"--{called_at(self.model)} {describe(by, self.at)}"
+            typed = f"--{called_at(self.model)} {self.model.describe(by, self.at)}"
             begins = typed if self.start is None else "--start"
             warnings.warn(f"{by} is free: the search begins at {begins}", stacklevel=2)
         try:
             return find_operating_point(aircraft, condition, self.start_point)
         except TrimError as failure:
-            from trim.point.reasons import explained
+            from hfa.options.no_trim import advised
 
-            error = explained(failure, aircraft, condition)
-            if "alpha" not in condition.imposed:
-                raise error from None
-            freed = release(condition, free=("alpha",))
-            try:
-                free_point = find_operating_point(aircraft, freed, self.start_point)
-            except NoSolutionError:
-                raise error from None
-            held = describe("alpha", condition.imposed["alpha"])
-            trimmed = describe("alpha", free_point.states.alpha)
-            advice = "add --free alpha"
-            if "alpha" in self.hold:
-                advice = f"leave --hold alpha out and {advice}"
-            raise TrimError(
-                f"{error}; alpha is held at {held}, free it trims at {trimmed}: {advice}",
-                error.attempt,
-            ) from None
+            raise advised(failure, self, aircraft, condition) from None
 
     def origin(self) -> Mapping[str, Any]:
         """The aircraft, and the condition of its trims."""

@@ -1,0 +1,35 @@
+"""How a game reads."""
+
+from __future__ import annotations
+
+from controller.game.zero_sum import Game
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import matrix_table, numbered
+
+#: Larger matrices are not shown.
+_MOST = 12
+
+
+def game_report(game: Game) -> Report:
+    """The matrices, with the names of their rows and columns."""
+    states = game.names.states
+    inputs = game.names.inputs
+    disturbances = numbered("d", game.E.shape[1])
+    names = {
+        "A": (states, states),
+        "B": (states, inputs),
+        "E": (states, disturbances),
+        "Q": (states, states),
+        "R": (inputs, inputs),
+    }
+    tables = [
+        matrix_table(name, rows, columns, getattr(game, name))
+        for name, (rows, columns) in names.items()
+        if max(len(rows), len(columns)) <= _MOST
+    ]
+    return Report(
+        title=f"Game on {game.names.origin}, delta {game.delta:.6g}:"
+        " z' = A z + B u + E d, cost z'Qz + u'Ru - delta^2 d'd",
+        parts=tables,
+        data={name: getattr(game, name) for name in (*names, "delta")},
+    )

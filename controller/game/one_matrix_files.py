@@ -1,0 +1,46 @@
+"""Files of one matrix, which has the name of its file: .npy and .csv, those of a plant beside each
+other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.game.array_file import UNKNOWN
+from controller.game.csv_file import matrices_and_names
+from hfa_support.files import regular_file
+
+#: What they hold by their own names: a plant, in files beside A.csv, and a critic.
+PLANT = ("A", "B", "E", "Q", "R", "delta", "B1", "B2", "C1", "C2", "D11", "D12", "D21", "D22")
+CRITIC = ("W", "P", "K", "weights")
+
+
+def npy_matrices(path: Path) -> dict[str, Any]:
+    """Name -> matrix, `UNKNOWN` of a file of another name than those of a plant and a critic."""
+    if path.stem not in (*PLANT, *CRITIC):
+        return {UNKNOWN: np.load(regular_file(path), allow_pickle=False)}
+    return {
+        name: np.load(regular_file(file), allow_pickle=False)
+        for name, file in _beside(path).items()
+    }
+
+
+def csv_matrices(path: Path) -> dict[str, Any]:
+    """Name -> matrix, and the names and units of the plant where the file has any."""
+    return matrices_and_names(_beside(path))
+
+
+def _beside(path: Path) -> dict[str, Path]:
+    """Name -> file of the matrices that belong together without names inside."""
+    if path.stem not in (*PLANT[:1], *CRITIC):
+        called = "a .csv holds one matrix and has its name, A with B beside it, or K, P, W"
+        raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")
+    files = {path.stem: path}
+    if path.stem == "A":
+        for name in PLANT:
+            file = path.with_name(name + path.suffix)
+            if file.is_file():
+                files.setdefault(name, file)
+    return files
