@@ -4,6 +4,7 @@ closed loop."""
 from hfa_flight.actuators import ActuatorBank as ActuatorBank, ActuatorFault as ActuatorFault
 from hfa_flight.envelope import flight_envelope as flight_envelope
 from hfa_flight.flight_figure import flight_figure as flight_figure
+from hfa_flight.gain_schedule import GainSchedule as GainSchedule
 from hfa_flight.gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
 from hfa_flight.monte_carlo import MonteCarlo as MonteCarlo
 from hfa_flight.monte_carlo_store import (
@@ -25,7 +26,6 @@ from hfa_servo.scheduled_controller import (
 from .critic.critic_file import critic_in as critic_in
 from .critic.critic_history import critics_over_time as critics_over_time
 from .game.basis import basis as basis
-from .game.gain_schedule import GainSchedule as GainSchedule
 from .game.zero_sum import Game as Game
 from .hfa_files import load_game as load_game
 from .hfa_game import published_game as published_game

@@ -26,11 +26,6 @@ if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
 
 
-def origin_lines(request: Request) -> str:
-    """The provenance of the run and its command, for the top of a source file."""
-    return f"{request.provenance.text()}\n{request.line}"
-
-
 # Results.
 
 

@@ -137,33 +137,30 @@ def verify(request: VerifyRequest) -> int:
         with named.asking_for_time():
             verdicts[str(path)] = _check_file(path, request, named, scope, len(paths))
     cost = request.limit_cost
+    origin = named.game.names.origin
     if len(verdicts) == 1:
         (verdict,) = verdicts.values()
-        figure = partial(_figure, verdict)
         report = verdict.report(limit_cost=cost, about=about(named, verdict, cost))
     else:
         from verification.critic.several import verdicts_report
 
-        figure = partial(_figures, verdicts, named.game.names.origin)
-        report = verdicts_report(verdicts, named.game.names.origin, cost)
+        report = verdicts_report(verdicts, origin, cost)
     report = report.with_data(**named.as_data(), **named.weights.as_data())
     if request.region is not None:
         with_region = part(PARTS, "verify.region", "--region")
         report = with_region(report, list(verdicts.values()), named, request.region)
-    show(report, request, figure=figure, notes=named.warnings)
+    show(report, request, figure=partial(_figure, verdicts, origin), notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
 
 
-def _figure(verdict: Verdict) -> Figure:
-    from verification.critic.figures import verdict_figure
+def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
+    """One critic beside the exact solution, or the errors of several."""
+    from verification.critic.figures import verdict_figure, verdicts_figure
 
+    if len(verdicts) > 1:
+        return verdicts_figure(verdicts, origin)
+    (verdict,) = verdicts.values()
     return verdict_figure(verdict)
-
-
-def _figures(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
-    from verification.critic.figures import verdicts_figure
-
-    return verdicts_figure(verdicts, origin)
 
 
 def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:

@@ -106,10 +106,6 @@ class Report:
 
         save_data(path, self.data, self.records)
 
-    def without_pictures(self) -> Report:
-        """The same report without the pictures among its parts."""
-        return replace(self, parts=[part for part in self.parts if not isinstance(part, Picture)])
-
     def pictures(self) -> Iterator[Picture]:
         """All pictures, those of the reports within it too."""
         for part in self.parts:

@@ -16,7 +16,7 @@ import hfa_model
 import hfa_support
 import trim
 import verification
-from controller.game.gain_schedule import GainSchedule
+from hfa_flight.gain_schedule import GainSchedule
 
 #: Result -> a line that its report has at the prompt.
 SHOWN = {

@@ -389,7 +389,7 @@ class FlightOptions(ScenarioOptions):
         self, model: Model, point: OperatingPoint, steps: CommandSteps
     ) -> tuple[Policy, Any]:
         """The policy of --controller, and what it follows."""
-        from controller.game.gain_schedule import GainSchedule
+        from hfa_flight.gain_schedule import GainSchedule
         from hfa_flight.scheduled_gains import scheduled_gains
 
         assert self.controller is not None

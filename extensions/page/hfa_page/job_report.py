@@ -67,6 +67,7 @@ def main_report(job: MainJob) -> Report:
         if "critic" in report.data:
             angle_deg = report.data["dihedral_deg"]
             critics.append({"dihedral_deg": angle_deg, **report.data["critic"]})
+    tables = [part for part in swept.parts if not isinstance(part, Picture)]
     return Report(
         title="",
         parts=(
@@ -75,7 +76,7 @@ def main_report(job: MainJob) -> Report:
             claims,
             Report("Every entry against the print", (job.regeneration.picture(),)),
             Report("What the checks say", (glosses(),)),
-            Report("Modes over the dihedral angle", (swept.without_pictures(),)),
+            Report("Modes over the dihedral angle", (replace(swept, parts=tables),)),
             Report("The aircraft", (job.parameters.report(),)),
         ),
         data=MainJobData(

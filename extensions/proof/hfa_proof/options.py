@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from controller.game.gain_schedule import load_gain_schedule
 from hfa.options.argument_types import number
 from hfa.options.trims import (
     AircraftOptions,
@@ -17,6 +16,7 @@ from hfa.options.trims import (
     scheduled,
 )
 from hfa_aircraft.model import Model
+from hfa_flight.gain_schedule import load_gain_schedule
 from hfa_model.variants import VARIANTS
 from hfa_servo.scheduled_controller import load_controller
 from hfa_support.errors import BadInputError, shortened

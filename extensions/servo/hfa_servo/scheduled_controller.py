@@ -16,10 +16,10 @@ from typing import Any, Literal
 import numpy as np
 
 from controller.game.array_file import read_arrays
-from controller.game.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_aircraft.model import Model
 from hfa_aircraft.native_units import native_of
 from hfa_aircraft.units import in_si
+from hfa_flight.gain_schedule import GainSchedule, load_gain_schedule
 from hfa_servo.design import signal_unit
 from hfa_servo.results import ControllerData, ControllerFile
 from hfa_support.arguments import checks_arguments

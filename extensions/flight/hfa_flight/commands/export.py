@@ -14,7 +14,7 @@ from hfa.options.command import command
 from hfa.options.games import DEFAULT_LAW
 from hfa.options.request import option
 from hfa.options.trims import AircraftOptions, JsonOption, TrimOptions, scheduled
-from hfa.output import origin_lines, print_report
+from hfa.output import print_report
 from hfa_flight.options import (
     LawOptions,
     actuators_of,
@@ -85,7 +85,7 @@ def export(request: ExportRequest) -> int:
     if request.at is None and not request.own:
         request = replace(request, at=_DIHEDRAL)
     # Before anything is written: it finds what is wrong with options that nothing below reads.
-    origin = origin_lines(request)
+    origin = f"{request.provenance.text()}\n{request.line}"
     if request.output.suffix.lower() == ".m":
         return _write_function(request)
     if request.controller is None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from controller.game.basis import basis
-from controller.game.gain_schedule import load_gain_schedule
 from controller.game.names import UNNAMED, PlantNames
 from hfa.doors import words_after
 from hfa.options.argument_types import input_file
@@ -19,6 +18,7 @@ from hfa.options.request import option
 from hfa.options.trims import AircraftOptions, OutputOptions, scheduled
 from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
+from hfa_flight.gain_schedule import load_gain_schedule
 from hfa_proof.options import interval_of, loop_of_file
 from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.errors import BadInputError

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.gain_schedule import GainSchedule
 from controller.game.zero_sum import Game
 from controller.hfa_game import usual_game
 from controller.riccati.gare import solve_game
 from hfa_aircraft.model import Model
+from hfa_flight.gain_schedule import GainSchedule
 from hfa_proof.checker.statement import (
     Actuators,
     Controller,

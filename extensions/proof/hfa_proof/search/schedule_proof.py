@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from flint import arb
 
-from controller.game.gain_schedule import GainSchedule
+from hfa_flight.gain_schedule import GainSchedule
 from hfa_proof.arithmetic.ball_function import Undecided
 from hfa_proof.arithmetic.balls import TaylorModel, doubles, is_positive_definite, matrix
 from hfa_proof.checker.loop import between, closed_loop

@@ -22,7 +22,7 @@ from proof_cases import (
 )
 
 import hfa_model
-from controller.game.gain_schedule import GainSchedule
+from hfa_flight.gain_schedule import GainSchedule
 from hfa_model import default_parameters
 from hfa_proof.arithmetic import PRECISION
 from hfa_proof.checker.statement import Run
