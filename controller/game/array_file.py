@@ -71,24 +71,18 @@ def _npz(path: Path) -> dict[str, Any]:
     return entries
 
 
-def _npy(path: Path) -> dict[str, Any]:
-    from controller.game.one_matrix_files import npy_matrices
-
-    return npy_matrices(path)
-
-
 def _mat(path: Path) -> dict[str, Any]:
     from controller.game.mat_file import structures
 
     return structures(path)
 
 
-def _csv(path: Path) -> dict[str, Any]:
-    from controller.game.one_matrix_files import csv_matrices
+def _named_by_file(path: Path) -> dict[str, Any]:
+    from controller.game.one_matrix_files import matrices
 
-    return csv_matrices(path)
+    return matrices(path)
 
 
 _READERS: Mapping[str, Callable[[Path], dict[str, Any]]] = dict(
-    zip(MATRIX_FILES, (_json, _npz, _npy, _mat, _csv), strict=True)
+    zip(MATRIX_FILES, (_json, _npz, _named_by_file, _mat, _named_by_file), strict=True)
 )

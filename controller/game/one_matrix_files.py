@@ -17,19 +17,17 @@ PLANT = ("A", "B", "E", "Q", "R", "delta", "B1", "B2", "C1", "C2", "D11", "D12",
 CRITIC = ("W", "P", "K", "weights")
 
 
-def npy_matrices(path: Path) -> dict[str, Any]:
-    """Name -> matrix, `UNKNOWN` of a file of another name than those of a plant and a critic."""
+def matrices(path: Path) -> dict[str, Any]:
+    """Name -> matrix, of .csv also names and units where it has any; `UNKNOWN` of an .npy file of
+    another name than those of a plant and a critic."""
+    if path.suffix.lower() == ".csv":
+        return matrices_and_names(_beside(path))
     if path.stem not in (*PLANT, *CRITIC):
         return {UNKNOWN: np.load(regular_file(path), allow_pickle=False)}
     return {
         name: np.load(regular_file(file), allow_pickle=False)
         for name, file in _beside(path).items()
     }
-
-
-def csv_matrices(path: Path) -> dict[str, Any]:
-    """Name -> matrix, and the names and units of the plant where the file has any."""
-    return matrices_and_names(_beside(path))
 
 
 def _beside(path: Path) -> dict[str, Path]:
