@@ -16,7 +16,7 @@ import scipy.io
 from hostile_files import damaged
 from scipy.sparse import csc_array, issparse
 
-from controller.game import array_file
+from controller.game import mat_file
 from controller.game.array_file import read_arrays
 from hfa_support import BadInputError
 
@@ -82,13 +82,13 @@ def test_a_damaged_file_is_one_line_even_where_it_crashes_scipy(
     assert all(
         line.startswith("a.mat: cannot be read as .mat (") and "\n" not in line for line in lines
     )
-    monkeypatch.setattr(array_file, "_CHILD", Path("child.py"))
+    monkeypatch.setattr(mat_file, "_CHILD", Path("child.py"))
     for code, longest, said in (
         ("import os; os.abort()", 60.0, "SciPy crashes on it"),
         ("while True: pass", 0.2, "longer than 0.2 s"),
     ):
         Path("child.py").write_text(code, encoding="utf-8")
-        monkeypatch.setattr(array_file, "_LONGEST", longest)
+        monkeypatch.setattr(mat_file, "_LONGEST", longest)
         with pytest.raises(BadInputError, match=f"^a.mat: cannot be read as .mat .*{said}"):
             read(whole)
 
@@ -96,7 +96,7 @@ def test_a_damaged_file_is_one_line_even_where_it_crashes_scipy(
 def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     header = b"MATLAB 5.0".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     bomb = zlib.compress(mat(A=np.zeros(2_000_000))[128:])
-    monkeypatch.setattr(array_file, "LARGEST", 1 << 23)
+    monkeypatch.setattr(mat_file, "LARGEST", 1 << 23)
     sparse = struct.pack("<5i", 2, 1, 3, 0, 2) + b"A\0" + np.array([1e9, 1e9, 0]).tobytes()
     for content in (header + struct.pack("<II", 15, len(bomb)) + bomb, sparse):
         with pytest.raises(BadInputError, match=r"cannot be read as .mat"):
