@@ -209,6 +209,7 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
         _settle_from_neighbours(system, values, z, c, settled)
     point, A, B, residual = system.linear(z, c)
     within = system.point_limits.within(point).all(axis=1)
+    within &= system.limits.within(z * system.scales).all(axis=1)  # a free output, as gamma
     balanced = (np.abs(residual) <= BALANCE).all(axis=1)
     status = np.where(balanced & within, TRIMMED, NO_TRIM)
     if system.only_inputs:

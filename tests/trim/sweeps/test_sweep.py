@@ -52,6 +52,11 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
         release(ALPHA_FREE, limits={"alpha": (0.0, 0.09)}),
         True,
     ),
+    "gamma free, limited": (
+        {"throttle": [0.0, 60.0]},
+        release(LEVEL_FLIGHT, free=("gamma",), limits={"gamma": (-0.02, 0.1)}),
+        True,
+    ),
     "least effort": ({"speed": [64.0, 68.0]}, release(LEVEL_FLIGHT, free=("alpha",)), False),
     "center aileron": ({"dihedral": [0.1], "aileron_center": [0.0, 0.02]}, LEVEL_FLIGHT, True),
     "slow": (
