@@ -127,7 +127,8 @@ class PaperFigure:
         for index, panel in enumerate(self.panels):
             for line in panel.lines:
                 name = f"{index:02d} {panel.title} {panel.y_label} / {line.label}"
-                found[f"{name} / x"], found[f"{name} / y"] = line.x, line.y
+                found[f"{name} / x"] = line.x
+                found[f"{name} / y"] = line.y
         # A "/" would make folders of an archive's members when it is unpacked.
         return {re.sub(r"[^\w .,+=()-]", "_", name): values for name, values in found.items()}
 

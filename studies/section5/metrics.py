@@ -82,7 +82,8 @@ def flight_metrics(
     cost = _integral(errors + efforts, t)
     size = np.abs(z[:, _ROWS])
     command = np.abs(configuration.reference.constant[_ROWS])
-    peak, (low, high) = np.abs(u).max(axis=0), limits
+    peak = np.abs(u).max(axis=0)
+    low, high = limits
     banded = list(zip(size.T, (criteria.close * command).tolist(), strict=True))
     tables: dict[str, Iterable[float]] = {
         "rms_error": _rms(z[late]),

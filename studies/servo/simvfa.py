@@ -154,7 +154,8 @@ def reference_servo(aircraft: Model, design: str, dihedrals: np.ndarray) -> Sche
         A[k, 2:, 2:] = each.A - each.B @ each.K - each.L @ each.C
         A[k, 2:, :2] = each.L[:, 1:]
         B[k, 2:, 0] = each.L[:, 0]
-        B[k, :2, 1:3], B[k, :2, 3:] = np.eye(2), -np.eye(2)
+        B[k, :2, 1:3] = np.eye(2)
+        B[k, :2, 3:] = -np.eye(2)
         B[k, n:, 3:] = -np.eye(2)
         C[k, :, 2:] = -each.K
     points = [each.model.point for each in built]
@@ -214,7 +215,8 @@ class MemoryParts:
     alone."""
 
     def __init__(self, memory: ca.SX | None = None) -> None:
-        self._memory, self._begin = memory, 0
+        self._memory = memory
+        self._begin = 0
         self._starts: list[np.ndarray] = []
         self._rates: dict[int, ca.SX] = {}
 
@@ -249,7 +251,8 @@ class Filter:
     """α2 ξ'' + α1 ξ' + α0 ξ = x."""
 
     def __init__(self, memory: MemoryParts, size: int) -> None:
-        self._memory, self._parts = memory, (memory.take(size), memory.take(size))
+        self._memory = memory
+        self._parts = (memory.take(size), memory.take(size))
 
     @property
     def low_now(self) -> ca.SX:
@@ -286,7 +289,8 @@ class Tuner:
     ) -> None:
         begun = None if start is None else start / A0
         self._memory = memory
-        self._goal, self._X = memory.take(rows, columns, start), memory.take(rows, columns, begun)
+        self._goal = memory.take(rows, columns, start)
+        self._X = memory.take(rows, columns, begun)
         self._X_rate = memory.take(rows, columns)
 
     def drive(self, gamma: float, regressor: ca.SX, error: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -398,7 +402,8 @@ class AdaptiveDegree2(AdaptivePolicy):
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
         """See the class."""
-        (a0, a1), (A, B, K, L, S, R_inverse, squared_up) = ALPHAS[1], tables
+        a0, a1 = ALPHAS[1]
+        A, B, K, L, S, R_inverse, squared_up = tables
         integrals = memory.take(_M)
         model = memory.take(_XA[1] + _M)
         r = command[0]
@@ -459,7 +464,8 @@ class AdaptiveDegree3(AdaptivePolicy):
     ) -> ca.SX:
         """See the class."""
         A, B, K, L, S, R_inverse, squared_up = tables
-        (r, r_rate), one = command, np.eye(_M)
+        r, r_rate = command
+        one = np.eye(_M)
         integrals = memory.take(_M)
         model = memory.take(_XA[2] + _M)
         memory.move(integrals, measured[1:] - r)

@@ -202,7 +202,8 @@ def proximal_step(
         return float(((trial - weights) ** 2).sum() / (2.0 * gamma * step) + powers.sum()), sample
 
     inertia = 1.0 / np.sqrt(gamma * step)
-    current, (value, sample) = weights, tried(weights)
+    current = weights
+    value, sample = tried(weights)
     for _ in range(MOST_STEPS):
         push = signed_powers(sample.residuals, alpha1, alpha2, eta)
         magnitude = np.maximum(np.abs(sample.residuals), CURVATURE_FLOOR)
@@ -220,7 +221,8 @@ def proximal_step(
             fraction *= 0.5
         if not found[0] <= value:
             return current
-        current, (value, sample) = current + fraction * direction, found
+        current = current + fraction * direction
+        value, sample = found
         if fraction * np.linalg.norm(direction) <= SETTLED * (1.0 + np.linalg.norm(current)):
             return current
     return current

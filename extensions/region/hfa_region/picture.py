@@ -75,7 +75,8 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
         axes.plot(x, y, style, color=color, label=name)
         if name == "proved":
             axes.fill(x, y, color=color, alpha=0.2)
-    x_limits, y_limits = axes.get_xlim(), axes.get_ylim()
+    x_limits = axes.get_xlim()
+    y_limits = axes.get_ylim()
     axes.set_xlim(*(_WIDER * np.array(x_limits)))
     axes.set_ylim(*(_WIDER * np.array(y_limits)))
     rays = _rays(region.T, i, j, _FLOWN)

@@ -181,7 +181,9 @@ class GeneralizedPlant(Shown):
         controller is the LQG one at δ inf."""
         V = checked_matrix("V", V, LARGEST)
         check_definite("V", V, strictly=True)
-        (n, m), k, p = game.B.shape, game.E.shape[1], len(V)
+        n, m = game.B.shape
+        k = game.E.shape[1]
+        p = len(V)
         return cls(
             A=game.A,
             B1=np.hstack([game.E, np.zeros((n, p))]),

@@ -112,7 +112,8 @@ def _check_extents(
     statement = loop.statement
     for index, (name, (lowest, highest)) in enumerate(statement.extents.items()):
         reach = loop.reach(index)
-        low, high = exact(lowest), exact(highest)
+        low = exact(lowest)
+        high = exact(highest)
         if not (low <= -reach and reach <= high):
             if name not in extents:
                 raise Rejected(f"the set may be larger in {name} than is claimed")

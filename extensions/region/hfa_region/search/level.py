@@ -169,7 +169,8 @@ class LevelSearch:
             return 1.0
         if not self.holds(least):
             return 0.0
-        low, high = least, 1.0
+        low = least
+        high = 1.0
         for _ in range(_STEPS):
             if high < 1.01 * low:
                 break

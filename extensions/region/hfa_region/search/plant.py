@@ -123,7 +123,8 @@ class Plant:
 
     def saturated(self, command: ca.SX) -> ca.SX:
         """u - u0 within the limits of the inputs."""
-        low, high = ca.DM(self.input_ends[:, 0]), ca.DM(self.input_ends[:, 1])
+        low = ca.DM(self.input_ends[:, 0])
+        high = ca.DM(self.input_ends[:, 1])
         return ca.fmin(ca.fmax(command, low), high)
 
     @cached_property
