@@ -151,7 +151,13 @@ def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
     return count
 
 
-@pytest.mark.parametrize("mistake", OF_ANY_GAME)
+@pytest.mark.parametrize(
+    "mistake",
+    [
+        pytest.param(mistake, marks=[SLOW] if number % 3 else [])
+        for number, mistake in enumerate(OF_ANY_GAME)
+    ],
+)
 def test_a_mistake_under_noise_of_1_percent_is_named(mistake: str) -> None:
     assert named_under_noise(mistake, 0.01, 3, 0) == 3
 
@@ -163,7 +169,9 @@ def test_a_mistake_under_noise_of_1_percent_is_named_in_95_of_100(mistake: str) 
 
 
 @pytest.mark.parametrize("games", [10, pytest.param(100, marks=SLOW)])
-@pytest.mark.parametrize("size", [0.003, 0.01, 0.04])
+@pytest.mark.parametrize(
+    "size", [0.01, *(pytest.param(size, marks=SLOW) for size in (0.003, 0.04))]
+)
 def test_noise_alone_gets_no_cause_in_99_of_100(size: float, games: int) -> None:
     assert named_under_noise("", size, games, 2) >= 0.99 * games
 
