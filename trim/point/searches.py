@@ -116,21 +116,36 @@ def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
 
 
 def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """The least |r|² within the limits, from a guess."""
+    """The least |r|² within the limits, from a guess; unknowns whose limits leave no room stay
+    there."""
     from scipy.optimize import least_squares
 
-    def residual(z: np.ndarray) -> np.ndarray:
+    nearest = problem.clip(guess)
+    lowest = problem.system.lowest
+    highest = problem.system.highest
+    moving = np.flatnonzero(highest - lowest > 2.0 * _INSIDE)
+    if not moving.size:
+        return nearest
+
+    def with_moved(values: np.ndarray) -> np.ndarray:
+        z = nearest.copy()
+        z[moving] = values
+        return z
+
+    def residual(values: np.ndarray) -> np.ndarray:
         try:
-            return problem.at(z).residual
+            return problem.at(with_moved(values)).residual
         except (BadInputError, FloatingPointError):  # outside the model
             return np.full(len(problem.names), np.inf)
 
-    lowest = problem.system.lowest
-    highest = problem.system.highest
-    inside = np.clip(guess, lowest + _INSIDE, highest - _INSIDE)
-    tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": (lowest, highest)}
-    solution = least_squares(residual, inside, jac=lambda z: problem.at(z).jacobian, **tight)
-    return np.asarray(solution.x)
+    def jacobian(values: np.ndarray) -> np.ndarray:
+        return problem.at(with_moved(values)).jacobian[:, moving]
+
+    bounds = (lowest[moving], highest[moving])
+    inside = np.clip(nearest[moving], bounds[0] + _INSIDE, bounds[1] - _INSIDE)
+    tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": bounds}
+    solution = least_squares(residual, inside, jac=jacobian, **tight)
+    return with_moved(solution.x)
 
 
 _IPOPT: dict[str, Any] = {

@@ -144,6 +144,17 @@ def test_least_effort_stays_within_limits(
 # No solution.
 
 
+def test_a_limit_without_room_holds_its_unknown(aircraft: Model) -> None:
+    alpha = 0.05
+    ends = (alpha, np.nextafter(alpha, 1.0))
+    point = find_operating_point(
+        aircraft, release(BASE, free=("speed", "alpha"), limits={"alpha": ends})
+    )
+    imposed = find_operating_point(aircraft, release(BASE, free=("speed",), hold={"alpha": alpha}))
+    assert point.states.alpha == pytest.approx(alpha)
+    assert point.inputs.throttle == pytest.approx(imposed.inputs.throttle, rel=1e-6)
+
+
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
 def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> None:
     limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
