@@ -19,7 +19,7 @@ _LAYOUT = (tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, toke
 #: Tokens of the project's own modules that a command loads. Wanted: 48,000 and 75,000.
 LOADED = {"trim --dihedral 10": 47_500, "verify --dihedral 15 --weights K.npz": 75_000}
 #: Of all packages of the core. Wanted: 150,000.
-CORE = 141_700
+CORE = 141_900
 #: Of the tests of the core, those of studies left out. Wanted: 150,000.
 TESTS = 145_000
 _LIST = """
