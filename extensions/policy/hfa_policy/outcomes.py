@@ -28,16 +28,19 @@ PUSH = 0.5
 #: Seconds of the flight in which a limit cycle is measured.
 _CYCLE_SECONDS = 20.0
 _FLYING, _RETURNED, _LOST, _ENDED = range(4)
-#: A flight rests elsewhere, and is flown no further, where it swings in so many windows one behind
-#: the other by no more than this part of its distance, which is more than so many balls.
+# A flight is flown no further where its end is known. That is measured, not proved: of 26,000
+# flights of 5 policies, with 0 to 5 samples of delay, each was judged as after all of the time.
+# With swings that are the same but for 0.05, 24 of 19,200 were not: slow decay and growth.
+#: It rests elsewhere where it swings in so many windows one behind the other by no more than this
+#: part of its distance, which is more than so many balls.
 _STANDING = 10
 _STANDS = 1e-3
 _ELSEWHERE = 2.0
-#: A flight cycles, and is flown no further, where the least swing in a window of some state is so
-#: many balls, and over two blocks of windows that of the block before, but for this part.
+#: It cycles where the least swing in a block of windows of some state is so many balls, and over
+#: three blocks the same but for this part, to and fro: one that only rises, or falls, may go on.
 _BLOCK = 5
 _CYCLES = 3.0
-_SAME = 0.05
+_SAME = 0.002
 #: A flight about an unstable point of rest is back only where it has not grown by this factor over
 #: its last `_GROWTH_WINDOWS` windows: it buzzes within the ball.
 _GROWN = 1.02
@@ -220,7 +223,11 @@ class FlownRows:
         cycling = np.zeros(len(flying), dtype=bool)
         if (number + 1) % _BLOCK == 0:
             least, most = blocks.min(axis=0), blocks.max(axis=0)
-            cycling = np.any((least >= _CYCLES) & (most - least <= _SAME * least), axis=1)
+            is_large = least >= _CYCLES
+            is_same = most - least <= _SAME * least
+            rises = (blocks[0] > blocks[1]) & (blocks[1] > blocks[2])
+            falls = (blocks[0] < blocks[1]) & (blocks[1] < blocks[2])
+            cycling = np.any(is_large & is_same & ~rises & ~falls, axis=1)
             blocks[1:] = blocks[:-1].copy()
             blocks[0] = np.inf
         self.swings_of_blocks[:, flying] = blocks
