@@ -71,12 +71,13 @@ def _of_the_normalizer(
     """None where there was one, one where there was none, and that of another checkpoint."""
     given = deployed.deployment.policy.get("normalizer")
     if given is None and _was_normalized(deployed, stored):
-        yield Mistake(
-            "no normalizer",
-            True,
+        text = (
             "the policy was trained behind a VecNormalize and the card has no normalizer: give "
-            f'its file (normalizer = "{NONE}" where it normalized rewards alone)',
+            f'its file (normalizer = "{NONE}" where it normalized rewards alone)'
         )
+        if not stored.on_policy:
+            text += "; or what it was trained on had other units or scales than the card has"
+        yield Mistake("no normalizer", True, text)
         return
     if normalizer is None:
         return
