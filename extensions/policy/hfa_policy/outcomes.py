@@ -184,37 +184,64 @@ class FlownRows:
         self.status[back] = _RETURNED
 
     def _window(self, window: Window, flying: np.ndarray, number: int) -> None:
-        """One window of the flights that go on."""
+        """One window of the flights that go on, and which of them end with it."""
+        rows = self._flown(window, flying, number)
+        lost = ~self._inside(rows, flying)
+        distance, swings = self._in_balls(rows, flying)
+        back = self._back(flying, distance)
+        ended = self._cycling(flying, swings, number) | self._standing(flying, distance, swings)
+        self.nearest[flying] = distance
+        self.status[flying[ended]] = _ENDED
+        self.status[flying[back]] = _RETURNED
+        self.status[flying[lost]] = _LOST
+
+    def _flown(self, window: Window, flying: np.ndarray, number: int) -> np.ndarray:
+        """The rows of flights after a window, with the extremes within it."""
         X, _, low_X, high_X, low_U, high_U, _, push, _ = self.flight.slices
         rows = self.rows[flying]
-        time = number * self.flight.samples_in_window * self.flight.dt
+        seconds = self.flight.samples_in_window * self.flight.dt
         rows[:, low_X] = rows[:, X]
         rows[:, high_X] = rows[:, X]
         rows[:, low_U] = np.inf
         rows[:, high_U] = -np.inf
-        if time >= PUSHED - 1e-9:
+        if number * seconds >= PUSHED - 1e-9:
             rows[:, push] = 0.0
         rows = window(rows)
         self.rows[flying] = rows
-        self.times[flying] = time + self.flight.samples_in_window * self.flight.dt
+        self.times[flying] = number * seconds + seconds
+        return rows
+
+    def _inside(self, rows: np.ndarray, flying: np.ndarray) -> np.ndarray:
+        """Which flights were within the limits throughout the window."""
+        X, _, low_X, high_X, *_ = self.flight.slices
         inside = (rows[:, low_X] >= self.least[flying]) & (rows[:, high_X] <= self.most[flying])
-        lost = ~(inside.all(axis=1) & np.isfinite(rows[:, X]).all(axis=1))
+        finite = np.isfinite(rows[:, X])
+        return np.asarray(inside.all(axis=1) & finite.all(axis=1))
+
+    def _in_balls(self, rows: np.ndarray, flying: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The farthest that flights were from the point of rest in the window, (N,), and half of
+        what each linear state moved by, (N, k), both in balls."""
+        _, _, low_X, high_X, *_ = self.flight.slices
         lowest = rows[:, low_X][:, self.linear]
         highest = rows[:, high_X][:, self.linear]
         centre = self.centres[flying]
         farthest = np.maximum(highest - centre, centre - lowest) / self.balls[flying]
         distance = np.nan_to_num(farthest.max(axis=1), nan=np.inf)
-        nearer = distance <= self.nearest[flying]
-        back = self.stable[flying] & (distance <= 1.0) & nearer & (self.nearest[flying] <= 1.0)
-        self.nearest[flying] = distance
-        swings = (highest - lowest) / 2.0 / self.balls[flying]
+        return distance, (highest - lowest) / 2.0 / self.balls[flying]
+
+    def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
+        """Which of the flights about a stable point of rest were in the ball for two windows and
+        did not go away from it."""
+        before = self.nearest[flying]
+        in_ball = (distance <= 1.0) & (before <= 1.0)
+        return np.asarray(self.stable[flying] & in_ball & (distance <= before))
+
+    def _standing(self, flying: np.ndarray, distance: np.ndarray, swings: np.ndarray) -> np.ndarray:
+        """Which of the flights have rested elsewhere for long enough."""
         is_away = np.isfinite(distance) & (distance > _ELSEWHERE)
         stands = is_away & (swings.max(axis=1) <= _STANDS * distance)
         self.standing[flying] = np.where(stands, self.standing[flying] + 1, 0)
-        ended = self._cycling(flying, swings, number) | (self.standing[flying] >= _STANDING)
-        self.status[flying[ended]] = _ENDED
-        self.status[flying[back]] = _RETURNED
-        self.status[flying[lost]] = _LOST
+        return np.asarray(self.standing[flying] >= _STANDING)
 
     def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
         """Which of the flights cycle, which swing so many balls in this window."""
