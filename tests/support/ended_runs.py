@@ -72,15 +72,21 @@ def run(
     seconds from where so many workers are there.
 
     Ctrl-C goes to all processes of the run, as from a terminal; the others to the one that was
-    started."""
+    started. A run ignores what the process that starts it ignores, as nohup does with SIGHUP: the
+    signal is made an ordinary one before."""
     (folder / "temporary").mkdir(parents=True, exist_ok=True)
     environment = {**os.environ, "TMPDIR": str(folder / "temporary")}
     begun = time.monotonic()
     seen = set[int]()
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    before = None
+    if number is not None and signal.getsignal(number) == signal.SIG_IGN:
+        before = signal.signal(number, signal.SIG_DFL)
     process = subprocess.Popen(
         [SCRIPT, *words], cwd=folder, env=environment, text=True, start_new_session=True, **streams
     )
+    if before is not None:
+        signal.signal(number, before)
     try:
         if number is not None:
             assert until(lambda: len(workers(process.pid)) >= working)

@@ -21,7 +21,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: What may be asked for, with its unit.
-NEEDS = {"delay": "s", "margin": "disk margin", "cost": "percent over the optimum"}
+NEEDS = {
+    "delay": "s",
+    "margin": "disk margin",
+    "cost": "percent over the optimum, continuous and sampled",
+}
 #: A command that is off its slope by less is linear.
 _LINEAR = 0.01
 #: Percent over the optimum, from which on a cost is another one.
