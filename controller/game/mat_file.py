@@ -6,6 +6,7 @@ import io
 import json
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +32,17 @@ def structures(path: Path) -> dict[str, Any]:
         if done.returncode == 1:
             message = done.stderr.decode("utf-8", "replace").strip()
         raise ValueError(message or "it is damaged: SciPy crashes on it")
-    entries: dict[str, Any] = {}
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
-        for number, (*structures, name) in enumerate(json.loads(str(arrays["paths"]))):
-            inside = entries
-            for structure in structures:
-                inside = inside.setdefault(structure, {})
-            inside[name] = arrays[str(number)]
+        return _nested(arrays)
+
+
+def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Name -> array, or a mapping of its own for a structure, of the arrays "0", "1", ... and of
+    the JSON "paths", which lists the names that lead to each."""
+    entries: dict[str, Any] = {}
+    for number, (*outer, name) in enumerate(json.loads(str(arrays["paths"]))):
+        inside = entries
+        for structure in outer:
+            inside = inside.setdefault(structure, {})
+        inside[name] = arrays[str(number)]
     return entries
