@@ -3,7 +3,6 @@ reaches: through the parameters and the trim, into every entry."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -27,7 +26,7 @@ from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result
-from hfa_support.reporting.text import TONES, Cell, Table, four_decimals, matrix_table
+from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
 from trim.linear.linear_model import LinearModel, level_model
@@ -38,9 +37,6 @@ from trim.point.operating_point import OperatingPoint
 #: Parameters identified with another seed, or on another machine, differ by less than this from the
 #: packaged ones.
 _SAME = 1e-7
-#: Half units up to which an entry has each tone but the last: it prints the same, one off, at most
-#: two off.
-MOST_HALF_UNITS = (1.0, 2.0, 3.0)
 
 
 @dataclass(frozen=True)
@@ -177,31 +173,6 @@ def beside_the_print(report: Report, model: LinearModel, published: PublishedMod
         report, title="", parts=(report, comparison_table(model, published)), notes=report.notes
     )
     return beside.with_data(**printed.as_data())
-
-
-def matrices_beside_the_print(model: LinearModel, published: PublishedModel) -> tuple[Table, ...]:
-    """A and B, the printed row below each computed one; an entry's tone says how many half units it
-    is off."""
-    entries, tables = iter(compare(model, published)), []
-    for name, columns in (("A", LINEAR_STATES), ("B", INPUTS)):
-        lines: list[tuple[str, ...]] = []
-        for row in LINEAR_STATES:
-            found = [next(entries) for _ in columns]
-            lines += [
-                (row, *map(_toned, found)),
-                ("printed", *(four_decimals(each.printed) for each in found)),
-            ]
-        tables.append(Table((name, *columns), lines))
-    return tuple(tables)
-
-
-def _toned(entry: EntryRow) -> str:
-    """The computed entry; an entry that is 0 and printed 0 has no tone."""
-    shown = four_decimals(entry.computed)
-    if entry.is_zero:
-        return shown
-    tones = zip(TONES, (*MOST_HALF_UNITS, math.inf), strict=True)
-    return Cell(shown, next(tone for tone, most in tones if abs(entry.half_units) <= most))
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:

@@ -14,6 +14,7 @@ from importlib.resources import files
 from typing import Any
 
 from controller.riccati.solution_report import solution_report
+from hfa_page.beside_the_print import matrices_beside_the_print
 from hfa_page.claims import claims_section
 from hfa_page.main_job import Angle, MainJob
 from hfa_page.plots import front_view, locus_plot
@@ -27,7 +28,6 @@ from trim.hfa.printed import (
     bands_known,
     comparison_table,
     entry_bands,
-    matrices_beside_the_print,
     printed_at,
     with_bands,
 )

@@ -1,0 +1,39 @@
+"""A and B of the main job's page with the printed entries below the computed ones."""
+
+from __future__ import annotations
+
+import math
+
+from hfa_model.printed_matrices import PublishedModel
+from hfa_model.vectors import INPUTS, LINEAR_STATES
+from hfa_support.reporting.text import TONES, Cell, Table, four_decimals
+from trim.hfa.printed import EntryRow, compare
+from trim.linear.linear_model import LinearModel
+
+#: Half units up to which an entry has each tone but the last: it prints the same, one off, at most
+#: two off.
+_MOST_HALF_UNITS = (1.0, 2.0, 3.0)
+
+
+def matrices_beside_the_print(model: LinearModel, published: PublishedModel) -> tuple[Table, ...]:
+    """A and B, the printed row below each computed one; an entry's tone says how many half units it
+    is off."""
+    entries = iter(compare(model, published))
+    tables = []
+    for name, columns in (("A", LINEAR_STATES), ("B", INPUTS)):
+        lines: list[tuple[str, ...]] = []
+        for state in LINEAR_STATES:
+            row = [next(entries) for _ in columns]
+            lines.append((state, *(_toned(entry) for entry in row)))
+            lines.append(("printed", *(four_decimals(entry.printed) for entry in row)))
+        tables.append(Table((name, *columns), lines))
+    return tuple(tables)
+
+
+def _toned(entry: EntryRow) -> str:
+    """The computed entry; an entry that is 0 and printed 0 has no tone."""
+    shown = four_decimals(entry.computed)
+    if entry.is_zero:
+        return shown
+    tones = zip(TONES, (*_MOST_HALF_UNITS, math.inf), strict=True)
+    return Cell(shown, next(tone for tone, most in tones if abs(entry.half_units) <= most))
