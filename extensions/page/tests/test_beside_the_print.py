@@ -1,0 +1,32 @@
+"""A and B of the page beside the printed ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import hfa_model
+from hfa_model.printed_matrices import published_models
+from hfa_page.beside_the_print import matrices_beside_the_print
+from trim import LinearModel, regenerate
+
+
+def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None:
+    published = published_models()[0]
+    model = regenerate(hfa_model.aircraft(), published)
+
+    def tones(model: LinearModel) -> list[list[str]]:
+        rows = [row for table in matrices_beside_the_print(model, published) for row in table.rows]
+        assert (rows[6][0], rows[7][0]) == ("pitch_rate", "printed")
+        return [[getattr(cell, "tone", "") for cell in row[1:]] for row in rows]
+
+    expected = tones(model)
+    assert {tone for row in expected for tone in row} == {
+        "",
+        "good",
+        "near",
+    }  # the worst is off by 1.21 half units
+    for half_units, tone in ((0.9, "good"), (1.9, "near"), (-2.9, "far"), (3.1, "bad")):
+        A = model.A.copy()
+        A[3, 1] = published.A[3, 1] + half_units * published.half_unit_A[3, 1]
+        expected[6][1] = tone
+        assert tones(replace(model, A=A)) == expected
