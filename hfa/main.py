@@ -34,6 +34,8 @@ _OF_THE_MODEL = ("aircraft", "steps", "dynamics", "parameters", "units")
 _ADDRESS_SPACE = 384
 #: Of warnings of the libraries that compute.
 _MOST_NOTES = 5
+#: Kinds of warnings that say nothing about a result.
+_FOR_PROGRAMMERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -192,9 +194,10 @@ def _refuse_to_overwrite(request: Request) -> None:
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
     """What was warned of, a note each, once there is a result: the message of a failure is
-    enough."""
+    enough. What libraries tell programmers of their next versions is none of the user's."""
     from hfa.output import say_notes
 
+    caught = [each for each in caught if not issubclass(each.category, _FOR_PROGRAMMERS)]
     notes = [str(warning.message) for warning in caught if warning.category is UserWarning]
     others = [
         f"while computing: {warning.message}; check the result"

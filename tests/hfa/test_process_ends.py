@@ -70,6 +70,7 @@ def test_warnings_are_notes_of_a_result_and_nothing_before_a_refusal(
         for text in ("overflow\nin multiply", "overflow\nin multiply"):
             warnings.warn(text, RuntimeWarning, stacklevel=1)
         warnings.warn("two chunks were damaged", stacklevel=1)
+        warnings.warn("oneOf is now one_of", DeprecationWarning, stacklevel=1)
         return solve(arguments)
 
     monkeypatch.setattr(game, "solve", game.solve._replace(run=warning))

@@ -155,11 +155,13 @@ def _time_to(mode: Mode) -> str:
 
 
 def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
-    """Each row (.., n) sorted: fastest first, of a pair the positive imaginary part first."""
+    """Each row (.., n) sorted: fastest first, of equally fast ones the lower real part, of a pair
+    the positive imaginary part first."""
     order = order_fastest_first(eigenvalues)
     return np.take_along_axis(eigenvalues, order, axis=-1).astype(complex)
 
 
 def order_fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
     """The indices that sort each row as `fastest_first` does."""
-    return np.lexsort((-eigenvalues.imag, -np.round(np.abs(eigenvalues), 9)))
+    speeds = np.round(np.abs(eigenvalues), 9)
+    return np.lexsort((-eigenvalues.imag, eigenvalues.real, -speeds))

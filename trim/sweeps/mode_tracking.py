@@ -83,7 +83,7 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
 
     count = len(path) + 1
     ones = np.ones(len(neighbours))
-    graph = csr_array((ones, (neighbours[:, 0], neighbours[:, 1])), (count, count))
+    graph = csr_array((ones, tuple(neighbours.T.astype(np.int32))), (count, count))
     _, component = connected_components(graph, directed=False)
     apart = component[path[:, 0]] != component[path[:, 1]]
     return np.concatenate([neighbours, path[apart]])
@@ -99,7 +99,7 @@ def _along_tree(pairs: np.ndarray, values: np.ndarray, shapes: np.ndarray) -> It
     most_alike = np.argsort(-gain)
     rank = np.empty(len(pairs))
     rank[most_alike] = np.arange(1.0, len(pairs) + 1)
-    graph = csr_array((rank, (pairs[:, 0], pairs[:, 1])), (count, count))
+    graph = csr_array((rank, tuple(pairs.T.astype(np.int32))), (count, count))
     tree = minimum_spanning_tree(graph)
     order, predecessors = breadth_first_order(tree, 0, directed=False)
     both_ways = tree + tree.T
@@ -151,7 +151,10 @@ def _gain(
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:
     """The permutation (n,) of largest gain (n, n) that keeps both members of a conjugate pair
-    together."""
+    together.
+
+    Where a pair meets two real eigenvalues both ways gain the same: the member of positive
+    imaginary part matches the lower one."""
     from scipy.optimize import linear_sum_assignment
 
     upper = np.flatnonzero(values.imag > 0)
@@ -160,4 +163,19 @@ def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) 
     forced = gain.copy()
     for member in (0, 1):  # the members of a pair are neighbours
         forced[upper[rows] + member, other_upper[columns] + member] += _PAIRED
-    return linear_sum_assignment(forced, maximize=True)[1]
+    matches = linear_sum_assignment(forced, maximize=True)[1]
+    for first in upper.tolist():
+        members = [first, first + 1]
+        if not others[matches[members]].imag.any():
+            matches[members] = _lower_first(matches[members], others)
+    origins = np.argsort(matches)
+    for first in other_upper.tolist():
+        members = [first, first + 1]
+        if not values[origins[members]].imag.any():
+            origins[members] = _lower_first(origins[members], values)
+    return np.argsort(origins)
+
+
+def _lower_first(numbers: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Numbers of real eigenvalues, the lower value first."""
+    return np.array(sorted(numbers.tolist(), key=lambda number: values[number].real))

@@ -62,6 +62,19 @@ def test_a_pair_is_followed_as_a_pair() -> None:
     np.testing.assert_allclose(phugoid, [-0.0847 + 0.1319j, -0.0847 - 0.1319j], atol=1e-4)
 
 
+@pytest.mark.parametrize("real", [(-1.0, 1.0), (1.0, -1.0)])
+def test_a_pair_that_meets_two_real_eigenvalues_has_one_order(real: tuple[float, float]) -> None:
+    """Both ways fit as well: whichever the solver finds first, the lower one comes first."""
+    pair = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -0.1]])
+    two = np.diag([*real, -0.1])
+    scales = np.array([getattr(STATE_SCALES, name) for name in STATES])
+    path = scales[:, None] * np.array([pair, two, pair]) / scales
+    tracked = track_modes(path, STATES, hfa_model.aircraft())
+    np.testing.assert_allclose(tracked, [[1j, -1j, -0.1], [-1, 1, -0.1], [1j, -1j, -0.1]])
+    backwards = track_modes(path[1:], STATES, hfa_model.aircraft())
+    np.testing.assert_allclose(backwards, tracked[1:])
+
+
 @pytest.mark.parametrize("sizes", [(5,), (3, 4), (2, 3, 4), (4, 1, 3)])
 def test_a_grid_is_followed_from_neighbour_to_neighbour(
     published_aircraft: Model, sizes: tuple[int, ...]
