@@ -23,22 +23,25 @@ class Reactions:
         self._own: dict[str, float] = {}
         self._forces = list(section.all("force")) if section is not None else []
         self._moments = list(section.all("moment")) if section is not None else []
-        for element, axes in [(force, "xyz") for force in self._forces] + [
-            (moment, "lmn") for moment in self._moments
-        ]:
-            base = _base(element)
-            element.attributes.get("frame")
-            if not properties.is_known(f"{base}/{_magnitude(element)}"):
-                properties.define_initial(f"{base}/{_magnitude(element)}", 0.0)
-            for axis, value in zip(axes, _direction(element), strict=True):
-                self._own[f"{base}/{axis}"] = value
-            if element.name == "force":
-                place = element.find("location")
-                numbers = np.zeros(3) if place is None else place.vector("IN")
-                for axis, value in zip("xyz", numbers, strict=True):
-                    self._own[f"{base}/location-{axis}-in"] = value
+        for force in self._forces:
+            self._define(force, "xyz")
+            place = force.find("location")
+            location = np.zeros(3) if place is None else place.vector("IN")
+            for axis, value in zip("xyz", location, strict=True):
+                self._own[f"{_base(force)}/location-{axis}-in"] = value
+        for moment in self._moments:
+            self._define(moment, "lmn")
         for name, value in self._own.items():
             properties.define_initial(name, value)
+
+    def _define(self, element: Element, axes: str) -> None:
+        """The properties of a force's or a moment's magnitude and direction."""
+        element.attributes.get("frame")  # read: it is used only where the magnitude is not 0
+        magnitude = f"{_base(element)}/{_magnitude(element)}"
+        if not self._properties.is_known(magnitude):
+            self._properties.define_initial(magnitude, 0.0)
+        for axis, value in zip(axes, _direction(element), strict=True):
+            self._own[f"{_base(element)}/{axis}"] = value
 
     def loads(self, motion: Motion, arm: Callable[[Any], Any]) -> tuple[ca.SX, ca.SX]:
         """Force, lb, and moment about the center of gravity, ft lb, in body axes.
