@@ -37,14 +37,15 @@ def lines(axes: Axes) -> dict[str, Line2D]:
     return {str(line.get_label()): line for line in axes.get_lines()}
 
 
-def drawn(figure: Figure) -> Axes:
+def axes_of(figure: Figure) -> Axes:
     (axes,) = figure.axes
-    figure.canvas.draw()
     return axes
 
 
 def test_the_picture_has_the_set_its_limits_the_lost_starts_and_the_box(region: Region) -> None:
-    axes = drawn(region_figure(region, np.array([1.0, 8.0])))
+    figure = region_figure(region, np.array([1.0, 8.0]))
+    figure.canvas.draw()
+    axes = axes_of(figure)
     shown = lines(axes)
     names = ("proved", "V' >= 0 found", "start lost", "starts lost", "box of a critic's comparison")
     assert set(names) <= set(shown)
@@ -65,7 +66,7 @@ def test_the_picture_has_the_set_its_limits_the_lost_starts_and_the_box(region: 
 def test_of_a_box_much_larger_than_the_set_the_label_says_how_far_it_reaches(
     region: Region,
 ) -> None:
-    axes = drawn(region_figure(region, np.radians([2000.0, 50.0])))
+    axes = axes_of(region_figure(region, np.radians([2000.0, 50.0])))
     assert axes.get_xlabel() == "angle, deg (box to ±2e+03)"
     assert axes.get_xlim()[1] < 100.0
     x, y = lines(axes)["box of a critic's comparison"].get_data()
@@ -75,4 +76,4 @@ def test_of_a_box_much_larger_than_the_set_the_label_says_how_far_it_reaches(
 
 
 def test_without_a_box_none_is_drawn(region: Region) -> None:
-    assert "box of a critic's comparison" not in lines(drawn(region_figure(region)))
+    assert "box of a critic's comparison" not in lines(axes_of(region_figure(region)))

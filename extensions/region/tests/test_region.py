@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 from flint import arb
 from forged_regions import KINDS
-from pendulum_regions import PENDULUM, VAN_DER_POL, accepted_forgeries, quickly_proved
+from pendulum_regions import (
+    PENDULUM,
+    VAN_DER_POL,
+    accepted_forgeries,
+    certified,
+    pendulum_loop,
+    quickly_proved,
+)
 
 from hfa.main import main
 from hfa_aircraft.model import Model
@@ -31,16 +38,10 @@ def run(*words: str) -> int:
 
 
 @pytest.fixture(scope="module")
-def folder_of_the_proof(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """With the certificate of the pendulum, its picture and what was printed."""
-    folder = tmp_path_factory.mktemp("region")
-    quickly_proved(folder / "pendulum.json", "--json", "--picture", str(folder / "pendulum.png"))
-    return folder
-
-
-@pytest.fixture(scope="module")
-def certificate(folder_of_the_proof: Path) -> Path:
-    return folder_of_the_proof / "pendulum.json"
+def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
+    """Of the pendulum."""
+    path = tmp_path_factory.mktemp("region") / "pendulum.json"
+    return certified(path, pendulum_loop(model), 0.98)
 
 
 # Taylor polynomials.
@@ -90,21 +91,34 @@ def test_a_function_that_is_not_smooth_on_the_ball_is_undecided() -> None:
             BallFunction(ca.Function("f", [y], [expression]))([variable])
 
 
-# The pendulum.
-
-
-def test_what_is_proved_is_said_and_bounded_by_what_was_found(folder_of_the_proof: Path) -> None:
-    data = json.loads((folder_of_the_proof / "pendulum.printed").read_text())
-    assert (folder_of_the_proof / "pendulum.png").stat().st_size > 10_000
+@pytest.mark.parametrize(
+    ("aircraft", "states"),
+    [
+        (VAN_DER_POL, ["position", "velocity"]),
+        pytest.param(PENDULUM, ["angle", "rate"], marks=pytest.mark.slow),
+    ],
+)
+def test_what_is_proved_is_said_and_bounded_by_what_was_found(
+    aircraft: str, states: list[str], tmp_path: Path
+) -> None:
+    picture = tmp_path / "region.png"
+    printed = quickly_proved(
+        tmp_path / "region.json", aircraft, "--json", "--picture", str(picture)
+    )
+    data = json.loads(printed)
+    assert picture.stat().st_size > 10_000
     assert data["proved"] is True
-    assert data["states"] == ["angle", "rate"]
+    assert data["states"] == states
     assert np.array(data["P"]).shape == (2, 2)
     # V' >= 0 was found beyond the level that is proved, and not far beyond it.
     fails_at = data["decrease_fails_at"]["V"]
     assert data["rho"] < fails_at < 1.06 * data["rho"]
     assert data["lost_at"]["V"] > data["rho"]
     assert data["limits_that_bind"] == []
-    assert set(data["extents"]) == {"angle", "rate"}
+    assert list(data["extents"]) == states
+
+
+# The pendulum.
 
 
 def test_starts_on_rays_are_lost_beyond_the_set(certificate: Path, model: Model) -> None:
@@ -233,14 +247,6 @@ def test_a_region_in_a_verdict_needs_one_linear_policy_of_an_aircraft(
 
 
 # Other loops.
-
-
-@pytest.mark.slow
-def test_a_loop_without_inputs(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("--degree", "2", "--seconds", "0.1", "--json")
-    assert run("--aircraft", VAN_DER_POL, *words) == 0
-    data = json.loads(capsys.readouterr().out)
-    assert data["rho"] < data["decrease_fails_at"]["V"] < 1.06 * data["rho"]
 
 
 def test_what_is_not_covered_is_refused_by_name(

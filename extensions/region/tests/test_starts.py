@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flown_starts import drawn, starts_lost
-from pendulum_regions import PENDULUM, VAN_DER_POL, proved
+from pendulum_regions import PENDULUM, VAN_DER_POL, certified, pendulum_loop, proved
 
 from hfa_aircraft.loading import load_model
 from hfa_region.check.certificate import check_certificate
@@ -27,8 +27,9 @@ def stated(path: Path, aircraft: str, *words: str) -> tuple[RegionStatement, dic
 
 
 def test_starts_are_drawn_in_the_set_and_on_its_edge(tmp_path: Path) -> None:
-    words = ("--degree", "2", "--seconds", "0.1")
-    statement, _ = stated(tmp_path / "vdp.json", VAN_DER_POL, *words)
+    model = load_model(PENDULUM)
+    path = certified(tmp_path / "pendulum.json", pendulum_loop(model), 0.98)
+    statement = check_certificate(path, model=model).statement
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
     starts = drawn(V, statement, 2000, np.random.default_rng(0))
     values = V(starts)
@@ -39,7 +40,7 @@ def test_starts_are_drawn_in_the_set_and_on_its_edge(tmp_path: Path) -> None:
         [0.25, 0.5, 0.75], abs=0.06
     )
     assert starts_lost(statement, 200) == (0, 0)
-    # Outside of the limit cycle none returns: the simulation does tell.
+    # Far outside the torque cannot lift it: the simulation does tell.
     left, late = starts_lost(statement, 200, farther=4.0)
     assert left + late > 20
 

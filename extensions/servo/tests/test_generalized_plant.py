@@ -69,7 +69,7 @@ def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
 
 
 @pytest.mark.parametrize(
-    "seed", [3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (8, 22, *range(100, 130)))]
+    "seed", [8, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 22, *range(100, 130)))]
 )
 def test_the_smallest_gain_is_that_of_slycot_and_the_loop_keeps_it(seed: int) -> None:
     """Of 30 plants slycot stops too high at some and states a gain that its loop has not at others:

@@ -146,7 +146,11 @@ def test_one_entry_changed_by_a_hundredth_cannot_be_fitted(
 
 
 @pytest.mark.parametrize(
-    ("description", "variant"), ALTERNATIVES, ids=[name for name, _ in ALTERNATIVES]
+    ("description", "variant"),
+    [
+        pytest.param(*each, id=each[0], marks=[pytest.mark.slow] if number else [])
+        for number, each in enumerate(ALTERNATIVES)
+    ],
 )
 def test_each_departure_from_newton_is_needed(description: str, variant: Variant) -> None:
     """With any one of them undone, no parameters come near the print."""

@@ -249,7 +249,7 @@ PROOFS: dict[str, Callable[[], Proof]] = {
     "rate": lambda: prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125, moving=True),
     "memory": lambda: prove_schedule(family(), with_memory(), 14.0, 14.0625),
     "second order": lambda: prove_schedule(family(), with_memory(order=2), 14.0, 14.0625),
-    "actuators": lambda: prove_schedule(family(), through_actuators(14.0, 14.125), 14.0, 14.125),
+    "actuators": lambda: prove_schedule(family(), through_actuators(14.0, 14.0625), 14.0, 14.0625),
     "crossing": lambda: prove_schedule(family(), exact_loop(16.6875, 16.6895), 16.6875, 16.6895),
     "errors": lambda: prove_schedule(
         replace(family(), spread=default_parameters().standard_errors),

@@ -9,19 +9,28 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from forged_regions import forgeries
 
+import hfa
 from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
 from hfa_proof.checker.reading import NOT_PROVED
-from hfa_region.check.certificate import read_content
+from hfa_region.check.certificate import read_content, write_certificate
 from hfa_region.check.checker import check_region
+from hfa_region.check.statement import SaturatedLoop
+from hfa_region.search.function import PolynomialFunction
+from hfa_region.search.invariant import EdgeSearch
+from hfa_region.search.level import LevelSearch, Setting, accepted, holding_ball
+from hfa_region.search.plant import saturated_loop
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
 PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
 VAN_DER_POL = f"{EXAMPLES / 'pendulum.py'}:VAN_DER_POL"
+#: Which a search has found for the pendulum.
+V = PolynomialFunction.quadratic(np.array([[2.648, 0.1393], [0.1393, 0.06878]]))
 
 
 @pytest.fixture(scope="module")
@@ -38,15 +47,30 @@ def proved(path: Path, aircraft: str, *words: str) -> str:
     return printed.getvalue()
 
 
-def quickly_proved(path: Path, *words: str) -> Path:
-    """The certificate of a region of the pendulum, V of degree 2; what was printed is beside it in
-    a file .printed."""
-    printed = proved(path, PENDULUM, "--degree", "2", "--seconds", "0.1", *words)
-    path.with_suffix(".printed").write_text(printed)
+def quickly_proved(path: Path, aircraft: str, *words: str) -> str:
+    """The same, of V of degree 2."""
+    return proved(path, aircraft, "--degree", "2", "--seconds", "0.1", *words)
+
+
+def pendulum_loop(model: Model) -> SaturatedLoop:
+    """The LQR of the pendulum, as the command has it."""
+    linear = hfa.linearize(model, hfa.find_operating_point(model))
+    return saturated_loop(linear, hfa.solve_game(hfa.game(linear)).K)
+
+
+def certified(path: Path, loop: SaturatedLoop, rho: float) -> Path:
+    """The certificate of one level of V, proved without a search."""
+    search = EdgeSearch if loop.disturbances else LevelSearch
+    T = holding_ball(V, rho, V.coordinates())
+    assert T is not None
+    level = accepted(search(loop, V, rho, T, Setting(8, 4, 2)))
+    assert level is not None
+    origin = {"version": "0.3.0", "command": "a test", "date": "2026-01-01"}
+    write_certificate(path, level.statement, level.witness, origin)
     return path
 
 
-def accepted(content: dict[str, Any], model: Model) -> bool:
+def passes(content: dict[str, Any], model: Model) -> bool:
     """Whether the checker accepts content, a digest set aside."""
     try:
         check_region(*read_content(content, model))
@@ -61,11 +85,11 @@ def accepted_forgeries(
     """The kinds of so many forgeries of a certificate, which the checker accepts itself; and the
     name of each forgery that it accepts too."""
     content = json.loads(certificate.read_text())
-    assert accepted(content, model)
+    assert passes(content, model)
     tried: Counter[str] = Counter()
     wrong = []
     for name, forged in forgeries(content, count, seed):
         tried[name] += 1
-        if accepted(forged, model):
+        if passes(forged, model):
             wrong.append(name)
     return set(tried), wrong
