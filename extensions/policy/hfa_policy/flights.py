@@ -162,7 +162,8 @@ class SampledFlight:
         late = self.dt - self.early
         late_parts = max(1, math.ceil(self.parts * late / self.dt - _WHOLE))
         after = held_step(model, late, late_parts)(after, acting, push, p)
-        shifted = ca.vertcat(U, memory[: m * self.whole])
+        still_to_act, _ = ca.vertsplit(memory, [0, m * self.whole, m * (self.whole + 1)])
+        shifted = ca.vertcat(U, still_to_act)
         ranges = (
             ca.fmin(low_X, after),
             ca.fmax(high_X, after),

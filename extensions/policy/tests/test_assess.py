@@ -4,10 +4,11 @@ import json
 from dataclasses import replace
 
 import casadi as ca
+import control
 import numpy as np
 import pytest
 from cli import complaints_about
-from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, trims
+from policy_cases import FOLDER, GTM, ROOT, aircraft, card, gtm_card, trims
 
 import hfa
 from hfa_aircraft.loading import load_model
@@ -206,3 +207,31 @@ def test_a_gain_has_no_nonlinearity():
     gain = ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])
     result = assess(aircraft("ppo_gtm"), gtm_card({"file": gain}), [45.0], samples=0)
     assert result.points[0].nonlinearity.part < 1e-9
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02])
+def test_an_aircraft_of_one_input_is_assessed_and_flown(delay):
+    """The pendulum: A = [0 1; g / l -b / m l²], and the loop of its held steps."""
+    pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
+    gain = np.array([[2.5, 0.5]])
+    o = ca.SX.sym("o", 2)
+    deployment = Deployment(
+        policy={"file": ca.Function("gain", [o], [-ca.DM(gain) @ o])},
+        observation={"angle": {}, "rate": {}},
+        action={"torque": {"box": [-1.0, 1.0]}},
+        timing={"dt": 0.02, "delay": delay},
+    )
+    point = assess(pendulum, deployment, samples=4).points[0]
+    inertia = 0.15 * 0.5**2
+    plant = control.ss([[0, 1], [9.81 / 0.5, -0.1 / inertia]], [[0], [1 / inertia]], np.eye(2), 0)
+    step = control.c2d(plant, 0.02, "zoh")
+    if delay:
+        step = control.series(control.ss(0, 1, 1, 0, 0.02), step)
+    closed = step.feedback(control.ss([], [], [], gain, 0.02))
+    assert point.radius == pytest.approx(np.abs(closed.poles()).max(), abs=1e-9)
+    assert point.flights.returned == 4
+    flights = hfa.environment(pendulum, deployment)
+    flights.reset(seed=1)
+    before = flights.unwrapped.episodes.states[0].copy()
+    flights.step(np.array([0.1]))
+    assert not np.array_equal(flights.unwrapped.episodes.states[0], before)
