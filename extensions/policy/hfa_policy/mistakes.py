@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.model import Model
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import NONE, Deployment
 from hfa_policy.normalizer import Normalizer
@@ -25,6 +26,8 @@ _FITS = 2.0
 _SPANS = 1.5
 #: Rates of change, in nominal rates, that no aircraft has from one sample to the next.
 _JUMP = 20.0
+#: The kind of a mistake of which the files prove that it is there and not which it is.
+UNCLEAR = "observations"
 #: What the count of a VecNormalize begins with.
 _COUNT_AT_FIRST = 1e-4
 
@@ -43,11 +46,12 @@ class Mistake(NamedTuple):
 
 
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """The mistakes that the files prove; where they prove none, those whose undoing
-    lets it fly clearly better."""
+    """The mistakes that the files prove; where they name none, those whose undoing lets it fly
+    clearly better."""
     proved = list(proved_mistakes(assessor.deployed, assessor.points))
     yield from proved
-    if not proved and assessor.samples:
+    is_unnamed = all(mistake.kind == UNCLEAR for mistake in proved)
+    if is_unnamed and assessor.samples:
         from hfa_policy.repair_trial import better_repairs
 
         yield from better_repairs(assessor, assessed)
@@ -137,6 +141,83 @@ def is_of_another_checkpoint(stored: Zip, normalizer: Normalizer) -> bool:
 # The observations.
 
 
+class _Record(NamedTuple):
+    """What the training saw of one observation.
+
+    centre, spread: mean and standard deviation.
+    is_of_many: whether they are the statistics of a normalizer; else of the last few observations.
+    """
+
+    centre: float
+    spread: float
+    is_of_many: bool
+
+
+class _Observed(NamedTuple):
+    """One observation of the card at the trims.
+
+    name: in the card.
+    state: the state that it takes; "" of a formula.
+    about, scale: of the card.
+    values: (N,), of its formula at the trims.
+    model: the aircraft.
+    """
+
+    name: str
+    state: str
+    about: Any
+    scale: float
+    values: np.ndarray
+    model: Model
+
+    def given(self, is_absolute: bool) -> np.ndarray:
+        """(N,), what the policy is given at the trims: absolute values, or deviations from them."""
+        if not is_absolute:
+            return np.zeros(len(self.values))
+        about = 0.0 if self.about == "trim" else float(self.about)
+        return (self.values - about) / self.scale
+
+    @property
+    def is_absolute(self) -> bool:
+        """Whether the card takes absolute values."""
+        return bool(self.about != "trim")
+
+    def contradicts(self, record: _Record, is_absolute: bool) -> bool:
+        """Whether the training cannot have seen it."""
+        if record.is_of_many:
+            return self._deviations(record, is_absolute) > _FAR
+        return self._leaves_limits(record, is_absolute)
+
+    def fits(self, record: _Record, is_absolute: bool) -> bool:
+        """Whether the training may have seen it."""
+        if record.is_of_many:
+            return self._deviations(record, is_absolute) < _FITS
+        return not self._leaves_limits(record, is_absolute)
+
+    def agrees(self, record: _Record) -> bool:
+        """Whether the training may have seen it as the card has it."""
+        return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
+
+    def _deviations(self, record: _Record, is_absolute: bool) -> float:
+        """How many standard deviations the nearest trim lies from the mean."""
+        if record.spread == 0.0:
+            return 0.5 * (_FITS + _FAR)
+        return float(np.abs(self.given(is_absolute) - record.centre).min() / record.spread)
+
+    def _leaves_limits(self, record: _Record, is_absolute: bool) -> bool:
+        """Whether what the training saw last were values clearly outside of a state's limits."""
+        if self.state not in self.model.states:
+            return False
+        seen = self.values + self.scale * (record.centre - self.given(is_absolute))
+        return _outside(seen, *self.model.limits[self.state])
+
+    def wrong_scale(self, record: _Record) -> str:
+        """Why its scale cannot be that of the training; "" where it can."""
+        if not record.is_of_many:
+            return ""
+        return _wrong_scale(self.model, self.state, self.scale, record.spread)
+
+
 def _of_observations(
     deployed: Deployed,
     stored: Zip | None,
@@ -144,44 +225,62 @@ def _of_observations(
     points: Sequence[OperatingPoint],
 ) -> Iterator[Mistake]:
     """Absolute values for deviations or the reverse, and scales that do not fit, as far as what the
-    training saw shows it."""
+    training saw shows it; that observations differ where another cause explains it as well."""
     seen = _seen(stored, normalizer)
     if seen is None:
         return
-    centre, spread, is_statistics = seen
+    centre, spread, is_of_many = seen
+    records = [_Record(*pair, is_of_many) for pair in zip(centre, spread, strict=True)]
+    observed = [_observed_at(deployed, index, points) for index in range(len(records))]
     absolute: list[str] = []
     deviations: list[str] = []
-    scaled: list[tuple[str, str]] = []
-    for index, (name, card) in enumerate(deployed.deployment.observation.items()):
-        about = card.get("about", "trim")
-        scale = float(card.get("scale", 1.0))
-        values = np.array([_value_at(deployed, index, point) for point in points])
-        known = card.get("formula", name)
-        if is_statistics and spread[index] > 0.0:
-            wrong_scale = _wrong_scale(deployed, known, scale, spread[index], centre[index], about)
-            if wrong_scale:
-                scaled.append((name, wrong_scale))
-                continue
-            flipped = values / scale if about == "trim" else np.zeros(len(values))
-            given = np.zeros(len(values)) if about == "trim" else (values - about) / scale
-            off = np.abs(given - centre[index]).min() / spread[index]
-            off_flipped = np.abs(flipped - centre[index]).min() / spread[index]
-            if off > _FAR and off_flipped < _FITS:
-                (absolute if about == "trim" else deviations).append(name)
-        elif not is_statistics and known in deployed.model.states:
-            low, high = deployed.model.limits[known]
-            offset = values if about == "trim" else np.full(len(values), float(about))
-            other = np.zeros(len(values)) if about == "trim" else values
-            if _outside(centre[index] * scale + offset, low, high) and not _outside(
-                centre[index] * scale + other, low, high
-            ):
-                (absolute if about == "trim" else deviations).append(name)
-    yield from _said(absolute, deviations, scaled)
+    for number, (one, record) in enumerate(zip(observed, records, strict=True)):
+        wrong_scale = one.wrong_scale(record)
+        if not wrong_scale and not one.contradicts(record, one.is_absolute):
+            continue
+        exchanged = _exchanged_with(number, observed, records)
+        if exchanged:
+            yield _unclear(one, record, exchanged)
+        elif wrong_scale:
+            yield Mistake("scale", True, f"{one.name}: {wrong_scale}")
+        elif not one.fits(record, not one.is_absolute):
+            continue
+        elif not one.is_absolute:
+            absolute.append(one.name)
+        elif record.is_of_many or abs(record.centre) < _FITS * record.spread:
+            deviations.append(one.name)
+        else:
+            yield _unclear(one, record, exchanged)
+    yield from _of_abouts(absolute, deviations)
 
 
-def _said(
-    absolute: list[str], deviations: list[str], scaled: list[tuple[str, str]]
-) -> Iterator[Mistake]:
+def _exchanged_with(
+    number: int, observed: Sequence[_Observed], records: Sequence[_Record]
+) -> list[str]:
+    """The observations in whose place this one would fit, and they in its."""
+    names = []
+    for place, other in enumerate(observed):
+        fit = observed[number].agrees(records[place]) and other.agrees(records[number])
+        if place != number and fit:
+            names.append(other.name)
+    return names
+
+
+def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mistake:
+    """That an observation is not what the training saw, where several causes explain it."""
+    given = ", ".join(f"{value:.3g}" for value in one.given(one.is_absolute))
+    causes = "its scale or its about"
+    if exchanged:
+        causes = f"its scale, its about or its place (with {' or '.join(exchanged)})"
+    text = (
+        f"{one.name}: the policy is given {given} at the trim, and its training saw "
+        f"{record.centre:.3g}, spread by {record.spread:.3g}: {causes} is another"
+    )
+    return Mistake(UNCLEAR, True, text)
+
+
+def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
+    """The observations of which only the other `about` explains what the training saw."""
     if absolute:
         yield Mistake(
             "deviations for absolute values",
@@ -196,8 +295,6 @@ def _said(
             f"{', '.join(deviations)}: the training saw deviations from trim, the card takes "
             'absolute values; give about = "trim"',
         )
-    for name, why in scaled:
-        yield Mistake("scale", True, f"{name}: {why}")
 
 
 def _seen(
@@ -228,6 +325,17 @@ def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.nda
     return np.zeros_like(centre), np.hypot(centre, spread)
 
 
+def _observed_at(deployed: Deployed, index: int, points: Sequence[OperatingPoint]) -> _Observed:
+    """An observation of the card at the trims."""
+    name = list(deployed.deployment.observation)[index]
+    entry = deployed.deployment.observation[name]
+    state = entry.get("formula", name)
+    about = entry.get("about", "trim")
+    scale = float(entry.get("scale", 1.0))
+    values = np.array([_value_at(deployed, index, point) for point in points])
+    return _Observed(name, state, about, scale, values, deployed.model)
+
+
 def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:
     """The value of an observation's formula at a trim."""
     formula = deployed.observed[index]
@@ -254,20 +362,18 @@ def _outside(values: np.ndarray, low: float, high: float) -> bool:
     return bool(np.all((values < low - room) | (values > high + room)))
 
 
-def _wrong_scale(
-    deployed: Deployed, name: str, scale: float, spread: float, centre: float, about: Any
-) -> str:
+def _wrong_scale(model: Model, name: str, scale: float, spread: float) -> str:
     """Why the scale of an observation cannot be that of the training; "" where it can."""
-    if name not in deployed.model.states:
+    if name not in model.states:
         return ""
-    low, high = deployed.model.limits[name]
-    unit = deployed.model.unit(name)
+    low, high = model.limits[name]
+    unit = model.unit(name)
     if not (math.isfinite(low) and math.isfinite(high)):
         return ""
     spans = spread * abs(scale) / (high - low)
     if spans <= _SPANS:
         return ""
-    seen = deployed.model.describe(name, spread * abs(scale))
+    seen = model.describe(name, spread * abs(scale))
     text = f"with this scale the training saw it spread by {seen}, more than its limits allow"
     if unit.startswith("rad") and spans < 60.0 * _SPANS:
         text += "; it may have been in degrees"

@@ -13,7 +13,7 @@ import hfa
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor, trims_of
 from hfa_policy.deployment import Deployment
-from hfa_policy.mistakes import mistakes_of, proved_mistakes
+from hfa_policy.mistakes import UNCLEAR, mistakes_of, proved_mistakes
 from hfa_policy.normalizer import read_normalizer
 
 DEGREES = 180.0 / np.pi
@@ -79,6 +79,38 @@ def test_degrees_for_radians_are_named_where_the_training_would_have_left_the_li
         for key, entry in card(name).observation.items()
     }
     assert "scale" in kinds(name, card(name).changed(observation=scaled))
+
+
+def trained_on_absolute_values():
+    """The card of a policy whose normalizer has seen absolute values."""
+    right = observed("ppo_gtm", about=0.0)
+    deployed = right.on(aircraft("ppo_gtm"))
+    trim = deployed.trim_vector(trims("ppo_gtm")[1])
+    n, m = len(deployed.model.states), len(deployed.model.inputs)
+    mean = np.array(deployed.observe(trim[:n], trim[n : n + m], trim)).ravel()
+    variance = read_normalizer(FOLDER / "ppo_gtm.pkl").variance
+    table = {"mean": mean, "variance": variance}
+    return right.changed(policy={**right.policy, "normalizer": table})
+
+
+def test_an_order_is_not_proved_to_be_absolute_values():
+    right = trained_on_absolute_values()
+    names = ["pitch", "alpha", "pitch_rate", "speed"]
+    wrong = right.changed(observation={key: right.observation[key] for key in names})
+    assert kinds("ppo_gtm", right) == []
+    assert set(kinds("ppo_gtm", wrong)) == {UNCLEAR}
+
+
+def test_scales_left_out_are_not_proved_to_be_deviations():
+    right = observed("ppo_raw", about=0.0)
+    stored = card("ppo_raw").actor.stored
+    last = stored.last.copy()
+    last[:, 0] += 45.0 / right.observation["speed"]["scale"]
+    wrong = observed("ppo_raw", about=0.0, scale=1.0)
+    actor = replace(card("ppo_raw").actor, stored=replace(stored, last=last))
+    vars(right)["actor"] = vars(wrong)["actor"] = actor
+    assert kinds("ppo_raw", right) == []
+    assert set(kinds("ppo_raw", wrong)) == {UNCLEAR}
 
 
 def turned(name, action):
