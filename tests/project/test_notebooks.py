@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from project import ROOT
 
-SLOW = ("a_flight", "a_network", "f16_critics")
+SLOW = ("a_flight", "a_network", "f16_critics", "my_critic")
 NOTEBOOKS = [
     pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in SLOW else [])
     for path in sorted((ROOT / "examples").glob("*.ipynb"))

@@ -171,9 +171,9 @@ def test_a_window_of_flights_is_the_samples_of_each_alone(name, delay):
 def test_networks_of_the_default_sizes_are_assessed(tmp_path, width, activation):
     file = wide_file(tmp_path / "wide.npz", width)
     deployed = gtm_card({"file": file, "activation": activation}).on(aircraft("ppo_gtm"))
-    (point,) = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=12).assessed()
+    (point,) = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=4).assessed()
     assert np.isfinite(point.radius)
-    assert point.flights.starts == 12
+    assert point.flights.starts == 4
     rest = point.rest
     step = 1e-6 * np.array([1.0, 0.1, 0.1, 0.1])
     columns = [list(point.point.model.states).index(name) for name in point.point.model.linear]

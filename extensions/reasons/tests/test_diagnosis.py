@@ -71,7 +71,7 @@ def wrong(game: Game, candidate: Critic) -> bool:
 @pytest.mark.parametrize(
     "mistake",
     [
-        pytest.param(mistake, marks=[SLOW] if number % 6 else [])
+        pytest.param(mistake, marks=[SLOW] if number % 9 else [])
         for number, mistake in enumerate(NAMED)
     ],
 )
@@ -344,7 +344,7 @@ RARE = ("discrete time", "another angle", "no input scaling, dV/dz", "ReLU for t
 @pytest.mark.parametrize(
     "mistake",
     [
-        pytest.param(mistake, marks=[SLOW] if mistake in RARE or number % 4 else [])
+        pytest.param(mistake, marks=[SLOW] if mistake in RARE or number % 8 else [])
         for number, mistake in enumerate(MISTAKES)
     ],
 )

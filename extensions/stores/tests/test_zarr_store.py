@@ -392,7 +392,7 @@ def refusal(path: Path) -> str:
 
 
 @pytest.mark.parametrize(
-    "count", [10, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
+    "count", [5, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
 )
 def test_random_changes_of_the_metadata_are_refused_in_one_line(
     made: Path, path: Path, count: int

@@ -225,7 +225,7 @@ def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("noise", [1e-4, pytest.param(1e-2, marks=pytest.mark.slow)])
 def test_noisy_derivatives_give_a_stabilizing_gain_that_the_judge_refuses(noise: float) -> None:
-    for name in PUBLISHED:
+    for name in PUBLISHED[: 1 if noise < 1e-3 else 2]:
         game, exact = published(name)
         pool = random_pool(game, 500, seed=3)
         disturbed = np.random.default_rng(4).normal(size=pool.drifts.shape) * pool.drifts.std(

@@ -201,7 +201,10 @@ def test_gibsons_figure_was_not_drawn_with_his_printed_hinge_inertia(
     assert "gibson_fig_7_fast_root" in failed(validation)
 
 
-@pytest.mark.parametrize("degrees", ANGLES)
+@pytest.mark.parametrize(
+    "degrees",
+    [pytest.param(each, marks=[pytest.mark.slow] if each != 15 else []) for each in ANGLES],
+)
 def test_an_inertia_that_is_off_at_one_angle_is_seen(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, degrees: float
 ) -> None:
