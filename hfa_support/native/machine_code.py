@@ -20,7 +20,8 @@ import casadi as ca
 from hfa_support.files import temporary_folder
 from hfa_support.progress import say_aside
 
-_FLAGS = ("-fPIC", "-shared", "-fno-math-errno")
+#: Products and sums are rounded one by one, as everywhere, on processors that can join them too.
+_FLAGS = ("-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 
 Loaded = TypeVar("Loaded")
 

@@ -127,22 +127,25 @@ class Episodes:
         """One sample of all episodes with these actions, (N, m), within the box."""
         extra = self._flight.slices[-1]
         self._rows[:, extra] = actions
-        after, costs = self._stepped()
+        after, costs, observations = self._stepped()
         X = after[:, self._flight.slices[0]]
         inside = (self._least[self.owners] <= X) & (self._most[self.owners] >= X)
         finite = np.isfinite(after).all(axis=1)
         lost = ~(inside.all(axis=1) & finite)
-        # What is no number is shown where the flight was last.
-        np.copyto(self._rows[:, : after.shape[1]], after, where=finite[:, None])
+        moved = self._rows[:, : after.shape[1]]
+        if finite.all():
+            moved[:] = after
+        else:  # what is no number is shown where the flight was last
+            moved[finite] = after[finite]
+            observations[~finite] = self.observations(np.flatnonzero(~finite))
         self.done += 1
         rewards = -np.nan_to_num(costs[:, 0], nan=0.0, posinf=1e6)
         rewards[lost] *= 1 + self.samples - self.done[lost]
-        numbers = np.arange(len(self._rows))
-        return Stepped(self.observations(numbers), rewards, lost, self.done >= self.samples)
+        return Stepped(observations, rewards, lost, self.done >= self.samples)
 
     def _stepped(self) -> Sequence[np.ndarray]:
-        """What changes of the rows, a sample later, and the costs; of many in as many threads as
-        there are processors."""
+        """The states and memories of the rows a sample later, the costs, and what is observed then;
+        of many rows in as many threads as there are processors."""
         if self._threads is None:
             return self._step(self._rows)
         parts = np.array_split(self._rows, os.cpu_count() or 1)
@@ -150,13 +153,16 @@ class Episodes:
         return [np.concatenate(tables) for tables in zip(*done, strict=True)]
 
     def _sample(self) -> ca.Function:
-        """row -> (what changes of it, a sample later, cost of the sample)."""
+        """row -> ([X; memory] a sample later, cost of the sample, o a sample later)."""
         flight = self._flight
         row = ca.MX.sym("row", sum(flight.sizes))
         X, before, trim, actions = flight.observed(row)
         U = flight.steered.moves(actions, X, before, trim, actions)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
-        return ca.Function("episode", [row], [flight.later()(row, actions), ca.densify(cost)])
+        moved, _ = flight.moved()(row, actions)
+        X_later, memory = ca.vertsplit(moved, [0, X.numel(), moved.numel()])
+        o = self.deployed.observe(X_later, memory[-before.numel() :], trim)
+        return ca.Function("episode", [row], [moved, ca.densify(cost), o])
 
     def _observation(self) -> ca.Function:
         """row -> o."""

@@ -144,13 +144,13 @@ class SampledFlight:
         row = ca.MX.sym("row", sum(self.sizes))
         return ca.Function("entering", [row], [self.steered.enters(*self.observed(row))])
 
-    def later(self) -> ca.Function:
-        """(row, what the network gives) -> the numbers that change, a sample later."""
+    def moved(self) -> ca.Function:
+        """(row, what the network gives) -> ([X; memory] a sample later, the input that acts)."""
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
-        X, memory, low_X, high_X, low_U, high_U, trim, push, _ = self._parts(row)
+        X, memory, _, _, _, _, trim, push, _ = self._parts(row)
         before = memory[-m:]
         U = self.steered.moves(raw, *self.observed(row))
         p = trim[n + m :]
@@ -163,15 +163,23 @@ class SampledFlight:
         late_parts = max(1, math.ceil(self.parts * late / self.dt - _WHOLE))
         after = held_step(model, late, late_parts)(after, acting, push, p)
         still_to_act, _ = ca.vertsplit(memory, [0, m * self.whole, m * (self.whole + 1)])
-        shifted = ca.vertcat(U, still_to_act)
+        moved = ca.densify(ca.vertcat(after, U, still_to_act))
+        return ca.Function("moved", [row, raw], [moved, ca.densify(acting)])
+
+    def later(self) -> ca.Function:
+        """(row, what the network gives) -> the numbers that change, a sample later."""
+        row = ca.MX.sym("row", sum(self.sizes))
+        raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
+        _, _, low_X, high_X, low_U, high_U, *_ = self._parts(row)
+        moved, acting = self.moved()(row, raw)
+        after = moved[: len(self.deployed.model.states)]
         ranges = (
             ca.fmin(low_X, after),
             ca.fmax(high_X, after),
             ca.fmin(low_U, acting),
             ca.fmax(high_U, acting),
         )
-        changed = ca.vertcat(after, shifted, *ranges)
-        return ca.Function("later", [row, raw], [ca.densify(changed)])
+        return ca.Function("later", [row, raw], [ca.vertcat(moved, *ranges)])
 
     def sample(self) -> ca.Function:
         """row -> row a sample later."""

@@ -14,8 +14,10 @@ from hfa_support.native.bound import MAKING, RowFunction
 from hfa_support.native.c_code import OPERATIONS, c_function
 from hfa_support.native.machine_code import compiled, machine_code
 
-#: Rows side by side: the registers of every 64-bit processor take two.
+#: Rows side by side: the registers of every 64-bit processor take two, those of AVX2 four, with the
+#: same bits.
 _LANES = 2
+_LANES_OF_AVX2 = 4
 _EXACT = ("sqrt", "fabs", "floor", "ceil")
 _OF_ONE = (*_EXACT, "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "tanh")
 _OF_TWO = ("pow", "atan2")
@@ -42,6 +44,7 @@ _FROM_MATH = {
 _OPERATIONS = {**OPERATIONS, **_FROM_MATH, **_ON_LANES}
 
 _HEAD = """
+{target}
 #include <math.h>
 #define LANES {lanes}
 typedef double real __attribute__((vector_size(8 * LANES)));
@@ -140,10 +143,22 @@ def _text(function: ca.Function) -> str:
         write="\n        ".join(write),
     )
     from_math = [f"OF_ONE({name})" for name in _OF_ONE] + [f"OF_TWO({name})" for name in _OF_TWO]
-    head = _HEAD.format(lanes=_LANES) + "\n".join(from_math)
+    target, lanes = _registers()
+    head = _HEAD.format(target=target, lanes=lanes) + "\n".join(from_math)
     return "\n".join(
         [head, c_function(scalars, "of_rows", arguments, results, "real", _OPERATIONS), loop]
     )
+
+
+def _registers() -> tuple[str, int]:
+    """What tells the compiler of this processor's registers, and how many numbers they take."""
+    try:
+        features = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
+    except OSError:  # not Linux
+        features = []
+    if "avx2" in features:
+        return '#pragma GCC target("avx2")', _LANES_OF_AVX2
+    return "", _LANES
 
 
 def _addresses(arrays: list[np.ndarray]) -> Any:

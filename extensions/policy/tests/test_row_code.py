@@ -48,6 +48,14 @@ def test_every_operation_is_that_of_one_row_where_a_number_is_none_too() -> None
     np.testing.assert_allclose(code(a, b)[0], RowFunction(function)(a, b)[0], rtol=1e-15)
 
 
+def test_narrow_registers_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    function = of_every_operation()
+    a, b = np.random.default_rng(1).normal(0.0, 3.0, (2, 101, 1))
+    of_this_processor = row_code(function)(a, b)[0]
+    monkeypatch.setattr("hfa_policy.row_code._registers", lambda: ("", 2))
+    np.testing.assert_array_equal(row_code(function)(a, b)[0], of_this_processor)
+
+
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 17])
 def test_any_number_of_rows_and_functions_that_are_called_inside(count: int) -> None:
     x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
