@@ -95,7 +95,7 @@ def test_the_smallest_delta_is_that_of_slycot_and_of_every_copy() -> None:
     smallest = plant.minimum_delta()
     assert smallest.refused < smallest.value <= smallest.refused * (1.0 + AGREES)
     assert of_slycot(plant)[0] == pytest.approx(smallest.value, rel=AGREES)
-    for copy in copies(plant, 98, 2):
+    for copy in copies(plant, 98, 1):
         found = copy.problem.minimum_delta()
         assert found.value == pytest.approx(smallest.value, rel=AGREES), copy.kind
 

@@ -81,10 +81,10 @@ def test_random_games_are_accepted_exactly_when_they_have_a_solution(count: int)
 
 def test_near_the_smallest_delta_a_batch_refuses_what_is_refused_alone():
     rng = np.random.default_rng(8)
-    A = rng.standard_normal((2, 6, 6))
-    B = rng.standard_normal((2, 6, 2))
+    A = rng.standard_normal((2, 4, 4))
+    B = rng.standard_normal((2, 4, 2))
     for i in range(len(A)):
-        game = Game(A[i], B[i], np.eye(6), np.eye(6), np.eye(2), 1.0)
+        game = Game(A[i], B[i], np.eye(4), np.eye(4), np.eye(2), 1.0)
         near = game.with_delta(minimum_delta(game).value * (1.0 + 10.0 ** rng.uniform(-6.0, -3.0)))
         batch = solve_games(A[i : i + 1], B[i : i + 1], near)
         try:
