@@ -12,8 +12,8 @@ import numpy as np
 
 from hfa_networks.files.network_file import network_in
 from hfa_networks.files.row_network import RowNetwork
-from hfa_networks.files.tensors import tensors_in
-from hfa_policy.stable_baselines import LARGEST_FILE, Zip, is_stable_baselines, read_zip
+from hfa_networks.files.tensors import LARGEST_FILE, tensors_in
+from hfa_policy.stable_baselines import Zip, is_stable_baselines, read_zip
 from hfa_support.errors import BadInputError, numbers_in, said_of, shown
 from hfa_support.files import regular_file
 

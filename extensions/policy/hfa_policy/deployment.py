@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 #: What `normalizer` says of a policy that has none although its training had a VecNormalize (of
 #: rewards alone).
 NONE = "none"
+#: Samples of delay up to which a loop is judged, and searched for the delay that is lost.
+MOST_SAMPLES = 100
+#: Seconds of a sample: a flight of minutes has at most a million.
+_SAMPLE = Number(1e-4, 10.0)
 _FROM_0 = Number(0.0)
 _OBSERVED: dict[Any, Any] = {"about": None, "scale": NUMBER, "formula": str}
 _ACTED: dict[Any, Any] = {"box": [NUMBER], "map": str}
@@ -40,7 +44,7 @@ _CARD: dict[Any, Any] = {
     "policy": _POLICY,
     "observation*": {str: _OBSERVED},
     "action*": {str: _ACTED},
-    "timing*": {"dt*": POSITIVE, "delay": _FROM_0},
+    "timing*": {"dt*": _SAMPLE, "delay": _FROM_0},
     "cost": {"Q*": {str: _FROM_0}, "R*": {str: POSITIVE}},
 }
 _NORMALIZER: dict[Any, Any] = {
@@ -103,6 +107,7 @@ class Deployment(Shown):
             self._check_policy()
             self._check_observation()
             self._check_action()
+            self._check_timing()
 
     @staticmethod
     def load(path: str | Path) -> Deployment:
@@ -156,6 +161,12 @@ class Deployment(Shown):
             box = entry.get("box")
             if box is not None and not (len(box) == 2 and box[0] < box[1]):
                 raise BadInputError(f"action.{name}.box is {shown(box)}; give [lowest, highest]")
+
+    def _check_timing(self) -> None:
+        if self.delay > MOST_SAMPLES * self.dt:
+            raise BadInputError(
+                f"timing.delay is {self.delay:g} s; give at most {MOST_SAMPLES} samples of dt"
+            )
 
     @property
     def dt(self) -> float:

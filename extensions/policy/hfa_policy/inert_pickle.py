@@ -4,7 +4,6 @@ objects of these packages become bare attributes, every other class or function 
 from __future__ import annotations
 
 import io
-import math
 import pickle
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hfa_networks.files.tensors import refuse_pickle_bomb
 from hfa_support.errors import BadInputError, shortened
 
 #: Packages whose objects are kept as bare attributes; their code is never imported.
@@ -19,7 +19,6 @@ _KEPT_PACKAGES = ("stable_baselines3", "sb3_contrib", "gymnasium", "gym", "torch
 _NUMPY_CORES = ("numpy", "numpy.core.multiarray", "numpy._core.multiarray")
 _NUMERIC = ("numpy.core.numeric", "numpy._core.numeric")
 _KINDS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8")
-_MOST_NUMBERS = 2**22
 
 
 class Inert:
@@ -78,22 +77,22 @@ class _Kind:
         return np.dtype(self.order + self.kind)
 
 
-class _Array:
-    """What numpy.ndarray is in a pickle until its state is known; afterwards `values`."""
-
-    values: np.ndarray
+class _Array(np.ndarray):
+    """What numpy.ndarray is in a pickle: empty until its state is known, an array of numbers."""
 
     def __setstate__(self, state: Any) -> None:
         """(version, shape, kind, whether in Fortran's order, bytes)."""
-        _, shape, kind, in_columns, content = state
-        self.values = _array_of(content, kind, shape, "F" if in_columns else "C")
+        version, shape, kind, in_columns, content = state
+        super().__setstate__((version, shape, kind.dtype, in_columns, content))
 
 
-def _array_of(content: Any, kind: _Kind, shape: tuple[int, ...], order: str = "C") -> np.ndarray:
+def _empty(*_: Any) -> _Array:
+    return _Array(0)
+
+
+def _array_of(content: bytes, kind: _Kind, shape: tuple[int, ...], order: str = "C") -> np.ndarray:
     """The array of these bytes."""
-    if math.prod(shape) > _MOST_NUMBERS:
-        raise BadInputError(f"it has an array of {math.prod(shape)} numbers")
-    numbers = np.frombuffer(bytes(content), dtype=kind.dtype)
+    numbers = np.frombuffer(memoryview(content), dtype=kind.dtype)
     return numbers.reshape(shape, order="F" if order == "F" else "C")
 
 
@@ -102,8 +101,8 @@ def _scalar(kind: _Kind, content: bytes) -> Any:
 
 
 _NUMPY_CALLS: Mapping[str, Callable[..., Any]] = {
-    "_reconstruct": lambda *_: _Array(),
-    "ndarray": _Array,
+    "_reconstruct": _empty,
+    "ndarray": _empty,
     "dtype": _Kind,
     "scalar": _scalar,
 }
@@ -133,28 +132,14 @@ class _Restricted(pickle.Unpickler):
 def inert(content: bytes) -> Any:
     """What a pickle holds: dictionaries, lists, numbers, arrays and `Inert` objects.
 
-    BadInputError where it would call anything else, or is damaged.
+    BadInputError where it would call anything else, is damaged, or would take more memory than it
+    has bytes.
     """
     try:
-        return with_arrays(_Restricted(io.BytesIO(content)).load())
+        refuse_pickle_bomb(content)
+        return _Restricted(io.BytesIO(content)).load()
     except BadInputError:
         raise
     except Exception as error:  # a damaged pickle makes the reader raise nearly anything
-        reason = shortened(str(error).partition("\n")[0])
+        reason = shortened(str(error).partition("\n")[0]) or type(error).__name__
         raise BadInputError(f"it is no pickle, or damaged ({reason})") from error
-
-
-def with_arrays(value: Any, depth: int = 0) -> Any:
-    """The same with the arrays themselves where a pickle had them."""
-    if isinstance(value, _Array):
-        return getattr(value, "values", None)
-    if depth > 8:
-        return value
-    if isinstance(value, Inert):
-        for name, entry in list(value.__dict__.items()):
-            value.__dict__[name] = with_arrays(entry, depth + 1)
-    elif isinstance(value, dict):
-        return {name: with_arrays(entry, depth + 1) for name, entry in value.items()}
-    elif isinstance(value, (list, tuple)):
-        return type(value)(with_arrays(entry, depth + 1) for entry in value)
-    return value

@@ -10,11 +10,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_networks.files.tensors import LARGEST_FILE
 from hfa_policy.inert_pickle import Inert, inert
 from hfa_support.errors import BadInputError, is_finite, numbers_in, said_of, shown
 from hfa_support.files import regular_file
 
-LARGEST_FILE = 2**26
 #: Of VecNormalize, where a card gives mean and variance alone.
 EPSILON = 1e-8
 CLIP = 10.0
@@ -97,15 +97,25 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
         if statistics is None:
             raise BadInputError("it has no obs_rms; give mean and variance in the card")
         attributes = vars(stored)
+        seen = vars(statistics) if isinstance(statistics, Inert) else {}
+        mean = numbers_in("its mean", seen.get("mean"))
         return Normalizer(
-            mean=statistics.mean,
-            variance=statistics.var,
-            epsilon=float(attributes["epsilon"]),
-            clip=float(attributes["clip_obs"]),
-            count=float(statistics.count),
-            last=_rows(attributes.get("old_obs"), np.size(statistics.mean)),
+            mean=mean,
+            variance=numbers_in("its var", seen.get("var")),
+            epsilon=_number_in("epsilon", attributes),
+            clip=_number_in("clip_obs", attributes),
+            count=_number_in("count", seen),
+            last=_rows(attributes.get("old_obs"), mean.size),
             origin=Path(path).name,
         )
+
+
+def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
+    """A number of a stored object."""
+    numbers = numbers_in(f"its {name}", attributes.get(name))
+    if numbers.size != 1:
+        raise BadInputError(f"its {name} is not one number")
+    return float(numbers.item())
 
 
 def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
@@ -124,4 +134,4 @@ def _rows(values: Any, width: int) -> np.ndarray | None:
     """Observations as (E, k) doubles; None where they are something else."""
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != width:
         return None
-    return values.astype(float)
+    return np.array(values, dtype=float)

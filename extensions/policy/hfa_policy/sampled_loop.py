@@ -26,10 +26,10 @@ from controller.riccati.margins import (
     disk_sizes,
     scaled_norm,
 )
+from hfa_policy.deployment import MOST_SAMPLES
 from hfa_policy.rest import Rest
 
-#: Samples of delay up to which the delay that is lost is sought, and seconds.
-MOST_SAMPLES = 100
+#: Seconds of delay up to which the delay that is lost is sought.
 MOST_SECONDS = 3.0
 #: Parts of a sample in which the last one is searched.
 _PARTS = 20
@@ -58,8 +58,12 @@ class Chain(NamedTuple):
 
     @property
     def radius(self) -> float:
-        """The spectral radius of the closed loop."""
-        return float(np.abs(np.linalg.eigvals(self.closed)).max())
+        """The spectral radius of the closed loop; inf where its gains are too large to compute
+        with."""
+        closed = self.closed
+        if not np.isfinite(closed).all():
+            return math.inf
+        return float(np.abs(np.linalg.eigvals(closed)).max())
 
 
 def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,6 @@ clipped to ±clip_mean (2) before its tanh.
 from __future__ import annotations
 
 import base64
-import io
 import json
 import zipfile
 from collections.abc import Mapping
@@ -19,13 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from hfa_networks.files.tensors import checked_tensors, tensors_in
-from hfa_policy.inert_pickle import Inert, inert
-from hfa_support.errors import BadInputError, said_of, shortened
+from hfa_networks.files.tensors import LARGEST_FILE, checked_tensors, tensors_in, unpacked
+from hfa_policy.inert_pickle import inert
+from hfa_support.errors import BadInputError, said_of, shortened, shown
 from hfa_support.files import regular_file
+from hfa_support.schema import Number
 
-#: Bytes of a zip, and of what is unpacked of it.
-LARGEST_FILE = 2**26
 #: Class of torch -> name of the activation here.
 _ACTIVATIONS = {
     "Tanh": "tanh",
@@ -87,6 +85,8 @@ def read_zip(path: str | Path) -> Zip:
         try:
             with zipfile.ZipFile(regular_file(path, LARGEST_FILE)) as archive:
                 data = json.loads(_member(archive, "data"))
+                if not isinstance(data, dict):
+                    raise BadInputError("its data are no dictionary")
                 tensors, _ = checked_tensors(tensors_in(_member(archive, "policy.pth"), ".pth"))
         except OSError as error:
             raise BadInputError(f"cannot be read ({error.strerror or error})") from error
@@ -103,10 +103,7 @@ def _member(archive: zipfile.ZipFile, name: str) -> bytes:
         raise BadInputError(
             f"it holds no {name}; give what model.save of Stable-Baselines3 has written"
         )
-    size = archive.getinfo(name).file_size
-    if size > LARGEST_FILE:
-        raise BadInputError(f"its {name} unpacks to {size} bytes; at most {LARGEST_FILE} are read")
-    return archive.read(name)
+    return unpacked(archive, name)
 
 
 def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zip:
@@ -120,7 +117,7 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
     uses_sde = bool(settings.get("use_sde", data.get("use_sde", False)))
     squash = algorithm != "PPO or A2C" or bool(settings.get("squash_output", False))
     clips_mean = algorithm == "SAC" and uses_sde
-    clip_mean = float(settings.get("clip_mean", _CLIP_MEAN)) if clips_mean else float("inf")
+    clip_mean = _number(settings, "clip_mean", _CLIP_MEAN) if clips_mean else 0.0
     actor = [array for name, array in tensors.items() if _is_weight(name, part)]
     return Zip(
         algorithm=algorithm,
@@ -128,12 +125,12 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
         activation=_activation(settings.get("activation_fn"), usual),
         layout=tuple(len(array) for array in actor[:-1]),
         squash=squash,
-        clip_mean=clip_mean if clip_mean > 0.0 else float("inf"),
+        clip_mean=clip_mean or float("inf"),
         low=action_space[0],
         high=action_space[1],
         observations=observation_space[0].size,
-        timesteps=int(data.get("num_timesteps") or 0),
-        environments=int(data.get("n_envs") or 1),
+        timesteps=int(_number(data, "num_timesteps", 0)),
+        environments=int(_number(data, "n_envs", 1)),
         last=_observations(data, "_last_obs"),
         last_original=_observations(data, "_last_original_obs"),
     )
@@ -169,8 +166,23 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
     entry = data.get(name)
     if isinstance(entry, dict) and ":serialized:" in entry:
         with said_of(name):
-            return inert(base64.b64decode(entry[":serialized:"]))
+            try:
+                content = base64.b64decode(entry[":serialized:"])
+            except (TypeError, ValueError) as error:
+                raise BadInputError(f"it is not written in base64 ({error})") from error
+            return inert(content)
     return entry
+
+
+def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
+    """A number from 0 on of the data; the usual one where there is none."""
+    entry = entries.get(name)
+    if entry is None:
+        return usual
+    number = Number(0.0).of(entry)
+    if number is None:
+        raise BadInputError(f"its {name} is {shown(entry)}; it must be {Number(0.0)}")
+    return number
 
 
 def _activation(stored: Any, usual: str) -> str:
@@ -188,14 +200,16 @@ def _activation(stored: Any, usual: str) -> str:
 def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest value of a Box of one axis, (k,) each."""
     space = _stored(data, name)
+    kind = getattr(space, "made_of", type(space).__name__).rpartition(".")[2]
     low = getattr(space, "low", None)
     high = getattr(space, "high", None)
-    if not isinstance(space, Inert) or low is None or high is None:
-        kind = getattr(space, "made_of", type(space).__name__).rpartition(".")[2]
+    if not (isinstance(low, np.ndarray) and isinstance(high, np.ndarray)):
         raise BadInputError(f"its {what} are a {shortened(kind)}; only a Box is read")
-    if low.ndim != 1:
+    if low.ndim != 1 or low.shape != high.shape:
         raise BadInputError(f"its {what} have {low.ndim} axes; only a Box of one axis is read")
-    return low.astype(float), high.astype(float)
+    if not np.all(low <= high):
+        raise BadInputError(f"its {what} are a Box whose low is not below its high")
+    return np.array(low, dtype=float), np.array(high, dtype=float)
 
 
 def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
@@ -203,13 +217,13 @@ def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
     stored = _stored(data, name)
     if not isinstance(stored, np.ndarray) or stored.ndim != 2:
         return None
-    return stored.astype(float)
+    return np.array(stored, dtype=float)
 
 
 def is_stable_baselines(path: Path) -> bool:
     """Whether the file is a zip that `model.save` of Stable-Baselines3 has written."""
     try:
-        with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+        with zipfile.ZipFile(regular_file(path, LARGEST_FILE)) as archive:
             return {"data", "policy.pth"} <= set(archive.namelist())
     except (OSError, zipfile.BadZipFile):
         return False

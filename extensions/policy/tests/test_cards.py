@@ -1,7 +1,9 @@
 """Cards: every mistake is one line that names the entry; files are read and never run."""
 
+import base64
 import io
 import json
+import os
 import pickle
 import shutil
 import zipfile
@@ -63,7 +65,8 @@ def message_of(folder, text):
     ("typed", "instead", "said"),
     [
         ("[timing]", "[timming]", "did you mean [timing]?"),
-        ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number above 0"),
+        ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number from 0.0001 on, at most 10"),
+        ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; give at most 100 samples"),
         ("dt = 0.02", "delay = 0.02", "timing.dt is missing"),
         ("dt = 0.02", "dt = 0.02\ndelay = -1", "timing.delay is -1"),
         ('file = "ppo_gtm.zip"', "", "policy.file is missing"),
@@ -167,20 +170,87 @@ def test_a_pickle_that_calls_is_refused_and_not_run(folder):
     assert not made.exists()
 
 
-def test_a_zip_whose_data_calls_is_refused_and_not_run(folder):
-    made = folder / "made"
+def rewrite_zip(folder, changed):
+    """Write the zip of a folder again, its data changed."""
     rewritten = io.BytesIO()
-    with zipfile.ZipFile(folder / "ppo_gtm.zip") as archive, zipfile.ZipFile(rewritten, "w") as new:
-        data = json.loads(archive.read("data"))
-        import base64
-
-        call = base64.b64encode(pickle.dumps(Caller(str(made)))).decode()
-        data["action_space"][":serialized:"] = call
-        new.writestr("data", json.dumps(data))
+    with (
+        zipfile.ZipFile(folder / "ppo_gtm.zip") as archive,
+        zipfile.ZipFile(rewritten, "w", zipfile.ZIP_DEFLATED) as new,
+    ):
+        new.writestr("data", json.dumps(changed(json.loads(archive.read("data")))))
         new.writestr("policy.pth", archive.read("policy.pth"))
     (folder / "ppo_gtm.zip").write_bytes(rewritten.getvalue())
+
+
+def test_a_zip_whose_data_calls_is_refused_and_not_run(folder):
+    made = folder / "made"
+    call = base64.b64encode(pickle.dumps(Caller(str(made)))).decode()
+    rewrite_zip(folder, lambda data: data | {"action_space": {":serialized:": call}})
     assert "wants to call" in message_of(folder, CARD)
     assert not made.exists()
+
+
+SHARED_LISTS = b"\x80\x04]\x94" + b"".join(
+    b"]\x94(" + 60 * (b"h" + bytes([level])) + b"e" for level in range(12)
+)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        pytest.param(b"\x80\x04}N" + 2_000_000 * b"\x85" + b"Ns.", id="a key of deep tuples"),
+        pytest.param(SHARED_LISTS + b".", id="lists that share their items"),
+        pytest.param(b"\x80\x04Nr\xff\xff\xff\x7f.", id="more numbers than bytes"),
+        pytest.param(b"", id="nothing"),
+    ],
+)
+def test_a_pickle_that_takes_more_than_its_bytes_is_refused(folder, content):
+    (folder / "bomb.pkl").write_bytes(content)
+    assert "bomb.pkl: it" in message_of(folder, CARD.replace("ppo_gtm.pkl", "bomb.pkl"))
+
+
+@pytest.mark.parametrize(
+    ("stored", "typed"),
+    [(b"epsilon", b"obs_rms"), (b"clip_obs", b"obs_rms"), (b"mean", b"var_x"), (b"count", b"mean")],
+)
+def test_a_normalizer_without_its_numbers_is_refused(folder, stored, typed):
+    content = (folder / "ppo_gtm.pkl").read_bytes()
+    name = b"\x8c" + bytes([len(stored)]) + stored
+    assert name in content
+    other = b"\x8c" + bytes([len(typed)]) + typed
+    (folder / "odd.pkl").write_bytes(content.replace(name, other, 1))
+    assert "odd.pkl" in message_of(folder, CARD.replace("ppo_gtm.pkl", "odd.pkl"))
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"num_timesteps": "many"},
+        {"n_envs": [4]},
+        {"action_space": {":serialized:": 5}},
+        {"policy_kwargs": [1]},
+    ],
+)
+def test_data_of_a_zip_of_another_type_are_refused(folder, entries):
+    rewrite_zip(folder, lambda data: data | entries)
+    assert next(iter(entries)) in message_of(folder, CARD)
+
+
+def test_a_zip_whose_directory_lies_about_a_size_is_refused(folder):
+    rewrite_zip(folder, lambda data: data | {"more": " " * 10**6})
+    content = (folder / "ppo_gtm.zip").read_bytes()
+    entry = content.index(b"PK\x01\x02")
+    size = slice(entry + 24, entry + 28)
+    lying = content[: size.start] + (100).to_bytes(4, "little") + content[size.stop :]
+    (folder / "ppo_gtm.zip").write_bytes(lying)
+    assert "no zip of Stable-Baselines3" in message_of(folder, CARD)
+
+
+@pytest.mark.parametrize("suffix", ["zip", "npz", "pt", "pkl"])
+def test_a_fifo_is_no_policy(folder, suffix):
+    os.mkfifo(folder / f"fifo.{suffix}")
+    said = message_of(folder, CARD.replace("ppo_gtm.zip", f"fifo.{suffix}"))
+    assert "not a regular file" in said
 
 
 def test_a_zip_bomb_is_refused(folder):

@@ -21,6 +21,8 @@ from hfa_support.errors import BadInputError, numbers_in, shortened
 #: Bytes of a file, and numbers in it: three layers of 1024 x 1024.
 LARGEST_FILE = 2**26
 LARGEST_NETWORK = 2**22
+#: Of a pickle; a tensor takes about fifty.
+_MOST_STEPS = 2**16
 #: Of safetensors and of torch. Integers (counters of batches) are read, and refused where they
 #: would be weights.
 _TYPES = {
@@ -117,23 +119,25 @@ _ALLOWED: Mapping[tuple[str, str], Callable[..., Any]] = {
 }
 
 
+def refuse_pickle_bomb(content: bytes) -> None:
+    """BadInputError where reading a pickle would take more memory than its bytes, since it numbers
+    more objects than it has bytes, or more steps than a policy needs: tuples nested as deep as
+    these end the process when they are hashed."""
+    for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
+        if "PUT" in opcode.name and isinstance(argument, int) and argument > len(content):
+            raise BadInputError("it is damaged: it numbers more objects than it has bytes")
+        if count > _MOST_STEPS:
+            raise BadInputError(f"its pickle has more than {_MOST_STEPS} steps; save weights alone")
+
+
 class _Restricted(pickle.Unpickler):
     """Builds dictionaries and arrays; every other class or function is refused by its name before
     it is made."""
 
     def __init__(self, content: bytes, storages: Mapping[str, bytes]) -> None:
+        refuse_pickle_bomb(content)
         super().__init__(io.BytesIO(content))
-        self._content = content
         self.storages = storages
-
-    def load(self) -> Any:
-        """The dictionaries and arrays; BadInputError where a number of the pickle is larger than
-        the pickle, which would be as much memory."""
-        size = len(self._content)
-        for opcode, argument, _ in pickletools.genops(self._content):
-            if "PUT" in opcode.name and isinstance(argument, int) and argument > size:
-                raise BadInputError("it is damaged: it numbers more objects than it has bytes")
-        return super().load()
 
     def find_class(self, module: str, name: str) -> Any:
         if module == "torch" and name.endswith("Storage"):
@@ -155,18 +159,33 @@ def _refuse_large(archive: zipfile.ZipFile) -> None:
         raise BadInputError(f"it unpacks to more than {LARGEST_FILE} bytes")
 
 
+def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
+    """A member of a zip, of a bounded size whatever its directory says.
+
+    BadInputError where it is larger, or packed as neither torch nor NumPy does.
+    """
+    entry = archive.getinfo(name)
+    is_encrypted = entry.flag_bits & 1
+    if is_encrypted or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise BadInputError(f"its {shortened(name)} is packed in a way that is not read")
+    if entry.file_size > LARGEST_FILE:
+        raise BadInputError(f"its {shortened(name)} unpacks to more than {LARGEST_FILE} bytes")
+    with archive.open(entry) as stream:
+        return stream.read(entry.file_size)
+
+
 def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
     """What torch.save writes, or stable-baselines3, whose policy.pth is such a file."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         _refuse_large(archive)
         names = archive.namelist()
         if "policy.pth" in names:
-            return _torch_zip(archive.read("policy.pth"))
+            return _torch_zip(unpacked(archive, "policy.pth"))
         if any(re.search(r"(^|/)(code/|constants\.pkl$)", name) for name in names):
             raise BadInputError(
                 "it is TorchScript, a program; save state_dict() instead, or export to ONNX"
             )
-        members = {name.partition("/")[2]: archive.read(name) for name in names}
+        members = {name.partition("/")[2]: unpacked(archive, name) for name in names}
     return _flattened("", _Restricted(members["data.pkl"], members).load())
 
 
