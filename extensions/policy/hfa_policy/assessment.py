@@ -21,7 +21,7 @@ from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
 from hfa_policy.outcomes import HORIZON, Outcome, Place, ends_from_trim, fly_places, start_box
 from hfa_policy.rest import Rest, RestSearch
 from hfa_policy.sampled_loop import Delays, Margins, chain_of, delays, margins
-from hfa_support.errors import BadInputError, NoSolutionError, is_finite, said_of, shown
+from hfa_support.errors import BadInputError, NoSolutionError, is_finite, shown
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
 from trim.point.condition import usual_condition
@@ -211,9 +211,7 @@ class Assessor:
 
     def assessed(self, progress: Progress | None = None) -> list[AssessedPoint]:
         """What the policy does at each trim."""
-        for point in self.points:
-            with said_of(self.deployed.deployment.origin):
-                self.deployed.refuse_undefined_at(point)
+        self.deployed.refuse_undefined_at(self.points)
         flight = self.flight()
         places = self.places(flight)
         plain: Sequence[Outcome | None] = [None] * len(places)

@@ -102,15 +102,21 @@ class Assessment(Result, Reported):
     def _holding(self) -> str:
         holding = [point for point in self.points if point.holds]
         rate = f"at {1.0 / self.deployed.deployment.dt:.4g} Hz"
+        of_loop = "" if self._flown else "by its loop alone "
         if len(holding) == len(self.points):
-            return f"holds {self._where(holding)} {rate}"
+            return f"{of_loop}holds {self._where(holding)} {rate}"
         if not holding:
-            return f"does not hold {self._where(list(self.points))} {rate}"
+            return f"{of_loop}does not hold {self._where(list(self.points))} {rate}"
         failing = [point for point in self.points if not point.holds]
         return (
-            f"holds at {len(holding)} of {len(self.points)} trims {rate}, not "
+            f"{of_loop}holds at {len(holding)} of {len(self.points)} trims {rate}, not "
             f"{self._where(failing)}"
         )
+
+    @property
+    def _flown(self) -> bool:
+        """Whether starts were flown."""
+        return any(point.flights is not None for point in self.points)
 
     def _buzzing(self) -> str:
         buzzing = [point for point in self.points if point.buzzes]
@@ -197,7 +203,7 @@ class Assessment(Result, Reported):
             if point.flights is not None
         ]
         if not shares:
-            return ""
+            return "no start was flown"
         if max(shares) == 0.0:
             return "every start comes back"
         low, high = (f"{100 * share:.3g}" for share in (min(shares), max(shares)))

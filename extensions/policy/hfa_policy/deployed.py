@@ -123,16 +123,32 @@ class Deployed:
         n, m = len(self.model.states), len(self.model.inputs)
         return self.values(trim[:n], trim[n : n + m], trim)
 
-    def refuse_undefined_at(self, point: OperatingPoint) -> None:
-        """BadInputError where an observation or a map has no value or no slope at a trim."""
-        n = len(self.model.states)
-        m = len(self.model.inputs)
-        trim = self.trim_vector(point)
-        at_trim = (trim[:n], trim[n : n + m], trim)
-        entries = self.deployment.observation
-        o = _refuse_undefined("observation", entries, self.observe, at_trim, (0, 1))
-        inputs = tuple(self.model.inputs)  # those without a map stay at the trim
-        _refuse_undefined("action", inputs, self.unlimited_inputs, (self.act(o), *at_trim), (0,))
+    def refuse_undefined_at(
+        self, points: Iterable[OperatingPoint], action: np.ndarray | None = None
+    ) -> None:
+        """BadInputError where an observation, the policy or a map has no value at a trim, or an
+        observation or a map no slope.
+
+        action: (m,), in place of the policy's own, where one is still to be trained.
+        """
+        with said_of(self.deployment.origin):
+            for point in points:
+                n = len(self.model.states)
+                m = len(self.model.inputs)
+                trim = self.trim_vector(point)
+                at_trim = (trim[:n], trim[n : n + m], trim)
+                entries = self.deployment.observation
+                o = _refuse_undefined("observation", entries, self.observe, at_trim, (0, 1))
+                arguments = (self._action_at(o) if action is None else action, *at_trim)
+                inputs = tuple(self.model.inputs)  # those without a map stay at the trim
+                _refuse_undefined("action", inputs, self.unlimited_inputs, arguments, (0,))
+
+    def _action_at(self, o: np.ndarray) -> np.ndarray:
+        """The action of an observation, (m,); BadInputError where it is no finite number."""
+        a = np.array(self.act(o)).ravel()
+        if not np.isfinite(a).all():
+            raise BadInputError("policy.file gives no finite number at the trim; train it again")
+        return a
 
     # Functions.
 

@@ -92,8 +92,9 @@ class DeployedPolicy(Policy):
 
 
 def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:
-    """The policy of a card about a trim."""
+    """The policy of a card about a trim; BadInputError as of `refuse_undefined_at`."""
     deployed = Deployment.load(path).on(model)
+    deployed.refuse_undefined_at([point])
     text = deployed.command.serialize()
     identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
     held = np.zeros((1, len(model.inputs)))

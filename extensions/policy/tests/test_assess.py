@@ -67,8 +67,9 @@ def test_a_formula_that_is_not_smooth_at_the_trim_is_refused_by_name(table, name
     o = ca.SX.sym("o", 4)
     right = gtm_card({"file": ca.Function("gain", [o], [0.1 * o[1:3]])})
     model = load_model(GTM)
+    wrong = right.changed(**{table: {**getattr(right, table), name: entry}})
     with pytest.raises(hfa.BadInputError, match=rf"^the deployment: {table}\.{name}: its formula"):
-        assess(model, right.changed(**{table: {**getattr(right, table), name: entry}}), [45.0])
+        assess(model, wrong, [45.0])
 
 
 def test_needs_are_met_or_named(good):
@@ -145,6 +146,8 @@ def test_a_clip_that_is_active_at_rest_is_said_and_not_judged_as_stable():
     deployment = gtm_card({"file": push}, action=action)
     result = assess(load_model(GTM), deployment, [45.0], samples=0)
     (point,) = result.points
+    assert result.first_line.startswith("by its loop alone does not hold at 45 m/s")
+    assert "; no start was flown" in result.first_line
     assert point.rest.clips == ("the action of elevator at the end of its box",)
     assert not point.holds
     assert any("its slope is 0 there" in finding for finding in point.findings)

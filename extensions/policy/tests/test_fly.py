@@ -8,6 +8,7 @@ from hfa_flight.envelope import flight_envelope
 from hfa_flight.nonlinear_flight import fly
 from hfa_flight.scenario import Scenario
 from hfa_policy.deployment import Deployment
+from hfa_policy.episodes import Episodes
 from hfa_policy.flights import SampledFlight
 from hfa_policy.flown import DeployedPolicy, flown_card, sampled_scenario
 from hfa_policy.held_step import parts_of_a_sample
@@ -39,6 +40,18 @@ def test_the_flight_is_that_of_the_assessment(tmp_path, delay):
     if delay == 0.0:
         differences = flown.states[every_sample::every_sample] - path_of_rows
         assert np.abs(differences).max() < 1e-12 * np.abs(path_of_rows).max()
+
+
+@pytest.mark.parametrize("map_", ["trim + 14 * a + log(pitch_rate)", "trim + a / (a - a)"])
+def test_a_formula_without_a_value_at_the_trim_is_refused_as_by_the_assessment(tmp_path, map_):
+    text = (FOLDER / "ppo_gtm.toml").read_text().replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
+    path = tmp_path / "card.toml"
+    path.write_text(text.replace("trim + 14*a", map_))
+    model = aircraft("ppo_gtm")
+    with pytest.raises(BadInputError, match=r"action\.throttle: its formula has no value"):
+        flown_card(path, model, trims("ppo_gtm")[0])
+    with pytest.raises(BadInputError, match=r"action\.throttle: its formula has no value"):
+        Episodes(Deployment.load(path).on(model), trims("ppo_gtm")[:1], 1)
 
 
 def test_a_sample_time_of_parts_of_a_microsecond_is_refused():
