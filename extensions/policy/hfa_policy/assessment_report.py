@@ -94,9 +94,10 @@ class Assessment(Result, Reported):
             self._cycling(),
             self._losing(),
             self._resting(),
+            self._clipping(),
             self._flying(),
+            self._costing(),
         ]
-        clauses.append(self._costing())
         return "; ".join(filter(None, clauses))
 
     def _holding(self) -> str:
@@ -143,7 +144,7 @@ class Assessment(Result, Reported):
             return "at the trim"
         model = self.deployed.model
         unit = shown_unit(model.schedule_unit)
-        if len(values) == 1:
+        if min(values) == max(values):
             return f"at {values[0]:.4g} {unit}"
         between = [
             value for point in self.points for value in scheduled_value(point.point).values()
@@ -152,6 +153,10 @@ class Assessment(Result, Reported):
         if len(inside) == len(values):
             return f"from {min(values):.4g} to {max(values):.4g} {unit}"
         return f"at {', '.join(f'{value:.4g}' for value in values)} {unit}"
+
+    def _unless_all(self, points: list[AssessedPoint]) -> str:
+        """At which trims, after a space; nothing where these are all."""
+        return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
     def _losing(self) -> str:
         """The shortest delay that is lost, and where."""
@@ -174,17 +179,17 @@ class Assessment(Result, Reported):
 
     def _resting(self) -> str:
         """The state that rests farthest off trim, in half-widths of the box."""
+        restless = [point for point in self.points if point.rest is None]
+        if restless:
+            return f"rests nowhere near the trim{self._unless_all(restless)}"
         farthest = None
         for point in self.points:
-            if point.rest is None:
-                continue
             shares = np.abs(point.rest_offset) / point.place.box
             index = int(np.argmax(shares))
             if farthest is None or shares[index] > farthest[0]:
                 name = point.point.model.linear[index]
                 farthest = (float(shares[index]), name, float(point.rest_offset[index]))
-        if farthest is None:
-            return "rests nowhere near the trim"
+        assert farthest is not None
         share, name, offset = farthest
         if share < _AT_TRIM:
             return "rests at the trim"
@@ -194,6 +199,18 @@ class Assessment(Result, Reported):
         if name == "speed":
             return f"rests {many}{size} {'fast' if offset > 0 else 'slow'}"
         return f"rests {many}{size} {'above' if offset > 0 else 'below'} the trim in {name}"
+
+    def _clipping(self) -> str:
+        """Where an action or an input is at its limit at rest, and which."""
+        clipped: list[AssessedPoint] = []
+        clips: dict[str, None] = {}
+        for point in self.points:
+            if point.rest is not None and point.rest.clips:
+                clipped.append(point)
+                clips |= dict.fromkeys(point.rest.clips)
+        if not clipped:
+            return ""
+        return f"rests{self._unless_all(clipped)} with {' and '.join(clips)}"
 
     def _flying(self) -> str:
         """Which part of the starts does not come back."""
@@ -211,10 +228,11 @@ class Assessment(Result, Reported):
         return f"{part} of the starts do not come back"
 
     def _costing(self) -> str:
-        costs = [point.cost.worst for point in self.points if point.cost is not None]
+        """What it costs where it holds; elsewhere the cost of its slope at rest says nothing."""
+        costs = [point.cost for point in self.points if point.holds and point.cost is not None]
         if not costs:
             return ""
-        worst = max(costs)
+        worst = max(max(cost.worst, cost.sampled_worst) for cost in costs)
         if not math.isfinite(worst):
             return "its cost has no bound"
         if worst < _SAME_COST:

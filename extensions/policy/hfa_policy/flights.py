@@ -157,7 +157,7 @@ class SampledFlight:
         acting = U if self.whole == 0 else memory[(self.whole - 1) * m : self.whole * m]
         after = X
         if self.early:
-            early_parts = max(1, math.ceil(self.parts * self.early / self.dt))
+            early_parts = max(1, math.ceil(self.parts * self.early / self.dt - _WHOLE))
             after = held_step(model, self.early, early_parts)(after, before, push, p)
         late = self.dt - self.early
         late_parts = max(1, math.ceil(self.parts * late / self.dt - _WHOLE))

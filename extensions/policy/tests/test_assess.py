@@ -147,7 +147,9 @@ def test_a_clip_that_is_active_at_rest_is_said_and_not_judged_as_stable():
     result = assess(load_model(GTM), deployment, [45.0], samples=0)
     (point,) = result.points
     assert result.first_line.startswith("by its loop alone does not hold at 45 m/s")
+    assert "; rests with the action of elevator at the end of its box" in result.first_line
     assert "; no start was flown" in result.first_line
+    assert "cost" not in result.first_line
     assert point.rest.clips == ("the action of elevator at the end of its box",)
     assert not point.holds
     assert any("its slope is 0 there" in finding for finding in point.findings)

@@ -11,7 +11,7 @@ from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import Episodes
 from hfa_policy.flights import SampledFlight
 from hfa_policy.flown import DeployedPolicy, flown_card, sampled_scenario
-from hfa_policy.held_step import parts_of_a_sample
+from hfa_policy.held_step import held_step, parts_of_a_sample
 from hfa_support.errors import BadInputError
 
 START = np.array([2.0, 0.03, 0.1, -0.05])
@@ -40,6 +40,22 @@ def test_the_flight_is_that_of_the_assessment(tmp_path, delay):
     if delay == 0.0:
         differences = flown.states[every_sample::every_sample] - path_of_rows
         assert np.abs(differences).max() < 1e-12 * np.abs(path_of_rows).max()
+
+
+def test_half_a_sample_has_half_the_steps_of_integration():
+    """A delay of 0.025 s less two samples of 0.01 s is a little more than 0.005 s in doubles."""
+    deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
+    point = trims("ppo_gtm")[0]
+    flight = SampledFlight(deployed, 0.01, 0.025, parts=2)
+    row = flight.rows(
+        (np.array(point.states) + START)[None], deployed.trim_vector(point)[None], np.zeros((1, 4))
+    )[0]
+    after = np.array(flight.sample()(row)).ravel()[flight.slices[0]]
+    half = held_step(deployed.model, 0.005, 1)
+    X = np.array(point.states) + START
+    for _ in range(2):
+        X = half(X, point.inputs, np.zeros(4), point.model.p)
+    np.testing.assert_allclose(after, np.array(X).ravel(), rtol=1e-14)
 
 
 @pytest.mark.parametrize("map_", ["trim + 14 * a + log(pitch_rate)", "trim + a / (a - a)"])
