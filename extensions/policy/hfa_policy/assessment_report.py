@@ -89,6 +89,7 @@ class Assessment(Result, Reported):
     def first_line(self) -> str:
         """For who reads one line."""
         clauses = [
+            self._mistaken(),
             self._holding(),
             self._buzzing(),
             self._cycling(),
@@ -97,8 +98,13 @@ class Assessment(Result, Reported):
             self._clipping(),
             self._flying(),
             self._costing(),
+            *self.unmet,
         ]
         return "; ".join(filter(None, clauses))
+
+    def _mistaken(self) -> str:
+        wrong = [mistake.kind for mistake in self.mistakes if mistake.proved]
+        return f"the card is wrong ({', '.join(wrong)})" if wrong else ""
 
     def _holding(self) -> str:
         holding = [point for point in self.points if point.holds]
@@ -247,7 +253,6 @@ class Assessment(Result, Reported):
         model = self.deployed.model
         deployment = self.deployed.deployment
         lines = [f"{self.first_line}", "", f"Assessment of {deployment.origin} on {model.title}"]
-        lines += [f"not met: {sentence}" for sentence in self.unmet]
         for mistake in self.mistakes:
             lines.append(f"{'mistake' if mistake.proved else 'perhaps'}: {mistake.text}")
         parts: list[Any] = [deployment.actor.chain, self._table()]

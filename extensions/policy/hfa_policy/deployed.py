@@ -23,7 +23,7 @@ from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_policy.deployment import Deployment
 from hfa_policy.formulas import Formula, read_formula
-from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
@@ -61,7 +61,7 @@ class Deployed:
         """The formula of each observation, in order."""
         formulas = []
         for name, entry in self.deployment.observation.items():
-            with said_of(f"observation.{name}"):
+            with said_of(f"observation.{shortened(name)}"):
                 formulas.append(read_formula(entry.get("formula", name), self.names))
         return tuple(formulas)
 

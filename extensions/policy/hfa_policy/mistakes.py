@@ -81,7 +81,7 @@ def _of_the_normalizer(
         )
         if not stored.on_policy:
             text += "; or what it was trained on had other units or scales than the card has"
-        yield Mistake("no normalizer", True, text)
+        yield Mistake("no normalizer", stored.on_policy, text)
         return
     if normalizer is None:
         return

@@ -46,6 +46,13 @@ def test_a_missing_normalizer_is_named(name):
     assert kinds(name, with_policy(name, normalizer=None)) == ["no normalizer"]
 
 
+@pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
+def test_a_missing_normalizer_of_SAC_and_TD3_is_likely_and_not_proved(name, proved):
+    """Their files show large changes from one sample to the next, as other units do too."""
+    deployed = with_policy(name, normalizer=None).on(aircraft(name))
+    assert [mistake.proved for mistake in proved_mistakes(deployed, trims(name))] == [proved]
+
+
 def test_a_normalizer_that_is_said_to_be_none_is_believed():
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer="none")) == []
 

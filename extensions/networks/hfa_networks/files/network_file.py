@@ -335,7 +335,7 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
     if activation is None and sum(layer.is_linear for layer in layers) > 1:
         raise BadInputError(
             "a state dict does not say what is between its layers; give "
-            f"--set activation={'|'.join(ACTIVATIONS)}"
+            f"--set activation={'|'.join(ACTIVATIONS)}, or activation in a card"
         )
     between, _, last = (activation or "").partition(",")
     for name in filter(None, (between, last)):

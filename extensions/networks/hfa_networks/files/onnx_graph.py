@@ -451,7 +451,11 @@ def _inputs_of(
 def check_width(width: int, states: int, inputs: int) -> None:
     """BadInputError where a network takes neither the states of the plant nor, as a Q does, its
     states and inputs."""
-    if width not in (states, states + inputs):
+    if width == states:
+        return
+    if inputs == 0:
+        raise BadInputError(f"the network has {width} inputs and is given {states} numbers")
+    if width != states + inputs:
         raise BadInputError(
             f"the network has {width} inputs and the plant {states} states; a Q of them and the "
             f"{inputs} inputs of the plant has {states + inputs}"
