@@ -1,9 +1,10 @@
 """What a deployment would fly better with: changes of its card, flown side by side.
 
 Right policies too fly better with another card: one that is too strong, too weak or too late with
-whatever changes its gain, a narrow one at its few worst starts. So a change is named only where it
-loses no more starts, and at half of them costs clearly less by the card's Q and R, than the card
-with any gain, its own and none at all among them.
+whatever changes its gain, a narrow one at its few worst starts, one that was trained badly with
+much. So a change is named only where the policy flies well with it and clearly better than with the
+card as it is, in starts that come back or in cost by the card's Q and R, and where no other gain,
+nor no control, does about the same.
 """
 
 from __future__ import annotations
@@ -28,8 +29,16 @@ from hfa_policy.repairs import Repair, card_with_gain, repairs_of
 if TYPE_CHECKING:
     from hfa_policy.assessment import AssessedPoint, Assessor
 
-#: How many times as much as with a change a policy must cost as it is, at half of the starts: right
-#: ones that were trained badly reach 2.3, with two observations exchanged.
+#: Part of the starts that a change brings back: the policy flies well with it. One that was trained
+#: badly flies better with some changes, well with none.
+_WELL = 0.8
+#: How many times as many starts a change brings back, and at least how many more of the dozen: of
+#: single repairs the true one does, and one start more is chance.
+_MORE_BACK = 1.25
+_MORE_STARTS = 2
+#: How many times as much a policy costs as it is, at half of the starts, where a change brings more
+#: starts back; and where it brings no more: right ones that were trained badly reach 2.3.
+_DEARER = 1.5
 _AS_IT_IS = 3.0
 #: The same with any other gain: changes of right cards reach 1.1, those that undo a mistake begin
 #: at 1.2 and lie at 4.
@@ -66,22 +75,46 @@ _WHOLE = _Sample(12, 20.0)
 
 
 class _Flown(NamedTuple):
-    """The flights of one change: their costs, (N,), and how many of them stay within the limits."""
+    """The flights of one change.
+
+    costs: (N,).
+    kept: how many stay within the limits.
+    back: how many of them are in the box of starts at the end.
+    """
 
     costs: np.ndarray
     kept: int
+    back: int
 
     def times(self, other: _Flown) -> float:
         """How many times the costs of another these are: the median over the starts."""
         return float(np.median(self.costs / other.costs))
 
-    def is_better_than(self, card: _Flown, other_gains: Sequence[_Flown]) -> bool:
-        """Whether it keeps no fewer flights within the limits than the card as it is and with other
-        gains, and costs clearly less."""
-        if self.kept < max(other.kept for other in (card, *other_gains)):
-            return False
-        is_better = card.times(self) >= _AS_IT_IS
-        return is_better and all(other.times(self) >= _OTHER_GAIN for other in other_gains)
+    @property
+    def flies_well(self) -> bool:
+        """Whether most starts come back."""
+        return self.back >= _WELL * len(self.costs)
+
+    def brings_more_back_than(self, card: _Flown) -> bool:
+        """Whether clearly more starts come back than with the card as it is, which costs more."""
+        least = max(_MORE_BACK * card.back, card.back + _MORE_STARTS)
+        return self.back >= least and card.times(self) >= _DEARER
+
+    def is_cheaper_than(self, card: _Flown) -> bool:
+        """Whether it costs clearly less than the card as it is and brings no fewer back."""
+        return self.back >= card.back and card.times(self) >= _AS_IT_IS
+
+    def is_a_gain(self, none: _Flown, other_gains: Sequence[_Flown]) -> bool:
+        """Whether no control or another gain does about the same: loses fewer flights, or costs
+        about as much, where a gain must bring about as many back too."""
+        if self.kept < max(other.kept for other in (none, *other_gains)):
+            return True
+        if none.times(self) < _OTHER_GAIN:
+            return True
+        return any(
+            _MORE_BACK * other.back >= self.back and other.times(self) < _OTHER_GAIN
+            for other in other_gains
+        )
 
 
 class _Found(NamedTuple):
@@ -127,7 +160,7 @@ class _Trial:
 
     def named(self) -> Iterator[Mistake]:
         """The changes that are named, the best first."""
-        repairs = self._left(self._tried())
+        repairs = self._left(repairs_of(self.deployed))
         flown = self._fly([*self.gains, *repairs], self.card.dt, _WHOLE)
         of_gains = flown[: len(self.gains)]
         found = []
@@ -141,14 +174,6 @@ class _Trial:
             if each.flown.times(found[0].flown) < _OTHER_GAIN:
                 yield Mistake(each.kind, False, _said(each, of_gains[0]))
 
-    def _tried(self) -> list[Repair]:
-        """Every change of the card; where the loop is stable at every trim no exchange and no sign,
-        which then look like a policy that was trained badly."""
-        repairs = repairs_of(self.deployed)
-        if self.is_stable:
-            return [repair for repair in repairs if repair.kind not in ("order", "sign")]
-        return repairs
-
     def _left(self, repairs: Sequence[Repair]) -> list[Repair]:
         """The changes of each kind that cost least in a few short flights."""
         flown = self._fly(repairs, self.card.dt, _SHORT)
@@ -161,15 +186,19 @@ class _Trial:
         return [repair for of_kind in left.values() for repair in of_kind]
 
     def _is_clear(self, repair: Repair, flown: _Flown, of_gains: Sequence[_Flown]) -> bool:
-        """Whether a change is clearly better than any gain; where what the training saw asks for
-        it, than the card and no control."""
-        card, none, *_ = of_gains
+        """Whether a change is clearly better than the card and no gain does the same; where what
+        the training saw asks for it, than the card and no control."""
+        card, none, *others = of_gains
         nearer = self._nearer(repair)
-        if nearer <= -_NEARER:
+        if nearer <= -_NEARER or not flown.flies_well:
             return False
-        if nearer >= _NEARER:
-            return flown.is_better_than(card, [none])
-        return flown.is_better_than(card, of_gains[1:])
+        if flown.kept < card.kept or flown.is_a_gain(none, [] if nearer >= _NEARER else others):
+            return False
+        if flown.brings_more_back_than(card):
+            return True
+        # An exchange or a sign that only costs less looks like a policy that was trained badly.
+        looks_trained_badly = self.is_stable and repair.kind in ("order", "sign")
+        return not looks_trained_badly and flown.is_cheaper_than(card)
 
     def _faster(self, of_gains: Sequence[_Flown]) -> list[_Found]:
         """The slowest sample time at which the policy is clearly better than as it is and than no
@@ -181,7 +210,14 @@ class _Trial:
             own, *others = self._fly(self.gains[:_AT_RATES], dt, _WHOLE)
             is_cheapest = all(other.times(own) >= 1.0 for other in of_gains)
             is_own_gain = all(own.times(other) < _OTHER_GAIN for other in others)
-            if own.is_better_than(card, [none]) and is_cheapest and is_own_gain:
+            is_better = own.kept >= card.kept and own.is_cheaper_than(card)
+            if (
+                own.flies_well
+                and is_better
+                and not own.is_a_gain(none, [])
+                and is_cheapest
+                and is_own_gain
+            ):
                 why = f"it were sampled every {1e3 * dt:.4g} ms or faster"
                 return [_Found(own, "sample time", why)]
         return []
@@ -222,10 +258,24 @@ class _Trial:
         least = np.repeat([envelope.least for envelope in envelopes], sample.starts, axis=0)
         most = np.repeat([envelope.most for envelope in envelopes], sample.starts, axis=0)
         limits = np.tile(least, (len(repairs), 1)), np.tile(most, (len(repairs), 1))
-        costs, kept = self._costs_of_rows(flight, np.vstack(rows), limits, sample.seconds)
+        flown = np.vstack(rows)
+        costs, kept = self._costs_of_rows(flight, flown, limits, sample.seconds)
+        back = kept & self._in_boxes(flight, flown, sample.starts)
         shape = (len(repairs), -1)
-        of_repairs = zip(costs.reshape(shape), kept.reshape(shape), strict=True)
-        return [_Flown(of_repair, int(stays.sum())) for of_repair, stays in of_repairs]
+        counts = [ends.reshape(shape).sum(axis=1).tolist() for ends in (kept, back)]
+        return [*map(_Flown, costs.reshape(shape), *counts)]
+
+    def _in_boxes(self, flight: SampledFlight, rows: np.ndarray, starts: int) -> np.ndarray:
+        """(N,), whether flights are in the box of starts throughout their last window."""
+        _, _, low_X, high_X, *_ = flight.slices
+        model = self.deployed.model
+        linear = [list(model.states).index(name) for name in model.linear]
+        centres = np.array([np.array(place.point.states)[linear] for place in self.places])
+        boxes = np.array([place.box for place in self.places])
+        owners = np.tile(np.repeat(np.arange(len(self.places)), starts), len(rows))[: len(rows)]
+        highest = rows[:, high_X][:, linear] - centres[owners]
+        lowest = centres[owners] - rows[:, low_X][:, linear]
+        return np.asarray((np.maximum(highest, lowest) <= boxes[owners]).all(axis=1))
 
     def _costs_of_rows(
         self,

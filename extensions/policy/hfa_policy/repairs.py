@@ -63,14 +63,21 @@ def _exchanges(card: Deployment) -> Iterator[Repair]:
 
 
 def _signs(card: Deployment) -> Iterator[Repair]:
-    """One action of the other sign."""
-    for number, (name, entry) in enumerate(card.action.items()):
-        turned = re.sub(r"\ba\b", "(-a)", entry.get("map", "trim + a"))
-        changed = card.changed(action={**card.action, name: {**entry, "map": turned}})
+    """One action of the other sign, and all of them."""
+    turned = {
+        name: {**entry, "map": re.sub(r"\ba\b", "(-a)", entry.get("map", "trim + a"))}
+        for name, entry in card.action.items()
+    }
+    same = np.eye(len(card.observation))
+    for number, name in enumerate(card.action):
+        changed = card.changed(action={**card.action, name: turned[name]})
         gain = np.ones(len(card.action))
         gain[number] = -1.0
-        text = f"the action of {name} had the other sign"
-        yield Repair("sign", text, changed, np.eye(len(card.observation)), gain)
+        yield Repair("sign", f"the action of {name} had the other sign", changed, same, gain)
+    if len(card.action) > 1:
+        changed = card.changed(action=turned)
+        gain = -np.ones(len(card.action))
+        yield Repair("sign", "all actions had the other sign", changed, same, gain)
 
 
 def _abouts(card: Deployment) -> Iterator[Repair]:

@@ -282,6 +282,16 @@ def test_each_kind_of_mistake_is_suggested_on_another_aircraft(kind):
     assert kind in kinds_on_f16(with_mistake(kind))
 
 
+def test_all_signs_are_suggested_where_each_alone_would_not_do():
+    right = optimum_on_f16()
+    turned_all = {name: {"map": "trim - a"} for name in right.action}
+    model = load_model(F16)
+    wrong = right.changed(action=turned_all)
+    assessor = Assessor(wrong.on(model), trims_of(model, [502.0]), 24)
+    texts = [mistake.text for mistake in mistakes_of(assessor, assessor.assessed())]
+    assert "all actions had the other sign" in texts[0]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.02, 0.2, 1.0, 3.0])
 def test_nothing_is_suggested_of_an_optimum_of_another_strength(times):
