@@ -32,17 +32,16 @@ if TYPE_CHECKING:
 #: Part of the starts that a change brings back: the policy flies well with it. One that was trained
 #: badly flies better with some changes, well with none.
 _WELL = 0.8
-#: How many times as many starts a change brings back, and at least how many more of the dozen: of
-#: single repairs the true one does, and one start more is chance.
-_MORE_BACK = 1.25
+#: So many times as many starts, or as much cost, are clearly more; of the dozen at least so many
+#: starts, since one is chance. Changes of right cards reach 1.1 times the cost of another gain,
+#: those that undo a mistake begin at 1.2 and lie at 4.
+_CLEARLY = 1.25
 _MORE_STARTS = 2
-#: How many times as much a policy costs as it is, at half of the starts, where a change brings more
-#: starts back; and where it brings no more: right ones that were trained badly reach 2.3.
-_DEARER = 1.5
+#: How many times as much a policy costs as it is, at half of the starts, where a change brings no
+#: more of them back: right ones that were trained badly reach 2.3.
 _AS_IT_IS = 3.0
-#: The same with any other gain: changes of right cards reach 1.1, those that undo a mistake begin
-#: at 1.2 and lie at 4.
-_OTHER_GAIN = 1.25
+#: Who swings by more in the last second, in half-widths of the box of starts, did not come back.
+_AT_REST = 0.1
 #: Of the actions: the card as it is, no control, and the gains that a right policy may lack. One
 #: that was trained for dear control is up to fifty times too weak, none is more than five times too
 #: strong.
@@ -79,7 +78,7 @@ class _Flown(NamedTuple):
 
     costs: (N,).
     kept: how many stay within the limits.
-    back: how many of them are in the box of starts at the end.
+    back: how many of them are nearly at rest in the box of starts at the end.
     """
 
     costs: np.ndarray
@@ -97,8 +96,8 @@ class _Flown(NamedTuple):
 
     def brings_more_back_than(self, card: _Flown) -> bool:
         """Whether clearly more starts come back than with the card as it is, which costs more."""
-        least = max(_MORE_BACK * card.back, card.back + _MORE_STARTS)
-        return self.back >= least and card.times(self) >= _DEARER
+        least = max(_CLEARLY * card.back, card.back + _MORE_STARTS)
+        return self.back >= least and card.times(self) >= _CLEARLY
 
     def is_cheaper_than(self, card: _Flown) -> bool:
         """Whether it costs clearly less than the card as it is and brings no fewer back."""
@@ -109,10 +108,10 @@ class _Flown(NamedTuple):
         about as much, where a gain must bring about as many back too."""
         if self.kept < max(other.kept for other in (none, *other_gains)):
             return True
-        if none.times(self) < _OTHER_GAIN:
+        if none.times(self) < _CLEARLY:
             return True
         return any(
-            _MORE_BACK * other.back >= self.back and other.times(self) < _OTHER_GAIN
+            _CLEARLY * other.back >= self.back and other.times(self) < _CLEARLY
             for other in other_gains
         )
 
@@ -171,7 +170,7 @@ class _Trial:
             found = self._faster(of_gains)
         found.sort(key=lambda each: float(np.log(each.flown.costs).sum()))
         for each in found[:_LEFT]:
-            if each.flown.times(found[0].flown) < _OTHER_GAIN:
+            if each.flown.times(found[0].flown) < _CLEARLY:
                 yield Mistake(each.kind, False, _said(each, of_gains[0]))
 
     def _left(self, repairs: Sequence[Repair]) -> list[Repair]:
@@ -209,15 +208,10 @@ class _Trial:
             dt = part * self.card.dt
             own, *others = self._fly(self.gains[:_AT_RATES], dt, _WHOLE)
             is_cheapest = all(other.times(own) >= 1.0 for other in of_gains)
-            is_own_gain = all(own.times(other) < _OTHER_GAIN for other in others)
+            is_own_gain = all(own.times(other) < _CLEARLY for other in others)
             is_better = own.kept >= card.kept and own.is_cheaper_than(card)
-            if (
-                own.flies_well
-                and is_better
-                and not own.is_a_gain(none, [])
-                and is_cheapest
-                and is_own_gain
-            ):
+            is_gain = own.is_a_gain(none, [])
+            if own.flies_well and is_better and is_cheapest and is_own_gain and not is_gain:
                 why = f"it were sampled every {1e3 * dt:.4g} ms or faster"
                 return [_Found(own, "sample time", why)]
         return []
@@ -260,22 +254,24 @@ class _Trial:
         limits = np.tile(least, (len(repairs), 1)), np.tile(most, (len(repairs), 1))
         flown = np.vstack(rows)
         costs, kept = self._costs_of_rows(flight, flown, limits, sample.seconds)
-        back = kept & self._in_boxes(flight, flown, sample.starts)
+        back = kept & self._at_rest_in_boxes(flight, flown, sample.starts)
         shape = (len(repairs), -1)
         counts = [ends.reshape(shape).sum(axis=1).tolist() for ends in (kept, back)]
         return [*map(_Flown, costs.reshape(shape), *counts)]
 
-    def _in_boxes(self, flight: SampledFlight, rows: np.ndarray, starts: int) -> np.ndarray:
-        """(N,), whether flights are in the box of starts throughout their last window."""
+    def _at_rest_in_boxes(self, flight: SampledFlight, rows: np.ndarray, starts: int) -> np.ndarray:
+        """(N,), which flights are nearly at rest in the box of starts in their last window."""
         _, _, low_X, high_X, *_ = flight.slices
         model = self.deployed.model
         linear = [list(model.states).index(name) for name in model.linear]
         centres = np.array([np.array(place.point.states)[linear] for place in self.places])
         boxes = np.array([place.box for place in self.places])
         owners = np.tile(np.repeat(np.arange(len(self.places)), starts), len(rows))[: len(rows)]
-        highest = rows[:, high_X][:, linear] - centres[owners]
-        lowest = centres[owners] - rows[:, low_X][:, linear]
-        return np.asarray((np.maximum(highest, lowest) <= boxes[owners]).all(axis=1))
+        highest = rows[:, high_X][:, linear]
+        lowest = rows[:, low_X][:, linear]
+        is_inside = np.maximum(highest - centres[owners], centres[owners] - lowest) <= boxes[owners]
+        is_at_rest = (highest - lowest) / 2.0 <= _AT_REST * boxes[owners]
+        return np.asarray((is_inside & is_at_rest).all(axis=1))
 
     def _costs_of_rows(
         self,
