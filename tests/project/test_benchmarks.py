@@ -163,7 +163,6 @@ def test_every_stored_verdict_follows_from_its_figures_and_no_other_target_is_mi
         "10000 points of an F-16 with 12 unknowns, generated C",
         "10000 points of the 737 of JSBSim, kcas x altitude, no compiler",
         "10000 points of the 737 of JSBSim, kcas x altitude, generated C",
-        "a step of 8.33 ms of each of 256 environments of the c172p",
     ]
     for figure in report.stored()["figures"]:
         timing = Comparison(figure["ours"], figure["peers"], figure["ratio"])
