@@ -103,20 +103,22 @@ class Assessment(Result, Reported):
         return "; ".join(filter(None, clauses))
 
     def _mistaken(self) -> str:
+        """Which mistakes of the card are proved."""
         wrong = [mistake.kind for mistake in self.mistakes if mistake.proved]
         return f"the card is wrong ({', '.join(wrong)})" if wrong else ""
 
     def _holding(self) -> str:
+        """At which trims it holds and at which not, and that nothing was flown where so."""
         holding = [point for point in self.points if point.holds]
         rate = f"at {1.0 / self.deployed.deployment.dt:.4g} Hz"
-        of_loop = "" if self._flown else "by its loop alone "
+        judged_by = "" if self._flown else "by its loop alone "
         if len(holding) == len(self.points):
-            return f"{of_loop}holds {self._where(holding)} {rate}"
+            return f"{judged_by}holds {self._where(holding)} {rate}"
         if not holding:
-            return f"{of_loop}does not hold {self._where(list(self.points))} {rate}"
+            return f"{judged_by}does not hold {self._where(list(self.points))} {rate}"
         failing = [point for point in self.points if not point.holds]
         return (
-            f"{of_loop}holds at {len(holding)} of {len(self.points)} trims {rate}, not "
+            f"{judged_by}holds at {len(holding)} of {len(self.points)} trims {rate}, not "
             f"{self._where(failing)}"
         )
 

@@ -65,7 +65,8 @@ class Episodes:
         self.deployed = deployed
         self.points = tuple(points)
         self.low, self.high = _box_of(deployed)
-        deployed.refuse_undefined_at(points, 0.5 * self.low + 0.5 * self.high)
+        middle_of_box = 0.5 * self.low + 0.5 * self.high
+        deployed.refuse_undefined_at(points, middle_of_box)
         self.samples = round(seconds / deployed.deployment.dt)
         actions = len(deployed.commanded)
         self._flight = SampledFlight(

@@ -167,7 +167,8 @@ class SampledFlight:
         return ca.Function("moved", [row, raw], [moved, ca.densify(acting)])
 
     def later(self) -> ca.Function:
-        """(row, what the network gives) -> the numbers that change, a sample later."""
+        """(row, what the network gives) -> the numbers that change, a sample later: X and the
+        memory, as of `moved`, and the extremes of X and U up to then."""
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
         _, _, low_X, high_X, low_U, high_U, *_ = self._parts(row)

@@ -1,4 +1,5 @@
-"""Mistakes of a deployment: those that the files prove, and what it would fly better with."""
+"""Mistakes of a deployment: those that the files prove or make likely, and what it would fly better
+with."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ class Mistake(NamedTuple):
     """A mistake of a deployment.
 
     kind: which.
-    proved: whether the files prove it; else the policy costs clearly less where it is undone.
+    proved: whether the files prove it; else they make it likely, or the policy flies clearly better
+        where it is undone.
     text: a sentence.
     """
 
@@ -46,19 +48,19 @@ class Mistake(NamedTuple):
 
 
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """The mistakes that the files prove; where they name none, those whose undoing lets it fly
+    """The mistakes that the files show; where they name none, those whose undoing lets it fly
     clearly better."""
-    proved = list(proved_mistakes(assessor.deployed, assessor.points))
-    yield from proved
-    is_unnamed = all(mistake.kind == UNCLEAR for mistake in proved)
+    shown_by_files = list(mistakes_in_files(assessor.deployed, assessor.points))
+    yield from shown_by_files
+    is_unnamed = all(mistake.kind == UNCLEAR for mistake in shown_by_files)
     if is_unnamed and assessor.samples:
         from hfa_policy.repair_trial import better_repairs
 
         yield from better_repairs(assessor, assessed)
 
 
-def proved_mistakes(deployed: Deployed, points: Sequence[OperatingPoint]) -> Iterator[Mistake]:
-    """The mistakes that the policy's files prove."""
+def mistakes_in_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> Iterator[Mistake]:
+    """The mistakes that the policy's files prove, or make likely."""
     stored = deployed.deployment.actor.stored
     normalizer = deployed.deployment.normalizer
     if stored is not None and stored.timesteps > 0:

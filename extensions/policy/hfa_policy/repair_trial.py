@@ -264,7 +264,8 @@ class _Trial:
         linear = [list(model.states).index(name) for name in model.linear]
         centres = np.array([np.array(place.point.states)[linear] for place in self.places])
         boxes = np.array([place.box for place in self.places])
-        owners = np.tile(np.repeat(np.arange(len(self.places)), starts), len(rows))[: len(rows)]
+        places_of_a_change = np.repeat(np.arange(len(self.places)), starts)
+        owners = np.resize(places_of_a_change, len(rows))  # the same of each change
         highest = rows[:, high_X][:, linear]
         lowest = rows[:, low_X][:, linear]
         is_inside = np.maximum(highest - centres[owners], centres[owners] - lowest) <= boxes[owners]

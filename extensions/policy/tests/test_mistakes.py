@@ -13,7 +13,7 @@ import hfa
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor, trims_of
 from hfa_policy.deployment import Deployment
-from hfa_policy.mistakes import UNCLEAR, mistakes_of, proved_mistakes
+from hfa_policy.mistakes import UNCLEAR, mistakes_in_files, mistakes_of
 from hfa_policy.normalizer import read_normalizer
 
 DEGREES = 180.0 / np.pi
@@ -22,7 +22,7 @@ DEGREES = 180.0 / np.pi
 def kinds(name, deployment):
     """Of the mistakes that the files prove."""
     deployed = deployment.on(aircraft(name))
-    return [mistake.kind for mistake in proved_mistakes(deployed, trims(name))]
+    return [mistake.kind for mistake in mistakes_in_files(deployed, trims(name))]
 
 
 def with_policy(name, **entries):
@@ -50,7 +50,7 @@ def test_a_missing_normalizer_is_named(name):
 def test_a_missing_normalizer_of_SAC_and_TD3_is_likely_and_not_proved(name, proved):
     """Their files show large changes from one sample to the next, as other units do too."""
     deployed = with_policy(name, normalizer=None).on(aircraft(name))
-    assert [mistake.proved for mistake in proved_mistakes(deployed, trims(name))] == [proved]
+    assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 
 
 def test_a_normalizer_that_is_said_to_be_none_is_believed():
