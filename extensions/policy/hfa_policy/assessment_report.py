@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_policy.assessment import AssessedPoint, scheduled_value
 from hfa_policy.deployed import Deployed
-from hfa_policy.mistakes import Mistake
+from hfa_policy.mistake import Mistake
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result

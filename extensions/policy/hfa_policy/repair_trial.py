@@ -22,7 +22,8 @@ from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import cost_weights
 from hfa_policy.flights import SampledFlight, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
-from hfa_policy.mistakes import Mistake, observations_of_training
+from hfa_policy.mistake import Mistake
+from hfa_policy.observation_evidence import observations_of_training
 from hfa_policy.outcomes import seeded_starts
 from hfa_policy.repairs import Repair, card_with_gain, repairs_of
 

@@ -1,0 +1,265 @@
+"""What the training of a policy saw, and whether the observations of the card are that."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_policy.deployed import Deployed
+from hfa_policy.deployment import Deployment
+from hfa_policy.mistake import Mistake
+from hfa_policy.normalizer import Normalizer
+from hfa_policy.stable_baselines import Zip
+from trim.point.operating_point import OperatingPoint
+
+#: How far, in standard deviations of what the normalizer has seen, the trim may lie from the mean:
+#: farther at every trim is another observation, nearer fits.
+_FAR = 4.0
+_FITS = 2.0
+#: How many ranges of a state what was observed may span, beyond which it is no such state.
+_SPANS = 1.5
+#: The kind of a mistake of which the files prove that it is there and not which it is.
+UNCLEAR = "observations"
+
+
+class _Record(NamedTuple):
+    """What the training saw of one observation.
+
+    centre, spread: mean and standard deviation.
+    is_of_many: whether they are the statistics of a normalizer; else of the last few observations.
+    """
+
+    centre: float
+    spread: float
+    is_of_many: bool
+
+
+class _Observed(NamedTuple):
+    """One observation of the card at the trims.
+
+    name: in the card.
+    state: the state that it takes; "" of a formula.
+    about, scale: of the card.
+    values: (N,), of its formula at the trims.
+    model: the aircraft.
+    """
+
+    name: str
+    state: str
+    about: Any
+    scale: float
+    values: np.ndarray
+    model: Model
+
+    def given(self, is_absolute: bool) -> np.ndarray:
+        """(N,), what the policy is given at the trims: absolute values, or deviations from them."""
+        if not is_absolute:
+            return np.zeros(len(self.values))
+        about = 0.0 if self.about == "trim" else float(self.about)
+        return (self.values - about) / self.scale
+
+    @property
+    def is_absolute(self) -> bool:
+        """Whether the card takes absolute values."""
+        return bool(self.about != "trim")
+
+    def contradicts(self, record: _Record, is_absolute: bool) -> bool:
+        """Whether the training cannot have seen it."""
+        if record.is_of_many:
+            return self._deviations(record, is_absolute) > _FAR
+        return self._leaves_limits(record, is_absolute)
+
+    def fits(self, record: _Record, is_absolute: bool) -> bool:
+        """Whether the training may have seen it."""
+        if record.is_of_many:
+            return self._deviations(record, is_absolute) < _FITS
+        return not self._leaves_limits(record, is_absolute)
+
+    def agrees(self, record: _Record) -> bool:
+        """Whether the training may have seen it as the card has it."""
+        return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
+
+    def _deviations(self, record: _Record, is_absolute: bool) -> float:
+        """How many standard deviations the nearest trim lies from the mean."""
+        if record.spread == 0.0:
+            return 0.5 * (_FITS + _FAR)
+        return float(np.abs(self.given(is_absolute) - record.centre).min() / record.spread)
+
+    def _leaves_limits(self, record: _Record, is_absolute: bool) -> bool:
+        """Whether what the training saw last were values clearly outside of a state's limits."""
+        if self.state not in self.model.states:
+            return False
+        seen = self.values + self.scale * (record.centre - self.given(is_absolute))
+        return _outside(seen, *self.model.limits[self.state])
+
+    def wrong_scale(self, record: _Record) -> str:
+        """Why its scale cannot be that of the training; "" where it can."""
+        if not record.is_of_many:
+            return ""
+        return _wrong_scale(self.model, self.state, self.scale, record.spread)
+
+
+def mistakes_of_observations(
+    deployed: Deployed,
+    stored: Zip | None,
+    normalizer: Normalizer | None,
+    points: Sequence[OperatingPoint],
+) -> Iterator[Mistake]:
+    """Absolute values for deviations or the reverse, and scales that do not fit, as far as what the
+    training saw shows it; that observations differ where another cause explains it as well."""
+    seen = _seen(stored, normalizer)
+    if seen is None:
+        return
+    centre, spread, is_of_many = seen
+    records = [_Record(*pair, is_of_many) for pair in zip(centre, spread, strict=True)]
+    observed = [_observed_at(deployed, index, points) for index in range(len(records))]
+    absolute: list[str] = []
+    deviations: list[str] = []
+    for number, (one, record) in enumerate(zip(observed, records, strict=True)):
+        wrong_scale = one.wrong_scale(record)
+        if not wrong_scale and not one.contradicts(record, one.is_absolute):
+            continue
+        exchanged = _exchanged_with(number, observed, records)
+        if exchanged:
+            yield _unclear(one, record, exchanged)
+        elif wrong_scale:
+            yield Mistake("scale", True, f"{one.name}: {wrong_scale}")
+        elif not one.fits(record, not one.is_absolute):
+            continue
+        elif not one.is_absolute:
+            absolute.append(one.name)
+        elif record.is_of_many or abs(record.centre) < _FITS * record.spread:
+            deviations.append(one.name)
+        else:
+            yield _unclear(one, record, exchanged)
+    yield from _of_abouts(absolute, deviations)
+
+
+def _exchanged_with(
+    number: int, observed: Sequence[_Observed], records: Sequence[_Record]
+) -> list[str]:
+    """The observations in whose place this one would fit, and they in its."""
+    names = []
+    for place, other in enumerate(observed):
+        fit = observed[number].agrees(records[place]) and other.agrees(records[number])
+        if place != number and fit:
+            names.append(other.name)
+    return names
+
+
+def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mistake:
+    """That an observation is not what the training saw, where several causes explain it."""
+    given = ", ".join(f"{value:.3g}" for value in one.given(one.is_absolute))
+    causes = "its scale or its about"
+    if exchanged:
+        causes = f"its scale, its about or its place (with {' or '.join(exchanged)})"
+    text = (
+        f"{one.name}: the policy is given {given} at the trim, and its training saw "
+        f"{record.centre:.3g}, spread by {record.spread:.3g}: {causes} is another"
+    )
+    return Mistake(UNCLEAR, True, text)
+
+
+def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
+    """The observations of which only the other `about` explains what the training saw."""
+    if absolute:
+        yield Mistake(
+            "deviations for absolute values",
+            True,
+            f"{', '.join(absolute)}: the training saw absolute values, the card takes deviations "
+            "from trim; give about = 0.0",
+        )
+    if deviations:
+        yield Mistake(
+            "absolute values for deviations",
+            True,
+            f"{', '.join(deviations)}: the training saw deviations from trim, the card takes "
+            'absolute values; give about = "trim"',
+        )
+
+
+def _seen(
+    stored: Zip | None, normalizer: Normalizer | None
+) -> tuple[np.ndarray, np.ndarray, bool] | None:
+    """Centre and spread of the observations of the training, (k,) each, and whether they are the
+    statistics of many; None where nothing is known."""
+    if normalizer is not None:
+        has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0
+        return normalizer.mean, np.sqrt(normalizer.variance), has_statistics
+    if stored is None or stored.timesteps == 0 or stored.last is None:
+        return None
+    original = stored.last_original if stored.last_original is not None else stored.last
+    return original.mean(axis=0), original.std(axis=0), False
+
+
+def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray] | None:
+    """Mean and size (root mean square about it) of the observations of the training, (k,) each;
+    None where nothing is known.
+
+    Without a normalizer they are the last ones, a few, and their mean is taken to be 0."""
+    seen = _seen(deployment.actor.stored, deployment.normalizer)
+    if seen is None:
+        return None
+    centre, spread, is_statistics = seen
+    if is_statistics:
+        return centre, spread
+    return np.zeros_like(centre), np.hypot(centre, spread)
+
+
+def _observed_at(deployed: Deployed, index: int, points: Sequence[OperatingPoint]) -> _Observed:
+    """An observation of the card at the trims."""
+    name = list(deployed.deployment.observation)[index]
+    entry = deployed.deployment.observation[name]
+    state = entry.get("formula", name)
+    about = entry.get("about", "trim")
+    scale = float(entry.get("scale", 1.0))
+    values = np.array([_value_at(deployed, index, point) for point in points])
+    return _Observed(name, state, about, scale, values, deployed.model)
+
+
+def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:
+    """The value of an observation's formula at a trim."""
+    formula = deployed.observed[index]
+    trim = deployed.trim_vector(point)
+    n, m = len(deployed.model.states), len(deployed.model.inputs)
+    observed = float(np.array(deployed.observe(trim[:n], trim[n : n + m], trim)).ravel()[index])
+    card: Any = list(deployed.deployment.observation.values())[index]
+    about = card.get("about", "trim")
+    if about != "trim":
+        return observed * float(card.get("scale", 1.0)) + float(about)
+    if formula.text.strip() in deployed.names:
+        values = {**point.states._asdict(), **point.inputs._asdict()}
+        if formula.text.strip() in values:
+            return float(values[formula.text.strip()])
+        return float(point.model.outputs_at(point.states, point.inputs)[formula.text.strip()])
+    return 0.0
+
+
+def _outside(values: np.ndarray, low: float, high: float) -> bool:
+    """Whether all lie clearly outside of the limits of a state."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return False
+    room = 0.25 * (high - low)
+    return bool(np.all((values < low - room) | (values > high + room)))
+
+
+def _wrong_scale(model: Model, name: str, scale: float, spread: float) -> str:
+    """Why the scale of an observation cannot be that of the training; "" where it can."""
+    if name not in model.states:
+        return ""
+    low, high = model.limits[name]
+    unit = model.unit(name)
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return ""
+    spans = spread * abs(scale) / (high - low)
+    if spans <= _SPANS:
+        return ""
+    seen = model.describe(name, spread * abs(scale))
+    text = f"with this scale the training saw it spread by {seen}, more than its limits allow"
+    if unit.startswith("rad") and spans < 60.0 * _SPANS:
+        text += "; it may have been in degrees"
+    return text
