@@ -12,6 +12,7 @@ import numpy as np
 from hfa_policy.assessment import AssessedPoint, scheduled_value
 from hfa_policy.deployed import Deployed
 from hfa_policy.mistake import Mistake
+from hfa_policy.normalizer_evidence import unknown_normalizer
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
@@ -66,8 +67,10 @@ class Assessment(Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """What to know before trusting the trims."""
-        return list(dict.fromkeys(text for point in self.points for text in point.point.warnings))
+        """What to know before trusting the trims, and the card."""
+        of_trims = [text for point in self.points for text in point.point.warnings]
+        of_card = unknown_normalizer(self.deployed)
+        return list(dict.fromkeys([*of_trims, *filter(None, [of_card])]))
 
     @property
     def unmet(self) -> list[str]:

@@ -79,6 +79,17 @@ class _Observed(NamedTuple):
             return self._deviations(record, is_absolute) < _FITS
         return not self._leaves_limits(record, is_absolute)
 
+    def is_of_any_scale_as_it_is(self, record: _Record) -> bool:
+        """Whether the training may have seen it with the about of the card and another scale.
+
+        Deviations of any scale are seen about 0. So are absolute values of a state that may be 0,
+        and not those of another: no speed spreads by half of its mean."""
+        is_seen_about_0 = abs(record.centre) < _FITS * record.spread
+        if not self.is_absolute:
+            return is_seen_about_0
+        low, high = self.model.limits.get(self.state, (-math.inf, math.inf))
+        return low <= 0.0 <= high or not is_seen_about_0
+
     def agrees(self, record: _Record) -> bool:
         """Whether the training may have seen it as the card has it."""
         return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
@@ -130,12 +141,12 @@ def mistakes_of_observations(
             yield Mistake("scale", True, f"{one.name}: {wrong_scale}")
         elif not one.fits(record, not one.is_absolute):
             continue
-        elif not one.is_absolute:
-            absolute.append(one.name)
-        elif record.is_of_many or abs(record.centre) < _FITS * record.spread:
+        elif one.is_of_any_scale_as_it_is(record):
+            yield _unclear(one, record, exchanged)
+        elif one.is_absolute:
             deviations.append(one.name)
         else:
-            yield _unclear(one, record, exchanged)
+            absolute.append(one.name)
     yield from _of_abouts(absolute, deviations)
 
 

@@ -15,6 +15,7 @@ from hfa_policy.assessment import Assessor, trims_of
 from hfa_policy.deployment import Deployment
 from hfa_policy.mistakes import UNCLEAR, mistakes_in_files, mistakes_of
 from hfa_policy.normalizer import read_normalizer
+from hfa_policy.normalizer_evidence import unknown_normalizer
 
 DEGREES = 180.0 / np.pi
 
@@ -53,19 +54,62 @@ def test_a_missing_normalizer_of_SAC_and_TD3_is_likely_and_not_proved(name, prov
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 
 
+def of_eight_environments(last, last_original):
+    """The card of a SAC without a normalizer, with these last observations of its training."""
+    deployment = Deployment.load(FOLDER / "sac_gtm.toml")
+    actor = deployment.actor
+    stored = replace(actor.stored, last=last, last_original=last_original, environments=8)
+    vars(deployment)["actor"] = replace(actor, stored=stored)
+    return deployment
+
+
+def test_lines_prove_the_missing_normalizer_of_SAC():
+    """Of small normalized observations too; clipped ones lie on no line."""
+    original = np.random.default_rng(1).normal(size=(8, 4))
+    last = np.clip((original - 0.1) / [0.3, 0.5, 0.9, 1.1], -2.0, 2.0).astype(np.float32)
+    deployed = of_eight_environments(last, original).on(aircraft("sac_gtm"))
+    (found,) = mistakes_in_files(deployed, trims("sac_gtm"))
+    assert (found.kind, found.proved) == ("no normalizer", True)
+
+
+@pytest.mark.parametrize("change", [0.0, 0.003, 1.0])
+def test_SAC_without_a_normalizer_lacks_none(change):
+    """Its observations are the same, or a sample apart; where episodes begin anew, far apart."""
+    random = np.random.default_rng(1)
+    original = random.normal(size=(8, 4))
+    last = original + change * random.normal(size=(8, 4))
+    assert kinds("sac_gtm", of_eight_environments(last, original)) == []
+
+
+def test_observations_that_do_not_vary_prove_no_normalizer():
+    unvaried = of_eight_environments(np.full((8, 4), 0.001), np.zeros((8, 4)))
+    assert kinds("sac_gtm", unvaried) == []
+    assert "does not show whether" in unknown_normalizer(unvaried.on(aircraft("sac_gtm")))
+
+
+def test_one_environment_of_SAC_does_not_show_its_normalizer():
+    """That is said, unless the card says that there was none."""
+    said = unknown_normalizer(card("sac_gtm").on(aircraft("sac_gtm")))
+    assert 'else normalizer = "none"' in said
+    for name in ("sac_gtm", "ppo_gtm", "a2c_gtm"):
+        told = with_policy(name, normalizer="none").on(aircraft(name))
+        assert unknown_normalizer(told) == ""
+
+
 def test_a_normalizer_that_is_said_to_be_none_is_believed():
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer="none")) == []
 
 
 def test_a_normalizer_too_many_is_named():
     found = kinds("ppo_raw", with_policy("ppo_raw", normalizer="ppo_gtm.pkl"))
-    assert "a normalizer too many" in found
+    assert found == ["a normalizer too many"]
 
 
 @pytest.mark.parametrize(("name", "other"), [("ppo_gtm", "a2c_gtm"), ("a2c_gtm", "td3_gtm")])
 def test_the_normalizer_of_another_checkpoint_is_named(name, other):
+    """And nothing else is said of what that normalizer has seen."""
     found = kinds(name, with_policy(name, normalizer=f"{other}.pkl"))
-    assert "another checkpoint's normalizer" in found
+    assert found == ["another checkpoint's normalizer"]
 
 
 def test_a_normalizer_of_four_numbers_has_no_count_to_be_of_another_checkpoint():
@@ -106,6 +150,16 @@ def test_an_order_is_not_proved_to_be_absolute_values():
     wrong = right.changed(observation={key: right.observation[key] for key in names})
     assert kinds("ppo_gtm", right) == []
     assert set(kinds("ppo_gtm", wrong)) == {UNCLEAR}
+
+
+def test_degrees_are_not_proved_to_be_deviations():
+    """Small angles are seen about 0 in any unit."""
+    right = trained_on_absolute_values()
+    observation = {
+        key: {**entry, "scale": entry["scale"] / (1.0 if key == "speed" else DEGREES)}
+        for key, entry in right.observation.items()
+    }
+    assert set(kinds("ppo_gtm", right.changed(observation=observation))) <= {UNCLEAR}
 
 
 def test_scales_left_out_are_not_proved_to_be_deviations():
