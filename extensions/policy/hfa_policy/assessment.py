@@ -21,12 +21,11 @@ from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
 from hfa_policy.outcomes import HORIZON, Outcome, Place, ends_from_trim, fly_places, start_box
 from hfa_policy.rest import Rest, RestSearch
 from hfa_policy.sampled_loop import Delays, Margins, chain_of, delays, margins
-from hfa_support.errors import BadInputError, NoSolutionError, is_finite, shown
+from hfa_policy.trims import trims_of
+from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
-from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
 
 #: Flights at each trim unless asked for.
 SAMPLES = 300
@@ -330,30 +329,6 @@ def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None
             "come back to it"
         )
     return findings
-
-
-def trims_of(model: Model, points: Sequence[Any] | None) -> tuple[OperatingPoint, ...]:
-    """Operating points: as they are, or found at values of the scheduling variable; the model's own
-    trim where there are none."""
-    if points is None:
-        return (find_operating_point(model, usual_condition(model)),)
-    found: list[OperatingPoint] = []
-    for point in points:
-        if isinstance(point, OperatingPoint):
-            found.append(point)
-            continue
-        if not is_finite(point) or not model.schedule:
-            raise BadInputError(
-                f"points has {shown(point)}; give operating points, or values of the scheduling "
-                "variable"
-            )
-        flown = model
-        if model.schedule in model.parameters:
-            flown = model.with_parameters(**{model.schedule: float(point)})
-        found.append(find_operating_point(flown, usual_condition(flown).at(float(point))))
-    if not found:
-        raise BadInputError("there are no points to assess at; give at least one")
-    return tuple(found)
 
 
 def assess(

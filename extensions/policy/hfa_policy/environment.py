@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 from hfa_aircraft.model import Model
 from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import SECONDS, Episodes
+from hfa_policy.trims import trims_of
 from hfa_support.errors import BadInputError
-from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
 
 if TYPE_CHECKING:
     import gymnasium
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 def environment(
     model: Model,
     deployment: Deployment,
-    points: Sequence[OperatingPoint] = (),
+    points: Sequence[Any] | None = None,
     *,
     seconds: float = SECONDS,
     render_mode: str | None = None,
@@ -30,8 +29,8 @@ def environment(
     model: the aircraft
     deployment: what is observed, what the actions move, when, and the cost that is paid; its policy
         may be empty
-    points: the trims that episodes begin about, one of them drawn at each reset; the model's own
-        trim unless given
+    points: the trims that episodes begin about, one of them drawn at each reset: operating points,
+        or values of the scheduling variable in the units of the model; its own trim unless given
     seconds: length of an episode, after which it is truncated; it is terminated where the aircraft
         leaves its limits
     render_mode: None or "rgb_array", the picture of the episode so far
@@ -59,7 +58,7 @@ def environment(
 def vector_environment(
     model: Model,
     deployment: Deployment,
-    points: Sequence[OperatingPoint] = (),
+    points: Sequence[Any] | None = None,
     *,
     count: int = 8,
     seconds: float = SECONDS,
@@ -80,11 +79,11 @@ def vector_environment(
 def _episodes(
     model: Model,
     deployment: Deployment,
-    points: Sequence[OperatingPoint],
+    points: Sequence[Any] | None,
     count: int,
     seconds: float,
 ) -> Episodes:
-    trims = tuple(points) or (find_operating_point(model),)
+    trims = trims_of(model, points)
     if all("box" in entry for entry in deployment.action.values()):
         deployment = deployment.changed(policy={})  # its file may be what is trained here
     return Episodes(deployment.on(model), trims, count, seconds)

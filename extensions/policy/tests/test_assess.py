@@ -170,7 +170,7 @@ def test_what_cannot_be_assessed_is_refused():
     model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
     with pytest.raises(hfa.BadInputError, match="give operating points"):
         assess(model, deployment, ["45"])
-    with pytest.raises(hfa.BadInputError, match="no points"):
+    with pytest.raises(hfa.BadInputError, match="points is empty"):
         assess(model, deployment, [])
     with pytest.raises(hfa.BadInputError, match="unknown input 'elevator'"):
         assess(hfa.aircraft(), gtm_card({"file": FOLDER / "ppo_raw.zip"}))

@@ -29,6 +29,26 @@ def test_the_checker_of_gymnasium_passes(name: str) -> None:
     check_env(environment(aircraft(name), card(name), trims(name)[:1]))
 
 
+def test_points_are_what_assess_takes() -> None:
+    """Operating points, values of the scheduling variable, or None."""
+    model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
+    speeds = []
+    for points in (trims("ppo_gtm")[1:2], [45.0]):
+        env = environment(model, deployment, points)
+        _, info = env.reset(seed=1)
+        speeds.append(info["X"][0])
+    assert speeds[0] == pytest.approx(speeds[1])
+    environment(model, deployment, None).reset(seed=1)
+    for wrong, said in (
+        (45.0, "give a list"),
+        ([], "empty"),
+        (["45"], "points has"),
+        (trims("ppo_hfa"), "a trim of"),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            environment(model, deployment, wrong)
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 def test_a_policy_in_the_environment_is_flown_as_by_the_command(tmp_path, delay: float) -> None:
     """A random gain on the elevator and the throttle, for 4 s."""

@@ -12,9 +12,10 @@ from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyap
 
 import hfa
 from hfa_aircraft.loading import load_model
-from hfa_policy.assessment import Assessor, trims_of
+from hfa_policy.assessment import Assessor
 from hfa_policy.cost_lost import cost_lost, lqr_at
 from hfa_policy.sampled_loop import chain_of, delays, held, margins
+from hfa_policy.trims import trims_of
 
 DT = 0.02
 Q = {"speed": 0.0025, "alpha": 8.16, "pitch_rate": 1.0, "pitch": 8.16}

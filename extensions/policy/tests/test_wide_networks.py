@@ -11,8 +11,9 @@ from tolerances import SAME_FORMULA
 from hfa_networks.files.activations import ACTIVATIONS
 from hfa_networks.files.row_network import ROW_ACTIVATIONS
 from hfa_policy import outcomes
-from hfa_policy.assessment import Assessor, trims_of
+from hfa_policy.assessment import Assessor
 from hfa_policy.outcomes import FlownRows, seeded_starts
+from hfa_policy.trims import trims_of
 
 
 def wide_file(path, width, seed=0):

@@ -1,0 +1,51 @@
+"""The trims at which a policy is assessed, or about which it is trained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, is_finite, shown
+from trim.point.condition import usual_condition
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import find_operating_point
+
+
+def trims_of(model: Model, points: Sequence[Any] | None) -> tuple[OperatingPoint, ...]:
+    """Operating points: as they are, or found at values of the scheduling variable; the model's own
+    trim for None.
+
+    BadInputError for a point of another aircraft, for what is no point, and for no points."""
+    if points is None:
+        return (find_operating_point(model, usual_condition(model)),)
+    if isinstance(points, OperatingPoint) or not isinstance(points, Iterable):
+        raise BadInputError(f"points is one {type(points).__name__}; give a list of them")
+    found: list[OperatingPoint] = []
+    for point in points:
+        if isinstance(point, OperatingPoint):
+            _refuse_another_aircraft(model, point)
+            found.append(point)
+            continue
+        if not is_finite(point) or not model.schedule:
+            raise BadInputError(
+                f"points has {shown(point)}; give operating points, or values of the scheduling "
+                "variable"
+            )
+        flown = model
+        if model.schedule in model.parameters:
+            flown = model.with_parameters(**{model.schedule: float(point)})
+        found.append(find_operating_point(flown, usual_condition(flown).at(float(point))))
+    if not found:
+        raise BadInputError("points is empty; give at least one, or None for the trim of the model")
+    return tuple(found)
+
+
+def _refuse_another_aircraft(model: Model, point: OperatingPoint) -> None:
+    """BadInputError for a trim of an aircraft with other states or inputs."""
+    for signals in ("states", "inputs"):
+        if list(getattr(point.model, signals)) != list(getattr(model, signals)):
+            raise BadInputError(
+                f"points has a trim of {point.model.name}, whose {signals} are not those of "
+                f"{model.name}"
+            )
