@@ -39,8 +39,8 @@ def mistakes_of_normalizer(
         return
     if normalizer is None:
         return
-    had_none = stored.on_policy and stored.last_original is None and stored.last is not None
-    if had_none:
+    has_records = stored.last is not None and (stored.on_policy or stored.last_original is not None)
+    if has_records and _normalizer_in_training(deployed, stored) is _Training.NONE:
         yield Mistake(
             "a normalizer too many",
             True,

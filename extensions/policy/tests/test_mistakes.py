@@ -82,6 +82,19 @@ def test_SAC_without_a_normalizer_lacks_none(change):
     assert kinds("sac_gtm", of_eight_environments(last, original)) == []
 
 
+def test_a_normalizer_too_many_of_SAC_is_named():
+    """Where its observations are a sample apart; those of one environment do not show it."""
+    random = np.random.default_rng(1)
+    original = random.normal(size=(8, 4))
+    several = of_eight_environments(original + 0.003 * random.normal(size=(8, 4)), original)
+    given = {**several.policy, "normalizer": "td3_gtm.pkl"}
+    wrong = several.changed(policy=given)
+    vars(wrong)["actor"] = several.actor
+    assert kinds("sac_gtm", wrong) == ["a normalizer too many"]
+    one = with_policy("sac_gtm", normalizer="td3_gtm.pkl")
+    assert "a normalizer too many" not in kinds("sac_gtm", one)
+
+
 def test_observations_that_do_not_vary_prove_no_normalizer():
     unvaried = of_eight_environments(np.full((8, 4), 0.001), np.zeros((8, 4)))
     assert kinds("sac_gtm", unvaried) == []
