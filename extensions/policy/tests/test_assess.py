@@ -11,6 +11,7 @@ from cli import complaints_about
 from policy_cases import FOLDER, GTM, ROOT, aircraft, card, gtm_card, trims
 
 import hfa
+from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor, assess
 from hfa_policy.deployment import Deployment
@@ -164,6 +165,14 @@ def test_flights_are_decided_by_their_seed():
     )
     assert first == again
     assert first.worst_start != other.worst_start
+
+
+def test_a_normalizer_that_the_files_do_not_show_is_a_note_and_data(capsys):
+    words = ["assess", str(FOLDER / "sac_gtm.toml"), "--aircraft", GTM, "--at", "45"]
+    assert main([*words, "--samples", "0", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert "does not show whether it was trained behind a VecNormalize" in printed.err
+    assert json.loads(printed.out)["warnings"][0] in printed.err
 
 
 def test_what_cannot_be_assessed_is_refused():

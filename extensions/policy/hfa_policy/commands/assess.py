@@ -121,5 +121,5 @@ def assess(request: AssessRequest) -> int:
     assessed = assessor.assessed(ProgressLine("fly"))
     mistakes = mistakes_of(assessor, assessed)
     result = Assessment(deployed, tuple(assessed), tuple(mistakes), request.need)
-    show(result.report(), request, figure=result.figure, points=points)
+    show(result.report(), request, figure=result.figure, notes=result.warnings)
     return 0 if result.holds and not result.unmet else 1
