@@ -259,7 +259,7 @@ class Assessment(Result, Reported):
         deployment = self.deployed.deployment
         lines = [f"{self.first_line}", "", f"Assessment of {deployment.origin} on {model.title}"]
         for mistake in self.mistakes:
-            lines.append(f"{'mistake' if mistake.proved else 'perhaps'}: {mistake.text}")
+            lines.append(mistake.sentence)
         parts: list[Any] = [deployment.actor.chain, self._table()]
         parts += [*self._findings(), *self._off_slope()]
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from hfa_flight.scenario import Scenario
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.held_step import parts_of_a_sample
+from hfa_policy.mistakes import notes_on_card
 from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
 
@@ -92,9 +94,12 @@ class DeployedPolicy(Policy):
 
 
 def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:
-    """The policy of a card about a trim; BadInputError as of `refuse_undefined_at`."""
+    """The policy of a card about a trim; warns of mistakes that its files show. BadInputError as of
+    `refuse_undefined_at`."""
     deployed = Deployment.load(path).on(model)
     deployed.refuse_undefined_at([point])
+    for note in notes_on_card(deployed, [point]):
+        warnings.warn(note, stacklevel=2)
     text = deployed.command.serialize()
     identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
     held = np.zeros((1, len(model.inputs)))

@@ -17,3 +17,8 @@ class Mistake(NamedTuple):
     kind: str
     proved: bool
     text: str
+
+    @property
+    def sentence(self) -> str:
+        """As a report has it."""
+        return f"{'mistake' if self.proved else 'perhaps'}: {self.text}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from hfa_policy.deployed import Deployed
 from hfa_policy.mistake import Mistake
-from hfa_policy.normalizer_evidence import mistakes_of_normalizer
+from hfa_policy.normalizer_evidence import mistakes_of_normalizer, unknown_normalizer
 from hfa_policy.observation_evidence import UNCLEAR, mistakes_of_observations
 from trim.point.operating_point import OperatingPoint
 
@@ -38,3 +38,10 @@ def mistakes_in_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> I
         if any(mistake.proved for mistake in of_the_normalizer):
             normalizer = None  # it says nothing of this training
     yield from mistakes_of_observations(deployed, stored, normalizer, points)
+
+
+def notes_on_card(deployed: Deployed, points: Sequence[OperatingPoint]) -> list[str]:
+    """What the policy's files show of mistakes, for who flies or exports it: a sentence each."""
+    notes = [mistake.sentence for mistake in mistakes_in_files(deployed, points)]
+    unknown = unknown_normalizer(deployed)
+    return [*notes, unknown] if unknown else notes

@@ -1,5 +1,7 @@
 """`hfa fly --policy` flies what `hfa assess` judges."""
 
+import warnings
+
 import numpy as np
 import pytest
 from policy_cases import FOLDER, aircraft, card, trims
@@ -77,3 +79,15 @@ def test_a_sample_time_of_parts_of_a_microsecond_is_refused():
     policy = DeployedPolicy("odd", deployed, trims(name)[0], held=np.zeros((1, 2)))
     with pytest.raises(BadInputError, match="whole microseconds"):
         sampled_scenario(policy, Scenario(), trims(name)[0])
+
+
+def test_who_flies_or_exports_a_card_is_told_its_mistakes(tmp_path):
+    text = (FOLDER / "ppo_gtm.toml").read_text()
+    wrong = text.replace('normalizer = "ppo_gtm.pkl"', "").replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
+    (tmp_path / "wrong.toml").write_text(wrong)
+    point = trims("ppo_gtm")[1]
+    with pytest.warns(UserWarning, match="mistake: the policy was trained behind a VecNormalize"):
+        flown_card(tmp_path / "wrong.toml", aircraft("ppo_gtm"), point)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        flown_card(FOLDER / "ppo_gtm.toml", aircraft("ppo_gtm"), point)
