@@ -14,17 +14,16 @@ from hfa_policy.deployed import Deployed
 from hfa_policy.episodes import cost_weights
 from hfa_policy.flights import SampledFlight, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
-from hfa_policy.outcomes import Place, seeded_starts
+from hfa_policy.outcomes import BALL, Place, seeded_starts
 from hfa_policy.repairs import Repair
 
 if TYPE_CHECKING:
     from hfa_policy.assessment import Assessor
 
-#: Who is farther from the trim than so many half-widths of the box of starts, or swings by more in
-#: the last second, did not come back. Some policies rest off trim; of the many exchanges some fly
-#: as near as that by chance, and must come back into the box.
+#: Who is farther from the trim than so many half-widths of the box of starts, or swings by more
+#: than the ball in the last second, did not come back. Some policies rest off trim; of the many
+#: exchanges some fly as near as that by chance, and must come back into the box.
 NEAR = 3.0
-_AT_REST = 0.1
 #: A size of cost beyond which flights are not told apart.
 _MOST = 1e9
 
@@ -112,7 +111,7 @@ class ChangeFlights:
         flown = np.vstack(rows)
         costs, kept = self._costs_of_rows(flight, flown, limits, sample.seconds)
         away, swing = self._at_the_end(flight, flown, starts_here)
-        at_rest = kept & (swing <= _AT_REST)
+        at_rest = kept & (swing <= BALL)
         ends = (kept, at_rest & (away <= NEAR), at_rest & (away <= 1.0))
         shape = (len(repairs), -1)
         counts = [end.reshape(shape).sum(axis=1).tolist() for end in ends]
