@@ -73,7 +73,7 @@ class ChangeFlights:
         self.k = len(self.deployed.deployment.observation)
         self.m = len(self.deployed.deployment.action)
 
-    def _flight(self, dt: float) -> SampledFlight:
+    def _flight(self, dt: float, delay: float) -> SampledFlight:
         """The flights of all changes: P, c and gain are numbers of a row."""
         whole = self.assessor.flight()
         extra = self.k**2 + self.k + self.m
@@ -89,11 +89,19 @@ class ChangeFlights:
             moves=ca.Function("moves", [raw, *arguments], [ca.densify(moved)]),
         )
         parts = parts_of_a_sample(self.points, dt)
-        return replace(whole, dt=dt, parts=parts, extra=extra, other=steered)
+        return replace(whole, dt=dt, delay=delay, parts=parts, extra=extra, other=steered)
 
-    def flown(self, repairs: Sequence[Repair], dt: float, sample: Sample) -> list[Flown]:
-        """The flights of each change, whose starts are shared out to the trims."""
-        flight = self._flight(dt)
+    def flown(
+        self,
+        repairs: Sequence[Repair],
+        sample: Sample,
+        dt: float | None = None,
+        delay: float | None = None,
+    ) -> list[Flown]:
+        """The flights of each change, whose starts are shared out to the trims; with the sample
+        time and the delay of the card unless given."""
+        card = self.deployed.deployment
+        flight = self._flight(card.dt if dt is None else dt, card.delay if delay is None else delay)
         starts_here = sample.starts // len(self.places)
         rows = []
         for repair in repairs:

@@ -56,6 +56,8 @@ _PLACES = 2
 #: Changes of a kind that are left after a few short flights of all, and kinds that are named.
 _LEFT = 3
 _MOST_NAMED = 3
+#: What costs so many times as much as the best change is not named beside it.
+_AS_GOOD = 2.0
 #: Flights of all changes, and of those that are left.
 _SHORT = Sample(4, 8.0)
 _WHOLE = Sample(24, 40.0)
@@ -130,9 +132,12 @@ class _Trial:
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 
     def named(self) -> Iterator[Mistake]:
-        """The changes that are named: the best of each kind, the best first."""
+        """The changes that are named: the best of each kind, the best first; none where the policy
+        is late and flies well without its delay."""
+        if self._is_only_late():
+            return
         repairs = self._left(repairs_of(self.deployed))
-        flown = self.flights.flown([*self.gains, *repairs], self.card.dt, _WHOLE)
+        flown = self.flights.flown([*self.gains, *repairs], _WHOLE)
         of_gains = flown[: len(self.gains)]
         found = []
         for repair, of_repair in zip(repairs, flown[len(self.gains) :], strict=True):
@@ -145,11 +150,19 @@ class _Trial:
         for each in found:
             best_of_kinds.setdefault(each.kind, each)
         for each in list(best_of_kinds.values())[:_MOST_NAMED]:
-            yield Mistake(each.kind, False, _said(each, of_gains[0]))
+            if each.flown.times(found[0].flown) < _AS_GOOD:
+                yield Mistake(each.kind, False, _said(each, of_gains[0]))
+
+    def _is_only_late(self) -> bool:
+        """Whether the delay alone keeps the policy from flying well."""
+        if self.card.delay == 0.0:
+            return False
+        (on_time,) = self.flights.flown(self.gains[:1], _WHOLE, delay=0.0)
+        return _brings_most_back(on_time)
 
     def _left(self, repairs: Sequence[Repair]) -> list[Repair]:
         """The changes of each kind that cost least in a few short flights."""
-        flown = self.flights.flown(repairs, self.card.dt, _SHORT)
+        flown = self.flights.flown(repairs, _SHORT)
         costs = [float(np.log(of_repair.costs).sum()) for of_repair in flown]
         left: dict[str, list[Repair]] = {}
         for number in np.argsort(costs).tolist():
@@ -182,7 +195,7 @@ class _Trial:
         card = of_gains[0]
         for part in _RATES:
             dt = part * self.card.dt
-            own, *others = self.flights.flown(self.gains[:_AT_RATES], dt, _WHOLE)
+            own, *others = self.flights.flown(self.gains[:_AT_RATES], _WHOLE, dt)
             is_better = _is_better(own, card) and card.times(own) >= _AS_IT_IS
             is_too_strong = any(own.times(gain) >= _CLEARLY for gain in (*others, *of_gains))
             if _brings_most_back(own) and is_better and not is_too_strong:

@@ -374,6 +374,13 @@ def test_nothing_is_suggested_of_an_optimum_that_is_late(samples):
     )
 
 
+@pytest.mark.slow
+def test_a_sign_is_suggested_of_a_late_optimum_too():
+    """Its delay alone does not keep it from flying well."""
+    late = with_mistake("sign").changed(timing={"dt": 0.05, "delay": 0.1})
+    assert "sign" in kinds_on_f16(late)
+
+
 def test_a_card_whose_normalizer_lies_elsewhere_is_refused_by_its_name(tmp_path):
     for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
         shutil.copy(FOLDER / file, tmp_path)
