@@ -68,9 +68,11 @@ class Assessment(Result, Reported):
     @property
     def warnings(self) -> list[str]:
         """What to know before trusting the trims, and the card."""
-        of_trims = [text for point in self.points for text in point.point.warnings]
+        sentences = [text for point in self.points for text in point.point.warnings]
         of_card = unknown_normalizer(self.deployed)
-        return list(dict.fromkeys([*of_trims, *filter(None, [of_card])]))
+        if of_card:
+            sentences.append(of_card)
+        return list(dict.fromkeys(sentences))
 
     @property
     def unmet(self) -> list[str]:

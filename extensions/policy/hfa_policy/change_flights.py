@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 #: than the ball in the last second, did not come back. Some policies rest off trim; of the many
 #: exchanges some fly as near as that by chance, and must come back into the box.
 NEAR = 3.0
-#: A size of cost beyond which flights are not told apart.
+#: Costs beyond which flights are not told apart; the least half-width of a box.
 _MOST = 1e9
+_LEAST = 1e-9
 
 
 class Sample(NamedTuple):
@@ -49,7 +50,7 @@ class Flown(NamedTuple):
     back: int
     into_box: int
 
-    def strictly(self) -> Flown:
+    def counted_in_box(self) -> Flown:
         """The same where only those in the box of starts are back."""
         return self._replace(back=self.into_box)
 
@@ -103,58 +104,57 @@ class ChangeFlights:
         card = self.deployed.deployment
         flight = self._flight(card.dt if dt is None else dt, card.delay if delay is None else delay)
         starts_here = sample.starts // len(self.places)
-        rows = []
-        for repair in repairs:
-            changed = repair.deployment.on(self.deployed.model)
-            for place in self.places:
-                trim = self.deployed.trim_vector(place.point)
-                starts, pushes = seeded_starts(place, starts_here, self.assessor.seed, False)
-                extra = np.tile(self._numbers(repair, changed, trim), (starts_here, 1))
-                trims = np.tile(trim, (starts_here, 1))
-                rows.append(flight.rows(starts, trims, pushes, extra))
-        envelopes = [flight_envelope(self.deployed.model, point) for point in self.points]
-        least = np.repeat([envelope.least for envelope in envelopes], starts_here, axis=0)
-        most = np.repeat([envelope.most for envelope in envelopes], starts_here, axis=0)
-        limits = np.tile(least, (len(repairs), 1)), np.tile(most, (len(repairs), 1))
-        flown = np.vstack(rows)
-        costs, kept = self._costs_of_rows(flight, flown, limits, sample.seconds)
-        away, swing = self._at_the_end(flight, flown, starts_here)
+        places_of_a_change = np.repeat(np.arange(len(self.places)), starts_here)
+        owners = np.tile(places_of_a_change, len(repairs))
+        rows = np.vstack([self._rows(flight, repair, starts_here) for repair in repairs])
+        costs, kept = self._costs_and_kept(flight, rows, owners, sample.seconds)
+        distance, swing = self._distance_and_swing(flight, rows, owners)
         at_rest = kept & (swing <= BALL)
-        ends = (kept, at_rest & (away <= NEAR), at_rest & (away <= 1.0))
-        shape = (len(repairs), -1)
-        counts = [end.reshape(shape).sum(axis=1).tolist() for end in ends]
-        return [*map(Flown, costs.reshape(shape), *counts)]
+        ends = (kept, at_rest & (distance <= NEAR), at_rest & (distance <= 1.0))
+        of_each_change = (len(repairs), -1)
+        counts = [end.reshape(of_each_change).sum(axis=1).tolist() for end in ends]
+        return [*map(Flown, costs.reshape(of_each_change), *counts)]
 
-    def _at_the_end(
-        self, flight: SampledFlight, rows: np.ndarray, starts: int
+    def _rows(self, flight: SampledFlight, repair: Repair, starts_here: int) -> np.ndarray:
+        """The rows of a change: so many starts at each trim, one trim behind the other."""
+        changed = repair.deployment.on(self.deployed.model)
+        rows = []
+        for place in self.places:
+            trim = self.deployed.trim_vector(place.point)
+            starts, pushes = seeded_starts(place, starts_here, self.assessor.seed, False)
+            extra = np.tile(self._numbers(repair, changed, trim), (starts_here, 1))
+            trims = np.tile(trim, (starts_here, 1))
+            rows.append(flight.rows(starts, trims, pushes, extra))
+        return np.vstack(rows)
+
+    def _distance_and_swing(
+        self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """How far flights are from the trim in their last window, and by how much they swing: the
-        most of the linear states, in half-widths of the box of starts, (N,) each."""
+        """Of each flight's last window the farthest from the trim, and half of what it moved by: of
+        the linear state that has most of it, in half-widths of its box of starts, (N,) each.
+
+        owners: (N,), the number of the trim of each flight."""
         _, _, low_X, high_X, *_ = flight.slices
         model = self.deployed.model
         linear = [list(model.states).index(name) for name in model.linear]
-        centres = np.array([np.array(place.point.states)[linear] for place in self.places])
-        boxes = np.maximum([place.box for place in self.places], 1.0 / _MOST)
-        places_of_a_change = np.repeat(np.arange(len(self.places)), starts)
-        owners = np.resize(places_of_a_change, len(rows))  # the same of each change
-        highest = rows[:, high_X][:, linear]
+        centre = np.array([np.array(point.states)[linear] for point in self.points])[owners]
+        box = np.maximum([place.box for place in self.places], _LEAST)[owners]
         lowest = rows[:, low_X][:, linear]
-        away = np.maximum(highest - centres[owners], centres[owners] - lowest) / boxes[owners]
-        swing = (highest - lowest) / 2.0 / boxes[owners]
-        return away.max(axis=1), swing.max(axis=1)
+        highest = rows[:, high_X][:, linear]
+        distance = np.maximum(highest - centre, centre - lowest) / box
+        swing = (highest - lowest) / 2.0 / box
+        return distance.max(axis=1), swing.max(axis=1)
 
-    def _costs_of_rows(
-        self,
-        flight: SampledFlight,
-        rows: np.ndarray,
-        limits: tuple[np.ndarray, np.ndarray],
-        seconds: float,
+    def _costs_and_kept(
+        self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray, seconds: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Of each flight Σ x'Qx + u'Ru over its windows, with the largest deviations from trim in a
-        window, and whether it stays within the limits; who leaves them pays that window for all
-        that are left."""
+        """Flies the rows, which are then those at the end. Of each flight Σ x'Qx + u'Ru over its
+        windows, with the largest deviations from trim in a window, and whether it stays within the
+        limits, (N,) each; who leaves them pays that window for all that are left.
+
+        owners: (N,), the number of the trim of each flight."""
         model = self.deployed.model
-        X, _, low_X, high_X, low_U, high_U, trim, _, _ = flight.slices
+        _, _, low_X, high_X, low_U, high_U, trim, _, _ = flight.slices
         n, m = len(model.states), len(model.inputs)
         Q, R = cost_weights(self.deployed)
         of_states = [Q.get(name, 0.0) for name in model.states]
@@ -162,13 +162,14 @@ class ChangeFlights:
         weights = np.array([*of_states, *of_inputs])
         windows = max(1, round(seconds / (flight.samples_in_window * flight.dt)))
         window = flight.window(len(rows), seconds)
+        envelopes = [flight_envelope(model, point) for point in self.points]
+        least = np.array([envelope.least for envelope in envelopes])[owners]
+        most = np.array([envelope.most for envelope in envelopes])[owners]
         costs = np.zeros(len(rows))
         flying = np.arange(len(rows))
         for number in range(windows):
             moved = rows[flying]
-            moved[:, low_X] = moved[:, high_X] = moved[:, X]
-            moved[:, low_U] = np.inf
-            moved[:, high_U] = -np.inf
+            flight.forget_extremes(moved)
             moved = window(moved)
             rows[flying] = moved
             lowest = np.hstack([moved[:, low_X], moved[:, low_U]])
@@ -177,16 +178,14 @@ class ChangeFlights:
             with np.errstate(all="ignore"):
                 largest = np.maximum(highest - base, base - lowest)
                 rate = np.nan_to_num(largest**2 @ weights, nan=_MOST).clip(max=_MOST)
-            least, most = (limit[flying] for limit in limits)
-            inside = (moved[:, low_X] >= least) & (moved[:, high_X] <= most)
-            is_lost = ~(inside.all(axis=1) & np.isfinite(moved[:, X]).all(axis=1))
+            is_lost = ~flight.are_inside(moved, least[flying], most[flying])
             costs[flying] += rate * np.where(is_lost, windows - number, 1)
             flying = flying[~is_lost]
             if not flying.size:
                 break
         kept = np.zeros(len(rows), dtype=bool)
         kept[flying] = True
-        return np.clip(costs, 1.0 / _MOST, _MOST), kept
+        return np.clip(costs, _LEAST, _MOST), kept
 
     def _numbers(self, repair: Repair, changed: Deployed, trim: np.ndarray) -> np.ndarray:
         """P, c and gain of a change at a trim, in the order of a row."""

@@ -206,6 +206,20 @@ class SampledFlight:
         entering, later = on_rows(self.entering()), on_rows(self.later())
         return Window(entering, network, later, self.samples_in_window)
 
+    def forget_extremes(self, rows: np.ndarray) -> None:
+        """Before a window: the extremes of X are X, and those of U none."""
+        X, _, low_X, high_X, low_U, high_U, *_ = self.slices
+        rows[:, low_X] = rows[:, X]
+        rows[:, high_X] = rows[:, X]
+        rows[:, low_U] = np.inf
+        rows[:, high_U] = -np.inf
+
+    def are_inside(self, rows: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
+        """(N,), whether X is finite and its extremes are within limits, (N, n) each."""
+        X, _, low_X, high_X, *_ = self.slices
+        inside = (rows[:, low_X] >= least) & (rows[:, high_X] <= most)
+        return np.asarray(inside.all(axis=1) & np.isfinite(rows[:, X]).all(axis=1))
+
     def rows(
         self,
         starts: np.ndarray,

@@ -43,5 +43,7 @@ def mistakes_in_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> I
 def notes_on_card(deployed: Deployed, points: Sequence[OperatingPoint]) -> list[str]:
     """What the policy's files show of mistakes, for who flies or exports it: a sentence each."""
     notes = [mistake.sentence for mistake in mistakes_in_files(deployed, points)]
-    unknown = unknown_normalizer(deployed)
-    return [*notes, unknown] if unknown else notes
+    of_normalizer = unknown_normalizer(deployed)
+    if of_normalizer:
+        notes.append(of_normalizer)
+    return notes

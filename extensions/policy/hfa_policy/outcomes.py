@@ -186,7 +186,7 @@ class FlownRows:
     def _window(self, window: Window, flying: np.ndarray, number: int) -> None:
         """One window of the flights that go on, and which of them end with it."""
         rows = self._flown(window, flying, number)
-        lost = ~self._inside(rows, flying)
+        lost = ~self.flight.are_inside(rows, self.least[flying], self.most[flying])
         distance, swings = self._in_balls(rows, flying)
         back = self._back(flying, distance)
         ended = self._cycling(flying, swings, number) | self._standing(flying, distance, swings)
@@ -197,26 +197,16 @@ class FlownRows:
 
     def _flown(self, window: Window, flying: np.ndarray, number: int) -> np.ndarray:
         """The rows of flights after a window, with the extremes within it."""
-        X, _, low_X, high_X, low_U, high_U, _, push, _ = self.flight.slices
+        *_, push, _ = self.flight.slices
         rows = self.rows[flying]
         seconds = self.flight.samples_in_window * self.flight.dt
-        rows[:, low_X] = rows[:, X]
-        rows[:, high_X] = rows[:, X]
-        rows[:, low_U] = np.inf
-        rows[:, high_U] = -np.inf
+        self.flight.forget_extremes(rows)
         if number * seconds >= PUSHED - 1e-9:
             rows[:, push] = 0.0
         rows = window(rows)
         self.rows[flying] = rows
         self.times[flying] = number * seconds + seconds
         return rows
-
-    def _inside(self, rows: np.ndarray, flying: np.ndarray) -> np.ndarray:
-        """Which flights were within the limits throughout the window."""
-        X, _, low_X, high_X, *_ = self.flight.slices
-        inside = (rows[:, low_X] >= self.least[flying]) & (rows[:, high_X] <= self.most[flying])
-        finite = np.isfinite(rows[:, X])
-        return np.asarray(inside.all(axis=1) & finite.all(axis=1))
 
     def _in_balls(self, rows: np.ndarray, flying: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The farthest that flights were from the point of rest in the window, (N,), and half of

@@ -44,7 +44,7 @@ _GAINS = (1.0, 0.0, 0.2, 0.5, 2.0, 5.0, 0.1, 0.35, 0.7, 10.0, 20.0, 50.0)
 _AT_RATES = 6
 #: A policy may be a little too strong for its sample time: its loop does not grow by so much from
 #: one sample to the next.
-_TOO_SLOW = 2.0
+_GROWS = 2.0
 #: The sizes of observations ask for a change, or speak against it, where they are as a sum of
 #: logarithms so much nearer to what the training saw, or farther: a factor of 20, a third of the
 #: degrees of a radian.
@@ -128,7 +128,8 @@ class _Trial:
         order = sorted(assessed, key=lambda point: point.flights.returned)  # type: ignore[union-attr]
         self.places = [point.place for point in order[:_PLACES]]
         self.flights = ChangeFlights(assessor, self.places)
-        self.is_far_too_slow = any(not point.radius < _TOO_SLOW for point in assessed)
+        # A loop without a point of rest has no radius.
+        self.grows_far_too_fast = any(not point.radius < _GROWS for point in assessed)
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 
     def named(self) -> Iterator[Mistake]:
@@ -143,7 +144,7 @@ class _Trial:
         for repair, of_repair in zip(repairs, flown[len(self.gains) :], strict=True):
             if self._is_clear(repair, of_repair, of_gains):
                 found.append(_Found(of_repair, repair.kind, repair.text))
-        if not found and self.is_far_too_slow:
+        if not found and self.grows_far_too_fast:
             found = self._faster(of_gains)
         found.sort(key=lambda each: float(np.log(each.flown.costs).sum()))
         best_of_kinds: dict[str, _Found] = {}
@@ -177,8 +178,8 @@ class _Trial:
         if repair.kind == "order":
             if of_gains[0].times(flown) < _AS_IT_IS:
                 return False
-            flown = flown.strictly()
-            of_gains = [of_gain.strictly() for of_gain in of_gains]
+            flown = flown.counted_in_box()
+            of_gains = [of_gain.counted_in_box() for of_gain in of_gains]
         card, none, *others = of_gains
         nearer = self._nearer(repair)
         if nearer <= -_NEARER or not _brings_most_back(flown) or not _is_better(flown, card):
@@ -189,18 +190,21 @@ class _Trial:
         return not is_none and not _is_a_gain(flown, none, others)
 
     def _faster(self, of_gains: Sequence[Flown]) -> list[_Found]:
-        """The slowest sample time at which the policy flies well and is far cheaper than as it is,
-        and no gain, at that sample time or that of the card, is clearly cheaper: that policy would
-        be too strong."""
+        """The slowest of a few faster sample times at which the policy flies well, and at a third
+        of what it costs at that of the card; none where a gain, at either sample time, is clearly
+        cheaper than that: then the policy is too strong instead.
+
+        of_gains: flights at the sample time of the card, the first of the card as it is."""
         card = of_gains[0]
         for part in _RATES:
             dt = part * self.card.dt
-            own, *others = self.flights.flown(self.gains[:_AT_RATES], _WHOLE, dt)
-            is_better = _is_better(own, card) and card.times(own) >= _AS_IT_IS
-            is_too_strong = any(own.times(gain) >= _CLEARLY for gain in (*others, *of_gains))
-            if _brings_most_back(own) and is_better and not is_too_strong:
+            faster, *faster_gains = self.flights.flown(self.gains[:_AT_RATES], _WHOLE, dt)
+            is_third = _is_better(faster, card) and card.times(faster) >= _AS_IT_IS
+            gains = (*faster_gains, *of_gains)
+            is_too_strong = any(faster.times(gain) >= _CLEARLY for gain in gains)
+            if _brings_most_back(faster) and is_third and not is_too_strong:
                 why = f"it were sampled every {1e3 * dt:.4g} ms or faster"
-                return [_Found(own, "sample time", why)]
+                return [_Found(faster, "sample time", why)]
         return []
 
     # What the training saw.

@@ -24,7 +24,7 @@ def trims_of(model: Model, points: Sequence[Any] | None) -> tuple[OperatingPoint
     found: list[OperatingPoint] = []
     for point in points:
         if isinstance(point, OperatingPoint):
-            _refuse_another_aircraft(model, point)
+            point.refuse_other(model)
             found.append(point)
             continue
         if not is_finite(point) or not model.schedule:
@@ -39,13 +39,3 @@ def trims_of(model: Model, points: Sequence[Any] | None) -> tuple[OperatingPoint
     if not found:
         raise BadInputError("points is empty; give at least one, or None for the trim of the model")
     return tuple(found)
-
-
-def _refuse_another_aircraft(model: Model, point: OperatingPoint) -> None:
-    """BadInputError for a trim of an aircraft with other states or inputs."""
-    for signals in ("states", "inputs"):
-        if list(getattr(point.model, signals)) != list(getattr(model, signals)):
-            raise BadInputError(
-                f"points has a trim of {point.model.name}, whose {signals} are not those of "
-                f"{model.name}"
-            )

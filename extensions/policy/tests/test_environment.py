@@ -43,7 +43,7 @@ def test_points_are_what_assess_takes() -> None:
         (45.0, "give a list"),
         ([], "empty"),
         (["45"], "points has"),
-        (trims("ppo_hfa"), "a trim of"),
+        (trims("ppo_hfa"), "was trimmed with"),
     ):
         with pytest.raises(BadInputError, match=said):
             environment(model, deployment, wrong)
