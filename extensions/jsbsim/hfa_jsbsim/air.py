@@ -5,75 +5,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 
-from hfa_jsbsim.airframe import Mass, Metrics, rotation
+from hfa_aircraft.atmosphere import FT_TO_M, SEA_LEVEL, SEA_LEVEL_PRESSURE, Air, air_at
+from hfa_aircraft.rigid_body import angular_velocity, rotation, turn_rate, wind_axes
+from hfa_jsbsim.airframe import Mass, Metrics
 
-FT_TO_M = 0.3048
 KNOT = 1852.0 / (3600.0 * FT_TO_M)
-_HEAT_RATIO = 1.4
-_STANDARD_GRAVITY = 9.80665 / FT_TO_M
-_EARTH_RADIUS = 6356766.0 / FT_TO_M
-_KG_TO_SLUG = 0.06852168
-_GAS_CONSTANT = (8.31432 * _KG_TO_SLUG / (FT_TO_M * FT_TO_M * 1.8)) / (
-    28.9645 * _KG_TO_SLUG / 1000.0
-)
-_SEA_LEVEL_PRESSURE = 2116.228
-#: Geopotential altitude, ft, and temperature, R.
-_LAYERS = (
-    (0.0, 518.67),
-    (36089.2388, 389.97),
-    (65616.7979, 389.97),
-    (104986.8766, 411.57),
-    (154199.4751, 487.17),
-)
 _SUTHERLAND = 198.72
 _VISCOSITY = 2.269690e-08
-
-
-@dataclass(frozen=True)
-class Air:
-    """temperature: R. pressure: psf. density: slug/ft^3. sound: its speed, ft/s."""
-
-    temperature: Any
-    pressure: Any
-    density: Any
-    sound: Any
-
-
-def air_at(altitude: Any) -> Air:
-    """Standard air at a geometric altitude, ft; up to 154,000 ft."""
-    height = altitude * _EARTH_RADIUS / (_EARTH_RADIUS + altitude)
-    base_pressure = _SEA_LEVEL_PRESSURE
-    temperature: Any = 0.0
-    pressure: Any = 0.0
-    for (bottom, warmth), (top, next_warmth) in pairwise(_LAYERS):
-        lapse = (next_warmth - warmth) / (top - bottom)
-        layer_temperature = warmth + lapse * (height - bottom)
-        layer_pressure = base_pressure * _pressure_ratio(warmth, lapse, height - bottom)
-        if bottom:
-            temperature = ca.if_else(height < bottom, temperature, layer_temperature)
-            pressure = ca.if_else(height < bottom, pressure, layer_pressure)
-        else:
-            temperature = layer_temperature
-            pressure = layer_pressure
-        base_pressure = float(base_pressure * _pressure_ratio(warmth, lapse, top - bottom))
-    sound = ca.sqrt(_HEAT_RATIO * _GAS_CONSTANT * temperature)
-    return Air(temperature, pressure, pressure / (_GAS_CONSTANT * temperature), sound)
-
-
-def _pressure_ratio(warmth: float, lapse: float, climb: Any) -> Any:
-    """Pressure at a height above the bottom of a layer, relative to the pressure there."""
-    if lapse == 0.0:
-        return ca.exp(-_STANDARD_GRAVITY * climb / (_GAS_CONSTANT * warmth))
-    return (warmth / (warmth + lapse * climb)) ** (_STANDARD_GRAVITY / (_GAS_CONSTANT * lapse))
-
-
-SEA_LEVEL = air_at(ca.DM(0.0))
-SEA_LEVEL = Air(*(float(value) for value in vars(SEA_LEVEL).values()))
 
 
 def pitot_pressure(mach: Any, pressure: Any) -> Any:
@@ -104,19 +46,19 @@ def _subsonic_mach(ratio: Any) -> Any:
 def calibrated_speed(mach: Any, pressure: Any) -> Any:
     """What an airspeed indicator that is calibrated at sea level shows, ft/s."""
     impact = pitot_pressure(mach, pressure) - pressure
-    return SEA_LEVEL.sound * mach_of_pitot(impact, _SEA_LEVEL_PRESSURE)
+    return SEA_LEVEL.sound * mach_of_pitot(impact, SEA_LEVEL_PRESSURE)
 
 
 def mach_of_calibrated(speed: Any, pressure: Any) -> Any:
     """The Mach number at a calibrated airspeed, ft/s."""
-    impact = pitot_pressure(speed / SEA_LEVEL.sound, _SEA_LEVEL_PRESSURE) - _SEA_LEVEL_PRESSURE
+    impact = pitot_pressure(speed / SEA_LEVEL.sound, SEA_LEVEL_PRESSURE) - SEA_LEVEL_PRESSURE
     return mach_of_pitot(impact, pressure)
 
 
 def subsonic_mach_of_calibrated(speed: Any, pressure: Any) -> Any:
     """The same where calibrated airspeed and Mach number are below those of sound."""
     total = (1.0 + 0.2 * (speed / SEA_LEVEL.sound) ** 2) ** 3.5
-    return _subsonic_mach((total - 1.0) * _SEA_LEVEL_PRESSURE / pressure + 1.0)
+    return _subsonic_mach((total - 1.0) * SEA_LEVEL_PRESSURE / pressure + 1.0)
 
 
 @dataclass(frozen=True)
@@ -164,8 +106,8 @@ class Motion:
 
 def motion_of(x: Any, winds: Winds) -> Motion:
     """The motion of a state, whose fields are those of the model's states."""
-    to_body = _body_axes(x)
-    own_wind = _wind_axes(x.alpha, x.beta)
+    to_body = rotation(x.roll, x.pitch, x.yaw).T
+    own_wind = wind_axes(x.alpha, x.beta)
     velocity = x.speed * own_wind[:, 0]
     over_ground = velocity + ca.mtimes(to_body, winds.steady)
     ned = ca.mtimes(to_body.T, over_ground)
@@ -179,7 +121,7 @@ def motion_of(x: Any, winds: Winds) -> Motion:
         speed = ca.norm_2(air_velocity)
         alpha = ca.atan2(air_velocity[2], air_velocity[0])
         beta = ca.asin(air_velocity[1] / speed)
-        wind_to_body = _wind_axes(alpha, beta)
+        wind_to_body = wind_axes(alpha, beta)
     air = air_at(x.altitude)
     mach = speed / air.sound
     return Motion(
@@ -191,7 +133,7 @@ def motion_of(x: Any, winds: Winds) -> Motion:
         velocity=velocity,
         over_ground=over_ground,
         ned=ned,
-        rates=ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate),
+        rates=angular_velocity(x),
         to_body=to_body,
         down=to_body[:, 2],
         wind_to_body=wind_to_body,
@@ -201,24 +143,6 @@ def motion_of(x: Any, winds: Winds) -> Motion:
         calibrated=calibrated_speed(mach, air.pressure),
         air=air,
     )
-
-
-def _wind_axes(alpha: Any, beta: Any) -> ca.SX:
-    """Body axes from those of the wind."""
-    cos_alpha = ca.cos(alpha)
-    sin_alpha = ca.sin(alpha)
-    cos_beta = ca.cos(beta)
-    sin_beta = ca.sin(beta)
-    return ca.vertcat(
-        ca.horzcat(cos_alpha * cos_beta, -cos_alpha * sin_beta, -sin_alpha),
-        ca.horzcat(sin_beta, cos_beta, 0.0),
-        ca.horzcat(sin_alpha * cos_beta, -sin_alpha * sin_beta, cos_alpha),
-    )
-
-
-def _body_axes(x: Any) -> ca.SX:
-    """Body axes from north, east, down."""
-    return rotation(x.roll, x.pitch, x.yaw).T
 
 
 def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]:
@@ -231,7 +155,7 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
     viscosity = _VISCOSITY * air.temperature**1.5 / (_SUTHERLAND + air.temperature)
     ground_speed = ca.sqrt(ca.fmax(north**2 + east**2, 1e-12))
     path = ca.atan2(motion.climb, ground_speed)
-    turning = (x.pitch_rate * ca.sin(x.roll) + x.yaw_rate * ca.cos(x.roll)) / ca.cos(x.pitch)
+    turning = turn_rate(x)
     equivalent = ca.sqrt(2.0 * motion.pressure_head / SEA_LEVEL.density)
     degrees = 180.0 / math.pi
     values = {
@@ -370,14 +294,3 @@ OF_MASS = (
     *("inertia/ixy-slugs_ft2", "inertia/ixz-slugs_ft2", "inertia/iyz-slugs_ft2"),
     *("inertia/cg-x-in", "inertia/cg-y-in", "inertia/cg-z-in"),
 )
-
-
-def flow_rates(velocity: ca.SX, acceleration: ca.SX) -> tuple[Any, Any, Any]:
-    """Rates of speed, alpha and beta of a velocity in body axes."""
-    u, v, w = ca.vertsplit(velocity)
-    in_plane = u**2 + w**2
-    speed = ca.sqrt(in_plane + v**2)
-    speed_rate = ca.dot(velocity, acceleration) / speed
-    alpha_rate = (u * acceleration[2] - w * acceleration[0]) / in_plane
-    beta_rate = (speed * acceleration[1] - v * speed_rate) / (speed * ca.sqrt(in_plane))
-    return speed_rate, alpha_rate, beta_rate

@@ -10,18 +10,25 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.rigid_body import (
+    STATES,
+    acceleration,
+    angular_acceleration,
+    flow_rates,
+    state_rates,
+    turn_rate,
+)
 from hfa_jsbsim import engines as jets
 from hfa_jsbsim.aerodynamics import Aerodynamics
 from hfa_jsbsim.air import (
     KNOT,
     OF_MASS,
     Winds,
-    flow_rates,
     mass_properties,
     motion_of,
     state_properties,
 )
-from hfa_jsbsim.airframe import Body, Mass, inverse, mass_of
+from hfa_jsbsim.airframe import Body, Mass, mass_of
 from hfa_jsbsim.catalog import access
 from hfa_jsbsim.clock import moves_with_time
 from hfa_jsbsim.control_system import add_control_systems
@@ -41,11 +48,6 @@ from hfa_jsbsim.surfaces import (
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
-#: The states of a rigid body over a flat earth, in order; those of propellers follow.
-STATES = (
-    *("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate"),
-    *("roll", "pitch", "yaw", "altitude"),
-)
 #: Parameters that are a steady wind, to north, east and down, ft/s; the states are relative to it.
 WINDS = ("wind_north", "wind_east", "wind_down")
 #: Disturbances that are gusts in it, to north, east and up, ft/s.
@@ -376,27 +378,13 @@ class Equations:
         moment = sum((effect.moment for effect in self.effects), start=air_moment + outside[1])
         pushed = force / mass.slugs
         gravity = self.parameters["gravity"] * motion.down
-        acceleration = pushed + gravity - ca.cross(motion.rates, motion.velocity)
-        spin = ca.cross(motion.rates, ca.mtimes(mass.inertia, motion.rates))
-        rotation = ca.mtimes(inverse(mass.inertia), moment - spin)
-        turning = (x.pitch_rate * ca.sin(x.roll) + x.yaw_rate * ca.cos(x.roll)) / ca.cos(x.pitch)
-        speed_rate, alpha_rate, beta_rate = flow_rates(motion.velocity, acceleration)
-        self.rates = {
-            "speed": speed_rate,
-            "alpha": alpha_rate,
-            "beta": beta_rate,
-            "roll_rate": rotation[0],
-            "pitch_rate": rotation[1],
-            "yaw_rate": rotation[2],
-            "roll": x.roll_rate + ca.sin(x.pitch) * turning,
-            "pitch": x.pitch_rate * ca.cos(x.roll) - x.yaw_rate * ca.sin(x.roll),
-            "yaw": turning,
-            "altitude": motion.climb,
-        }
+        velocity_rate = acceleration(motion.velocity, motion.rates, pushed, gravity)
+        rotation_rate = angular_acceleration(motion.rates, moment, mass.inertia)
+        self.rates = state_rates(x, motion.velocity, velocity_rate, rotation_rate, motion.climb)
         for effect in self.effects:
             self.rates |= effect.rates
         wind = motion.over_ground - motion.velocity
-        over_ground = acceleration - ca.cross(motion.rates, wind)
+        over_ground = velocity_rate - ca.cross(motion.rates, wind)
         self._angle_rates = flow_rates(motion.air_velocity, over_ground)[1:]
         weight = mass.slugs * self.parameters["gravity"]
         wind_force = ca.mtimes(motion.wind_to_body.T, air_force)
@@ -404,7 +392,7 @@ class Equations:
             "kcas": motion.calibrated / KNOT,
             "mach": motion.mach,
             "gamma": self.properties.read("flight-path/gamma-rad", ""),
-            "turn_rate": turning,
+            "turn_rate": turn_rate(x),
             "load_factor": -pushed[2] / self.parameters["gravity"],
             "lift_to_weight": -wind_force[2] / weight,
             "thrust": sum((effect.thrust for effect in self.effects), start=ca.SX(0.0)),

@@ -319,32 +319,3 @@ def _point_mass(element: Element) -> PointMass:
     along, across = shapes[shape]
     mass = weight / SLUG_TO_LB
     return PointMass(weight, location, mass * np.diag([along, across, across]), True)
-
-
-def rotation(roll: Any, pitch: Any, yaw: Any) -> ca.SX:
-    """Body axes from those of a thruster that is turned by these angles, rad (`FGForce`)."""
-    cos_roll = ca.cos(roll)
-    sin_roll = ca.sin(roll)
-    cos_pitch = ca.cos(pitch)
-    sin_pitch = ca.sin(pitch)
-    cos_yaw = ca.cos(yaw)
-    sin_yaw = ca.sin(yaw)
-    first = ca.vertcat(cos_pitch * cos_yaw, cos_pitch * sin_yaw, -sin_pitch)
-    second = ca.vertcat(
-        sin_roll * sin_pitch * cos_yaw - cos_roll * sin_yaw,
-        sin_roll * sin_pitch * sin_yaw + cos_roll * cos_yaw,
-        sin_roll * cos_pitch,
-    )
-    third = ca.vertcat(
-        cos_roll * cos_yaw * sin_pitch + sin_roll * sin_yaw,
-        cos_roll * sin_yaw * sin_pitch - sin_roll * cos_yaw,
-        cos_roll * cos_pitch,
-    )
-    return ca.SX(ca.horzcat(first, second, third))
-
-
-def inverse(matrix: ca.SX) -> ca.SX:
-    """The inverse of a symmetric (3, 3) matrix."""
-    rows = ca.horzsplit(matrix)
-    cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
-    return ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])

@@ -11,8 +11,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.rigid_body import rotation
 from hfa_jsbsim.air import Motion
-from hfa_jsbsim.airframe import Mass, Tank, rotation
+from hfa_jsbsim.airframe import Mass, Tank
 from hfa_jsbsim.functions import function_value, read_table, table_value
 from hfa_jsbsim.properties import Properties, Writer
 from hfa_jsbsim.xml_file import Element
@@ -200,7 +201,7 @@ def orientation(file: EngineFile, properties: Properties) -> ca.SX:
     for axis, name in ((1, "pitch"), (2, "yaw")):
         gimbal = file.full_name(f"{name}-angle-rad")
         angles[axis] = properties.read_or(gimbal, angles[axis], file.mount.where)
-    return rotation(*angles)
+    return ca.SX(rotation(*angles))
 
 
 def placed(file: EngineFile, around: Surroundings) -> ca.SX:

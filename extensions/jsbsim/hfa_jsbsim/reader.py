@@ -14,11 +14,12 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
 
+from hfa_aircraft.atmosphere import SEA_LEVEL
 from hfa_aircraft.model import Model
+from hfa_aircraft.rigid_body import STATES
 from hfa_aircraft.signals import Signal
 from hfa_jsbsim.accounting import account
-from hfa_jsbsim.air import SEA_LEVEL
-from hfa_jsbsim.aircraft import GUSTS, STATES, WINDS, Equations
+from hfa_jsbsim.aircraft import GUSTS, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.equations import EquationsOfMotion

@@ -9,7 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_jsbsim.air import KNOT, air_at, mach_of_calibrated, subsonic_mach_of_calibrated
+from hfa_aircraft.atmosphere import air_at
+from hfa_jsbsim.air import KNOT, mach_of_calibrated, subsonic_mach_of_calibrated
 
 
 def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, Any]:

@@ -1,0 +1,70 @@
+"""The U.S. Standard Atmosphere 1976 up to 47 km, in ft, slug, lbf and degrees Rankine.
+
+The constants are JSBSim's (`FGStandardAtmosphere`), so that both programs agree to rounding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+
+FT_TO_M = 0.3048
+HEAT_RATIO = 1.4
+_STANDARD_GRAVITY = 9.80665 / FT_TO_M
+_EARTH_RADIUS = 6356766.0 / FT_TO_M
+_KG_TO_SLUG = 0.06852168
+_GAS_CONSTANT = (8.31432 * _KG_TO_SLUG / (FT_TO_M * FT_TO_M * 1.8)) / (
+    28.9645 * _KG_TO_SLUG / 1000.0
+)
+SEA_LEVEL_PRESSURE = 2116.228
+#: Geopotential altitude, ft, and temperature, R.
+_LAYERS = (
+    (0.0, 518.67),
+    (36089.2388, 389.97),
+    (65616.7979, 389.97),
+    (104986.8766, 411.57),
+    (154199.4751, 487.17),
+)
+
+
+@dataclass(frozen=True)
+class Air:
+    """temperature: R. pressure: psf. density: slug/ft^3. sound: its speed, ft/s."""
+
+    temperature: Any
+    pressure: Any
+    density: Any
+    sound: Any
+
+
+def air_at(altitude: Any) -> Air:
+    """Standard air at a geometric altitude, ft; up to 154,000 ft."""
+    height = altitude * _EARTH_RADIUS / (_EARTH_RADIUS + altitude)
+    base_pressure = SEA_LEVEL_PRESSURE
+    temperature: Any = 0.0
+    pressure: Any = 0.0
+    for (bottom, warmth), (top, next_warmth) in pairwise(_LAYERS):
+        lapse = (next_warmth - warmth) / (top - bottom)
+        layer_temperature = warmth + lapse * (height - bottom)
+        layer_pressure = base_pressure * _pressure_ratio(warmth, lapse, height - bottom)
+        if bottom:
+            temperature = ca.if_else(height < bottom, temperature, layer_temperature)
+            pressure = ca.if_else(height < bottom, pressure, layer_pressure)
+        else:
+            temperature = layer_temperature
+            pressure = layer_pressure
+        base_pressure = float(base_pressure * _pressure_ratio(warmth, lapse, top - bottom))
+    sound = ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * temperature)
+    return Air(temperature, pressure, pressure / (_GAS_CONSTANT * temperature), sound)
+
+
+def _pressure_ratio(warmth: float, lapse: float, climb: Any) -> Any:
+    """Pressure at a height above the bottom of a layer, relative to the pressure there."""
+    if lapse == 0.0:
+        return ca.exp(-_STANDARD_GRAVITY * climb / (_GAS_CONSTANT * warmth))
+    return (warmth / (warmth + lapse * climb)) ** (_STANDARD_GRAVITY / (_GAS_CONSTANT * lapse))
+
+
+SEA_LEVEL = Air(*(float(value) for value in vars(air_at(ca.DM(0.0))).values()))

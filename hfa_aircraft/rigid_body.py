@@ -1,0 +1,134 @@
+"""Equations of motion of a rigid aircraft over a flat Earth.
+
+Body axes point forward, right and down.
+Arguments are numbers or CasADi expressions in one consistent system of units (ft, slug, lbf or m,
+kg, N). x has the fields of `STATES`.
+
+Source: B. L. Stevens, F. L. Lewis, E. N. Johnson, *Aircraft Control and Simulation*, 3rd ed., 2016,
+Section 1.7.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+#: Speed, angle of attack and sideslip through the air; rates about the body axes; Euler angles;
+#: height over the ground.
+STATES = (
+    *("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate"),
+    *("roll", "pitch", "yaw", "altitude"),
+)
+
+
+def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
+    """The (3, 3) matrix that turns a vector's components in the turned axes into those in the
+    reference axes, for turns by yaw, pitch and roll in this order, rad.
+
+    With the Euler angles of an aircraft: components along north, east and down from those in body
+    axes."""
+    cos_roll = ca.cos(roll)
+    sin_roll = ca.sin(roll)
+    cos_pitch = ca.cos(pitch)
+    sin_pitch = ca.sin(pitch)
+    cos_yaw = ca.cos(yaw)
+    sin_yaw = ca.sin(yaw)
+    first = ca.vertcat(cos_pitch * cos_yaw, cos_pitch * sin_yaw, -sin_pitch)
+    second = ca.vertcat(
+        sin_roll * sin_pitch * cos_yaw - cos_roll * sin_yaw,
+        sin_roll * sin_pitch * sin_yaw + cos_roll * cos_yaw,
+        sin_roll * cos_pitch,
+    )
+    third = ca.vertcat(
+        cos_roll * cos_yaw * sin_pitch + sin_roll * sin_yaw,
+        cos_roll * sin_yaw * sin_pitch - sin_roll * cos_yaw,
+        cos_roll * cos_pitch,
+    )
+    return ca.horzcat(first, second, third)
+
+
+def wind_axes(alpha: Any, beta: Any) -> Any:
+    """The (3, 3) matrix that turns components in wind axes into those in body axes.
+
+    Its first column is the direction of flight."""
+    cos_alpha = ca.cos(alpha)
+    sin_alpha = ca.sin(alpha)
+    cos_beta = ca.cos(beta)
+    sin_beta = ca.sin(beta)
+    return ca.vertcat(
+        ca.horzcat(cos_alpha * cos_beta, -cos_alpha * sin_beta, -sin_alpha),
+        ca.horzcat(sin_beta, cos_beta, 0.0),
+        ca.horzcat(sin_alpha * cos_beta, -sin_alpha * sin_beta, cos_alpha),
+    )
+
+
+def angular_velocity(x: Any) -> Any:
+    """(3,) rates of rotation about the body axes, rad/s."""
+    return ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate)
+
+
+def acceleration(velocity: Any, rates: Any, specific_force: Any, gravity: Any) -> Any:
+    """v' = f/m + g - ω × v: (3,) rate of the velocity's components in body axes.
+
+    velocity, rates: (3,) v and ω. specific_force: (3,) force without weight over mass.
+    gravity: (3,) acceleration of gravity in body axes.
+    """
+    return specific_force + gravity - ca.cross(rates, velocity)
+
+
+def angular_acceleration(rates: Any, moment: Any, inertia: Any) -> Any:
+    """ω' = I⁻¹ (M - ω × I ω): (3,) rates of ω in body axes, rad/s².
+
+    rates: (3,) ω. moment: (3,) M about the center of gravity. inertia: (3, 3) I, symmetric.
+    """
+    spin = ca.cross(rates, ca.mtimes(inertia, rates))
+    return ca.mtimes(_inverse(inertia), moment - spin)
+
+
+def flow_rates(velocity: Any, acceleration: Any) -> tuple[Any, Any, Any]:
+    """Rates of speed, alpha and beta of a velocity (3,) that changes by an acceleration (3,), both
+    in body axes."""
+    u, v, w = ca.vertsplit(velocity)
+    in_plane = u**2 + w**2
+    speed = ca.sqrt(in_plane + v**2)
+    speed_rate = ca.dot(velocity, acceleration) / speed
+    alpha_rate = (u * acceleration[2] - w * acceleration[0]) / in_plane
+    beta_rate = (speed * acceleration[1] - v * speed_rate) / (speed * ca.sqrt(in_plane))
+    return speed_rate, alpha_rate, beta_rate
+
+
+def turn_rate(x: Any) -> Any:
+    """The rate of the yaw angle, rad/s."""
+    return (x.pitch_rate * ca.sin(x.roll) + x.yaw_rate * ca.cos(x.roll)) / ca.cos(x.pitch)
+
+
+def state_rates(
+    x: Any, velocity: Any, velocity_rate: Any, rotation_rate: Any, climb: Any
+) -> dict[str, Any]:
+    """The rates of `STATES` by name.
+
+    velocity: (3,) through the air, body axes. velocity_rate: (3,) its `acceleration`.
+    rotation_rate: (3,) `angular_acceleration`. climb: rate of the altitude.
+    """
+    speed_rate, alpha_rate, beta_rate = flow_rates(velocity, velocity_rate)
+    turning = turn_rate(x)
+    return {
+        "speed": speed_rate,
+        "alpha": alpha_rate,
+        "beta": beta_rate,
+        "roll_rate": rotation_rate[0],
+        "pitch_rate": rotation_rate[1],
+        "yaw_rate": rotation_rate[2],
+        "roll": x.roll_rate + ca.sin(x.pitch) * turning,
+        "pitch": x.pitch_rate * ca.cos(x.roll) - x.yaw_rate * ca.sin(x.roll),
+        "yaw": turning,
+        "altitude": climb,
+    }
+
+
+def _inverse(matrix: Any) -> Any:
+    """The inverse of a symmetric (3, 3) matrix, by its cofactors."""
+    rows = ca.horzsplit(matrix)
+    cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
+    return ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])
