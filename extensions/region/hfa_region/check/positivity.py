@@ -116,7 +116,8 @@ def check_positive(
 
 
 def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -> None:
-    """Rejected unless residual = m'Q̃ m for a Q̃ near Q that is positive definite."""
+    """Rejected unless residual = m'Q̃ m for a Q̃ near Q that is positive definite: a term that the
+    squares do not have must be exactly 0, not a ball about 0."""
     keys = monomials(variables, main.low, main.high)
     size = len(keys)
     places: dict[Key, list[tuple[int, int]]] = {}
@@ -127,7 +128,7 @@ def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -
     missing = residual - main.polynomial(variables)
     for key, _, coefficient in missing.terms():
         if key not in places:
-            if coefficient != 0:
+            if not coefficient.is_zero():
                 raise Rejected(f"{what}: the squares have no such term as the polynomial")
             continue
         shares = places[key]
