@@ -9,7 +9,7 @@ and goes a tenth of the way there. The aircraft at 5 deg is stable by itself, so
 np.savez("mine.npz", **run.history) the same check is `hfa verify --dihedral 5 --weights mine.npz --set
 predefined_time=15`. Run it with .venv/bin/python; it prints
 
-    PASS: exact within 1e-06, stabilizing, no cost lost, L2 gain 148.9 (delta 200)
+    PASS on the linear game: no cost lost, exact within 1e-06, stabilizing, L2 gain 148.9 (delta 200)
     the largest error stays within 1e-06 from 18.3 s on
     by 15 s: FAIL
 """

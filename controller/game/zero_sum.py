@@ -31,8 +31,8 @@ class Game(ByValue, Reported):
     A: (n, n)
     B: (n, m)
     E: (n, k), disturbance matrix; the paper's is the identity
-    Q: (n, n), symmetric positive semidefinite
-    R: (m, m), symmetric positive definite
+    Q: (n, n), symmetric positive semidefinite; or its diagonal, (n,)
+    R: (m, m), symmetric positive definite; or its diagonal, (m,)
     delta: > 0, may be inf: no disturbance, LQR
     names: of the states and inputs, for reports; by default x1, x2, ... and u1, u2, ...
 
@@ -56,6 +56,8 @@ class Game(ByValue, Reported):
 
     def __post_init__(self) -> None:
         """Check everything once, so that no solver has to."""
+        for name in ("Q", "R"):
+            object.__setattr__(self, name, _with_diagonal(name, getattr(self, name)))
         for name in ("A", "B", "E", "Q", "R"):
             object.__setattr__(self, name, checked_matrix(name, getattr(self, name), LARGEST))
         n = len(self.A)
@@ -132,6 +134,12 @@ class Game(ByValue, Reported):
     def with_delta(self, delta: float) -> Game:
         """The same game at another disturbance weight."""
         return replace(self, delta=delta)
+
+
+def _with_diagonal(name: str, weights: Any) -> Any:
+    """Return the matrix with a diagonal of numbers, (n, n); anything else as it is."""
+    is_row = isinstance(weights, (list, tuple, np.ndarray)) and np.ndim(weights[:1]) == 1
+    return np.diag(numbers_in(f"the diagonal of {name}", weights)) if is_row else weights
 
 
 def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) -> np.ndarray:

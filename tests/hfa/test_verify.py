@@ -150,5 +150,5 @@ def test_the_cost_of_a_critic_is_told_and_can_decide(game: Game) -> None:
     )
     assert answer(*words, "--limit-cost", "1e-9", code=FAILED)["graded"]["ok"] is False
     printed = hfa(*words, "--limit-cost", "0.01").out
-    assert "PASS by cost limit 0.01 %: not exact (K is off by 0.004), stabilizing, " in printed
+    assert "PASS on the linear game by cost limit 0.01 %: cost lost 0.0015 %" in printed
     assert "\ncost lost, worst start, percent " in printed

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.critic.critic import Critic
+from controller.critic.critic import Critic, from_gain
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 @checks_arguments
 def check_critic(
     game: Game,
-    critic: Critic,
+    critic: Critic | np.ndarray,
     *,
     limit: float = LIMIT,
     scope: Scope | None = None,
@@ -51,7 +51,7 @@ def check_critic(
     flown from there.
 
     game: that it should solve
-    critic: what is judged
+    critic: what is judged; an array is the gain K of u = -K z, (m, n)
     limit: of the errors and the residual
     scope: on what else it is judged
     run: the training run that the critic is the end of: the rank of its data is checked, and the
@@ -62,11 +62,13 @@ def check_critic(
     >>> import hfa
     >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
     >>> K = hfa.solve_game(game).K
-    >>> hfa.check_critic(game, hfa.from_gain(game, 1.01 * K)).reason
+    >>> hfa.check_critic(game, 1.01 * K).reason
     'every entry of K is 1.01 times the exact one'
     """
     refuse_unless_positive("limit", limit)
     scope = scope or Scope()
+    if not isinstance(critic, Critic):
+        critic = from_gain(game, critic)
     exact = solve_game(game)
     box = scope.box or balanced_box(game)
     lost = _flight_cost(game, exact, critic.K)

@@ -34,8 +34,10 @@ _FAILURES = 6
 ROUNDING = 1e-9
 #: A critic whose errors are too large and that loses at most this much, percent, is near.
 NEAR = 1.0
+#: A rest point is near trim within this part of the box: V* there is 1 % of that on its edge.
+NEAR_REST = 0.1
 #: Kinds of checks that the first line speaks of anyway; another one that fails is named there.
-_IN_THE_FACTS = ("error", "stability", "game loop")
+_IN_THE_FACTS = ("error", "rest", "stability", "game loop")
 #: CasADi folds constants when an expression is built, before it is bounded.
 _PROVED = "proved as simplified"
 Grade = Literal["exact", "near", "fail"]
@@ -155,7 +157,7 @@ class Verdict(Checked, Result, Reported):
 
     critic: what was judged.
     exact: the certified solution that it was compared with.
-    checks: with their kind: error, stability, cost, gain or data.
+    checks: with their kind: error, rest, stability, cost, gain or data.
     limit: of the errors.
     reason: the mistake recognized, or "".
     cost_lost: against the optimum, at most, percent.
@@ -224,15 +226,18 @@ class Verdict(Checked, Result, Reported):
     @property
     def grade(self) -> Grade:
         """ "exact" where every check holds; "near" where errors alone are too large, the loop is
-        stable and the cost lost at most `NEAR`; else "fail"."""
+        stable, comes to rest within `NEAR_REST` and loses at most `NEAR`; else "fail"."""
         if self.ok:
             return "exact"
-        only_errors = all(check.kind == "error" for check in self.checks if not check.ok)
-        return "near" if only_errors and self.cost_lost <= NEAR else "fail"
+        for check in self.checks:
+            is_small = check.kind == "error" or (check.kind == "rest" and check.value <= NEAR_REST)
+            if not (check.ok or is_small):
+                return "fail"
+        return "near" if self.cost_lost <= NEAR else "fail"
 
     def headline(self, limit_cost: float | None = None) -> str:
-        """Pass, near or fail, exact or not, stabilizing or not, cost lost and L2 gain, in at most
-        100 columns."""
+        """Pass, near or fail on the linear game, the cost lost, exact or not, stabilizing or not,
+        the rest point and the L2 gain, as far as 100 columns hold them."""
         failed = [check for check in self.checks if not check.ok]
         decided = ""
         if limit_cost is not None:
@@ -240,15 +245,15 @@ class Verdict(Checked, Result, Reported):
         elif failed and not any(check.kind in _IN_THE_FACTS for check in failed):
             decided = f" by {failed[0].name}"
         grade = self.grade_text(limit_cost)
-        line = f"{grade}{decided}: {self._exactness(failed)}"
-        facts = ["stabilizing" if self.stabilizing else "not stabilizing"]
-        rests = [check.reason for check in failed if check.kind == "rest"]
-        if math.isinf(self.cost_lost):
-            facts += ["cost without bound", *rests]
-        elif self.cost_lost < ROUNDING:
-            facts += [*rests, "no cost lost"]
-        else:
-            facts += [*rests, f"cost lost {self.cost_lost:.2g} %"]
+        line = f"{grade} on the linear game{decided}: {self._cost_text()}"
+        rests = [check for check in failed if check.kind == "rest"]
+        facts = [check.reason for check in rests if check.value > NEAR_REST]
+        if not self.stabilizing:
+            facts.append("not stabilizing")
+        facts.append(self._exactness(failed))
+        if self.stabilizing:
+            facts.append("stabilizing")
+        facts += [check.reason for check in rests if check.value <= NEAR_REST]
         gain = next((check for check in self.checks if check.kind == "gain"), None)
         if gain is not None and math.isfinite(gain.value):
             facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
@@ -256,6 +261,14 @@ class Verdict(Checked, Result, Reported):
             if len(line) + len(fact) + 2 <= _FIRST_LINE:
                 line += f", {fact}"
         return line
+
+    def _cost_text(self) -> str:
+        """The cost lost, in words."""
+        if math.isinf(self.cost_lost):
+            return "cost without bound"
+        if self.cost_lost < ROUNDING:
+            return "no cost lost"
+        return f"cost lost {self.cost_lost:.2g} %"
 
     def grade_text(self, limit_cost: float | None = None) -> str:
         """PASS, near or FAIL; with a limit of the cost, percent, PASS or FAIL."""

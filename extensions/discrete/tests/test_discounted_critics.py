@@ -75,7 +75,7 @@ def test_the_command_compares_with_the_problem_that_is_given_and_never_guesses(g
     problem = ("--discount", str(DISCOUNT), "--dt", str(DT))
     data = answer(*words, *problem)
     assert (data["ok"], data["schema"], data["dt"]) == (True, "hfa.discounted-check/1", DT)
-    assert hfa(*words, *problem).out.startswith("PASS: exact within 1e-06, stabilizing, ")
+    assert hfa(*words, *problem).out.startswith("PASS on the linear game: no cost lost, exact within 1e-06, stabilizing")
     assert answer(*words, code=FAILED)["ok"] is False
     result = hfa(*words, *problem[:2])
     assert result.code == BAD_INPUT
@@ -87,7 +87,7 @@ def test_an_exact_discounted_critic_that_does_not_stabilize_is_exact_and_fails()
     game = game_at(20.0)
     exact = solve_discounted(game, 0.95, 0.005)
     verdict = check_discounted(game, from_value(game, exact.P), 0.95, 0.005)
-    assert verdict.headline().startswith("FAIL: exact within 1e-06, not stabilizing")
+    assert "not stabilizing, exact within 1e-06" in verdict.headline()
     assert failed_names(verdict.checks) == {"control_loop_radius"}
     assert verdict.value_of("control_loop_radius") == pytest.approx(1.00003, abs=3e-6)
     assert verdict.value_of("discounted_loop_radius") == pytest.approx(
@@ -108,5 +108,5 @@ def test_a_verdict_in_discrete_time_is_printed() -> None:
     game = Game([[0.9]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
     exact = solve_discounted(game, 0.9)
     verdict = check_discounted(game, from_value(game, exact.P), 0.9)
-    assert str(verdict).startswith("PASS: exact within 1e-06, stabilizing")
+    assert str(verdict).startswith("PASS on the linear game: no cost lost, exact within 1e-06")
     assert "A - B K" in str(check_discounted(game, from_gain(game, [[-1.0]]), 0.9))

@@ -212,7 +212,7 @@ def test_the_command_says_how_a_network_was_read_on_a_discrete_plant() -> None:
     right = hfa(*words, torch_file("right.pt", {"weight": -exact.K}))
     assert right.code == DONE
     assert right.out.startswith(
-        "PASS: no error above 1e-06 in the box, proved as simplified, stabilizing"
+        "PASS on the linear game: no cost lost, no error above 1e-06 in the box, proved as simplified"
     )
     assert "Read: network right.pt: policy 2 -> 1" in right.out
     shifted = torch_file("shifted.pt", {"weight": -exact.K, "bias": np.array([0.2])})

@@ -92,6 +92,19 @@ def test_an_actor_with_a_constant_is_stable_and_rests_off_trim(game: Game) -> No
     assert data["cost_lost_flown_percent"] == pytest.approx(0.0, abs=1e-9)
     assert data["reach"] == 16.0
     headline = verdict.headline()
-    assert "stabilizing, rests off trim (" in headline
+    assert verdict.grade == "fail"
+    assert "no cost lost, equilibrium 0." in headline
     assert "without bound" not in headline
     assert verdict.reason == "it is right but for a constant in u"
+
+
+def test_a_bias_of_rounding_costs_what_it_costs(game: Game) -> None:
+    """A rest point a millionth of the box off trim is one more error: the cost decides the grade,
+    and stands first."""
+    offset = 1e-6 * np.abs(gain(game)) @ BOX
+    critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
+    verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))
+    assert "rest_point" in failed_names(verdict.checks)
+    assert verdict.grade == "near"
+    assert verdict.headline().startswith("near on the linear game: no cost lost, not exact (")
+    assert "boxes off trim" in verdict.headline()

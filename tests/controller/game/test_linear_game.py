@@ -26,6 +26,13 @@ def test_weights_by_name_are_diagonals_and_the_names_stay(linear: LinearModel) -
     assert np.array_equal(game.E, np.eye(6))
 
 
+def test_a_list_of_weights_is_a_diagonal(linear: LinearModel) -> None:
+    game = hfa.game(linear, Q=[1, 2, 3, 4, 5, 6], R=np.full(5, 2.0))
+    assert np.array_equal(game.Q, np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]))
+    assert np.array_equal(game.R, 2.0 * np.eye(5))
+    assert hfa.Game(game.A, game.B, game.E, [1, 0, 0, 0, 0, 0], [1] * 5, 300.0).Q[0, 0] == 1.0
+
+
 def test_without_weights_a_nominal_deviation_costs_one(linear: LinearModel) -> None:
     nominal = np.array([linear.point.model.states[name].nominal for name in linear.states])
     assert np.diag(hfa.game(linear).Q) * nominal**2 == pytest.approx(np.ones(6), rel=1e-15)
@@ -44,6 +51,7 @@ def test_the_disturbances_of_the_model_are_those_of_the_game() -> None:
         ({"Q": {"speed": "1"}}, "Q of speed is '1'; give a number"),
         ({"R": {"throttle": 1.0}}, "R has no weight on aileron_center"),
         ({"Q": np.eye(5)}, "Q is 5 x 5"),
+        ({"Q": [1.0, "2"]}, "the diagonal of Q does not consist of"),
     ],
 )
 def test_a_weight_that_does_not_fit_is_named(

@@ -207,8 +207,13 @@ def test_wrong_shapes_numbers_that_are_not_real_and_a_game_without_a_solution_ar
                 make(game, wrong)
     with pytest.raises(NoSolutionError, match="delta_min"):
         check_critic(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
-    with pytest.raises(BadInputError, match=r"critic is an array of shape .* made by from_gain"):
-        check_critic(game, np.zeros((5, 6)))  # type: ignore[arg-type]
+    with pytest.raises(BadInputError, match="K is 6 x 5.*give its transpose"):
+        check_critic(game, np.zeros((6, 5)))
+
+
+def test_an_array_is_the_gain_of_a_critic(game: Game) -> None:
+    assert check_critic(game, gain(game)).ok
+    assert check_critic(game, (1.01 * gain(game)).tolist()).grade == "near"
 
 
 def test_a_limit_and_a_constant_that_are_no_numbers_are_named(game: Game) -> None:

@@ -337,9 +337,9 @@ def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
 def rest_check(rest: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
     """Whether the loop comes to rest at trim."""
     if rest is None:
-        return at_most("rest_point", math.inf, limit, "no rest point near trim", kind="rest")
+        return at_most("rest_point", math.inf, limit, "no equilibrium near trim", kind="rest")
     distance = float((np.abs(rest) / b).max())
-    reason = f"rests off trim ({distance:.2g} boxes)"
+    reason = f"equilibrium {distance:.2g} boxes off trim"
     return at_most("rest_point", distance, limit, reason, kind="rest")
 
 
