@@ -26,9 +26,10 @@ def game(
     """J = ∫ z'Qz + u'Ru - δ² d'd dt on z' = A z + B u + E d, with the names of the linear model.
 
     linear: A and B, and its names and units
-    Q: (n, n), or its diagonal, (n,), or state -> its weight, 0 for states that are not named; 1/nominal² on the diagonal
-        unless given
-    R: (m, m), or its diagonal, (m,), or input -> its weight, of every input; 1/nominal² on the diagonal unless given
+    Q: (n, n), or its diagonal, (n,), or state -> its weight, 0 for states that are not named;
+        1/nominal² on the diagonal unless given
+    R: (m, m), or its diagonal, (m,), or input -> its weight, of every input; 1/nominal² on the
+        diagonal unless given
     delta: > 0; inf for LQR, without a disturbance
     E: (n, k), how the disturbance acts; unless given that of the model's own disturbances, and the
         identity where it has none

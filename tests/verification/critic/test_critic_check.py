@@ -207,7 +207,7 @@ def test_wrong_shapes_numbers_that_are_not_real_and_a_game_without_a_solution_ar
                 make(game, wrong)
     with pytest.raises(NoSolutionError, match="delta_min"):
         check_critic(game.with_delta(50.0), from_gain(game, np.zeros((5, 6))))
-    with pytest.raises(BadInputError, match="K is 6 x 5.*give its transpose"):
+    with pytest.raises(BadInputError, match=r"K is 6 x 5.*give its transpose"):
         check_critic(game, np.zeros((6, 5)))
 
 
