@@ -1,0 +1,66 @@
+"""The entries of a table of derivatives: names, units, and which of them are required."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+#: Name -> unit in the two systems of `units`. Numbers without a unit are "1", angles "rad".
+GEOMETRY = {"wing_area": ("ft^2", "m^2"), "span": ("ft", "m"), "chord": ("ft", "m")}
+INERTIA = dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixz"), ("slug ft^2", "kg m^2"))
+MASS = {"mass": ("slug", "kg"), "weight": ("lbf", "N")}
+CONDITION = {"speed": ("ft/s", "m/s"), "altitude": ("ft", "m"), "alpha": ("rad", "rad")}
+THRUST = {"thrust_angle": ("rad", "rad"), "thrust_height": ("ft", "m")}
+UNITS = GEOMETRY | INERTIA | MASS | CONDITION | THRUST
+#: Entries without which there is no aircraft; of mass and weight one is given.
+REQUIRED = (*GEOMETRY, "Ixx", "Iyy", "Izz", "speed", "CL_0", "CD_0", "CL_alpha", "Cm_alpha")
+
+#: The coefficients of lift, drag, side force, rolling, pitching and yawing moment.
+COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
+#: What a coefficient depends on beside the control surfaces: suffix -> is an angle.
+ARGUMENTS = {
+    "0": False,
+    "alpha": True,
+    "beta": True,
+    "p": False,
+    "q": False,
+    "r": False,
+    "alphadot": False,
+    "mach": False,
+}
+#: Induced drag: C_D grows by this times the square of C_L.
+INDUCED = "CD_CL2"
+#: The input that is a force along the thrust line, not a control surface.
+THRUST_INPUT = "thrust"
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """One derivative of a coefficient, CL_alpha.
+
+    coefficient: CL. argument: alpha, or the name of a control surface.
+    is_by_angle: whether it is per unit of an angle, and not of a number.
+    """
+
+    coefficient: str
+    argument: str
+    is_by_angle: bool
+
+
+def derivative_of(name: str, surfaces: Iterable[str]) -> Derivative | None:
+    """The derivative that a name means, None where it means none.
+
+    surfaces: names of the control surfaces
+    """
+    if name == INDUCED:
+        return Derivative("CD", "CL2", False)
+    match = re.fullmatch(rf"({'|'.join(COEFFICIENTS)})_(\w+)", name)
+    if match is None:
+        return None
+    coefficient, argument = match.groups()
+    if argument in ARGUMENTS:
+        return Derivative(coefficient, argument, ARGUMENTS[argument])
+    if argument in surfaces:
+        return Derivative(coefficient, argument, True)
+    return None

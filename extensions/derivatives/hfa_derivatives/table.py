@@ -1,0 +1,279 @@
+"""A table of derivatives from a TOML or CSV file or a dictionary: entries by name, with units."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import hashlib
+import io
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hfa_derivatives.names import (
+    ARGUMENTS,
+    COEFFICIENTS,
+    INDUCED,
+    REQUIRED,
+    THRUST_INPUT,
+    UNITS,
+    Derivative,
+    derivative_of,
+)
+from hfa_support.errors import BadInputError, shortened, shown
+from hfa_support.files import LARGEST_TEXT, read_toml, regular_file
+from hfa_support.units import SYSTEMS, conversion, si_unit
+
+#: Entries that are text: name -> its allowed values; None where any text may stand.
+_TEXTS: dict[str, tuple[str, ...] | None] = {
+    "name": None,
+    "source": None,
+    "units": SYSTEMS,
+    "per": ("rad", "deg"),
+}
+_ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What a table holds under a name: a number, a text with a unit, or two of them; and where."""
+
+    value: Any
+    where: str
+
+    def error(self, message: str) -> BadInputError:
+        """An error that names the place of the entry."""
+        return BadInputError(f"{self.where}: {message}")
+
+
+@dataclass(frozen=True)
+class Table:
+    """The checked table of an aircraft, in its own system of units, angles in rad.
+
+    name: of the aircraft.
+    system: "english" or "si".
+    source: the file and its hash.
+    values: geometry, mass or weight, condition and thrust line by name.
+    derivatives: name -> value per rad.
+    meanings: name -> the derivative that it means.
+    surfaces: control surface -> its limits, rad.
+    thrust: its limits.
+    """
+
+    name: str
+    system: str
+    source: tuple[str, str]
+    values: Mapping[str, float]
+    derivatives: Mapping[str, float]
+    meanings: Mapping[str, Derivative]
+    surfaces: Mapping[str, tuple[float, float]]
+    thrust: tuple[float, float]
+
+    def unit(self, name: str) -> str:
+        """The unit of an entry that is no derivative."""
+        return _unit(name, self.system)
+
+
+def read_table(path: str) -> Table:
+    """The table of a TOML file, or of a CSV file with rows name, value, unit.
+
+    BadInputError names the entry and its row.
+    """
+    try:
+        content = regular_file(path, LARGEST_TEXT).read_bytes()
+        entries = _rows(path, content) if path.endswith(".csv") else _of_toml(path)
+    except OSError as error:
+        raise BadInputError(f"{path} cannot be read ({error.strerror}); give a file") from error
+    return _checked(entries, (path, hashlib.sha256(content).hexdigest()), Path(path).stem)
+
+
+def table_of(values: Mapping[str, Any]) -> Table:
+    """The table of a dictionary, whose groups are dictionaries or left out. BadInputError names the
+    entry."""
+    return _checked(dict(_flat(values, "the table")), ("", ""), "aircraft")
+
+
+def _of_toml(path: str) -> dict[str, Entry]:
+    """The entries of a TOML file, those of its groups included."""
+    return dict(_flat(read_toml(path), path))
+
+
+def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
+    """The entries of nested dictionaries. BadInputError where two groups hold one name."""
+    seen: set[str] = set()
+    for key, value in values.items():
+        inner = value if isinstance(value, Mapping) else {key: value}
+        place = f"{where}, [{key}]" if isinstance(value, Mapping) else where
+        for name, held in inner.items():
+            if name in seen:
+                raise BadInputError(f"{place}: {shown(name)} is given twice; leave one out")
+            seen.add(name)
+            yield name, Entry(held, place)
+
+
+def _rows(path: str, content: bytes) -> dict[str, Entry]:
+    """The entries of a CSV file: name, value, unit; limits are written low:high."""
+    try:
+        rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig"))))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise BadInputError(f"{path}: is not a CSV file ({error}); save it as UTF-8") from error
+    entries: dict[str, Entry] = {}
+    for number, row in enumerate(rows, start=1):
+        cells = [cell.strip() for cell in row]
+        if not any(cells) or cells[0].startswith("#") or (number == 1 and cells[0] == "name"):
+            continue
+        where = f"{path}, row {number}"
+        if len(cells) < 2 or not cells[1]:
+            raise BadInputError(f"{where}: {shown(cells[0])} has no value; write name,value,unit")
+        if cells[0] in entries:
+            raise BadInputError(f"{where}: {shown(cells[0])} is given twice; leave one out")
+        unit = f" {cells[2]}" if len(cells) > 2 and cells[2] else ""
+        values = [f"{value.strip()}{unit}" for value in cells[1].split(":")]
+        entries[cells[0]] = Entry(values if len(values) > 1 else values[0], where)
+    return entries
+
+
+def _checked(entries: dict[str, Entry], source: tuple[str, str], stem: str) -> Table:
+    """The table of all entries."""
+    texts = {name: _text(name, entries) for name in _TEXTS}
+    system = texts["units"] or "si"
+    pairs = {name: each for name, each in entries.items() if isinstance(each.value, list | tuple)}
+    limits = {name: _limits(name, each, system) for name, each in pairs.items()}
+    thrust = limits.pop(THRUST_INPUT, (0.0, math.inf))
+    numbers = {
+        name: each for name, each in entries.items() if name not in pairs and name not in _TEXTS
+    }
+    values: dict[str, float] = {}
+    derivatives: dict[str, float] = {}
+    meanings: dict[str, Derivative] = {}
+    per = _ANGLES[texts["per"] or "rad"]
+    for name, entry in numbers.items():
+        meaning = derivative_of(name, limits)
+        if name in UNITS:
+            values[name] = _number(name, entry, _unit(name, system))
+        elif meaning is not None:
+            value = _number(name, entry, "1")
+            derivatives[name] = value / per if meaning.is_by_angle else value
+            meanings[name] = meaning
+        else:
+            raise _unknown(name, entry, limits)
+    _refuse_missing(values, derivatives, source[0] or "the table")
+    _refuse_sizes(values, entries)
+    name = texts["name"] or stem
+    return Table(name, system, source, values, derivatives, meanings, limits, thrust)
+
+
+def _text(name: str, entries: Mapping[str, Entry]) -> str:
+    """A text of the table, "" where it is not given."""
+    if name not in entries:
+        return ""
+    entry = entries[name]
+    allowed = _TEXTS[name]
+    if not isinstance(entry.value, str):
+        raise entry.error(f"{name} is {shown(entry.value)}; give a text")
+    if allowed is not None and entry.value not in allowed:
+        known = " or ".join(allowed)
+        raise entry.error(f"{name} is {shown(entry.value)}; use {known}")
+    return entry.value
+
+
+def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
+    """Lowest and highest value of an input: of a control surface in rad, of the thrust a force."""
+    unit = "rad"
+    if name == THRUST_INPUT:
+        unit = "lbf" if system == "english" else "N"
+    if not name.isidentifier() or name in UNITS or len(entry.value) != 2:
+        raise entry.error(
+            f"{shown(name)} = {shown(entry.value)}: only limits of an input are two values; give"
+            " one"
+        )
+    low, high = (_number(name, Entry(value, entry.where), unit) for value in entry.value)
+    if low >= high:
+        raise entry.error(f"{name}: its lowest value is not below its highest; exchange them")
+    return low, high
+
+
+def _number(name: str, entry: Entry, unit: str) -> float:
+    """The value of an entry in a unit; a number without a unit is in it."""
+    value: Any = entry.value
+    stated = ""
+    if isinstance(value, str):
+        match = re.fullmatch(r"\s*([-+.\deE]+)\s*(.*?)\s*", value)
+        if match is None:
+            raise entry.error(f"{name} is {shown(value)}; give a number with or without its unit")
+        stated = match[2]
+        value = _float(match[1])
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise entry.error(f"{name} is {shown(entry.value)}; give a finite number")
+    return float(value) * _factor(name, entry, stated, unit)
+
+
+def _float(text: str) -> float:
+    """The number that a text is, NaN where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
+    """By what a value in the stated unit is multiplied."""
+    if not stated:
+        return 1.0
+    factor = _ANGLES.get(stated) if unit == "rad" else conversion(stated, unit)
+    if factor is None:
+        known = " or ".join(_ANGLES) if unit == "rad" else f"{unit} or {si_unit(unit)}"
+        raise entry.error(f"{name} is in {shortened(stated)}; give it in {known}")
+    return factor
+
+
+def _unit(name: str, system: str) -> str:
+    return UNITS[name][SYSTEMS.index(system)]
+
+
+def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputError:
+    """The error of a name that means nothing, with what is near or missing."""
+    arguments = (*ARGUMENTS, *surfaces)
+    derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
+    known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
+    if name in known:
+        return entry.error(f"{name} takes two values, its limits")
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.8)
+    if near:
+        return entry.error(f"unknown entry {shown(name)}; did you mean {near[0]}?")
+    coefficient, _, argument = name.partition("_")
+    if coefficient in COEFFICIENTS and argument.isidentifier():
+        return entry.error(
+            f"{name}: {argument} has no limits, so it is no control surface; give"
+            f' {argument} = ["-25 deg", "25 deg"], or leave the entry out'
+        )
+    return entry.error(
+        f"unknown entry {shown(name)}; use {', '.join(UNITS)}, {', '.join(_TEXTS)}, derivatives"
+        " such as CL_alpha, or limits of an input"
+    )
+
+
+def _refuse_missing(
+    values: Mapping[str, float], derivatives: Mapping[str, float], where: str
+) -> None:
+    """BadInputError where a required entry is missing."""
+    missing = [name for name in REQUIRED if name not in values and name not in derivatives]
+    if "mass" not in values and "weight" not in values:
+        missing.append("mass")
+    if missing:
+        raise BadInputError(f"{where}: {', '.join(missing)} missing; add what the table lacks")
+
+
+def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
+    """BadInputError where a size is not positive or no body has the moments of inertia."""
+    positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
+    for name in positive:
+        if name in values and values[name] <= 0.0:
+            raise entries[name].error(f"{name} is {values[name]:g}; give a positive number")
+    if {"mass", "weight"} <= set(values):
+        raise entries["weight"].error("mass and weight are given; leave one out")
+    if values["Ixx"] * values["Izz"] <= values.get("Ixz", 0.0) ** 2:
+        raise entries["Ixz"].error("no body has these Ixx, Izz and Ixz; correct them")

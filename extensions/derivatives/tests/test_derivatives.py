@@ -1,0 +1,175 @@
+"""Aircraft from tables of derivatives against published modes, other equations and bad tables."""
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import hfa
+from hfa_derivatives.aircraft import from_derivatives
+from trim import find_operating_point, linearize
+
+#: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1, without C_Lq and
+#: with C_nbeta 0.0701, as its examples 4.3 and 5.2 take them.
+NAVION = {
+    "units": "english",
+    "geometry": {"wing_area": 184.0, "span": 33.4, "chord": 5.7},
+    "mass": {"mass": 2750.0 / 32.2, "Ixx": 1048.0, "Iyy": 3000.0, "Izz": 3530.0},
+    "condition": {"speed": 176.0, "altitude": 0.0},
+    "CL_0": 0.41, "CL_alpha": 4.44, "CL_elevator": 0.355,
+    "CD_0": 0.05, "CD_alpha": 0.33,
+    "Cm_alpha": -0.683, "Cm_q": -9.96, "Cm_alphadot": -4.36, "Cm_elevator": -0.923,
+    "CY_beta": -0.564, "CY_rudder": 0.157,
+    "Cl_beta": -0.074, "Cl_p": -0.41, "Cl_r": 0.107, "Cl_aileron": -0.134, "Cl_rudder": 0.0118,
+    "Cn_beta": 0.0701, "Cn_p": -0.0575, "Cn_r": -0.125, "Cn_aileron": 0.0035, "Cn_rudder": -0.072,
+    "thrust": [0.0, 1500.0],
+    "elevator": ["-23 deg", "23 deg"],
+    "aileron": ["-23 deg", "23 deg"],
+    "rudder": ["-23 deg", "23 deg"],
+}  # fmt: skip
+#: Printed in the examples 4.3 and 5.2.
+PRINTED = {
+    "phugoid": -0.0171 + 0.213j,
+    "short period": -2.5 + 2.59j,
+    "spiral": -0.00877,
+    "roll": -8.435,
+    "dutch roll": -0.487 + 2.335j,
+}
+
+
+def linear_model(table, **held):
+    model = from_derivatives(table).with_parameters(**held)
+    return linearize(model, find_operating_point(model))
+
+
+def eigenvalue_near(linear, value):
+    values = np.linalg.eigvals(linear.A)
+    return values[np.argmin(np.abs(values - value))]
+
+
+@pytest.mark.parametrize("mode", PRINTED)
+def test_the_navion_has_its_published_modes(mode):
+    """Within 1 % of the printed eigenvalues; the spiral, a small difference, within 10 %."""
+    printed = PRINTED[mode]
+    found = eigenvalue_near(linear_model(NAVION), printed)
+    assert abs(found - printed) < (0.1 if mode == "spiral" else 0.01) * abs(printed)
+
+
+def test_equations_written_apart_agree():
+    """The example's small-angle equations of the Navion have nearly the same fast modes."""
+    other = hfa.load_model("examples/navion.py:NAVION")
+    theirs = linearize(other, find_operating_point(other))
+    ours = linear_model({**NAVION, "CL_q": 3.8, "Cn_beta": 0.071})
+    for printed in (PRINTED["short period"], PRINTED["roll"], PRINTED["dutch roll"]):
+        found = eigenvalue_near(ours, printed)
+        assert abs(found - eigenvalue_near(theirs, printed)) < 2e-3 * abs(found)
+
+
+def evaluated(model, x, u):
+    """Rates and outputs at numbers."""
+    vectors = [dict(zip(model.states, x, strict=True)), dict(zip(model.inputs, u, strict=True))]
+    vectors.append({name: signal.start for name, signal in model.parameters.items()})
+    rates, outputs = model.equations(*(SimpleNamespace(**each) for each in vectors), None)
+    both = ({name: float(value) for name, value in each.items()} for each in (rates, outputs))
+    return tuple(both)
+
+
+def load_factor(rates, x):
+    """-(w' + p v - q u - g cos(pitch) cos(roll)) / g, of the rates of speed, alpha and beta."""
+    gravity = 9.80665 / 0.3048
+    speed, alpha, beta, p, q, _, roll, pitch = x[:8]
+    u = speed * math.cos(alpha) * math.cos(beta)
+    v = speed * math.sin(beta)
+    w_rate = (
+        rates["speed"] * math.cos(beta) * math.sin(alpha)
+        + speed * math.cos(beta) * math.cos(alpha) * rates["alpha"]
+        - speed * math.sin(beta) * math.sin(alpha) * rates["beta"]
+    )
+    weight = gravity * math.cos(pitch) * math.cos(roll)
+    return -(w_rate + p * v - q * u - weight) / gravity
+
+
+def test_lift_by_the_rate_of_alpha_is_solved_for():
+    """The rate of alpha and the lift that it causes satisfy both equations between them."""
+    x = [170.0, 0.1, 0.02, 0.1, 0.2, -0.1, 0.3, 0.2, 0.0, 100.0]
+    u = [300.0, 0.05, 0.0, 0.0]
+    rates, outputs = evaluated(from_derivatives({**NAVION, "CL_alphadot": 30.0}), x, u)
+    _, without = evaluated(from_derivatives(NAVION), x, u)
+    caused = outputs["lift_coefficient"] - without["lift_coefficient"]
+    assert caused == pytest.approx(30.0 * rates["alpha"] * 5.7 / (2.0 * x[0]), rel=1e-12)
+    assert load_factor(rates, x) == pytest.approx(outputs["load_factor"], rel=1e-12)
+
+
+def test_units_do_not_change_the_aircraft():
+    """The Navion in SI units has the same eigenvalues."""
+    slug = 0.45359237 * 9.80665 / 0.3048
+    inertias = {"Ixx": "1048 slug ft^2", "Iyy": "3000 slug ft^2", "Izz": "3530 slug ft^2"}
+    metric = {
+        **NAVION,
+        "units": "si",
+        "geometry": {"wing_area": "184 ft^2", "span": "33.4 ft", "chord": 5.7 * 0.3048},
+        "mass": {"mass": 2750.0 / 32.2 * slug, **inertias},
+        "condition": {"speed": "176 ft/s", "altitude": 0.0},
+        "thrust": ["0 lbf", "1500 lbf"],
+    }
+    ours = np.sort_complex(np.linalg.eigvals(linear_model(NAVION).A))
+    theirs = np.sort_complex(np.linalg.eigvals(linear_model(metric).A))
+    np.testing.assert_allclose(theirs, ours, rtol=1e-6)
+
+
+def test_a_spreadsheet_is_the_same_aircraft(folder):
+    """A CSV file has rows name, value, unit; here with derivatives per degree."""
+    flat = {name: value for name, value in NAVION.items() if not isinstance(value, dict)}
+    for group in ("geometry", "mass", "condition"):
+        flat |= NAVION[group]
+    by_angle = ("alpha", "beta", "elevator", "aileron", "rudder")
+    rows = ["name,value,unit", "per,deg"]
+    for name, value in flat.items():
+        if isinstance(value, list):
+            low, high = (str(each).removesuffix(" deg") for each in value)
+            rows.append(f"{name},{low}:{high},{'lbf' if name == 'thrust' else 'deg'}")
+        elif name.partition("_")[2] in by_angle:
+            rows.append(f"{name},{math.radians(value)!r}")
+        else:
+            rows.append(f"{name},{value}")
+    Path("navion.csv").write_text("\n".join(rows))
+    np.testing.assert_allclose(linear_model("navion.csv").A, linear_model(NAVION).A, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"Cm_aplha": -0.6}, "did you mean Cm_alpha"),
+        ({"Cm_flap": 0.1}, "flap has no limits"),
+        ({"CL_alpha": "steep"}, "CL_alpha is 'steep'; give a number"),
+        ({"CL_alpha": math.nan}, "give a finite number"),
+        ({"CL_alpha": True}, "give a finite number"),
+        ({"elevator": [1.0, -1.0]}, "lowest value is not below its highest"),
+        ({"elevator": ["-20 m", "20 m"]}, "in m; give it in rad or deg"),
+        ({"geometry": {"span": 33.4, "chord": 5.7}}, "wing_area missing"),
+        ({"mass": {"mass": -1.0, "Ixx": 1.0, "Iyy": 1.0, "Izz": 1.0}}, "give a positive number"),
+        ({"Ixz": 1e6}, "no body has these"),
+        ({"weight": 2750.0}, "mass and weight are given"),
+        ({"per": "turn"}, "use rad or deg"),
+        ({"span": 30.0}, "'span' is given twice"),
+    ],
+)
+def test_a_bad_entry_is_named(change, message):
+    with pytest.raises(hfa.BadInputError, match="the table") as caught:
+        from_derivatives({**NAVION, **change})
+    assert message in str(caught.value)
+
+
+def test_a_bad_row_is_named(folder):
+    Path("uav.csv").write_text("units,si\nwing_area,0.5,s\n")
+    with pytest.raises(hfa.BadInputError, match=r"uav.csv, row 2: wing_area is in s; give it in"):
+        from_derivatives("uav.csv")
+
+
+def test_another_mass_is_another_trim():
+    """Mass, inertias and derivatives are parameters."""
+    light = linear_model("examples/uav.toml")
+    heavy = linear_model("examples/uav.toml", mass=20.0)
+    assert heavy.point.states.alpha > light.point.states.alpha + 0.02
