@@ -18,7 +18,7 @@ from hfa_jsbsim.aircraft import Equations
 from hfa_jsbsim.catalog import access, of_component, without_numbers
 from hfa_jsbsim.control_system import KINDS
 from hfa_jsbsim.parts import Parts
-from hfa_jsbsim.properties import Writer
+from hfa_jsbsim.properties import Writer, is_constant
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
@@ -175,7 +175,11 @@ def _of_writers(equations: Equations) -> list[str]:
         if reason:
             notes.append(f"{mine[-1].where}: {shortened(name)} is set; {reason}")
             continue
-        if not (name in properties.asked or without_numbers(name).startswith(_IDLE)):
+        if of_component(name):
+            if not all(_is_zero(writer) for writer in mine):
+                fault = f"{shortened(name)} is set; failures and limits of components are not read"
+                raise _refusal(mine[-1], fault)
+        elif not (name in properties.asked or without_numbers(name).startswith(_IDLE)):
             raise _refusal(
                 mine[-1], f"{shortened(name)} is JSBSim's own; that it is set is not read"
             )
@@ -185,6 +189,12 @@ def _of_writers(equations: Equations) -> list[str]:
                 " before this is the pilot's"
             )
     return notes
+
+
+def _is_zero(writer: Writer) -> bool:
+    """Whether what is set is the number 0, which changes nothing."""
+    value = writer.compute()
+    return is_constant(value) and float(value) == 0.0
 
 
 def _of_prefix(name: str, reasons: dict[str, str]) -> str:

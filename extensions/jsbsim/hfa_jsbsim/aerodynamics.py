@@ -7,6 +7,7 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.rigid_body import wind_axes
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Metrics
 from hfa_jsbsim.functions import function_value
@@ -14,11 +15,18 @@ from hfa_jsbsim.properties import Properties, Writer
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 
-_AXES = ("DRAG", "SIDE", "LIFT", "ROLL", "PITCH", "YAW")
+#: Axis -> the component of force (0 to 2) or moment (3 to 5) that its functions add to.
+_COMPONENTS = {
+    **{"DRAG": 0, "AXIAL": 0, "X": 0, "SIDE": 1, "Y": 1, "LIFT": 2, "NORMAL": 2, "Z": 2},
+    **{"ROLL": 3, "PITCH": 4, "YAW": 5},
+}
+#: Axes of force whose name alone fixes their frame.
+_FRAMES = {"DRAG": "WIND", "LIFT": "WIND", "AXIAL": "AXIAL", "NORMAL": "AXIAL"}
 
 
 class Aerodynamics:
-    """Functions along the axes of wind (DRAG, SIDE, LIFT) and body (ROLL, PITCH, YAW)."""
+    """Functions along the axes of force (DRAG, SIDE, LIFT; AXIAL, SIDE, NORMAL; X, Y, Z) and moment
+    (ROLL, PITCH, YAW), of the frame that the first of them chooses."""
 
     def __init__(
         self,
@@ -43,11 +51,12 @@ class Aerodynamics:
         self._motion = motion
         self.hysteresis = ""
         self._functions = _functions_along_axes(element)
+        self._force_frame, self._moment_frame = _frames(element)
         self._define_stall()
         where = element.where if element else ""
         computed = {
             "aero/cl-squared": self._lift_squared,
-            "forces/load-factor": lambda: self._sum("LIFT") / body.mass.weight,
+            "forces/load-factor": lambda: self._lift() / body.mass.weight,
         }
         for name, compute in computed.items():
             properties.compute(name, Writer(compute, where))
@@ -87,47 +96,98 @@ class Aerodynamics:
         factor = 1.0 if unit == "RAD" else element.factor(unit, "RAD")
         return {name: element.need(name).number() * factor for name in ("min", "max")}
 
-    def _sum(self, axis: str) -> Any:
-        """The sum of the functions along an axis."""
+    def _sum(self, component: int, at_center: bool) -> ca.SX:
+        """The sum of the functions of a component of force or moment: of those that act at the
+        center of gravity, or of the others."""
         total = ca.SX(0.0)
-        for function in self._functions.get(axis, ()):
-            total = total + function_value(function, self._properties)
+        for function in self._functions.get(component, ()):
+            if _acts_at_center(function) == at_center:
+                total = total + function_value(function, self._properties)
         return total
 
+    def _to_body(self, frame: str) -> ca.SX:
+        """(3, 3): body axes from those of a frame."""
+        if frame == "WIND":
+            return self._motion.wind_to_body
+        if frame == "STABILITY":
+            return wind_axes(self._motion.alpha, 0.0)
+        return ca.SX.eye(3)
+
+    def _force(self, at_center: bool) -> ca.SX:
+        """Force in body axes, lb: at the reference point, or at the center of gravity.
+
+        Along all axes but those of the body, drag and lift are positive aft and up.
+        """
+        sums = ca.vertcat(*(self._sum(component, at_center) for component in range(3)))
+        if self._force_frame != "BODY":
+            sums = ca.vertcat(-sums[0], sums[1], -sums[2])
+        return ca.mtimes(self._to_body(self._force_frame), sums)
+
+    def _lift(self) -> Any:
+        """Lift, lb: the force across the wind, upwards."""
+        if self._force_frame == "WIND":
+            return self._sum(2, at_center=False) + self._sum(2, at_center=True)
+        force = self._force(False) + self._force(True)
+        return -ca.dot(self._motion.wind_to_body[:, 2], force)
+
     def _lift_squared(self) -> Any:
-        """(LIFT / (q S))^2."""
-        return (self._sum("LIFT") / (self._motion.pressure_head * self._wings.area)) ** 2
+        """(lift / (q S))^2."""
+        return (self._lift() / (self._motion.pressure_head * self._wings.area)) ** 2
 
     def loads(self) -> tuple[ca.SX, ca.SX]:
         """Force, lb, and moment about the center of gravity, ft lb, in body axes."""
-        drag, side, lift, *moments = (self._sum(axis) for axis in _AXES)
-        force = ca.mtimes(self._motion.wind_to_body, ca.vertcat(-drag, side, -lift))
+        force = self._force(at_center=False)
+        sums = ca.vertcat(*(self._sum(component, at_center=False) for component in range(3, 6)))
+        moment = ca.mtimes(self._to_body(self._moment_frame), sums)
         where = self.element.where if self.element else ""
         arm = self._body.mass.arm(self._body.reference_point(where))
         shift = None if self.element is None else self.element.find("aero_ref_pt_shift_x")
         if shift is not None:
             back = function_value(shift.need("function"), self._properties) * self._wings.chord
             arm = arm - ca.vertcat(back, 0.0, 0.0)
-        return force, ca.vertcat(*moments) + ca.cross(arm, force)
+        return force + self._force(at_center=True), moment + ca.cross(arm, force)
 
 
-def _functions_along_axes(element: Element | None) -> dict[str, list[Element]]:
-    """The functions of each <axis>, by its name; a second axis of one name replaces the first,
-    which is then left out. BadInputError for an axis or a function that is not read."""
-    functions: dict[str, list[Element]] = {}
+def _acts_at_center(function: Element) -> bool:
+    """Whether a function acts at the center of gravity, in place of the reference point."""
+    return bool(function.attributes.get("apply_at_cg") == "true")
+
+
+def _frames(element: Element | None) -> tuple[str, str]:
+    """The frames of force (WIND, BODY, AXIAL, STABILITY) and moment (BODY, STABILITY, WIND): the
+    first axis that chooses one does. BadInputError for a frame that does not exist."""
+    chosen = {"force": "", "moment": ""}
+    for axis in element.children if element else ():
+        if axis.name != "axis":
+            continue
+        name = axis.attributes.get("name", "")
+        frame = axis.attributes.get("frame") or "BODY"
+        if name in _FRAMES or name == "SIDE":
+            frame = _FRAMES.get(name, "")
+        elif frame not in ("BODY", "STABILITY", "WIND"):
+            raise axis.error(f"{shortened(frame)} is no frame; use BODY, STABILITY or WIND")
+        kind = "moment" if _COMPONENTS[name] > 2 else "force"
+        chosen[kind] = chosen[kind] or frame
+    return chosen["force"] or "WIND", chosen["moment"] or "BODY"
+
+
+def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
+    """The functions of each component of force and moment; a second axis of one component replaces
+    the first, which is then left out. BadInputError for an axis that does not exist."""
+    functions: dict[int, list[Element]] = {}
     if element is None:
         return functions
-    axes: dict[str, Element] = {}
+    axes: dict[int, Element] = {}
     for axis in element.all("axis"):
         name = axis.attributes.get("name", "")
-        if name not in _AXES or "frame" in axis.attributes:
-            fault = f"the axis {shortened(name)} is not read"
-            raise axis.error(f"{fault}; use {', '.join(_AXES)} without a frame")
-        functions[name] = list(axis.all("function"))
-        for function in functions[name]:
-            if function.attributes.get("apply_at_cg") == "true":
-                raise function.error("apply_at_cg is not read; leave it out")
-        if name in axes:
-            axes[name].taken = False
-        axes[name] = axis
+        if name not in _COMPONENTS:
+            raise axis.error(f"{shortened(name)} is no axis; use {', '.join(_COMPONENTS)}")
+        component = _COMPONENTS[name]
+        functions[component] = list(axis.all("function"))
+        if component > 2:  # JSBSim does not read moments at the center of gravity
+            for function in filter(_acts_at_center, functions[component]):
+                function.taken = False
+        if component in axes:
+            axes[component].taken = False
+        axes[component] = axis
     return functions

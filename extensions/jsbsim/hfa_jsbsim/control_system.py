@@ -149,7 +149,10 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
     if limits.attributes.get("type") == "cyclic":
         raise limits.error("a cyclic <clipto> has no steady value; take it out")
     low, high = (_parameter(limits, name, properties, 0.0) for name in ("min", "max"))
-    return ca.fmin(ca.fmax(ca.SX(value), low), high)
+    clipped = ca.fmin(ca.fmax(ca.SX(value), low), high)
+    if is_constant(low) and is_constant(high):
+        return clipped if float(low) <= float(high) else value
+    return ca.if_else(low <= high, clipped, value)  # JSBSim does not clip between limits exchanged
 
 
 def _parameter(element: Element, name: str, properties: Properties, default: float) -> Any:
@@ -232,7 +235,8 @@ def _beyond(value: Any, width: Any) -> Any:
     """What a value exceeds half a width by."""
     half = 0.5 * width
     value = ca.SX(value)
-    return ca.fmax(value - half, 0.0) + ca.fmin(value + half, 0.0)
+    above = ca.if_else(value > half, value - half, 0.0)
+    return ca.if_else(value < -half, value + half, above)
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
@@ -357,13 +361,16 @@ def _switch(component: Element, properties: Properties) -> Any:
     default = component.find("default")
     value: Any = 0.0
     if default is not None:
-        value = properties.value(default.attributes.get("value", "0"), default)
+        if not default.attributes.get("value"):
+            raise default.error("JSBSim ignores a <default> without a value; give one")
+        value = properties.value(default.attributes["value"], default)
     for test in reversed(list(component.all("test"))):
-        test.attributes.get("value")
+        if not test.attributes.get("value"):
+            raise test.error("JSBSim ignores a <test> without a value; give one, or take it out")
         holds = _holds(test, properties)
         if is_constant(holds) and not bool(float(holds)):
             continue
-        of_test = properties.value(test.attributes.get("value", "0"), test)
+        of_test = properties.value(test.attributes["value"], test)
         value = of_test if is_constant(holds) else ca.if_else(holds, of_test, value)
     return value
 
@@ -384,6 +391,9 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
     """Whether the conditions of a <test> hold: all of them, or one of them (logic="OR")."""
     conditions = []
     for line, text in test.lines:
+        if "\t" in text:
+            fault = "JSBSim ignores a <test> with a tab in a condition; write blanks"
+            raise test.error_at(line, fault)
         words = text.split()
         sign = _WORDS.get(words[1], words[1]) if len(words) == 3 else ""
         if sign not in _COMPARISONS:
@@ -483,7 +493,8 @@ def surface_limits(writer: Writer | None) -> tuple[float, float]:
     clip = component.find("clipto")
     try:
         if clip is not None:
-            return _ends(clip)
+            low, high = _ends(clip)
+            return (low, high) if low <= high else (-math.inf, math.inf)
         if component.name == "aerosurface_scale":
             return _ends(component.need("range"))
     except ValueError:  # limits that are properties

@@ -47,13 +47,55 @@ def _switch(index: Any, *values: Any) -> Any:
 
 
 def _interpolate1d(argument: Any, *pairs: Any) -> Any:
-    """Linear between points (x1, y1, x2, y2, ...), whose x increase; constant beyond them."""
-    value = pairs[1]
-    for i in range(0, len(pairs) - 2, 2):
-        start, low, end, high = pairs[i : i + 4]
-        inside = low + (argument - start) * (high - low) / (end - start)
-        value = ca.if_else(argument > start, ca.if_else(argument < end, inside, high), value)
+    """Linear between points (x1, y1, x2, y2, ...); constant beyond the first and the last.
+
+    The interval is found by bisection, as JSBSim does, also where the x do not increase.
+    """
+    points = list(zip(pairs[::2], pairs[1::2], strict=True))
+
+    def between(first: int, last: int) -> Any:
+        if last - first > 1:
+            middle = (first + last) // 2
+            at, value = points[middle]
+            above = ca.if_else(argument > at, between(middle, last), value)
+            return ca.if_else(argument < at, between(first, middle), above)
+        start, low = points[first]
+        end, high = points[last]
+        return low + (argument - start) * (high - low) / (end - start)
+
+    inside = between(0, len(points) - 1)
+    (start, low), (end, high) = points[0], points[-1]
+    return ca.if_else(argument <= start, low, ca.if_else(argument >= end, high, inside))
+
+
+def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A logarithm; minus infinity where its argument is not positive, as in JSBSim."""
+
+    def value(argument: Any) -> Any:
+        positive = argument > 0.0
+        return ca.if_else(positive, function(ca.if_else(positive, argument, 1.0)), -math.inf)
+
     return value
+
+
+def _sqrt(argument: Any) -> Any:
+    """The square root; minus infinity of a negative number, as in JSBSim."""
+    return ca.if_else(argument >= 0.0, ca.sqrt(ca.fabs(argument)), -math.inf)
+
+
+def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """A function of two; infinity where the second argument is 0, as in JSBSim."""
+
+    def value(one: Any, other: Any) -> Any:
+        is_zero = other == 0.0
+        return ca.if_else(is_zero, math.inf, function(one, ca.if_else(is_zero, 1.0, other)))
+
+    return value
+
+
+def _is_true(value: Any) -> Any:
+    """Whether a value counts as true: JSBSim takes less than 1e-9 for false."""
+    return ca.fabs(value) >= _SMALLEST_TRUE
 
 
 def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
@@ -61,6 +103,8 @@ def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     return lambda one, other: ca.if_else(compare(one, other), 1.0, 0.0)
 
 
+#: The smallest magnitude that counts as true.
+_SMALLEST_TRUE = 1e-9
 #: Operation -> its value, the number of arguments (lowest, highest).
 _MANY = 9999
 _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
@@ -70,9 +114,9 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "avg": (lambda *values: _sum(*values) / len(values), 1, _MANY),
     "min": (lambda *values: reduce(ca.fmin, values), 1, _MANY),
     "max": (lambda *values: reduce(ca.fmax, values), 1, _MANY),
-    "quotient": (lambda one, other: one / other, 2, 2),
+    "quotient": (_unless_zero(lambda one, other: one / other), 2, 2),
     "pow": (lambda one, other: one**other, 2, 2),
-    "fmod": (ca.fmod, 2, 2),
+    "fmod": (_unless_zero(ca.fmod), 2, 2),
     "mod": (lambda one, other: ca.fmod(_integer(one), _integer(other)), 2, 2),
     "atan2": (ca.atan2, 2, 2),
     "abs": (ca.fabs, 1, 1),
@@ -83,10 +127,10 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "acos": (ca.acos, 1, 1),
     "atan": (ca.atan, 1, 1),
     "exp": (ca.exp, 1, 1),
-    "ln": (ca.log, 1, 1),
-    "log2": (lambda value: ca.log(value) / math.log(2.0), 1, 1),
-    "log10": (ca.log10, 1, 1),
-    "sqrt": (ca.sqrt, 1, 1),
+    "ln": (_where_positive(ca.log), 1, 1),
+    "log2": (_where_positive(lambda value: ca.log(value) / math.log(2.0)), 1, 1),
+    "log10": (_where_positive(ca.log10), 1, 1),
+    "sqrt": (_sqrt, 1, 1),
     "floor": (ca.floor, 1, 1),
     "ceil": (ca.ceil, 1, 1),
     "integer": (_integer, 1, 1),
@@ -102,17 +146,17 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "eq": (_truth(lambda one, other: one == other), 2, 2),
     "nq": (_truth(lambda one, other: one != other), 2, 2),
     "and": (
-        lambda *values: reduce(ca.fmin, [ca.if_else(v != 0, 1.0, 0.0) for v in values]),
+        lambda *values: reduce(ca.fmin, [ca.if_else(_is_true(v), 1.0, 0.0) for v in values]),
         2,
         _MANY,
     ),
     "or": (
-        lambda *values: reduce(ca.fmax, [ca.if_else(v != 0, 1.0, 0.0) for v in values]),
+        lambda *values: reduce(ca.fmax, [ca.if_else(_is_true(v), 1.0, 0.0) for v in values]),
         2,
         _MANY,
     ),
-    "not": (lambda value: ca.if_else(value != 0, 0.0, 1.0), 1, 1),
-    "ifthen": (lambda test, one, other: ca.if_else(test != 0, one, other), 3, 3),
+    "not": (lambda value: ca.if_else(_is_true(value), 0.0, 1.0), 1, 1),
+    "ifthen": (lambda test, one, other: ca.if_else(_is_true(test), one, other), 3, 3),
     "switch": (_switch, 2, _MANY),
     "interpolate1d": (_interpolate1d, 5, _MANY),
 }

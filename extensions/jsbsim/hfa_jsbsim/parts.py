@@ -20,7 +20,8 @@ from hfa_support.errors import BadInputError, shortened
 _SYSTEMS = ("system", "autopilot", "flight_control")
 #: All that are read, in the order in which JSBSim loads them.
 LOADED = (
-    *("metrics", "mass_balance", "external_reactions", "buoyant_forces", "propulsion"),
+    *("metrics", "mass_balance", "ground_reactions", "external_reactions", "buoyant_forces"),
+    "propulsion",
     *(*_SYSTEMS, "aerodynamics"),
 )
 

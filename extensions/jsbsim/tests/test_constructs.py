@@ -29,6 +29,20 @@ QUICK = (
     "control: gain, input of another tree",
     "control: property set twice",
     "control: second flight control",
+    "control: gain, clip exchanged",
+    "control: failure, zero",
+    "control: switch, tab in a condition",
+    "control: switch, test without value",
+    "control: deadband, negative width",
+    "control: function in ground_reactions",
+    "functions: ln of a negative number",
+    "functions: sqrt of a negative number",
+    "functions: not of a small number",
+    "functions: interpolate1d, unsorted",
+    "functions: axes AXIAL and NORMAL",
+    "functions: axes X, Y, Z, stability frame",
+    "functions: moments, wind frame",
+    "functions: force at the center of gravity",
 )
 
 
@@ -50,6 +64,20 @@ def test_constructs_that_were_dropped_in_silence_agree_or_are_named(tmp_path):
         "gain, input of another tree": "agrees",
         "property set twice": "agrees",
         "second flight control": "agrees",
+        "gain, clip exchanged": "agrees",
+        "failure, zero": "refused",
+        "switch, tab in a condition": "refused",
+        "switch, test without value": "refused",
+        "deadband, negative width": "agrees",
+        "function in ground_reactions": "agrees",
+        "ln of a negative number": "agrees",
+        "sqrt of a negative number": "agrees",
+        "not of a small number": "agrees",
+        "interpolate1d, unsorted": "agrees",
+        "axes AXIAL and NORMAL": "agrees",
+        "axes X, Y, Z, stability frame": "agrees",
+        "moments, wind frame": "agrees",
+        "force at the center of gravity": "agrees",
     }
 
 

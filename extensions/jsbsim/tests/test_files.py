@@ -78,8 +78,8 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (glider(more="<buoyant_forces/>"), r"glider.xml:\d+: <buoyant_forces> is not read"),
         (
-            glider(LIFT.replace("LIFT", "NORMAL")),
-            r"glider.xml:\d+: the axis NORMAL is not read; use DRAG, SIDE, LIFT, ROLL",
+            glider(LIFT.replace("LIFT", "SPIN")),
+            r"glider.xml:\d+: SPIN is no axis; use DRAG, AXIAL, X, SIDE",
         ),
         (
             glider(force("LIFT", TABLE.format("\n1 2\n"))),

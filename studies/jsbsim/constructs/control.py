@@ -30,6 +30,15 @@ def _switch(test: str, default: str = '<default value="0.2"/>') -> dict[str, str
     return component(f'<switch name="fcs/c"> {default} {test} {_OUT} </switch>')
 
 
+def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
+    """A component whose failure another component sets."""
+    ends = _clip(-0.5, 0.5)
+    probe = f'<{kind} name="fcs/c"> <input>{_STICK}</input> {ends} {_OUT} </{kind}>'
+    writer = f'<fcs_function name="fcs/w"> <function> <v>{value}</v> </function>'
+    writer += f" <output>fcs/c/malfunction/{failure}</output> </fcs_function>"
+    return component(f"{writer} {probe}")
+
+
 def _channel(attributes: str, head: str = "") -> dict[str, str]:
     """A damper in a channel with attributes."""
     damper = f'<pure_gain name="d"> <input>{_Q}</input> <gain>9</gain> {_OUT} </pure_gain>'
@@ -63,6 +72,42 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     ),
     "gain, cyclic clip": _of("pure_gain", f"<gain>4</gain> {_CYCLIC}"),
     "gain, cyclic clip of a number": _of("pure_gain", f"<gain>2</gain> {_CYCLIC}", "0.7"),
+    "gain, clip exchanged": _of("pure_gain", f"<gain>2</gain> {_clip(0.3, -0.2)}"),
+    "gain, clip exchanged by a property": _of(
+        "pure_gain", "<clipto> <min>aero/alpha-rad</min> <max>aero/beta-rad</max> </clipto>"
+    ),
+    "gain, clip to a point": _of("pure_gain", f"<gain>2</gain> {_clip(0.1, 0.1)}"),
+    "actuator, clip exchanged": _of("actuator", _clip(0.3, -0.2)),
+    "failure, zero": _failure("actuator", "fail_zero", 1.0),
+    "failure, hardover": _failure("actuator", "fail_hardover", 1.0),
+    "failure, stuck": _failure("actuator", "fail_stuck", 1.0),
+    "failure, none": _failure("actuator", "fail_zero", 0.0),
+    "failure of a sensor": _failure("sensor", "fail_low", 1.0),
+    "failure by a property": {
+        **_of("actuator", _clip(-0.5, 0.5)),
+        "control": '<property value="1">fcs/c/malfunction/fail_zero</property>',
+    },
+    "switch, tab in a condition": _switch('<test value="0.7"> velocities/vc-kts\tgt 1 </test>'),
+    "switch, tabs around a condition": _switch(
+        '<test value="0.7">\tvelocities/vc-kts gt 1\t</test>'
+    ),
+    "switch, test without value": _switch("<test> velocities/vc-kts gt 1 </test>"),
+    "switch, default without value": _switch(
+        '<test value="0.7"> velocities/vc-kts lt 1 </test>', "<default/>"
+    ),
+    "deadband, negative width": _of("deadband", "<width>-0.4</width>"),
+    "deadband, width of a property": _of("deadband", "<width>aero/beta-rad</width>"),
+    "function in ground_reactions": {
+        "wheels": (
+            '<function name="gear/k"> <product> <v>2</v> <p>aero/alpha-rad</p> </product>'
+            " </function>"
+        ),
+        "pitch": pitching("gear/k"),
+    },
+    "property in ground_reactions": {
+        "wheels": '<property value="0.3">gear/k</property>',
+        "pitch": pitching("gear/k"),
+    },
     "gain, delay": _of("pure_gain", "<gain>2</gain> <delay>0.2</delay>"),
     "gain, delay in frames": _of("pure_gain", '<gain>2</gain> <delay type="frames">3</delay>'),
     "gain, two lines in gain": _of("pure_gain", "<gain>2\n3</gain>"),

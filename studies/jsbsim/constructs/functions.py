@@ -32,6 +32,12 @@ def _axis(name: str, text: str, attributes: str = "") -> dict[str, str]:
     return {"axes": f'<axis name="{name}" {attributes}> {text} </axis>'}
 
 
+def _axes(up: str, along: str, across: str, attributes: str = "") -> dict[str, str]:
+    """The jet's forces along other axes."""
+    names = {"lift_axis": up, "drag_axis": along, "side_axis": across}
+    return {slot: f'name="{name}" {attributes}' for slot, name in names.items()}
+
+
 _OF_TWO = (
     *("sum", "product", "difference", "quotient", "avg", "min", "max", "pow", "fmod", "mod"),
     *("atan2", "lt", "le", "gt", "ge", "eq", "nq", "and", "or"),
@@ -49,6 +55,38 @@ _HYSTERESIS = (
 CONSTRUCTS: dict[str, dict[str, str]] = {
     **{name: _of(name, _A, _V) for name in _OF_TWO},
     **{name: _of(name, f"<sum> {_A} <v>0.4</v> </sum>") for name in _OF_ONE},
+    **{
+        f"{name} of a negative number": _of("max", f"<{name}> <v>-1</v> </{name}>", "<v>-0.5</v>")
+        for name in ("ln", "log2", "log10", "sqrt")
+    },
+    **{
+        f"{name} that changes its sign": _of(
+            "max", f"<{name}> <sum> {_B} <v>0.01</v> </sum> </{name}>", "<v>-0.5</v>"
+        )
+        for name in ("ln", "log2", "log10", "sqrt")
+    },
+    "ln of zero": _of("max", "<ln> <v>0</v> </ln>", "<v>-0.5</v>"),
+    "quotient by zero": _of("min", f"<quotient> {_A} <v>0</v> </quotient>", _V),
+    "quotient of zero by zero": _of("min", "<quotient> <v>0</v> <v>0</v> </quotient>", _V),
+    "fmod by zero": _of("min", f"<fmod> {_A} <v>0</v> </fmod>", _V),
+    "not of a small number": _of("not", "<v>1e-10</v>"),
+    "ifthen of a small number": _of("ifthen", "<v>-1e-10</v>", _V, "<v>0.2</v>"),
+    "and of a small number": _of("and", "<v>1e-10</v>", "<v>1</v>"),
+    "or of a small number": _of("or", "<v>1e-10</v>", "<v>0</v>"),
+    "or of a small enough number": _of("or", "<v>2e-9</v>", "<v>0</v>"),
+    "interpolate1d, unsorted": _of(
+        "interpolate1d",
+        _A,
+        "<v>-1</v> <v>0</v> <v>0.1</v> <v>2</v> <v>0.05</v> <v>3</v> <v>1</v> <v>1</v>",
+    ),
+    "interpolate1d, falling": _of(
+        "interpolate1d", _A, "<v>1</v> <v>0</v> <v>0</v> <v>2</v> <v>-1</v> <v>1</v>"
+    ),
+    "interpolate1d, a point twice": _of(
+        "interpolate1d",
+        _A,
+        "<v>-1</v> <v>0</v> <v>0.05</v> <v>2</v> <v>0.05</v> <v>3</v> <v>1</v> <v>1</v>",
+    ),
     "sum of one": _of("sum", _A),
     "difference of three": _of("difference", _A, _V, _B),
     "pi": _of("product", "<pi/>", _A),
@@ -158,6 +196,36 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "axis unknown": _axis("SPIN", _FORCE),
     "force at the center of gravity": {
         "lift": f'<function apply_at_cg="true"> <product> <v>300</v> {_A} </product> </function>'
+    },
+    "axes AXIAL and NORMAL": _axes("NORMAL", "AXIAL", "SIDE"),
+    "axes X, Y, Z": _axes("Z", "X", "Y"),
+    **{
+        f"axes X, Y, Z, {frame.lower()} frame": _axes("Z", "X", "Y", f'frame="{frame}"')
+        for frame in ("BODY", "STABILITY", "WIND", "EARTH")
+    },
+    **{
+        f"moments, {frame.lower()} frame": {"moment_frame": f' frame="{frame}"'}
+        for frame in ("BODY", "STABILITY", "WIND", "EARTH")
+    },
+    "axes X, Y, Z, lift by cl-squared": {
+        **_axes("Z", "X", "Y"),
+        "lift": coefficient(slope(0.1, "aero/cl-squared")),
+    },
+    "side force at the center of gravity": {
+        "axes": (
+            '<axis name="SIDE"> <function apply_at_cg="true"> <product> <v>300</v>'
+            f" {_A} </product> </function> </axis>"
+        ),
+        "side_axis": 'name="YAW"',
+    },
+    "moment at the center of gravity": {
+        "pitch": f'<function apply_at_cg="true"> <product> <v>300</v> {_A} </product> </function>'
+    },
+    "lift at the center of gravity, cl-squared": {
+        "lift": (
+            f'<function apply_at_cg="true"> <product> <v>300</v> {_A} </product> </function>'
+            + coefficient(slope(0.1, "aero/cl-squared"))
+        )
     },
     "alpha limits": {"air": '<alphalimits unit="DEG"> <min>-20</min> <max>20</max> </alphalimits>'},
     "hysteresis limits, not stalled": {"air": _HYSTERESIS.format(60, 70, 80)}

@@ -35,6 +35,11 @@ SLOTS = {
     "axes": "",
     "lift": "",
     "pitch": "",
+    "lift_axis": 'name="LIFT"',
+    "drag_axis": 'name="DRAG"',
+    "side_axis": 'name="SIDE"',
+    "moment_frame": "",
+    "wheels": "",
     "sections": "",
 }
 _ENGINE = "<turbine_engine> {turbine} {shares} </turbine_engine>"
@@ -66,7 +71,7 @@ _JET = """<?xml version="1.0"?>
  <location name="CG" unit="IN"> <x> 1 </x> <y> 0.5 </y> <z> 2 </z> </location>
  {mass}
 </mass_balance>
-<ground_reactions/>
+<ground_reactions> {wheels} </ground_reactions>
 <propulsion>
  {propulsion}
  <engine>
@@ -90,12 +95,12 @@ _JET = """<?xml version="1.0"?>
 <aerodynamics>
  {air}
  {axes}
- <axis name="LIFT"> {lift} {LIFT} </axis>
- <axis name="DRAG"> {DRAG} </axis>
- <axis name="SIDE"> {SIDE} </axis>
- <axis name="ROLL"> {ROLL} </axis>
- <axis name="PITCH"> {pitch} {PITCH} </axis>
- <axis name="YAW"> {YAW} </axis>
+ <axis {lift_axis}> {lift} {LIFT} </axis>
+ <axis {drag_axis}> {DRAG} </axis>
+ <axis {side_axis}> {SIDE} </axis>
+ <axis name="ROLL"{moment_frame}> {ROLL} </axis>
+ <axis name="PITCH"{moment_frame}> {pitch} {PITCH} </axis>
+ <axis name="YAW"{moment_frame}> {YAW} </axis>
 </aerodynamics>
 </fdm_config>
 """
