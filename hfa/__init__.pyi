@@ -13,6 +13,7 @@ from controller.riccati.gare import solve_game as solve_game
 from hfa_aircraft import Model as Model, Signal as Signal
 from hfa_aircraft.loading import load_model as load_model
 from hfa_derivatives.aircraft import from_derivatives as from_derivatives
+from hfa_flight.nonlinear_flight import Flight as Flight, fly as fly
 from hfa_model.choice import aircraft as aircraft
 from hfa_networks.files.network import from_network as from_network
 from hfa_policy.assessment import assess as assess

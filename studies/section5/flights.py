@@ -26,9 +26,10 @@ from controller import (
 from controller.game.basis import Basis
 from controller.game.training_run import TrainingRun
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
+from hfa_flight.flight_history import Deviations
 from hfa_flight.policies import Measurements, column_by_column
 from hfa_flight.signals import Harmonic, zero
-from hfa_flight.simulation import CompiledLoop, Flight
+from hfa_flight.simulation import CompiledLoop
 from hfa_model import INPUTS, LINEAR_STATES, published_models
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_support.errors import refuse_unknown
@@ -276,7 +277,7 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
     )
 
 
-def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Flight, float]:
+def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviations, float]:
     """The flight up to the last step at which it is not lost, and when it is (inf: never)."""
     limit = configuration.flight.lost_beyond
 

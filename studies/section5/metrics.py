@@ -12,7 +12,7 @@ import numpy as np
 from controller import Game
 from controller.game.basis import Basis
 from controller.game.settling import settled_at
-from hfa_flight.simulation import Flight
+from hfa_flight.flight_history import Deviations
 from hfa_model import INPUTS, LINEAR_STATES
 from studies.section5.configuration import Configuration
 
@@ -44,7 +44,7 @@ class Critic:
 
 
 def flight_metrics(
-    configuration: Configuration, game: Game, limits: np.ndarray, flight: Flight, lost_at: float
+    configuration: Configuration, game: Game, limits: np.ndarray, flight: Deviations, lost_at: float
 ) -> dict[str, Any]:
     """The metrics of a flight up to lost_at, s (inf: to its end): numbers, and tables by state or
     input.

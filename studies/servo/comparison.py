@@ -27,7 +27,7 @@ from controller import (
     published_game,
 )
 from hfa_aircraft.model import Model
-from hfa_flight.nonlinear_flight import NonlinearFlight, fly
+from hfa_flight.nonlinear_flight import Flight, fly
 from hfa_flight.signals import CommandedStates
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_servo.design import Actuator
@@ -167,7 +167,7 @@ class ServoFlight:
     law: str
     tracked: list[Tracked]
     fastest: float
-    result: NonlinearFlight
+    result: Flight
 
     @property
     def times(self) -> np.ndarray:
@@ -212,7 +212,7 @@ def fly_case(
     outputs = MeasuredOutputs(aircraft, point, commands.names)
     for law, make in laws_of(case.actuator.order, controllers, only).items():
         made = make(Start(aircraft, point, commands))
-        result = fly(aircraft, point, made, scenario, envelope, predict=False)
+        result = fly(aircraft, point, made, scenario=scenario, envelope=envelope, predict=False)
         moved = np.abs(np.diff(result.flight.inputs[:, 1:], axis=0)).max(
             initial=0.0
         )  # without the throttle

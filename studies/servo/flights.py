@@ -23,7 +23,7 @@ from controller import (
     flight_envelope,
 )
 from hfa_aircraft.model import Model
-from hfa_flight.nonlinear_flight import NonlinearFlight, fly
+from hfa_flight.nonlinear_flight import Flight, fly
 from hfa_model import INPUTS, LINEAR_STATES, Input
 from hfa_model.vectors import CONTROL_LIMITS
 from hfa_servo.design import Actuator
@@ -75,7 +75,7 @@ def flown(
     controller: ScheduledController,
     acting: Actuator,
     **happens: Any,
-) -> NonlinearFlight:
+) -> Flight:
     """The nonlinear aircraft without commands. happens: of `Scenario`."""
     still = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
     scenario = Scenario(
@@ -85,7 +85,7 @@ def flown(
     envelope = flight_envelope(aircraft, model.point)
     point = model.point
     law = servo_policy(controller, still, aircraft, point)
-    return fly(aircraft, point, law, scenario, envelope, predict=False)
+    return fly(aircraft, point, law, scenario=scenario, envelope=envelope, predict=False)
 
 
 def gust_held(

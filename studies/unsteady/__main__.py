@@ -75,8 +75,8 @@ def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
                 PLANTS[plant],
                 model.point,
                 law,
-                Scenario(duration=20.0, step=0.005, gust=gust),
-                envelope,
+                scenario=Scenario(duration=20.0, step=0.005, gust=gust),
+                envelope=envelope,
             )
             return bool(flight.within_limits)
 

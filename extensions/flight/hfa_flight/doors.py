@@ -9,7 +9,7 @@ FLY = CommandEntry(
     example="hfa fly --dihedral 15 --gust 400:5",
     results=(
         "hfa_flight.step_flight:StepFlight",
-        "hfa_flight.nonlinear_flight:NonlinearFlight hfa_flight.nonlinear_flight:FlightHistory?",
+        "hfa_flight.nonlinear_flight:Flight hfa_flight.nonlinear_flight:FlightHistory?",
         "hfa_flight.results:MemberSummary",
         "hfa_flight.results:MemberAttributes hfa_stores.zarr_store:OfAStore",
     ),

@@ -8,7 +8,7 @@ import numpy as np
 
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
 from hfa_flight.envelope import limits_text
-from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_flight.nonlinear_flight import Flight
 from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
@@ -23,15 +23,20 @@ _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
 
 
 @checks_arguments
-def flight_figure(result: NonlinearFlight, title: str) -> Figure:
-    """The picture of a flight over time: a panel a state, a panel of the inputs in each unit, and
-    the updraft where there is one."""
+def flight_figure(result: Flight, title: str) -> Figure:
+    """The picture of a flight over time on a figure of its own, as `drawn_flight` draws it."""
+    return drawn_flight(new_figure(10.0, 2.1), result, title)
+
+
+def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
+    """A flight over time, drawn on an empty figure that takes its size: a panel a state, a panel of
+    the inputs in each unit, and the updraft where there is one."""
     model = result.point.model
     input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
     has_updraft = bool(np.any(result.flight.updrafts))
     count = len(model.states) + len(input_units) + int(has_updraft)
     rows = -(-count // 2)
-    figure = new_figure(10.0, 2.1 * rows)
+    figure.set_size_inches(10.0, 2.1 * rows)
     panels = figure.subplots(rows, 2, sharex=True).ravel()
     for index, axes in enumerate(panels[: len(model.states)]):
         _draw_state(axes, result, index)
@@ -54,7 +59,7 @@ def flight_figure(result: NonlinearFlight, title: str) -> Figure:
     return figure
 
 
-def _draw_state(axes: Axes, result: NonlinearFlight, index: int) -> None:
+def _draw_state(axes: Axes, result: Flight, index: int) -> None:
     """The state of that number, absolute: its reference, the linear prediction, the nonlinear
     flight, and its envelope; where the air moves, alpha through it too."""
     model = result.point.model
@@ -97,7 +102,7 @@ def _draw_state(axes: Axes, result: NonlinearFlight, index: int) -> None:
     _finish(axes, f"{label}, {shown_unit(unit)}")
 
 
-def _draw_inputs(axes: Axes, result: NonlinearFlight, unit: str) -> None:
+def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
     """The inputs in one unit, with their limits."""
     inputs = result.point.model.inputs
     names = [name for name, signal in inputs.items() if signal.unit == unit]

@@ -11,7 +11,7 @@ from hfa_support.reporting.fields import Shown
 
 
 @dataclass(frozen=True, repr=False)
-class Flight(Shown):
+class Deviations(Shown):
     """What was flown, one row a step; deviations from trim.
 
     times: (N,), s

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.flight_history import Flight
+from hfa_flight.flight_history import Deviations
 from hfa_support.reporting.text import short_number, shown_unit
 
 #: A column oscillates if, about its line of least squares, it changes sign at least this often in
@@ -44,7 +44,7 @@ class LimitCycle(NamedTuple):
         return f"limit cycle: {self.motion()}; the flight has not settled"
 
 
-def limit_cycle(model: Model, flight: Flight, driven_until: float) -> LimitCycle | None:
+def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | None:
     """The largest oscillation in the second half of a flight, None without one.
 
     driven_until: s, when the last signal that drives the flight comes to rest. None also where that

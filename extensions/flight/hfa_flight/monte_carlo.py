@@ -22,7 +22,7 @@ from hfa_flight.air import (
 )
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.envelope import envelope_data, refuse_start
-from hfa_flight.nonlinear_flight import NonlinearFlight, fly_within
+from hfa_flight.nonlinear_flight import Flight, fly_within
 from hfa_flight.per_thread import cached_per_thread
 from hfa_flight.policies import Policy
 from hfa_flight.scenario import Scenario, with_errors
@@ -155,7 +155,7 @@ def member_loop(plan: MonteCarlo) -> CompiledLoop:
     return CompiledLoop(plan.loop(), plan.members)
 
 
-def fly_member(plan: MonteCarlo, member: int) -> NonlinearFlight:
+def fly_member(plan: MonteCarlo, member: int) -> Flight:
     """Draw and simulate one member."""
     scenario = plan.member(member)
     parameters = with_errors(plan.model, scenario).p
@@ -168,7 +168,7 @@ def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndar
     return {name: np.array([row[name] for row in rows]) for name in KEPT}
 
 
-def member_row(plan: MonteCarlo, result: NonlinearFlight) -> dict[str, Any]:
+def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     """What is kept of the flight of a member: of its steps inside the envelope, and the state and
     memory after them."""
     scenario = result.loop.scenario

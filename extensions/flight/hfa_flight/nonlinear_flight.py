@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,24 +19,29 @@ from hfa_flight.envelope import (
     control_limits,
     departure,
     envelope_data,
+    flight_envelope,
     limits_text,
     outside,
     refuse_start,
 )
-from hfa_flight.flight_history import Flight
+from hfa_flight.flight_history import Deviations
+from hfa_flight.flown_policy import flown_policy
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
-from hfa_flight.policies import GainPolicy, OpenLoop, Policy
+from hfa_flight.policies import GainPolicy, OpenLoop
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check
-from hfa_support.reporting.report import Part, Report, Reported
+from hfa_support.reporting.report import Part, Picture, Report, Reported
 from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint, at_scheduled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Note on a flight that stays at trim.
 UNDISTURBED = (
@@ -51,21 +56,27 @@ _STILL = 1e-6
 def fly(
     model: Model,
     point: OperatingPoint,
-    policy: Policy,
-    scenario: Scenario,
-    envelope: Limits,
+    policy: Any = None,
+    seconds: float | None = None,
     *,
+    initial: Any = None,
+    scenario: Scenario | None = None,
+    envelope: Limits | Mapping[str, tuple[float, float]] | None = None,
     predict: bool = True,
     progress: Progress | None = None,
-) -> NonlinearFlight:
-    """The flight of X' = f(X, U, w) + d with U = U0 + u of the policy and, with `predict`, that of
-    x' = A x + B u + E w + d, the linear model.
+) -> Flight:
+    """Simulate X' = f(X, U, w) + d with U = U0 + u of a policy, and with `predict` x' = A x + B u +
+    E w + d, the linear model.
 
     model: the aircraft as designed
     point: the trim X0, U0 about which it flies
-    policy: u, from the deviations from trim
-    scenario: what happens during the flight; all of it drawn
-    envelope: limits of the states
+    policy: a gain K (m, k) of u = -K z, a critic, a solution, a deployment, steps of inputs off
+        trim {name: [(time, value), ...]}, a function of (t, X) that returns U, asked once a tick
+        (`flown_policy`), a `Policy`; None holds the inputs at trim
+    seconds: duration; that of the scenario unless given, 20 s without one
+    initial: deviations from trim at the start, by the names of states, or (n,)
+    scenario: what else happens during the flight; all of it drawn
+    envelope: limits of the states, or those that differ from `flight_envelope(model, point)`
     predict: whether the linear model flies too
     progress: called during the nonlinear flight
 
@@ -76,31 +87,43 @@ def fly(
     drawn.
 
     >>> import hfa
-    >>> from controller import GainPolicy, Scenario, flight_envelope, fly
     >>> model = hfa.aircraft()
     >>> point = hfa.find_operating_point(model, hfa.paper.level_flight(0.2))
-    >>> K = hfa.solve_game(hfa.paper.published_game(hfa.linearize(model, point))).K
-    >>> second = Scenario(duration=1.0)
-    >>> envelope = flight_envelope(model, point)
-    >>> fly(model, point, GainPolicy("exact", K), second, envelope).states.shape
+    >>> solution = hfa.solve_game(hfa.paper.published_game(hfa.linearize(model, point)))
+    >>> hfa.fly(model, point, solution, 1.0, initial={"alpha": 0.01}).states.shape
     (1001, 7)
     """
-    if scenario.uncertainty != Uncertainty():
+    happens = _happening(model, Scenario() if scenario is None else scenario, seconds, initial)
+    flown, happens = flown_policy(policy, point, happens)
+    plant = NonlinearPlant(with_errors(model, happens), point)
+    loop = ClosedLoop(plant, flown, happens)
+    within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
+    result = fly_within(CompiledLoop(loop), within, progress=progress)
+    start = result.flight.limited[0] + np.array(point.states)
+    refuse_start(within, start, happens.moving_air)
+    if not predict:
+        return result
+    linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names))
+    ticks = (len(result.flight.times) - 1) // happens.steps_per_tick
+    return replace(result, predicted=CompiledLoop(linear).fly(ticks=ticks))
+
+
+def _happening(model: Model, given: Scenario, seconds: float | None, initial: Any) -> Scenario:
+    """The scenario of a flight of a model, with its duration and start. BadInputError where part of
+    it is still to be drawn, or the start names no state."""
+    if given.uncertainty != Uncertainty():
         raise BadInputError(
             "part of the scenario is still to be drawn;"
             " simulate scenario.drawn(seed, member, point)"
         )
-    scenario = scenario.on(model)
-    plant = NonlinearPlant(with_errors(model, scenario), point)
-    loop = ClosedLoop(plant, policy, scenario)
-    result = fly_within(CompiledLoop(loop), envelope, progress=progress)
-    start = result.flight.limited[0] + np.array(point.states)
-    refuse_start(envelope, start, scenario.moving_air)
-    if not predict:
-        return result
-    linear = replace(loop, plant=LinearPlant.at(model, point, loop.wind_names))
-    ticks = (len(result.flight.times) - 1) // scenario.steps_per_tick
-    return replace(result, predicted=CompiledLoop(linear).fly(ticks=ticks))
+    scenario = given if seconds is None else replace(given, duration=float(seconds))
+    if isinstance(initial, Mapping):
+        for name in initial:
+            refuse_unknown("initial names the unknown state", name, tuple(model.states))
+        initial = [initial.get(name, 0.0) for name in model.states]
+    if initial is not None:
+        scenario = replace(scenario, initial=numbers_in("initial", initial))
+    return scenario.on(model)
 
 
 def fly_within(
@@ -110,7 +133,7 @@ def fly_within(
     parameters: np.ndarray | None = None,
     *,
     progress: Progress | None = None,
-) -> NonlinearFlight:
+) -> Flight:
     """One flight of a nonlinear loop about its trim, without a prediction of the linear model; it
     ends with the first tick outside the envelope.
 
@@ -123,7 +146,7 @@ def fly_within(
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
     trim = np.array(loop.plant.point.states)
 
-    def stop(rows: Flight) -> np.ndarray:
+    def stop(rows: Deviations) -> np.ndarray:
         return outside(envelope, rows.limited + trim)
 
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
@@ -131,7 +154,7 @@ def fly_within(
     cycle = None
     if left_at is None and not isinstance(loop.policy, OpenLoop):
         cycle = limit_cycle(loop.plant.point.model, flight, loop.scenario.driven_until)
-    return NonlinearFlight(envelope, loop, flight, left_at, cycle)
+    return Flight(envelope, loop, flight, left_at, cycle)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,7 +169,7 @@ class FlightHistory(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NonlinearFlight(StatesAndInputs, Result, Reported):
+class Flight(StatesAndInputs, Result, Reported):
     """A flight, up to the first tick that left the envelope.
 
     envelope: limits of the states
@@ -156,6 +179,12 @@ class NonlinearFlight(StatesAndInputs, Result, Reported):
     cycle: what oscillates to the end: name, amplitude, frequency in rad/s, unit; null when nothing
         does.
     predicted: the same flight of the linear model, None when none was asked for
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> flight = hfa.fly(model, hfa.find_operating_point(model, hold={"dihedral": 0.2}), None, 1.0)
+    >>> flight.within_limits, flight["alpha"].shape
+    (True, (1001,))
     """
 
     schema = "hfa.flight/1"
@@ -170,10 +199,10 @@ class NonlinearFlight(StatesAndInputs, Result, Reported):
 
     envelope: Limits
     loop: ClosedLoop
-    flight: Flight
+    flight: Deviations
     departure: Departure | None
     cycle: LimitCycle | None
-    predicted: Flight | None = None
+    predicted: Deviations | None = None
 
     @property
     def point(self) -> OperatingPoint:
@@ -185,6 +214,11 @@ class NonlinearFlight(StatesAndInputs, Result, Reported):
     def model(self) -> Model:
         """Which aircraft flies."""
         return self.point.model
+
+    @property
+    def times(self) -> np.ndarray:
+        """(N,), s."""
+        return self.flight.times
 
     @property
     def states(self) -> np.ndarray:
@@ -202,6 +236,14 @@ class NonlinearFlight(StatesAndInputs, Result, Reported):
     def inputs(self) -> np.ndarray:
         """U, absolute, (N, m)."""
         return self.flight.inputs + np.array(self.point.inputs)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A state, an input or an output over time, absolute, (N,), in the units of the model.
+
+        BadInputError when the model has no such name."""
+        from hfa_flight.flight_tables import series
+
+        return series(self, name)
 
     @property
     def exceeded(self) -> tuple[ControlExcess, ...]:
@@ -317,6 +359,33 @@ class NonlinearFlight(StatesAndInputs, Result, Reported):
             lines.append(f"exceeded control limits: {exceeded}")
         return "\n".join(lines)
 
+    def plot(self) -> np.ndarray:
+        """Draw states and inputs over time in a figure of pyplot; return its Axes."""
+        from matplotlib import pyplot
+
+        from hfa_flight.flight_figure import drawn_flight
+
+        figure = pyplot.figure(layout="constrained")
+        return np.array(drawn_flight(figure, self, self.title()).axes)
+
+    def figure(self) -> Figure:
+        """The picture of `plot` on a figure of its own."""
+        from hfa_flight.flight_figure import flight_figure
+
+        return flight_figure(self, self.title())
+
+    def to_pandas(self) -> Any:
+        """States and inputs over time as a `pandas.DataFrame` with the index time, s."""
+        from hfa_flight.flight_tables import frame
+
+        return frame(self)
+
+    def to_xarray(self) -> Any:
+        """States, inputs and the linear prediction over time as an `xarray.Dataset` with units."""
+        from hfa_flight.flight_tables import dataset
+
+        return dataset(self)
+
     def report(self) -> Report:
         """Outcome, states against the envelope and the linear prediction, inputs against the
         control limits."""
@@ -328,6 +397,7 @@ class NonlinearFlight(StatesAndInputs, Result, Reported):
         if moving:
             parts.append(OVER_GROUND)
         parts.append(self._inputs())
+        parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
         return Report(self.title(), parts, notes, self.as_data(), self._records())

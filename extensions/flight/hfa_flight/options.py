@@ -355,7 +355,7 @@ class FlightOptions(ScenarioOptions):
         named=True,
     )
 
-    def flight(self) -> Flight:
+    def flight(self) -> PlannedFlight:
         """What flies from where, by which policy, through what, within which limits; the commands
         are the reference."""
         from hfa_flight.policies import open_loop
@@ -383,7 +383,9 @@ class FlightOptions(ScenarioOptions):
             policy = self.flown_policy(noted_linear_model(model, point))
         if reference is not None:
             scenario = replace(scenario, reference=reference)
-        return Flight(model, point, policy, scenario, flight_envelope(model, point, self.envelope))
+        return PlannedFlight(
+            model, point, policy, scenario, flight_envelope(model, point, self.envelope)
+        )
 
     def _controller_policy(
         self, model: Model, point: OperatingPoint, steps: CommandSteps
@@ -407,7 +409,7 @@ class FlightOptions(ScenarioOptions):
         return policy, CommandedStates(steps, model.linear)
 
 
-class Flight(NamedTuple):
+class PlannedFlight(NamedTuple):
     """What flies from where, by which law, through what, within which limits."""
 
     model: Model

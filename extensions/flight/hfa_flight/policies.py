@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.flight_history import Flight
+from hfa_flight.flight_history import Deviations
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.reporting.fields import Shown
@@ -93,7 +93,7 @@ class Policy(Shown):
         """What JSON says of the policy of a flight of this model."""
         return {"law": self.name}
 
-    def tracking_errors(self, flight: Flight) -> dict[str, dict[str, Any]]:
+    def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
         """Commanded output -> its `rms_error`, `largest_error` and `unit` over a flight; none
         unless the policy regulates outputs."""
         return {}

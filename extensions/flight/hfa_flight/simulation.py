@@ -12,7 +12,7 @@ import numpy as np
 from hfa_flight.actuators import LONGEST_STEP
 from hfa_flight.air import ALPHA
 from hfa_flight.closed_loop import ClosedLoop
-from hfa_flight.flight_history import Flight
+from hfa_flight.flight_history import Deviations
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.native.bound import BoundFunction
@@ -62,9 +62,9 @@ class CompiledLoop:
         *,
         parameters: np.ndarray | None = None,
         ticks: int | None = None,
-        stop: Callable[[Flight], np.ndarray] | None = None,
+        stop: Callable[[Deviations], np.ndarray] | None = None,
         progress: Progress | None = None,
-    ) -> Flight:
+    ) -> Deviations:
         """The flight of its scenario, or of one that differs from it in numbers alone.
 
         parameters: of the plant
@@ -122,7 +122,7 @@ class CompiledLoop:
         columns: np.ndarray,
         begin: int,
         done: int,
-        stop: Callable[[Flight], np.ndarray] | None,
+        stop: Callable[[Deviations], np.ndarray] | None,
     ) -> np.ndarray:
         """Which of the steps begin ... done end the flight; NoSolutionError as of `fly`."""
         if stop is not None:
@@ -144,7 +144,7 @@ class CompiledLoop:
             return np.concatenate([[time], np.zeros(2 * commands[0].size)])
         return np.concatenate([[time], commands[due], commands[due + 1]])
 
-    def _flight(self, rows: np.ndarray, columns: np.ndarray, begin: int, end: int) -> Flight:
+    def _flight(self, rows: np.ndarray, columns: np.ndarray, begin: int, end: int) -> Deviations:
         """Steps begin ... end - 1 of all y (N, n), and of what was observed there."""
         parts = self.loop.parts(rows[begin:end])
         errors, inputs, winds, angle = np.split(columns[begin:end], self._ends, axis=1)
@@ -154,7 +154,7 @@ class CompiledLoop:
             limited[:, self._alpha] = angle[:, 0]
         times = self.loop.scenario.step * np.arange(begin, end)
         air = dict(zip(self.loop.wind_names, winds.T, strict=True))
-        return Flight(times, parts.plant, errors, inputs, parts.memory, limited, air)
+        return Deviations(times, parts.plant, errors, inputs, parts.memory, limited, air)
 
 
 def _parts_of_a_step(loop: ClosedLoop) -> int:

@@ -23,7 +23,7 @@ from controller import (
     fly,
 )
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
-from hfa_flight.flight_history import Flight
+from hfa_flight.flight_history import Deviations
 from hfa_flight.policies import OpenLoop
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import INPUTS, LINEAR_STATES, Input, published_models
@@ -40,7 +40,7 @@ FREE = ActuatorBank(
 LIMITED = ActuatorBank(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M), Input(*[1.0] * M))
 
 
-def flown(actuators: ActuatorBank, *command: float) -> Flight:
+def flown(actuators: ActuatorBank, *command: float) -> Deviations:
     """Two seconds of the printed model at 15 degrees under a constant command."""
     model = published_models()[0]
     law = OpenLoop("none", held=np.array([command]))
@@ -131,7 +131,10 @@ def lost(weights: str, lag: float) -> bool:
     )
     law = GainPolicy("exact", gain(weights))
     envelope = flight_envelope(aircraft, point)
-    return fly(aircraft, point, law, scenario, envelope, predict=False).departure is not None
+    return (
+        fly(aircraft, point, law, scenario=scenario, envelope=envelope, predict=False).departure
+        is not None
+    )
 
 
 def stated(row: str) -> tuple[float, ...]:

@@ -185,7 +185,11 @@ def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> N
     ):
         with pytest.raises(BadInputError, match=said):
             fly(
-                hfa_model.aircraft(parameters=PARAMETERS), plan.point, plan.policy, scenario, narrow
+                hfa_model.aircraft(parameters=PARAMETERS),
+                plan.point,
+                plan.policy,
+                scenario=scenario,
+                envelope=narrow,
             )
 
 

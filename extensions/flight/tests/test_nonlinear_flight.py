@@ -22,7 +22,7 @@ from controller import (
     flight_envelope,
 )
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
-from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.signals import Harmonic
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, STATES, Input, State
@@ -169,7 +169,7 @@ EVERYTHING = Scenario(
 )
 
 
-def adaptive_states(result: NonlinearFlight) -> np.ndarray:
+def adaptive_states(result: Flight) -> np.ndarray:
     """The same flight by DOP853 at rtol 1e-10, at the ends of the ticks, (ticks + 1, 7).
 
     Started anew where what the law is handed, a gust's noise or an actuator jumps: a jump inside

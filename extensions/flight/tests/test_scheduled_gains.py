@@ -13,7 +13,7 @@ from flown_cases import seen
 from known_models import exact_gain, model_at
 
 from controller import CommandSteps, GainSchedule, Scenario, flight_envelope, fly
-from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.policies import Measurements
 from hfa_flight.scheduled_gains import ScheduledGainPolicy, scheduled_gains
 from hfa_model import LINEAR_STATES, STATES
@@ -87,12 +87,12 @@ def test_hidden_coupling_is_seen() -> None:
 # The flight.
 
 
-def flown(schedule: GainSchedule, start: float, end: float) -> NonlinearFlight:
+def flown(schedule: GainSchedule, start: float, end: float) -> Flight:
     policy = policy_from(schedule, start, end)
     base = policy.path.base
     scenario = Scenario(duration=60.0, step=0.002, reference=policy.path)
     envelope = flight_envelope(schedule.model, base)
-    return fly(schedule.model, base, policy, scenario, envelope, predict=False)
+    return fly(schedule.model, base, policy, scenario=scenario, envelope=envelope, predict=False)
 
 
 @pytest.mark.parametrize(

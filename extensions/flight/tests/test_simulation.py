@@ -28,10 +28,10 @@ from controller import (
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, Plant
-from hfa_flight.flight_history import Flight
+from hfa_flight.flight_history import Deviations
 from hfa_flight.limit_cycle import limit_cycle
 from hfa_flight.monte_carlo import fly_members
-from hfa_flight.nonlinear_flight import NonlinearFlight, fly_within
+from hfa_flight.nonlinear_flight import Flight, fly_within
 from hfa_flight.policies import OpenLoop, open_loop
 from hfa_flight.signals import Harmonic, Waveform
 from hfa_flight.simulation import CompiledLoop
@@ -144,12 +144,12 @@ def test_a_loop_that_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFi
     assert capfd.readouterr() == ("", "")
 
 
-def stepped(model: Model, scenario: Scenario, **steps: float) -> NonlinearFlight:
+def stepped(model: Model, scenario: Scenario, **steps: float) -> Flight:
     """Without a law: each input stepped by so much from 1 s on."""
     commands = CommandSteps(tuple(steps), np.array([1.0]), np.array([list(steps.values())]))
     law = open_loop(commands, tuple(model.inputs), scenario.tick, scenario.ticks)
     point = find_operating_point(model, usual_condition(model))
-    return fly(model, point, law, scenario, flight_envelope(model, point))
+    return fly(model, point, law, scenario=scenario, envelope=flight_envelope(model, point))
 
 
 def test_a_step_without_a_law_is_what_another_integrator_says() -> None:
@@ -242,7 +242,7 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
     t = np.arange(0.0, 20.0, 0.01)
     columns = len(NAVION.states)
     zeros = np.zeros((len(t), columns))
-    still = Flight(t, zeros, t[:, None], np.zeros((len(t), 4)), t[:, None], zeros, {})
+    still = Deviations(t, zeros, t[:, None], np.zeros((len(t), 4)), t[:, None], zeros, {})
 
     def found(signal: np.ndarray, **scenario: object) -> Any:
         inputs = still.inputs.copy()
@@ -284,7 +284,7 @@ def test_a_loop_that_its_delay_destabilizes_ends_in_a_limit_cycle() -> None:
     start[1] = math.radians(3.0)
     for delay, settles in ((0.0, True), (0.3, False)):
         scenario = Scenario(duration=20.0, step=0.01, initial=start, actuators=slow, delay=delay)
-        result = fly(NAVION, point, law, scenario, flight_envelope(NAVION, point))
+        result = fly(NAVION, point, law, scenario=scenario, envelope=flight_envelope(NAVION, point))
         assert result.departure is None
         assert (result.cycle is None, result.within_limits) == (settles, settles)
         assert result.report().data["held"] == settles

@@ -94,16 +94,23 @@ class DeployedPolicy(Policy):
 
 
 def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:
-    """The policy of a card about a trim; warns of mistakes that its files show. BadInputError as of
-    `refuse_undefined_at`."""
-    deployed = Deployment.load(path).on(model)
+    """The policy of a card about a trim, as `flown_deployment` makes it."""
+    return flown_deployment(Deployment.load(path), point, f"of {path}")
+
+
+def flown_deployment(
+    deployment: Deployment, point: OperatingPoint, name: str = "deployment"
+) -> DeployedPolicy:
+    """The policy of a deployment about a trim; warns of mistakes that its files show. BadInputError
+    as of `refuse_undefined_at`."""
+    deployed = deployment.on(point.model)
     deployed.refuse_undefined_at([point])
     for note in notes_on_card(deployed, [point]):
         warnings.warn(note, stacklevel=2)
     text = deployed.command.serialize()
     identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
-    held = np.zeros((1, len(model.inputs)))
-    return DeployedPolicy(f"of {path}", deployed, point, held=held, identity=identity)
+    held = np.zeros((1, len(point.model.inputs)))
+    return DeployedPolicy(name, deployed, point, held=held, identity=identity)
 
 
 def exported_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.envelope import flight_envelope
-from hfa_flight.flight_history import Flight
+from hfa_flight.flight_history import Deviations
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
 from hfa_policy.flights import SampledFlight, Window, in_threads
 from hfa_policy.rest import Rest
@@ -316,7 +316,7 @@ def measured_cycle(
     deviations = states[:, X] - np.array(place.point.states)
     times = flight.dt * np.arange(len(states))
     empty = np.zeros((len(times), 0))
-    trace = Flight(times, deviations, empty, inputs, empty, deviations, {})
+    trace = Deviations(times, deviations, empty, inputs, empty, deviations, {})
     return limit_cycle(model, trace, 0.0)
 
 

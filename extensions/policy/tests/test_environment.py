@@ -64,7 +64,14 @@ def test_a_policy_in_the_environment_is_flown_as_by_the_command(tmp_path, delay:
     )
     policy = flown_card(path, model, point)
     scenario = sampled_scenario(policy, Scenario(duration=4.0, initial=START).on(model), point)
-    flown = fly(model, point, policy, scenario, flight_envelope(model, point), predict=False)
+    flown = fly(
+        model,
+        point,
+        policy,
+        scenario=scenario,
+        envelope=flight_envelope(model, point),
+        predict=False,
+    )
     every_sample = round(0.02 / scenario.step)
     deployment = Deployment.load(path)
     deployed = deployment.on(model)

@@ -31,7 +31,14 @@ def test_the_flight_is_that_of_the_assessment(tmp_path, delay):
     policy = flown_card(path, model, point)
     scenario = Scenario(duration=4.0, initial=START).on(model)
     scenario = sampled_scenario(policy, scenario, point)
-    flown = fly(model, point, policy, scenario, flight_envelope(model, point), predict=False)
+    flown = fly(
+        model,
+        point,
+        policy,
+        scenario=scenario,
+        envelope=flight_envelope(model, point),
+        predict=False,
+    )
     deployed = Deployment.load(path).on(model)
     flight = SampledFlight(deployed, 0.02, delay, parts_of_a_sample([point], 0.02))
     trim = deployed.trim_vector(point)

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.flight_history import Flight
+from hfa_flight.flight_history import Deviations
 from hfa_flight.policies import Measurements, Policy
 from hfa_flight.signals import CommandSteps
 from hfa_servo.measured_outputs import MeasuredOutputs
@@ -66,7 +66,7 @@ class ServoPolicy(Policy):
         missed = applied - self.control(t, measurements, memory, held)
         return rate + ca.mtimes(W, ca.mtimes(ca.DM(self._chosen.T), missed))
 
-    def tracking_errors(self, flight: Flight) -> dict[str, dict[str, Any]]:
+    def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
         """Of the commanded outputs."""
         if not isinstance(self.commands, CommandSteps):
             return {}

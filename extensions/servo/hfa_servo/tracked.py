@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_flight.flight_history import Flight
+from hfa_flight.flight_history import Deviations
 from hfa_flight.signals import CommandSteps
 from hfa_servo.measured_outputs import MeasuredOutputs
 
@@ -26,7 +26,7 @@ class Tracked(NamedTuple):
     largest: float
 
 
-def tracked(flight: Flight, outputs: MeasuredOutputs, commands: CommandSteps) -> list[Tracked]:
+def tracked(flight: Deviations, outputs: MeasuredOutputs, commands: CommandSteps) -> list[Tracked]:
     """Each commanded output of a flight beside its command, without the noise of the sensors."""
     model = outputs.model
     rows = [list(model.states).index(name) for name in model.linear]

@@ -24,7 +24,7 @@ from controller import (
 )
 from hfa_aircraft.model import Model
 from hfa_flight.closed_loop import LinearPlant
-from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.policies import Measurements
 from hfa_flight.signals import CommandedStates, Harmonic
 from hfa_model import INPUTS, LINEAR_STATES, STATES, Input
@@ -52,7 +52,7 @@ def commands(*values: float) -> CommandSteps:
 
 def flown(
     aircraft: Model, point: OperatingPoint, controller: ScheduledController, **changes: object
-) -> NonlinearFlight:
+) -> Flight:
     follow = commands(0.01)
     law = servo_policy(controller, follow, aircraft, point)
     given = {
@@ -61,7 +61,9 @@ def flown(
         "reference": CommandedStates(follow, LINEAR_STATES),
         "actuators": FREE,
     } | changes
-    return fly(aircraft, point, law, Scenario(**given), flight_envelope(aircraft, point))  # type: ignore[arg-type]
+    return fly(
+        aircraft, point, law, scenario=Scenario(**given), envelope=flight_envelope(aircraft, point)
+    )  # type: ignore[arg-type]
 
 
 def test_outputs_are_those_of_the_linear_model(

@@ -281,8 +281,8 @@ def test_learning_in_flight_flies_the_baseline_then_certified_gains_and_knows_no
         newton.aircraft,
         newton.point,
         law,
-        Scenario(duration=3.0, initial=0.5 * SMALL),
-        newton.envelope,
+        scenario=Scenario(duration=3.0, initial=0.5 * SMALL),
+        envelope=newton.envelope,
     )
     assert result.departure is None
     np.testing.assert_allclose(

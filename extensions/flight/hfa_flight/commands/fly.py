@@ -81,22 +81,30 @@ def fly(request: FlyRequest) -> int:
     request.refuse(("workers", "resume"), "belongs to --samples; leave it out")
     if request.output is not None and request.output.suffix == ".zarr":
         raise BadInputError(f"{request.output} is the store of many members; add --samples N")
-    flight = request.flight()
+    planned = request.flight()
     if request.at is None and request.model.names_schedule:
         warnings.warn(
-            f"no --{request.model.schedule} is given: the flight is {at_scheduled(flight.point)}",
+            f"no --{request.model.schedule} is given: the flight is {at_scheduled(planned.point)}",
             stacklevel=2,
         )
     # A linear model about the first trim says nothing about the others.
-    predict = not isinstance(flight.policy, ScheduledGainPolicy)
-    result = fly(*flight, predict=predict, progress=ProgressLine("simulate"))
+    predict = not isinstance(planned.policy, ScheduledGainPolicy)
+    result = fly(
+        planned.model,
+        planned.point,
+        planned.policy,
+        scenario=planned.scenario,
+        envelope=planned.envelope,
+        predict=predict,
+        progress=ProgressLine("simulate"),
+    )
     report = result.report()
     show(
         report,
         request,
         figure=lambda: flight_figure(result, report.title),
         only_in_files=result.history().as_data(),
-        points=[flight.point],
+        points=[planned.point],
     )
     return 0 if result.within_limits else 1
 

@@ -21,7 +21,7 @@ from controller import (
     fly,
 )
 from hfa_aircraft import Model
-from hfa_flight.nonlinear_flight import NonlinearFlight
+from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.policies import Measurements
 from hfa_model import LINEAR_STATES, Parameters
 from trim import OperatingPoint
@@ -51,8 +51,8 @@ def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
     )
 
 
-def flown(on: FlownCase, scenario: Scenario) -> NonlinearFlight:
-    return fly(on.aircraft, on.point, on.law, scenario, on.envelope)
+def flown(on: FlownCase, scenario: Scenario) -> Flight:
+    return fly(on.aircraft, on.point, on.law, scenario=scenario, envelope=on.envelope)
 
 
 def seen(z: ca.SX) -> Measurements:

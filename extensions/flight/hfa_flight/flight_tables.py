@@ -1,0 +1,52 @@
+"""A flight as arrays and tables of other packages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hfa_flight.nonlinear_flight import Flight
+from hfa_support.errors import refuse_unknown
+
+
+def series(flight: Flight, name: str) -> np.ndarray:
+    """A state, an input or an output of the model over time, absolute, (N,)."""
+    model = flight.model
+    refuse_unknown("unknown variable", name, (*model.states, *model.inputs, *model.outputs))
+    if name in model.states:
+        return np.asarray(flight.states[:, list(model.states).index(name)])
+    if name in model.inputs:
+        return np.asarray(flight.inputs[:, list(model.inputs).index(name)])
+    count = len(flight.times)
+    parameters = np.tile(getattr(flight.loop.plant, "model", model).p[:, None], (1, count))
+    function = model.functions((name,)).map(count)
+    return np.array(function(flight.states.T, flight.inputs.T, parameters)[1]).ravel()
+
+
+def frame(flight: Flight) -> Any:
+    """Of pandas: a column a state and an input, absolute, with the index time, s."""
+    import pandas
+
+    columns = [*flight.model.states, *flight.model.inputs]
+    index = pandas.Index(flight.times, name="time")
+    return pandas.DataFrame(np.hstack([flight.states, flight.inputs]), index, columns)
+
+
+def dataset(flight: Flight) -> Any:
+    """Of xarray: a variable a state and an input, absolute, over time, with units; NAME_linear is
+    the prediction of the linear model."""
+    import xarray
+
+    model = flight.model
+    values = dict(zip(model.states, flight.states.T, strict=True))
+    values |= dict(zip(model.inputs, flight.inputs.T, strict=True))
+    variables = {
+        name: ("time", column, {"units": model.unit(name)}) for name, column in values.items()
+    }
+    if flight.predicted is not None:
+        predicted = flight.predicted.states + np.array(flight.point.states)
+        for name, column in zip(model.states, predicted.T, strict=True):
+            variables[f"{name}_linear"] = ("time", column, {"units": model.unit(name)})
+    time = ("time", flight.times, {"units": model.time_unit})
+    return xarray.Dataset(variables, {"time": time}, {"model": model.title})

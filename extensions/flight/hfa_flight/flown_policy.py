@@ -1,0 +1,146 @@
+"""The policy of a flight, from what a script has: a gain, a critic, a solution, a deployment, steps
+of inputs, or a Python function."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.critic.critic import Critic
+from hfa_flight.policies import (
+    GainPolicy,
+    Measurements,
+    OpenLoop,
+    Policy,
+    function_policy,
+    open_loop,
+)
+from hfa_flight.scenario import Scenario
+from hfa_flight.signals import CommandSteps
+from hfa_support.entry_points import PARTS, loaded, offered
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
+from trim.point.operating_point import OperatingPoint
+
+_FORMS = (
+    "give a gain K, a critic, a solution, a Deployment, steps of inputs "
+    "{name: [(time, value), ...]} or a function of (t, X)"
+)
+
+
+def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple[Policy, Scenario]:
+    """The policy that a script names, about a trim, and the scenario in the ticks of that policy.
+
+    given: as `hfa.fly` takes it
+
+    BadInputError for anything else.
+    """
+    inputs = tuple(point.model.inputs)
+    if isinstance(given, Policy):
+        return given, scenario
+    if given is None:
+        return OpenLoop("none", held=np.zeros((1, len(inputs)))), scenario
+    if isinstance(given, Mapping):
+        steps = command_steps(given)
+        return open_loop(steps, inputs, scenario.tick, scenario.ticks), scenario
+    if isinstance(given, Critic) and not given.linear:
+        return function_policy(given.origin, given.policy, point), scenario
+    if hasattr(given, "K"):
+        return GainPolicy(getattr(given, "origin", "exact"), given.K), scenario
+    if callable(given):
+        return PythonPolicy.of(given, point, scenario.tick), scenario
+    if "policies" in offered(PARTS):
+        policies = loaded(offered(PARTS)["policies"])
+        if isinstance(given, policies.Deployment):
+            deployed = policies.flown_deployment(given, point)
+            return deployed, policies.sampled_scenario(deployed, scenario, point)
+    try:
+        return GainPolicy("gain", numbers_in("policy", given)), scenario
+    except BadInputError as error:
+        raise BadInputError(f"policy is {shown(given)}; {_FORMS}") from error
+
+
+def command_steps(given: Mapping[str, Any]) -> CommandSteps:
+    """Steps on the times of all names, each held until the next.
+
+    given: name -> (time in s, value) pairs
+
+    BadInputError unless the times of each name increase, from 0 on.
+    """
+    steps = {name: numbers_in(f"the steps of {name}", pairs) for name, pairs in given.items()}
+    for name, pairs in steps.items():
+        if pairs.ndim != 2 or pairs.shape[1] != 2:
+            raise BadInputError(f"the steps of {name} are {shown(given[name])}; {_FORMS}")
+        times = pairs[:, 0].tolist()
+        if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
+            raise BadInputError(f"the times of {name} are {times}; they must increase, from 0 on")
+    times = sorted({time for pairs in steps.values() for time in pairs[:, 0].tolist()})
+    values = np.zeros((len(times), len(steps)))
+    for column, pairs in enumerate(steps.values()):
+        for time, value in pairs.tolist():
+            values[times.index(time) :, column] = value
+    return CommandSteps(tuple(steps), np.array(times), values)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PythonPolicy(Policy):
+    """U = function(t, X), absolute, asked at the beginning of each tick and held through it.
+
+    function: (t in s, X by name) -> U, (m,), or by name; inputs without a name stay at trim
+    point: the trim that deviations are from
+    tick: s
+    """
+
+    function: Callable[[float, Any], Any]
+    point: OperatingPoint
+    tick: float
+
+    @classmethod
+    def of(cls, function: Callable[..., Any], point: OperatingPoint, tick: float) -> PythonPolicy:
+        """The policy of a function of (t, X), with its name. BadInputError where it takes
+        something else."""
+        name = getattr(function, "__name__", type(function).__name__)
+        try:
+            inspect.signature(function).bind(0.0, point.states)
+        except TypeError:
+            raise BadInputError(f"the policy {name} does not take (t, X); {_FORMS}") from None
+        held = np.zeros((1, len(point.model.inputs)))
+        return cls(name, function, point, tick, held=held)
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """The held inputs."""
+        return held
+
+    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+        """(tick, measured) -> u (m,), the inputs off trim.
+
+        BadInputError where the function returns something else than finite inputs."""
+        trim = np.array(self.point.inputs)
+        states = np.array(self.point.states)
+        record = type(self.point.states)
+
+        def sample(tick: int, measured: np.ndarray) -> np.ndarray:
+            U = self.function(tick * self.tick, record(*(states + measured).tolist()))
+            return self._numbers(U) - trim
+
+        return sample
+
+    def _numbers(self, returned: Any) -> np.ndarray:
+        """U (m,) of what the function returned."""
+        inputs = self.point.inputs._asdict()
+        if isinstance(returned, Mapping):
+            for name in returned:
+                refuse_unknown(f"the policy {self.name} returns the unknown input", name, inputs)
+            returned = [*{**inputs, **returned}.values()]
+        U = numbers_in(f"what the policy {self.name} returns", returned)
+        if U.shape != (len(inputs),) or not np.isfinite(U).all():
+            raise BadInputError(
+                f"the policy {self.name} returns {shown(returned)}; give {len(inputs)} finite "
+                f"numbers, or a mapping by name ({', '.join(inputs)})"
+            )
+        return U

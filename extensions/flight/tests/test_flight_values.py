@@ -1,0 +1,100 @@
+"""`hfa.fly` and `hfa.Flight`, as scripts and notebooks use them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hfa
+from hfa_support.errors import BadInputError
+
+#: v' = -v + u, x' = v: the step response of v is 1 - exp(-t).
+CART = hfa.Model(
+    "cart",
+    {"position": hfa.Signal("ft"), "speed": hfa.Signal("ft/s")},
+    {"force": hfa.Signal("lbf", min=-100.0, max=100.0)},
+    lambda x, u, p, w: ({"position": x.speed, "speed": u.force - x.speed}, {"twice": 2 * x.speed}),
+    outputs={"twice": hfa.Signal("ft/s")},
+    trim={"position": 0.0, "speed": 0.0},
+    steady=("speed",),
+)
+POINT = hfa.find_operating_point(CART)
+
+
+def test_steps_of_an_input_give_the_step_response() -> None:
+    flight = hfa.fly(CART, POINT, {"force": [(0.0, 1.0)]}, 2.0)
+    np.testing.assert_allclose(flight["speed"], 1.0 - np.exp(-flight.times), atol=1e-10)
+    np.testing.assert_allclose(flight["twice"], 2.0 * flight["speed"], atol=1e-12)
+    assert flight.times[-1] == pytest.approx(2.0)
+    assert (flight["force"] == 1.0).all()
+
+
+@pytest.mark.parametrize("kind", ["gain", "solution", "critic", "function", "mapping"])
+def test_every_kind_of_policy_flies(kind: str) -> None:
+    """A gain as an array, a solution, a critic and two Python functions fly the same loop; the
+    functions are asked once a tick."""
+    game = hfa.game(hfa.linearize(CART, POINT), Q=np.eye(2), R=np.eye(1))
+    solution = hfa.solve_game(game)
+    K = solution.K
+    policies = {
+        "gain": K,
+        "solution": solution,
+        "critic": hfa.from_gain(game, K),
+        "function": lambda t, x: -K @ np.array(x),
+        "mapping": lambda t, x: {"force": -(K @ np.array(x)).item()},
+    }
+    flight = hfa.fly(CART, POINT, policies[kind], 3.0, initial={"position": 1.0})
+    exact = hfa.fly(CART, POINT, K, 3.0, initial=[1.0, 0.0])
+    np.testing.assert_allclose(flight.states, exact.states, atol=5e-3)
+    assert flight.predicted is not None
+    np.testing.assert_allclose(flight.states, flight.predicted.states, atol=1e-12)
+
+
+def test_a_deployment_flies() -> None:
+    import casadi as ca
+
+    o = ca.SX.sym("o", 2)
+    card = hfa.Deployment(
+        policy={"file": ca.Function("policy", [o], [-0.5 * o[1]])},
+        observation={"position": {}, "speed": {}},
+        action={"force": {"box": [-1, 1], "map": "trim + a"}},
+        timing={"dt": 0.02},
+    )
+    flight = hfa.fly(CART, POINT, card, 2.0, initial={"speed": 1.0})
+    np.testing.assert_allclose(flight["speed"][-1], np.exp(-1.5 * 2.0), atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("policy", "said"),
+    [
+        ("K", "give a gain K, a critic"),
+        (lambda t: 0.0, r"does not take \(t, X\)"),
+        (lambda t, x: {"thrust": 1.0}, "unknown input 'thrust'"),
+        (lambda t, x: [np.nan], "give 1 finite numbers"),
+        ({"force": [1.0, 2.0]}, "the steps of force"),
+        ({"force": [(1.0, 2.0), (0.5, 0.0)]}, "must increase"),
+        ([[1.0, 2.0, 3.0]], "takes 1 x 2"),
+    ],
+)
+def test_what_is_no_policy_is_refused(policy: object, said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        hfa.fly(CART, POINT, policy, 1.0)
+
+
+def test_a_flight_is_a_table_and_a_picture() -> None:
+    from matplotlib import pyplot
+
+    flight = hfa.fly(CART, POINT, {"force": [(0.0, 1.0)]}, 0.1)
+    frame = flight.to_pandas()
+    assert list(frame.columns) == ["position", "speed", "force"]
+    assert frame.index.name == "time"
+    np.testing.assert_array_equal(frame["speed"], flight["speed"])
+    data = flight.to_xarray()
+    assert data["speed"].attrs["units"] == "ft/s"
+    np.testing.assert_allclose(data["speed"], data["speed_linear"], atol=1e-12)
+    assert [axes.get_ylabel() for axes in flight.plot()][:2] == ["position, ft", "speed, ft/s"]
+    pyplot.close()
+    assert "data:image/png" in flight._repr_html_()
+    assert "stayed within limits" in repr(flight)
+    with pytest.raises(BadInputError, match="unknown variable 'sped'"):
+        flight["sped"]
