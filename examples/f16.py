@@ -268,7 +268,7 @@ F16 = Model(
     {"speed": Signal("ft/s", 500.0, 100.0, 1000.0, 500.0, rate=32.0), "alpha": Signal("rad", 0.1, -0.17, 0.80, 0.05),
      "beta": Signal("rad", 0.1, -0.52, 0.52), "roll": Signal("rad", 0.1, -3.1, 3.1),
      "pitch": Signal("rad", 0.1, -1.55, 1.55), "yaw": ANGLE, "roll_rate": RATE, "pitch_rate": RATE, "yaw_rate": RATE,
-     "north": PLACE, "east": PLACE, "altitude": Signal("ft", 1000.0, 0.0, 50000.0),
+     "north": PLACE, "east": PLACE, "altitude": Signal("ft", 1000.0, -1000.0, 50000.0),
      "power": Signal("1", 10.0, 0.0, 100.0, 10.0)},
     {"throttle": Signal("1", 0.1, 0.0, 1.0, 0.2), "elevator": Signal("deg", 5.0, -25.0, 25.0),
      "aileron": Signal("deg", 5.0, -21.5, 21.5), "rudder": Signal("deg", 5.0, -30.0, 30.0)},

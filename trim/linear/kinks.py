@@ -3,10 +3,12 @@ min, max, sign or a comparison. A and B take the mean of the slopes to both side
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from hfa_aircraft.layout import Linearization
 from hfa_aircraft.model import Model
 from trim.linear.switches import near_switches
 
@@ -53,3 +55,23 @@ def with_means_at_kinks(
             notes[point] = words
     n = len(model.states)
     return Smoothed(jacobian[:, :, :n], jacobian[:, :, n:], notes)
+
+
+def linearization_at(
+    model: Model,
+    x: np.ndarray,
+    u: np.ndarray,
+    outputs: Sequence[str] = (),
+    disturbances: Sequence[str] = (),
+) -> tuple[Linearization, tuple[str, ...]]:
+    """The derivatives of a model at a state (n,) and an input (m,), with the means of both slopes
+    in A and B at kinks, and a sentence for each such entry.
+
+    outputs, disturbances: names.
+
+    FloatingPointError where one is not finite.
+    """
+    exact = model.at(x, u, outputs, disturbances)
+    X, U = (np.asarray(vector, dtype=float)[None] for vector in (x, u))
+    smoothed = with_means_at_kinks(model, X, U, model.p[None], exact.A[None], exact.B[None])
+    return exact._replace(A=smoothed.A[0], B=smoothed.B[0]), smoothed.notes.get(0, ())

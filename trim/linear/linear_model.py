@@ -13,7 +13,7 @@ from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
-from trim.linear.kinks import with_means_at_kinks
+from trim.linear.kinks import linearization_at
 from trim.linear.mode import Mode
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -218,24 +218,22 @@ def linearize(
         disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
     else:
         positions("disturbance", disturbances, tuple(model.disturbances))
-    x = np.array([point.states])
-    u = np.array([point.inputs])
-    exact = model.at(x[0], u[0], shown, disturbances)
-    smoothed = with_means_at_kinks(model, x, u, model.p[None], exact.A[None], exact.B[None])
+    x, u = np.array(point.states), np.array(point.inputs)
+    slopes, kinks = linearization_at(model, x, u, shown, disturbances)
     return LinearModel(
-        A=smoothed.A[0].take(rows, axis=0).take(rows, axis=1),
-        B=smoothed.B[0].take(rows, axis=0),
+        A=slopes.A.take(rows, axis=0).take(rows, axis=1),
+        B=slopes.B.take(rows, axis=0),
         states=states,
         inputs=tuple(model.inputs),
         point=point,
         outputs=shown,
-        C=exact.C.take(rows, axis=1),
-        D=exact.D,
-        E=exact.E.take(rows, axis=0),
-        F=exact.F,
-        output_offsets=exact.y,
+        C=slopes.C.take(rows, axis=1),
+        D=slopes.D,
+        E=slopes.E.take(rows, axis=0),
+        F=slopes.F,
+        output_offsets=slopes.y,
         disturbances=tuple(disturbances),
-        kinks=smoothed.notes.get(0, ()),
+        kinks=kinks,
     )
 
 

@@ -18,6 +18,7 @@ from hfa_flight.policies import GainPolicy, Measurements, Policy
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import zero
 from hfa_support.errors import BadInputError
+from trim.linear.kinks import linearization_at
 from trim.point.operating_point import OperatingPoint
 
 #: Disturbance of the model -> its value; those that are not there are 0.
@@ -73,9 +74,9 @@ class LinearPlant(Plant):
 
     @classmethod
     def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
-        """What `NonlinearPlant` is to first order: all states of a model, with the exact
-        derivatives at an operating point, those by these disturbances included."""
-        slopes = model.at(point.states, point.inputs, disturbances=winds)
+        """Return all states of a model to first order, with the A and B of `linearize` at an
+        operating point and the derivatives by these disturbances."""
+        slopes, _ = linearization_at(model, point.states, point.inputs, disturbances=winds)
         return cls(slopes.A, slopes.B, dict(zip(winds, slopes.E.T, strict=True)), point)
 
     @property

@@ -12,19 +12,23 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_flight.limit_cycle import LimitCycle
 from hfa_policy.cost_lost import CostLost, cost_lost
+from hfa_policy.departures import departure_text, refuse_edges
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
+from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch
 from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
-from hfa_policy.outcomes import HORIZON, Outcome, Place, ends_from_trim, fly_places, start_box
-from hfa_policy.rest import Rest, RestSearch
-from hfa_policy.sampled_loop import Delays, Margins, chain_of, delays, margins
+from hfa_policy.outcomes import Outcome, Place, ends_from_trim, fly_places, start_box
+from hfa_policy.reach import HORIZON, Reach, reach_of, seconds_to_converge
+from hfa_policy.sampled_loop import Chain, Delays, Margins, chain_of, delays, margins
 from hfa_policy.trims import trims_of
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import short_number, shown_unit
 from trim.point.operating_point import OperatingPoint
 
 #: Flights at each trim unless asked for.
@@ -33,7 +37,7 @@ SAMPLES = 300
 _MOST_OF_THEM = 0.5
 #: Seconds of the flight from the trim that shows where the policy rests.
 _TO_REST = 200.0
-#: Another point of rest than Newton's from the trim is where the flight ends, in half-widths of the
+#: Another equilibrium than Newton's from the trim is where the flight ends, in half-widths of the
 #: box.
 _ELSEWHERE = 1e-3
 
@@ -43,7 +47,7 @@ class AssessedPoint(Result):
     """What a policy does at one trim.
 
     point: the trim.
-    place: its box of starts and its point of rest.
+    place: its box of starts and its equilibrium.
     radius: spectral radius of the sampled loop with the deployed delay; nan without a rest.
     delays: what delays do to it; None without a rest.
     margins: of a stable loop; None else.
@@ -58,8 +62,8 @@ class AssessedPoint(Result):
     keys = (
         "holds spectral_radius=radius delay_limit=delays.limit delay_limit_fine=delays.fine "
         "delay_searched=delays.searched radii disk_margin=margins.disk.disk input_margins "
-        "rest=rest_states rest_inputs K=rest.K cost_lost=cost nonlinearity flights disturbed "
-        "findings"
+        "rest=equilibrium_states rest_inputs=equilibrium_inputs K=equilibrium.K cost_lost=cost "
+        "nonlinearity flights disturbed findings"
     )
 
     point: OperatingPoint
@@ -74,15 +78,15 @@ class AssessedPoint(Result):
     findings: tuple[str, ...]
 
     @property
-    def rest(self) -> Rest | None:
+    def equilibrium(self) -> Equilibrium | None:
         """Where the policy holds the aircraft."""
-        return self.place.rest
+        return self.place.equilibrium
 
     @property
     def holds(self) -> bool:
-        """Whether the sampled loop is stable at its point of rest with no action or input held by a
+        """Whether the sampled loop is stable at its equilibrium with no action or input held by a
         clip there, and at least half of the starts come back."""
-        if self.rest is None or self.rest.clips or not self.radius < 1.0:
+        if self.equilibrium is None or self.equilibrium.clips or not self.radius < 1.0:
             return False
         if self.flights is None:
             return True
@@ -90,19 +94,19 @@ class AssessedPoint(Result):
 
     @property
     def buzzes(self) -> bool:
-        """Whether every start comes back to a small ball about a point of rest that is unstable
+        """Whether every start comes back to a small ball about an equilibrium that is unstable
         itself, as in a kink of a network."""
-        if self.rest is None or self.flights is None or not self.radius >= 1.0:
+        if self.equilibrium is None or self.flights is None or not self.radius >= 1.0:
             return False
         return self.flights.returned == self.flights.starts
 
     @property
-    def rest_offset(self) -> np.ndarray:
+    def offset(self) -> np.ndarray:
         """How far from the trim it rests, (k,), the linear states."""
-        assert self.rest is not None
+        assert self.equilibrium is not None
         model = self.point.model
         rows = [list(model.states).index(name) for name in model.linear]
-        return (self.rest.states - np.array(self.point.states))[rows]
+        return (self.equilibrium.states - np.array(self.point.states))[rows]
 
     @property
     def radii(self) -> tuple[float, ...]:
@@ -110,18 +114,18 @@ class AssessedPoint(Result):
         return () if self.delays is None else self.delays.radii
 
     @property
-    def rest_states(self) -> dict[str, float] | None:
+    def equilibrium_states(self) -> dict[str, float] | None:
         """Where it rests, by state."""
-        if self.rest is None:
+        if self.equilibrium is None:
             return None
-        return dict(zip(self.point.model.states, self.rest.states.tolist(), strict=True))
+        return dict(zip(self.point.model.states, self.equilibrium.states.tolist(), strict=True))
 
     @property
-    def rest_inputs(self) -> dict[str, float] | None:
+    def equilibrium_inputs(self) -> dict[str, float] | None:
         """Inputs there."""
-        if self.rest is None:
+        if self.equilibrium is None:
             return None
-        return dict(zip(self.point.model.inputs, self.rest.inputs.tolist(), strict=True))
+        return dict(zip(self.point.model.inputs, self.equilibrium.inputs.tolist(), strict=True))
 
     def as_data(self) -> dict[str, Any]:
         """The value of the scheduling variable by its key, and the entries."""
@@ -180,8 +184,8 @@ class Assessor:
 
     def places(self, flight: SampledFlight) -> list[Place]:
         """Where the policy rests at each trim, and the box of starts about the trim."""
-        searches = [RestSearch(self.deployed, point) for point in self.points]
-        rests = [
+        searches = [EquilibriumSearch(self.deployed, point) for point in self.points]
+        equilibria = [
             search.from_point(np.array(search.point.states), np.array(search.point.inputs))
             for search in searches
         ]
@@ -190,13 +194,23 @@ class Assessor:
         places = []
         for number, search in enumerate(searches):
             widths = self._widths(search.point)
-            rest = rests[number]
+            equilibrium = equilibria[number]
             if np.isfinite(states[number]).all():
                 elsewhere = search.from_point(states[number], inputs[number])
-                rest = _nearer(rest, elsewhere, states[number], search, widths)
-            stable = rest is not None and self._radius(rest) < 1.0
-            places.append(Place(search.point, widths, rest, stable))
+                equilibrium = _nearer(equilibrium, elsewhere, states[number], search, widths)
+            places.append(self._place(search.point, widths, equilibrium))
         return places
+
+    def _place(
+        self, point: OperatingPoint, widths: np.ndarray, equilibrium: Equilibrium | None
+    ) -> Place:
+        """The trim with what is known of its equilibrium."""
+        if equilibrium is None:
+            return Place(point, widths, None, False)
+        reach = reach_of(self.deployed, equilibrium, widths)
+        radius = self._chain(reach).radius
+        seconds = seconds_to_converge(radius, self.deployed.deployment.dt)
+        return Place(point, widths, equilibrium, radius < 1.0, reach, seconds)
 
     def _widths(self, point: OperatingPoint) -> np.ndarray:
         widths = start_box(self.deployed.model, point)
@@ -204,12 +218,14 @@ class Assessor:
             widths[self.deployed.model.linear.index(name)] = width
         return widths
 
-    def _radius(self, rest: Rest) -> float:
+    def _chain(self, reach: Reach) -> Chain:
+        """The sampled loop of what the actions move, with the deployed delay."""
         deployment = self.deployed.deployment
-        return chain_of(rest, deployment.dt, deployment.delay).radius
+        return chain_of(reach.loop, deployment.dt, deployment.delay)
 
     def assessed(self, progress: Progress | None = None) -> list[AssessedPoint]:
         """What the policy does at each trim."""
+        refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
         flight = self.flight()
         places = self.places(flight)
@@ -224,9 +240,9 @@ class Assessor:
 
     def _delays(self, place: Place) -> Delays | None:
         deployment = self.deployed.deployment
-        if place.rest is None:
+        if place.reach is None:
             return None
-        return delays(place.rest, deployment.dt, deployment.delay)
+        return delays(place.reach.loop, deployment.dt, deployment.delay)
 
     def _point(
         self,
@@ -236,26 +252,26 @@ class Assessor:
         pushed: Outcome | None,
     ) -> AssessedPoint:
         deployment = self.deployed.deployment
-        rest = place.rest
+        equilibrium = place.equilibrium
         findings: list[str] = []
         radius = math.nan
         loop_margins: Margins | None = None
         cost: CostLost | None = None
         off_slope: Nonlinearity | None = None
-        if rest is None:
-            findings.append("there is no point of rest near the trim")
+        if equilibrium is None or place.reach is None:
+            findings.append("there is no equilibrium near the trim")
         else:
-            chain = chain_of(rest, deployment.dt, deployment.delay)
+            chain = self._chain(place.reach)
             radius = chain.radius
-            findings += rest_findings(rest)
-            off_slope = nonlinearity(self.deployed, place.point, rest, place.box)
+            findings += equilibrium_findings(equilibrium, place.reach)
+            off_slope = nonlinearity(self.deployed, place.point, equilibrium, place.box)
             if radius < 1.0:
                 try:
                     loop_margins = margins(chain)
                 except (NoSolutionError, np.linalg.LinAlgError):
                     findings.append("the margins could not be computed")
             if deployment.cost is not None:
-                lost = cost_lost(self.deployed, rest, chain)
+                lost = cost_lost(self.deployed, place.reach.loop, chain)
                 cost = None if isinstance(lost, str) else lost
                 findings += [lost] if isinstance(lost, str) else []
         findings += flight_findings(radius, flown, pushed)
@@ -274,61 +290,82 @@ class Assessor:
 
 
 def _nearer(
-    rest: Rest | None,
-    elsewhere: Rest | None,
+    equilibrium: Equilibrium | None,
+    elsewhere: Equilibrium | None,
     end: np.ndarray,
-    search: RestSearch,
+    search: EquilibriumSearch,
     widths: np.ndarray,
-) -> Rest | None:
-    """The point of rest at which the flight from the trim ends, where it ends at one; else that of
+) -> Equilibrium | None:
+    """The equilibrium at which the flight from the trim ends, where it ends at one; else that of
     Newton's method from the trim."""
     if elsewhere is None:
-        return rest
-    if rest is None:
+        return equilibrium
+    if equilibrium is None:
         return elsewhere
     rows = search.rows
     from_end = np.abs(elsewhere.states - end)[rows] / widths
-    apart = np.abs(elsewhere.states - rest.states)[rows] / widths
+    apart = np.abs(elsewhere.states - equilibrium.states)[rows] / widths
     if from_end.max() < _ELSEWHERE <= apart.max():
         return elsewhere
-    return rest
+    return equilibrium
 
 
-def rest_findings(rest: Rest) -> list[str]:
-    """What a clip holds at rest."""
+def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
+    """Saturation, modes that no action moves, and kinks at the equilibrium."""
     findings = []
-    if rest.clips:
-        what = " and ".join(rest.clips)
-        findings.append(f"rests with {what}: its slope is 0 there, it is not judged as stable")
-    if rest.clipped_observations:
-        names = ", ".join(rest.clipped_observations)
-        findings.append(f"the normalizer clips {names} at rest: the policy does not see it there")
+    if equilibrium.clips:
+        what = " and ".join(equilibrium.clips)
+        findings.append(f"saturated at the equilibrium: {what}; not judged as stable")
+    if equilibrium.clipped_observations:
+        names = ", ".join(equilibrium.clipped_observations)
+        findings.append(f"the normalizer clips {names} at the equilibrium")
+    findings += reach.own
+    if not reach.judged.all():
+        findings.append(f"convergence is judged by the states that actions move: {reach.states}")
+    if equilibrium.kinks:
+        more = len(equilibrium.kinks) - 1
+        findings.append(equilibrium.kinks[0] + (f" (and {more} more)" if more else ""))
     return findings
 
 
 def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None) -> list[str]:
-    """What the flights add to the spectral radius."""
+    """What the flights add to the spectral radius, worst first."""
     findings: list[str] = []
     if flown is None or pushed is None:
         return findings
+    for outcome, when in ((flown, ""), (pushed, "with a disturbance pulse: ")):
+        if outcome.lost:
+            text = f"{outcome.lost} of {outcome.starts} flights leave the envelope"
+            if outcome.departure is not None:
+                text += f", the first: {departure_text(outcome.departure)}"
+            findings.append(when + text)
     if flown.cycle is not None:
-        findings.append(f"limit cycle: {flown.cycle.motion()}")
+        findings.append(f"limit cycle: {cycle_text(flown.cycle)}")
     elif pushed.cycle is not None:
-        findings.append(f"disturbed: limit cycle: {pushed.cycle.motion()}")
+        findings.append(f"with a disturbance pulse: limit cycle: {cycle_text(pushed.cycle)}")
     if radius >= 1.0 and flown.returned >= _MOST_OF_THEM * flown.starts:
         findings.append(
-            f"unstable at its point of rest (radius {radius:.4g}), yet {flown.returned} of "
-            f"{flown.starts} flights stay near it: it buzzes there"
+            f"unstable at its equilibrium (radius {radius:.4g}), yet {flown.returned} of "
+            f"{flown.starts} flights stay near it: it chatters there"
         )
     if flown.elsewhere:
         where = ", ".join(f"{name} {value:.4g}" for name, value in flown.elsewhere_at.items())
-        findings.append(f"{flown.elsewhere} of {flown.starts} flights rest elsewhere, at {where}")
-    if radius < 1.0 and flown.returned < _MOST_OF_THEM * flown.starts:
         findings.append(
-            f"stable at its point of rest, yet only {flown.returned} of {flown.starts} starts "
-            "come back to it"
+            f"{flown.elsewhere} of {flown.starts} flights converge to another equilibrium: {where}"
+        )
+    if flown.moving:
+        findings.append(
+            f"{flown.moving} of {flown.starts} flights have not converged within "
+            f"{flown.seconds:.3g} s"
         )
     return findings
+
+
+def cycle_text(cycle: LimitCycle) -> str:
+    """Signal, amplitude and frequency of a limit cycle, in degrees for angles."""
+    unit = "" if cycle.unit == "1" else f" {shown_unit(cycle.unit)}"
+    size = short_number(cycle.amplitude, cycle.unit)
+    return f"{cycle.name} ±{size}{unit} at {cycle.frequency:.3g} rad/s"
 
 
 def assess(

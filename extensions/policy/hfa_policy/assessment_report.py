@@ -1,4 +1,4 @@
-"""What an assessment says: its first line, a table of the trims, findings, pictures, data."""
+"""The report of an assessment: first line, findings, a table of the trims, pictures, data."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_policy.assessment import AssessedPoint, scheduled_value
+from hfa_policy.assessment import AssessedPoint, cycle_text, scheduled_value
+from hfa_policy.departures import departure_text
 from hfa_policy.deployed import Deployed
 from hfa_policy.mistake import Mistake
 from hfa_policy.normalizer_evidence import unknown_normalizer
 from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, short_number, shown_unit
@@ -27,11 +29,13 @@ NEEDS = {
     "margin": "disk margin",
     "cost": "percent over the optimum, continuous and sampled",
 }
+#: Columns of the first line.
+_FIRST_LINE = 100
 #: A command that is off its slope by less is linear.
 _LINEAR = 0.01
 #: Percent over the optimum, from which on a cost is another one.
 _SAME_COST = 1e-6
-#: A rest off trim by less than this part of the box of starts is at the trim.
+#: An equilibrium off trim by less than this part of the box of initial conditions is at the trim.
 _AT_TRIM = 0.01
 
 
@@ -91,32 +95,46 @@ class Assessment(Result, Reported):
         return sentences
 
     @property
+    def ok(self) -> bool:
+        """Whether it holds at every trim and meets every need."""
+        return self.holds and not self.unmet
+
+    @property
+    def headlines(self) -> list[str]:
+        """What a reader must know of the policy at all trims, a sentence each, worst first."""
+        holding = self._holding()
+        bad = [self._mistaken(), holding, *self.unmet]
+        flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
+        loop = [self._saturating(), self._delaying(), self._offset(), self._costing()]
+        if not self.ok:
+            return [*filter(None, [*bad, *flown, *loop])]
+        return [*filter(None, [holding, loop[1], *flown, loop[0], *loop[2:]])]
+
+    @property
     def first_line(self) -> str:
-        """For who reads one line."""
-        clauses = [
-            self._mistaken(),
-            self._holding(),
-            self._buzzing(),
-            self._cycling(),
-            self._losing(),
-            self._resting(),
-            self._clipping(),
-            self._flying(),
-            self._costing(),
-            *self.unmet,
-        ]
-        return "; ".join(filter(None, clauses))
+        """The verdict and at most two findings, in at most 100 columns."""
+        line = f"{verdict_text(self.ok)}: {self.headlines[0]}"
+        for headline in self.headlines[1:2]:
+            if len(line) + len(headline) + 2 <= _FIRST_LINE:
+                line += f"; {headline}"
+        return line
+
+    @property
+    def further(self) -> list[str]:
+        """The findings that are not in the first line, worst first."""
+        line = self.first_line
+        return [headline for headline in self.headlines if headline not in line]
 
     def _mistaken(self) -> str:
-        """Which mistakes of the card are proved."""
+        """Which mistakes of the deployment file are proved."""
         wrong = [mistake.kind for mistake in self.mistakes if mistake.proved]
-        return f"the card is wrong ({', '.join(wrong)})" if wrong else ""
+        return f"the deployment file is wrong ({', '.join(wrong)})" if wrong else ""
 
     def _holding(self) -> str:
-        """At which trims it holds and at which not, and that nothing was flown where so."""
+        """At which trims it holds, and whether the linear loop alone was judged."""
         holding = [point for point in self.points if point.holds]
         rate = f"at {1.0 / self.deployed.deployment.dt:.4g} Hz"
-        judged_by = "" if self._flown else "by its loop alone "
+        judged_by = "" if self._flown else "its linear loop "
         if len(holding) == len(self.points):
             return f"{judged_by}holds {self._where(holding)} {rate}"
         if not holding:
@@ -132,11 +150,26 @@ class Assessment(Result, Reported):
         """Whether starts were flown."""
         return any(point.flights is not None for point in self.points)
 
-    def _buzzing(self) -> str:
-        buzzing = [point for point in self.points if point.buzzes]
-        if not buzzing:
+    def _departing(self) -> str:
+        """How many flights leave the envelope, and the state and limit of the first."""
+        left = [point for point in self.points if point.flights is not None and point.flights.lost]
+        outcomes = [point.flights for point in left if point.flights is not None]
+        if not outcomes:
             return ""
-        return f"buzzes near its point of rest {self._where(buzzing)}, where every start stays"
+        starts = sum(point.flights.starts for point in self.points if point.flights is not None)
+        text = f"{sum(outcome.lost for outcome in outcomes)} of {starts} flights leave the envelope"
+        departures = [each.departure for each in outcomes if each.departure is not None]
+        if not departures:
+            return text
+        first = min(departures, key=lambda departure: departure.time)
+        return f"{text} ({departure_text(first)})"
+
+    def _chattering(self) -> str:
+        """Where it chatters about an unstable equilibrium."""
+        chattering = [point for point in self.points if point.buzzes]
+        if not chattering:
+            return ""
+        return f"chatters near its equilibrium {self._where(chattering)}, where every flight stays"
 
     def _cycling(self) -> str:
         """The largest oscillation, in nominal sizes, and where."""
@@ -147,8 +180,8 @@ class Assessment(Result, Reported):
                 continue
             share = cycle.amplitude / self.deployed.model.signals[cycle.name].nominal
             if largest is None or share > largest[0]:
-                largest = (share, f"{self._where([point])} {cycle.motion()}")
-        return "" if largest is None else largest[1].removeprefix("at the trim ")
+                largest = (share, f"limit cycle {self._where([point])}: {cycle_text(cycle)}")
+        return "" if largest is None else largest[1].replace(" at the trim:", ":")
 
     def _where(self, points: list[AssessedPoint]) -> str:
         """At which trims: "from 38 to 60 m/s", "at 45 m/s"."""
@@ -171,95 +204,93 @@ class Assessment(Result, Reported):
         """At which trims, after a space; nothing where these are all."""
         return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
-    def _losing(self) -> str:
-        """The shortest delay that is lost, and where."""
+    def _delaying(self) -> str:
+        """The shortest delay with which the loop is unstable, and where."""
         holding = [point for point in self.points if point.holds and point.delays is not None]
         limits = [point.delays.limit for point in holding if point.delays is not None]
-        lost = [limit for limit in limits if limit is not None]
+        unstable = [limit for limit in limits if limit is not None]
         if not holding:
             return ""
-        if not lost:
+        if not unstable:
             searched = min(point.delays.searched for point in holding if point.delays is not None)
-            return f"not lost with delays up to {1e3 * searched:.4g} ms"
-        shortest = min(lost)
+            return f"stable with delays up to {1e3 * searched:.4g} ms"
+        shortest = min(unstable)
         where = [
             point
             for point in holding
             if point.delays is not None and point.delays.limit == shortest
         ]
-        text = f"lost with {1e3 * shortest:.4g} ms of delay"
+        text = f"unstable with {1e3 * shortest:.4g} ms of delay"
         return text if len(where) == len(holding) else f"{text} {self._where(where)}"
 
-    def _resting(self) -> str:
-        """The state that rests farthest off trim, in half-widths of the box."""
-        restless = [point for point in self.points if point.rest is None]
-        if restless:
-            return f"rests nowhere near the trim{self._unless_all(restless)}"
+    def _offset(self) -> str:
+        """The state whose equilibrium is farthest off trim, in half-widths of the box."""
+        nowhere = [point for point in self.points if point.equilibrium is None]
+        if nowhere:
+            return f"no equilibrium near the trim{self._unless_all(nowhere)}"
         farthest = None
         for point in self.points:
-            shares = np.abs(point.rest_offset) / point.place.box
+            shares = np.where(point.place.judged, np.abs(point.offset) / point.place.box, 0.0)
             index = int(np.argmax(shares))
             if farthest is None or shares[index] > farthest[0]:
                 name = point.point.model.linear[index]
-                farthest = (float(shares[index]), name, float(point.rest_offset[index]))
+                farthest = (float(shares[index]), name, float(point.offset[index]))
         assert farthest is not None
         share, name, offset = farthest
         if share < _AT_TRIM:
-            return "rests at the trim"
+            return "no steady-state error"
         unit = self.deployed.model.unit(name)
-        size = f"{short_number(abs(offset), unit)} {shown_unit(unit)}"
+        size = f"{'+' if offset > 0 else '-'}{short_number(abs(offset), unit)} {shown_unit(unit)}"
         many = "up to " if len(self.points) > 1 else ""
-        if name == "speed":
-            return f"rests {many}{size} {'fast' if offset > 0 else 'slow'}"
-        return f"rests {many}{size} {'above' if offset > 0 else 'below'} the trim in {name}"
+        return f"steady-state {name} error {many}{size}"
 
-    def _clipping(self) -> str:
-        """Where an action or an input is at its limit at rest, and which."""
-        clipped: list[AssessedPoint] = []
+    def _saturating(self) -> str:
+        """Which action or input is at its limit at the equilibrium, and where."""
+        saturated: list[AssessedPoint] = []
         clips: dict[str, None] = {}
         for point in self.points:
-            if point.rest is not None and point.rest.clips:
-                clipped.append(point)
-                clips |= dict.fromkeys(point.rest.clips)
-        if not clipped:
+            if point.equilibrium is not None and point.equilibrium.clips:
+                saturated.append(point)
+                clips |= dict.fromkeys(point.equilibrium.clips)
+        if not saturated:
             return ""
-        return f"rests{self._unless_all(clipped)} with {' and '.join(clips)}"
+        where = self._unless_all(saturated)
+        return f"saturated at the equilibrium{where}: {' and '.join(clips)}"
 
     def _flying(self) -> str:
-        """Which part of the starts does not come back."""
-        shares = [
-            1.0 - point.flights.returned / point.flights.starts
-            for point in self.points
-            if point.flights is not None
-        ]
-        if not shares:
-            return "no start was flown"
+        """Which part of the flights does not converge."""
+        flown = [point.flights for point in self.points if point.flights is not None]
+        if not flown:
+            return "no flight was made"
+        shares = [1.0 - flights.returned / flights.starts for flights in flown]
         if max(shares) == 0.0:
-            return "every start comes back"
+            return "every flight converges"
         low, high = (f"{100 * share:.3g}" for share in (min(shares), max(shares)))
         part = f"{high} %" if low == high else f"{low} to {high} %"
-        return f"{part} of the starts do not come back"
+        seconds = max(flights.seconds for flights in flown)
+        return f"{part} of the flights do not converge within {seconds:.3g} s"
 
     def _costing(self) -> str:
-        """What it costs where it holds; elsewhere the cost of its slope at rest says nothing."""
+        """The linear cost where it holds; elsewhere that of the linear loop means nothing."""
         costs = [point.cost for point in self.points if point.holds and point.cost is not None]
         if not costs:
             return ""
         worst = max(max(cost.worst, cost.sampled_worst) for cost in costs)
         if not math.isfinite(worst):
-            return "its cost has no bound"
+            return "linear cost without bound"
         if worst < _SAME_COST:
-            return "costs what the optimum costs"
+            return "linear cost of the optimum"
         if worst < 100.0:
-            return f"costs up to {worst:.2g} % more than the optimum"
+            return f"linear cost up to {worst:.2g} % above the optimum"
         times = float(f"{1.0 + worst / 100.0:.2g}")
-        return f"costs up to {short_number(times, '')} x the optimum"
+        return f"linear cost up to {short_number(times, '')}x the optimum"
 
     def report(self) -> Report:
         """The first line, the trims, the findings."""
         model = self.deployed.model
         deployment = self.deployed.deployment
-        lines = [f"{self.first_line}", "", f"Assessment of {deployment.origin} on {model.title}"]
+        lines = [self.first_line, *self.further, ""]
+        lines.append(f"Assessment of {deployment.origin} on {model.title}")
         for mistake in self.mistakes:
             lines.append(mistake.sentence)
         parts: list[Any] = [deployment.actor.chain, self._table()]
@@ -267,7 +298,7 @@ class Assessment(Result, Reported):
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())
 
     def _findings(self) -> list[str]:
-        """Each finding once, with where it is said."""
+        """Each finding of a trim once, with its trims."""
         where: dict[str, list[AssessedPoint]] = {}
         for point in self.points:
             for finding in point.findings:
@@ -285,8 +316,8 @@ class Assessment(Result, Reported):
             return []
         where = self._where([points[int(np.argmax(parts))]])
         return [
-            f"{where}: within the box of starts the command is up to {100 * max(parts):.3g} % of "
-            "the largest linear one off its slope at rest"
+            f"{where}: in the box of initial conditions the command deviates from its "
+            f"linearization by up to {100 * max(parts):.3g} % of the largest linear one"
         ]
 
     def _table(self) -> Table:
@@ -295,8 +326,8 @@ class Assessment(Result, Reported):
             f"{model.schedule} {shown_unit(model.schedule_unit)}" if model.schedule else "trim"
         )
         header = (
-            *(scheduled, "holds", "radius", "lost at ms", "disk margin"),
-            *("cost lost %", "mean %", "sampled %", "returned", "lost", "disturbed"),
+            *(scheduled, "holds", "radius", "unstable at ms", "disk margin"),
+            *("linear cost %", "mean %", "sampled %", "converge", "leave", "disturbed"),
         )
         return Table(header, [self._row(point) for point in self.points])
 

@@ -1,4 +1,4 @@
-"""What a policy costs at its point of rest against the optimum of the same Q and R."""
+"""What a policy costs at its equilibrium against the optimum of the same Q and R."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from controller.riccati.cost import flight_cost
 from controller.riccati.gare import solve_game
 from hfa_discrete.solution import sampled, solve_discrete
 from hfa_policy.deployed import Deployed
-from hfa_policy.rest import Rest
+from hfa_policy.equilibrium import Equilibrium
 from hfa_policy.sampled_loop import Chain
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.results import Result
@@ -26,7 +26,7 @@ _COSTS_NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class CostLost(Result):
-    """Percent of the optimal cost, from deviations from the point of rest; inf without bound.
+    """Percent of the optimal cost, from deviations from the equilibrium; inf without bound.
 
     worst: of u = -K x in continuous time, without delay.
     mean: the same, of all starts.
@@ -41,11 +41,11 @@ class CostLost(Result):
     sampled_mean: float
 
 
-def cost_lost(deployed: Deployed, rest: Rest, chain: Chain) -> CostLost | str:
+def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> CostLost | str:
     """The cost lost; in words why there is no optimum to compare with."""
-    game = lqr_at(deployed, rest)
+    game = lqr_at(deployed, equilibrium)
     try:
-        continuous = flight_cost(game, solve_game(game), rest.K)
+        continuous = flight_cost(game, solve_game(game), equilibrium.K)
         problem = sampled(game, chain.dt)
         optimum = solve_discrete(problem).P
     except NoSolutionError as error:
@@ -54,14 +54,14 @@ def cost_lost(deployed: Deployed, rest: Rest, chain: Chain) -> CostLost | str:
     return CostLost(continuous.worst, continuous.mean, sampled_worst, sampled_mean)
 
 
-def lqr_at(deployed: Deployed, rest: Rest) -> Game:
-    """The LQR of the card's Q and R on the aircraft at the point of rest, its commanded inputs
+def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
+    """The LQR of the card's Q and R on the aircraft at the equilibrium, its commanded inputs
     alone."""
     cost: Mapping[str, Any] | None = deployed.deployment.cost
     assert cost is not None
     linear = deployed.model.linear
     outputs = tuple(name for name in cost["Q"] if name not in linear)
-    slopes = deployed.model.at(rest.states, rest.inputs, outputs)
+    slopes = deployed.model.at(equilibrium.states, equilibrium.inputs, outputs)
     if np.any(slopes.D):
         wrong = [name for name, row in zip(outputs, slopes.D, strict=True) if row.any()]
         raise BadInputError(
@@ -72,7 +72,9 @@ def lqr_at(deployed: Deployed, rest: Rest) -> Game:
     for name, row in zip(outputs, slopes.C[:, rows], strict=True):
         Q += float(cost["Q"][name]) * np.outer(row, row)
     R = np.diag([float(cost["R"][name]) for name in deployed.commanded])
-    return Game(rest.A, rest.B, np.eye(len(rest.A)), Q, R, math.inf)
+    if equilibrium.basis is not None:
+        Q = equilibrium.basis.T @ Q @ equilibrium.basis
+    return Game(equilibrium.A, equilibrium.B, np.eye(len(equilibrium.A)), Q, R, math.inf)
 
 
 def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.envelope import flight_envelope
+from hfa_policy.departures import departure_at, refuse_edges
 from hfa_policy.deployed import Deployed
 from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
@@ -33,12 +34,14 @@ class Stepped(NamedTuple):
     rewards: (N,), minus the cost of the sample.
     lost: (N,), whether the aircraft left its limits.
     over: (N,), whether the time of the episode is over.
+    left: number of a lost episode -> the state that left its limit, the limit and the time.
     """
 
     observations: np.ndarray
     rewards: np.ndarray
     lost: np.ndarray
     over: np.ndarray
+    left: dict[int, str]
 
 
 class Episodes:
@@ -65,6 +68,7 @@ class Episodes:
         self.deployed = deployed
         self.points = tuple(points)
         self.low, self.high = _box_of(deployed)
+        refuse_edges(points)
         middle_of_box = 0.5 * self.low + 0.5 * self.high
         deployed.refuse_undefined_at(points, middle_of_box)
         self.samples = round(seconds / deployed.deployment.dt)
@@ -80,9 +84,9 @@ class Episodes:
         self._step = row_code(self._sample())
         self._threads = ThreadPoolExecutor() if count >= _MANY else None
         self._observe = row_code(self._observation())
-        envelopes = [flight_envelope(deployed.model, point) for point in points]
-        self._least = np.array([envelope.least for envelope in envelopes])
-        self._most = np.array([envelope.most for envelope in envelopes])
+        self._envelopes = [flight_envelope(deployed.model, point) for point in points]
+        self._least = np.array([envelope.least for envelope in self._envelopes])
+        self._most = np.array([envelope.most for envelope in self._envelopes])
         self._boxes = np.array([start_box(deployed.model, point) for point in points])
         self._trims = np.array([deployed.trim_vector(point) for point in points])
         self._linear = [list(deployed.model.states).index(name) for name in deployed.model.linear]
@@ -143,7 +147,13 @@ class Episodes:
         self.done += 1
         rewards = -np.nan_to_num(costs[:, 0], nan=0.0, posinf=1e6)
         rewards[lost] *= 1 + self.samples - self.done[lost]
-        return Stepped(observations, rewards, lost, self.done >= self.samples)
+        left = {number: self._left(number, X[number]) for number in np.flatnonzero(lost).tolist()}
+        return Stepped(observations, rewards, lost, self.done >= self.samples, left)
+
+    def _left(self, number: int, states: np.ndarray) -> str:
+        """How an episode has left the envelope with these states (n,)."""
+        time = float(self.done[number] * self.deployed.deployment.dt)
+        return departure_at(self._envelopes[self.owners[number]], states, time)
 
     def _stepped(self) -> Sequence[np.ndarray]:
         """The states and memories of the rows a sample later, the costs, and what is observed then;

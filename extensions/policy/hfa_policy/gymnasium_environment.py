@@ -16,7 +16,8 @@ _FIRST = np.array([0])
 class AircraftEnvironment(gymnasium.Env):
     """An aircraft about its trims: observation, action, timing and cost as a deployment says.
 
-    Actions beyond the box count as at its end. `info` has `X`, `U` and the number of the trim.
+    Actions beyond the box count as at its end. `info` has `X`, `U` and the number of the trim; at
+    the end of an episode that leaves the envelope `left` names the state, its limit and the time.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 1}  # noqa: RUF012
@@ -50,12 +51,15 @@ class AircraftEnvironment(gymnasium.Env):
         """One sample."""
         stepped = self.episodes.step(np.asarray(action, dtype=float)[None])
         self._remember()
+        info = self._info()
+        if stepped.lost[0]:
+            info["left"] = stepped.left[0]
         return (
             stepped.observations[0].astype(np.float32),
             float(stepped.rewards[0]),
             bool(stepped.lost[0]),
             bool(stepped.over[0]),
-            self._info(),
+            info,
         )
 
     def render(self) -> np.ndarray | None:

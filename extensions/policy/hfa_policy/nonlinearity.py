@@ -13,7 +13,7 @@ from controller.critic.expressions import from_functions
 from controller.game.zero_sum import Game
 from hfa_networks.judge.network_search import Comparison, search
 from hfa_policy.deployed import Deployed
-from hfa_policy.rest import Rest
+from hfa_policy.equilibrium import Equilibrium
 from trim.point.operating_point import OperatingPoint
 
 
@@ -37,9 +37,9 @@ class _Slope(NamedTuple):
 
 
 def nonlinearity(
-    deployed: Deployed, point: OperatingPoint, rest: Rest, box: np.ndarray
+    deployed: Deployed, point: OperatingPoint, equilibrium: Equilibrium, box: np.ndarray
 ) -> Nonlinearity:
-    """What the search finds about a point of rest; the inputs that act before are those of rest."""
+    """What the search finds about an equilibrium; the inputs that act before are those of rest."""
     model = deployed.model
     k = len(model.linear)
     rows = [list(model.states).index(name) for name in model.linear]
@@ -47,13 +47,13 @@ def nonlinearity(
     z = symbols_for([deployed.command], k)
     selection = np.zeros((len(model.states), k))
     selection[rows, np.arange(k)] = 1.0
-    X = ca.DM(rest.states) + ca.DM(selection) @ z
+    X = ca.DM(equilibrium.states) + ca.DM(selection) @ z
     trim = ca.DM(deployed.trim_vector(point))
-    commanded = deployed.command(X, ca.DM(rest.inputs), trim)
-    u = commanded[columns] - ca.DM(rest.inputs[columns])
+    commanded = deployed.command(X, ca.DM(equilibrium.inputs), trim)
+    u = commanded[columns] - ca.DM(equilibrium.inputs[columns])
     prices = np.array([model.inputs[name].nominal ** -2.0 for name in deployed.commanded])
-    game = Game(rest.A, rest.B, np.eye(k), np.eye(k), np.diag(prices), np.inf)
+    game = Game(equilibrium.A, equilibrium.B, np.eye(k), np.eye(k), np.diag(prices), np.inf)
     policy = from_functions(game, z, {"policy": u}, "the deployed policy")
-    slope: Any = _Slope(rest.K, np.zeros((k, k)))
+    slope: Any = _Slope(equilibrium.K, np.zeros((k, k)))
     _, (found,) = search(Comparison(policy, slope, np.sqrt(prices), box))
     return Nonlinearity(found.error, dict(zip(model.linear, found.at.tolist(), strict=True)))

@@ -1,4 +1,5 @@
-"""What becomes of flights from a box of starts: returned, lost, or neither, which cycles."""
+"""Flights from a box of initial conditions: which converge, which leave the envelope, which do
+neither."""
 
 from __future__ import annotations
 
@@ -8,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.envelope import flight_envelope
+from hfa_flight.envelope import Departure, flight_envelope
 from hfa_flight.flight_history import Deviations
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
+from hfa_policy.departures import flown_departure
+from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch
 from hfa_policy.flights import SampledFlight, Window, in_threads
-from hfa_policy.rest import Rest
+from hfa_policy.reach import HORIZON, Reach
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
 from trim.point.operating_point import OperatingPoint
 
-#: Seconds after which a flight that is neither back nor lost is looked at as it is.
-HORIZON = 60.0
 #: Half-widths of the ball of those that are back, in half-widths of the box of starts.
 BALL = 0.05
 #: Seconds during which the disturbance pushes, and how far it alone would take a state in that
@@ -41,12 +42,14 @@ _ELSEWHERE = 2.0
 _BLOCK = 5
 _CYCLES = 3.0
 _SAME = 0.002
-#: A flight about an unstable point of rest is back only where it has not grown by this factor over
+#: A flight about an unstable equilibrium is back only where it has not grown by this factor over
 #: its last `_GROWTH_WINDOWS` windows: it buzzes within the ball.
 _GROWN = 1.02
 _GROWTH_WINDOWS = 10
-#: What has moved by less in the last window, in half-widths of the box, is at rest.
+#: What has moved by less in the last window, in half-widths of the box, may be at an equilibrium.
 _SETTLED = 1e-3
+#: Other equilibria that are looked for.
+_OTHERS = 3
 
 
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
@@ -70,15 +73,25 @@ class Place:
     """Where flights begin and come back to.
 
     point: the trim.
-    box: (k,), half-widths of the starts about it.
-    rest: the point of rest, None where there is none.
-    stable: whether the loop is stable there: then who is in the ball and comes nearer is back.
+    box: (k,), half-widths of the initial conditions about it.
+    equilibrium: the equilibrium, None where there is none.
+    stable: whether the loop is stable there: then a flight that is in the ball and comes nearer has
+        converged.
+    reach: what the actions move there; None without an equilibrium.
+    seconds: for which flights are flown.
     """
 
     point: OperatingPoint
     box: np.ndarray
-    rest: Rest | None
+    equilibrium: Equilibrium | None
     stable: bool
+    reach: Reach | None = None
+    seconds: float = HORIZON
+
+    @property
+    def judged(self) -> np.ndarray:
+        """Which linear states decide whether a flight converges, (k,)."""
+        return np.ones(len(self.box), dtype=bool) if self.reach is None else self.reach.judged
 
 
 @dataclass(frozen=True)
@@ -86,20 +99,24 @@ class Outcome(Result):
     """What became of the flights of one place.
 
     starts: how many.
-    returned: within the ball about the point of rest, 1 s long.
+    returned: converged: within the ball about the equilibrium for 1 s.
     lost: left the limits of the states that the model declares.
     worst_start: linear state -> value at the start of the worst.
     worst_ends: "lost", "is not back" or "returns".
-    slowest: s, of those that returned.
-    cycle: the oscillation of those that are neither, or that are back about an unstable point of
-        rest; None where there is none.
-    elsewhere: how many of those came to rest, but not at the point of rest.
-    elsewhere_at: linear state -> value where the first of them is at rest.
+    slowest: s, of those that converged.
+    cycle: the oscillation of those that do neither, or that are back about an unstable equilibrium;
+        None where there is none.
+    elsewhere: how many converge to another equilibrium.
+    elsewhere_at: linear state -> value at the first of these.
+    moving: how many neither converge nor leave the limits within `seconds`.
+    seconds: of a flight.
+    departure: which state of the worst flight leaves its limit first, where and when; None where
+        none does.
     """
 
     keys = (
         "starts returned lost worst_start worst_ends slowest_return=slowest "
-        "rest_elsewhere=elsewhere elsewhere=elsewhere_at limit_cycle=cycle"
+        "rest_elsewhere=elsewhere elsewhere=elsewhere_at limit_cycle=cycle moving seconds departure"
     )
 
     starts: int
@@ -111,6 +128,9 @@ class Outcome(Result):
     cycle: LimitCycle | None
     elsewhere: int
     elsewhere_at: dict[str, float]
+    moving: int
+    seconds: float
+    departure: Departure | None
 
 
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
@@ -146,19 +166,23 @@ class FlownRows:
         self.most = np.array([envelope.most for envelope in envelopes])[owners]
         nowhere = np.full(len(model.linear), np.nan)
         centres = [
-            nowhere if place.rest is None else place.rest.states[self.linear] for place in places
+            nowhere if place.equilibrium is None else place.equilibrium.states[self.linear]
+            for place in places
         ]
         self.centres = np.array(centres)[owners]
         self.balls = np.array([BALL * place.box for place in places])[owners]
         self.stable = np.array([place.stable for place in places])[owners]
+        self.judged = np.array([place.judged for place in places])[owners]
         self.nearest = np.full(len(rows), np.inf)
         self.earlier = np.full(len(rows), np.inf)
         self.standing = np.zeros(len(rows), dtype=int)
+        self.seconds = HORIZON
         shape = (3, len(rows), len(model.linear))
         self.swings_of_blocks = np.full(shape, np.inf)
 
     def fly(self, seconds: float, window: Window, progress: Progress | None = None) -> None:
         """Fly all of them for so many seconds."""
+        self.seconds = seconds
         count = len(self.rows)
         windows = max(1, round(seconds / (self.flight.samples_in_window * self.flight.dt)))
 
@@ -209,18 +233,19 @@ class FlownRows:
         return rows
 
     def _in_balls(self, rows: np.ndarray, flying: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The farthest that flights were from the point of rest in the window, (N,), and half of
+        """The farthest that flights were from the equilibrium in the window, (N,), and half of
         what each linear state moved by, (N, k), both in balls."""
         _, _, low_X, high_X, *_ = self.flight.slices
         lowest = rows[:, low_X][:, self.linear]
         highest = rows[:, high_X][:, self.linear]
         centre = self.centres[flying]
         farthest = np.maximum(highest - centre, centre - lowest) / self.balls[flying]
-        distance = np.nan_to_num(farthest.max(axis=1), nan=np.inf)
-        return distance, (highest - lowest) / 2.0 / self.balls[flying]
+        judged = self.judged[flying]
+        distance = np.nan_to_num(np.where(judged, farthest, 0.0).max(axis=1), nan=np.inf)
+        return distance, np.where(judged, (highest - lowest) / 2.0 / self.balls[flying], 0.0)
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """Which of the flights about a stable point of rest were in the ball for two windows and
+        """Which of the flights about a stable equilibrium were in the ball for two windows and
         did not go away from it."""
         before = self.nearest[flying]
         in_ball = (distance <= 1.0) & (before <= 1.0)
@@ -253,7 +278,8 @@ class FlownRows:
     def swings(self) -> np.ndarray:
         """(N, k), half of what each linear state moved by in the last window."""
         _, _, low_X, high_X, *_ = self.flight.slices
-        return (self.rows[:, high_X] - self.rows[:, low_X])[:, self.linear] / 2.0
+        moved = (self.rows[:, high_X] - self.rows[:, low_X])[:, self.linear]
+        return np.asarray(np.where(self.judged, moved / 2.0, 0.0))
 
     def outcome(self, owner: int, place: Place) -> Outcome:
         """What became of the flights of one place."""
@@ -276,7 +302,7 @@ class FlownRows:
                 cycle = measured_cycle(self.flight, self.rows[swinging], place)
         elif returned.size and not place.stable:
             cycle = measured_cycle(self.flight, self.rows[returned[0]], place)
-        rests_at = self.rows[settled[:1]][:, X][:, self.linear].ravel().tolist()
+        elsewhere, elsewhere_at = self._other_equilibria(settled, place)
         return Outcome(
             starts=len(mine),
             returned=len(returned),
@@ -285,9 +311,44 @@ class FlownRows:
             worst_ends=ends,
             slowest=float(self.times[returned].max(initial=0.0)),
             cycle=cycle,
-            elsewhere=len(settled),
-            elsewhere_at=dict(zip(model.linear, rests_at, strict=False)),
+            elsewhere=elsewhere,
+            elsewhere_at=elsewhere_at,
+            moving=len(neither) - elsewhere,
+            seconds=self.seconds,
+            departure=self._departure(worst, place) if lost.size else None,
         )
+
+    def _departure(self, number: int, place: Place) -> Departure | None:
+        """How one flight leaves the envelope."""
+        envelope = flight_envelope(place.point.model, place.point)
+        seconds = float(self.times[number])
+        return flown_departure(self.flight, self.first[number], envelope, seconds, PUSHED)
+
+    def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
+        """How many of the flights that hardly move are at another equilibrium, and the linear
+        states at the first such. The others still move."""
+        search = EquilibriumSearch(self.flight.deployed, place.point)
+        X, memory, *_ = self.flight.slices
+        m = len(place.point.model.inputs)
+        ball = BALL * place.box[place.judged]
+        count = 0
+        first: dict[str, float] = {}
+        for _ in range(_OTHERS):
+            if not settled.size:
+                break
+            row = self.rows[settled[0]]
+            other = search.from_point(row[X], row[memory][:m])
+            here = self.rows[settled][:, X][:, self.linear][:, place.judged]
+            at = np.zeros(len(settled), dtype=bool)
+            if other is not None and not _is_same(other, place, self.linear):
+                there = other.states[self.linear]
+                at = np.all(np.abs(here - there[place.judged]) <= ball, axis=1)
+            if at[0]:
+                count += int(at.sum())
+                first = first or dict(zip(place.point.model.linear, there.tolist(), strict=True))
+            at[0] = True
+            settled = settled[~at]
+        return count, first
 
     def _worst(self, lost: Any, neither: Any, returned: Any) -> tuple[int, str]:
         """The number of the worst flight: lost first, else that swings most, else the slowest."""
@@ -296,6 +357,14 @@ class FlownRows:
         if neither.size:
             return int(neither[np.argmax(self.nearest[neither])]), "is not back"
         return int(returned[np.argmax(self.times[returned])]), "returns"
+
+
+def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
+    """Whether an equilibrium is that of the place."""
+    if place.equilibrium is None:
+        return False
+    apart = np.abs(other.states - place.equilibrium.states)[linear]
+    return bool(np.all(apart[place.judged] <= BALL * place.box[place.judged]))
 
 
 def measured_cycle(
@@ -337,7 +406,8 @@ def fly_places(
     flown_places = places + places
     owners = np.repeat(np.arange(len(flown_places)), samples)
     flown = FlownRows(flight, flown_places, np.vstack(rows), owners)
-    flown.fly(HORIZON, flight.window(len(owners), HORIZON), progress)
+    seconds = max(place.seconds for place in places)
+    flown.fly(seconds, flight.window(len(owners), seconds), progress)
     outcomes = [flown.outcome(owner, place) for owner, place in enumerate(flown_places)]
     return outcomes[: len(places)], outcomes[len(places) :]
 

@@ -84,7 +84,7 @@ def _flies_well(point: AssessedPoint) -> bool:
     """Whether the card holds at a trim, and most starts come back to near it."""
     if not point.holds or point.flights is None:
         return False
-    near_trim = bool(np.all(np.abs(point.rest_offset) <= NEAR * point.place.box))
+    near_trim = bool(np.all(np.abs(point.offset) <= NEAR * point.place.box))
     return near_trim and point.flights.returned >= _WELL * point.flights.starts
 
 
@@ -128,7 +128,7 @@ class _Trial:
         order = sorted(assessed, key=lambda point: point.flights.returned)  # type: ignore[union-attr]
         self.places = [point.place for point in order[:_PLACES]]
         self.flights = ChangeFlights(assessor, self.places)
-        # A loop without a point of rest has no radius.
+        # A loop without an equilibrium has no radius.
         self.grows_far_too_fast = any(not point.radius < _GROWS for point in assessed)
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 

@@ -1,4 +1,4 @@
-"""The sampled loop about a point of rest, exact: inputs held between the samples, commands late.
+"""The sampled loop about an equilibrium, exact: inputs held between the samples, commands late.
 
 With the state s = (x_k; u_{k-1}; ...; u_{k-d-1}) of a delay of d samples and a part f of one,
 
@@ -27,7 +27,7 @@ from controller.riccati.margins import (
     scaled_norm,
 )
 from hfa_policy.deployment import MOST_SAMPLES
-from hfa_policy.rest import Rest
+from hfa_policy.equilibrium import Equilibrium
 
 #: Seconds of delay up to which the delay that is lost is sought.
 MOST_SECONDS = 3.0
@@ -75,20 +75,20 @@ def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarra
     return moved[:n, :n], moved[:n, n:]
 
 
-def chain_of(rest: Rest, dt: float, delay: float) -> Chain:
-    """The sampled loop about a point of rest. delay: s."""
+def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
+    """The sampled loop about an equilibrium. delay: s."""
     samples = delay / dt
     whole = round(samples) if abs(samples - round(samples)) <= _WHOLE else math.floor(samples)
     early_time = max(0.0, delay - whole * dt) if samples - whole > _WHOLE else 0.0
-    n, m = rest.B.shape
+    n, m = equilibrium.B.shape
     blocks = whole + 1
     size = n + blocks * m
-    Phi, Gamma = held(rest.A, rest.B, dt)
+    Phi, Gamma = held(equilibrium.A, equilibrium.B, dt)
     late = Gamma
     early = np.zeros_like(Gamma)
     if early_time:
-        Phi_after, late = held(rest.A, rest.B, dt - early_time)
-        early = Phi_after @ held(rest.A, rest.B, early_time)[1]
+        Phi_after, late = held(equilibrium.A, equilibrium.B, dt - early_time)
+        early = Phi_after @ held(equilibrium.A, equilibrium.B, early_time)[1]
     F = np.zeros((size, size))
     G = np.zeros((size, m))
     C = np.zeros((m, size))
@@ -102,8 +102,8 @@ def chain_of(rest: Rest, dt: float, delay: float) -> Chain:
     for block in range(1, blocks):
         begin = n + block * m
         F[begin : begin + m, begin - m : begin] = np.eye(m)
-    C[:, :n] = -rest.K
-    C[:, size - m :] += rest.K_inputs
+    C[:, :n] = -equilibrium.K
+    C[:, size - m :] += equilibrium.K_inputs
     return Chain(F, G, C, n, dt)
 
 
@@ -123,25 +123,25 @@ class Delays(NamedTuple):
     searched: float
 
 
-def delays(rest: Rest, dt: float, deployed_delay: float) -> Delays:
+def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays:
     """Search upward from the deployed delay, sample by sample: a loop that is lost at one delay may
     be stable again at a longer one."""
     first = math.ceil(deployed_delay / dt - _WHOLE)
     most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
     radii: list[float] = []
     for samples in range(most + 1):
-        radii.append(chain_of(rest, dt, samples * dt).radius)
+        radii.append(chain_of(equilibrium, dt, samples * dt).radius)
         if samples >= first and radii[-1] >= 1.0:
-            fine = _first_lost(rest, dt, deployed_delay, samples)
+            fine = _first_lost(equilibrium, dt, deployed_delay, samples)
             return Delays(tuple(radii), samples * dt, fine, samples * dt)
     return Delays(tuple(radii), None, None, most * dt)
 
 
-def _first_lost(rest: Rest, dt: float, deployed_delay: float, samples: int) -> float:
+def _first_lost(equilibrium: Equilibrium, dt: float, deployed_delay: float, samples: int) -> float:
     """The first delay of the last sample before `samples` that is lost, in parts of it."""
     for part in range(1, _PARTS):
         delay = (samples - 1 + part / _PARTS) * dt
-        if delay >= deployed_delay and chain_of(rest, dt, delay).radius >= 1.0:
+        if delay >= deployed_delay and chain_of(equilibrium, dt, delay).radius >= 1.0:
             return delay
     return samples * dt
 

@@ -31,13 +31,18 @@ def good():
     return assess(aircraft("ppo_gtm"), card("ppo_gtm"), [45.0, 60.0], samples=16)
 
 
-def test_the_first_line_is_for_who_reads_one_line(good):
-    line = good.report().title.split("\n")[0]
-    assert line.startswith(
-        "holds from 45 to 60 m/s at 50 Hz; lost with 20 ms of delay; rests up to"
+def test_the_first_line_is_a_verdict_and_two_findings(good):
+    lines = good.report().title.split("\n")
+    assert lines[0] == "PASS: holds from 45 to 60 m/s at 50 Hz; unstable with 20 ms of delay"
+    assert lines[1] == "every flight converges"
+    assert lines[2].startswith("steady-state speed error up to -0.")
+    assert lines[3].startswith("linear cost up to ")
+    assert lines[3].endswith("x the optimum")
+    failing = replace(good, needs={"delay": 0.05}).report().title.split("\n")
+    assert failing[0].startswith(
+        "FAIL: holds from 45 to 60 m/s at 50 Hz; delay 0.05 (s) is not met"
     )
-    assert "every start comes back" in line
-    assert line.endswith("x the optimum")
+    assert max(map(len, [*lines, *failing])) <= 100
 
 
 def test_data_have_the_keys_that_are_promised(good):
@@ -92,7 +97,7 @@ def test_a_delay_beyond_the_limit_does_not_hold():
     assert point.flights.returned == 0
     assert point.flights.cycle is not None
     assert point.flights.cycle.amplitude > 0.1
-    assert result.report().title.startswith("does not hold at 60 m/s")
+    assert result.report().title.startswith("FAIL: does not hold at 60 m/s")
 
 
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
@@ -104,7 +109,7 @@ def test_the_rest_is_where_a_flight_of_200_s_ends(name):
     window = flight.window(4, 1e4)
     ends, _ = ends_from_trim(flight, list(points), window, 200.0)
     for place, end in zip(assessor.places(flight), ends, strict=True):
-        np.testing.assert_allclose(place.rest.states, end, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(place.equilibrium.states, end, rtol=1e-6, atol=1e-6)
 
 
 def test_a_flight_is_that_of_its_equations():
@@ -147,13 +152,14 @@ def test_a_clip_that_is_active_at_rest_is_said_and_not_judged_as_stable():
     deployment = gtm_card({"file": push}, action=action)
     result = assess(load_model(GTM), deployment, [45.0], samples=0)
     (point,) = result.points
-    assert result.first_line.startswith("by its loop alone does not hold at 45 m/s")
-    assert "; rests with the action of elevator at the end of its box" in result.first_line
-    assert "; no start was flown" in result.first_line
-    assert "cost" not in result.first_line
-    assert point.rest.clips == ("the action of elevator at the end of its box",)
+    assert result.first_line.startswith("FAIL: its linear loop does not hold at 45 m/s")
+    action = "saturated at the equilibrium: the action of elevator at the end of its box"
+    assert action in result.headlines
+    assert "no flight was made" in result.first_line
+    assert not any("cost" in headline for headline in result.headlines)
+    assert point.equilibrium.clips == ("the action of elevator at the end of its box",)
     assert not point.holds
-    assert any("its slope is 0 there" in finding for finding in point.findings)
+    assert any("not judged as stable" in finding for finding in point.findings)
 
 
 @pytest.mark.slow
@@ -187,7 +193,7 @@ def test_what_cannot_be_assessed_is_refused():
         assess(model, gtm_card({}))
 
 
-def test_a_policy_that_buzzes_within_the_ball_is_said_to_buzz():
+def test_chatter_within_the_ball_is_named():
     calm = card("ppo_gtm").actor
     o = ca.SX.sym("o", 4)
     at_rest = card("ppo_gtm").normalizer.normalized(np.zeros(4))[2]  # of the pitch rate
@@ -200,8 +206,8 @@ def test_a_policy_that_buzzes_within_the_ball_is_said_to_buzz():
     assert point.radius > 1.0
     assert point.flights.returned == 4
     assert not point.holds
-    assert "buzzes near its point of rest at 45 m/s" in result.first_line
-    assert "at 45 m/s elevator goes on by ±" in result.first_line
+    assert any("chatters near its equilibrium at 45 m/s" in text for text in result.headlines)
+    assert "limit cycle at 45 m/s: elevator ±" in result.first_line
 
 
 def test_the_nonlinearity_is_found_where_it_was_planted():
@@ -210,10 +216,10 @@ def test_the_nonlinearity_is_found_where_it_was_planted():
     bent = ca.Function("bent", [o], [ca.vertcat(0.5 * o[2] + 2.0 * ca.fmax(o[3] - 0.05, 0.0), 0.0)])
     result = assess(model, gtm_card({"file": bent}), [45.0], samples=0)
     found = result.points[0].nonlinearity
-    width = result.points[0].place.box[3] - (0.05 - result.points[0].rest_offset[3])
+    width = result.points[0].place.box[3] - (0.05 - result.points[0].offset[3])
     assert found.state["pitch"] == pytest.approx(0.1)
     assert found.part == pytest.approx(2.0 * width / (0.5 * 0.1), rel=1e-6)
-    assert "of the largest linear one off its slope at rest" in str(result.report())
+    assert "the command deviates from its linearization by up to" in str(result.report())
 
 
 def test_a_gain_has_no_nonlinearity():
@@ -249,3 +255,80 @@ def test_an_aircraft_of_one_input_is_assessed_and_flown(delay):
     before = flights.unwrapped.episodes.states[0].copy()
     flights.step(np.array([0.1]))
     assert not np.array_equal(flights.unwrapped.episodes.states[0], before)
+
+
+def kinked_model():
+    """The GTM whose speed falls with |pitch rate|: a kink at every trim."""
+    gtm = load_model(GTM)
+
+    def equations(x, u, p, w):
+        rates, outputs = gtm.equations(x, u, p, w)
+        return {**rates, "speed": rates["speed"] - 5.0 * ca.fabs(x.pitch_rate)}, outputs
+
+    return replace(gtm, name="kinked", equations=equations, native=None, made_by=None)
+
+
+def test_slopes_at_a_kink_are_those_of_linearize():
+    """Cost, radius and margins follow from the same A and B, and a finding names the kink."""
+    o = ca.SX.sym("o", 4)
+    gain = ca.Function("gain", [o], [ca.vertcat(0.3 * o[2] + 0.5 * ca.fmax(o[3], 0.0), 0.0)])
+    model = kinked_model()
+    result = assess(model, gtm_card({"file": gain}), [45.0], samples=0)
+    (point,) = result.points
+    linear = hfa.linearize(model, point.point)
+    np.testing.assert_array_equal(point.equilibrium.A, linear.A)
+    np.testing.assert_array_equal(point.equilibrium.B, linear.B)
+    gtm = load_model(GTM)
+    smooth = hfa.linearize(gtm, hfa.find_operating_point(gtm, hold={"speed": 45.0}))
+    np.testing.assert_allclose(linear.A, smooth.A, rtol=1e-6, atol=1e-6)
+    assert point.equilibrium.K[0, 3] == pytest.approx(-0.25, rel=1e-6)
+    kinks = [finding for finding in point.findings if finding.startswith("kink")]
+    assert kinks == [f"{linear.kinks[0]} (and 1 more)"]
+
+
+F16 = f"{ROOT}/examples/f16.py:F16"
+
+
+def f16_card(**tables):
+    """The elevator of the F-16 about its altitude and pitch rate."""
+    o = ca.SX.sym("o", 3)
+    gain = ca.Function("gain", [o], [50.0 * o[0] + 60.0 * o[1] + 20.0 * o[2]])
+    return Deployment(
+        policy={"file": gain},
+        observation={"alpha": {}, "pitch_rate": {}, "pitch": {}},
+        action={"elevator": {"box": [-10.0, 10.0]}},
+        timing={"dt": 0.02},
+        **tables,
+    )
+
+
+def test_a_trim_at_an_edge_of_the_envelope_is_refused():
+    """Of the state that other states move; the shipped aircraft has room at its own trim."""
+    model = load_model(F16)
+    edged = replace(
+        model, states={**model.states, "altitude": model.states["altitude"]._replace(min=0.0)}
+    )
+    for judge in (hfa.assess, hfa.environment):
+        with pytest.raises(hfa.BadInputError, match="the trim has altitude 0 ft, its lowest limit"):
+            judge(edged, f16_card(), [502.0])
+    hfa.environment(model, f16_card(), [502.0])
+
+
+def test_a_lost_flight_names_state_limit_and_time():
+    model = load_model(F16)
+    edge = {**model.states, "altitude": model.states["altitude"]._replace(min=-3.0)}
+    edged = replace(model, states=edge)
+    result = assess(edged, f16_card(), [502.0], samples=4)
+    flights = result.points[0].flights
+    assert flights.departure.state == "altitude"
+    assert flights.departure.limit == -3.0
+    assert 0.0 < flights.departure.time < 5.0
+    assert flights.departure.value == pytest.approx(-3.0, abs=2.0)
+    said = f"altitude below -3 ft at {flights.departure.time:.4g} s"
+    assert any(said in headline for headline in result.headlines)
+    env = hfa.environment(edged, f16_card(), [502.0])
+    env.reset(seed=1)
+    lost = False
+    while not lost:
+        *_, lost, _, info = env.step(np.array([10.0]))
+    assert info["left"].startswith("altitude below -3 ft at ")

@@ -16,7 +16,7 @@ END = 60.0
 SMALL = 1e-6
 
 
-def is_lost(name, point, rest, delay):
+def is_lost(name, point, equilibrium, delay):
     """Whether a small deviation of a flight grows: in its last half, or a hundred times at any
     time. It is the difference of two flights, one of which begins in the point of rest."""
     deployment = card(name)
@@ -29,10 +29,10 @@ def is_lost(name, point, rest, delay):
     trim = deployed.trim_vector(point)
     flown = []
     for share in (0.0, SMALL):
-        start = rest.states.copy()
+        start = equilibrium.states.copy()
         start[rows] += share * widths
         row = flight.rows(start[None], trim[None], np.zeros((1, len(rows))))[0]
-        row[flight.slices[1]] = np.tile(rest.inputs, flight.whole + 1)
+        row[flight.slices[1]] = np.tile(equilibrium.inputs, flight.whole + 1)
         flown.append(np.array(path(row)).T[:, rows])
     deviations = (np.abs(flown[1] - flown[0]) / widths).max(axis=1)
     second = round(1.0 / deployment.dt)
@@ -52,12 +52,12 @@ def test_the_delay_that_is_lost_is_that_of_flights(name, number):
     deployment = card(name)
     point = trims(name)[number]
     assessor = Assessor(deployment.on(aircraft(name)), (point,), samples=0)
-    rest = assessor.places(assessor.flight())[0].rest
-    assert rest is not None
-    limit = delays(rest, deployment.dt, deployment.delay).limit
+    equilibrium = assessor.places(assessor.flight())[0].equilibrium
+    assert equilibrium is not None
+    limit = delays(equilibrium, deployment.dt, deployment.delay).limit
     assert limit is not None
     if limit > 0.0:
         before = limit - deployment.dt
-        assert chain_of(rest, deployment.dt, before).radius < 1.0
-        assert not is_lost(name, point, rest, before)
-    assert is_lost(name, point, rest, limit)
+        assert chain_of(equilibrium, deployment.dt, before).radius < 1.0
+        assert not is_lost(name, point, equilibrium, before)
+    assert is_lost(name, point, equilibrium, limit)

@@ -34,9 +34,9 @@ def linear_case(scale=1.0):
     deployment = gtm_card({"file": gain}, cost={"Q": Q, "R": R}, timing={"dt": DT})
     deployed = deployment.on(model)
     assessor = Assessor(deployed, (point,), samples=0)
-    rest = assessor.places(assessor.flight())[0].rest
-    np.testing.assert_allclose(rest.K, K, rtol=1e-10)
-    return deployed, rest, K
+    equilibrium = assessor.places(assessor.flight())[0].equilibrium
+    np.testing.assert_allclose(equilibrium.K, K, rtol=1e-10)
+    return deployed, equilibrium, K
 
 
 @pytest.fixture(scope="module")
@@ -45,43 +45,43 @@ def case():
 
 
 def test_the_sampled_aircraft_is_that_of_python_control(case):
-    _, rest, _ = case
-    Phi, Gamma = held(rest.A, rest.B, DT)
-    expected = control.c2d(control.ss(rest.A, rest.B, np.eye(4), 0), DT, "zoh")
+    _, equilibrium, _ = case
+    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
+    expected = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
     np.testing.assert_allclose(Phi, expected.A, atol=1e-12)
     np.testing.assert_allclose(Gamma, expected.B, atol=1e-12)
 
 
 @pytest.mark.parametrize("samples", [1, 3])
 def test_a_delay_is_a_chain_of_python_controls_delays(case, samples):
-    _, rest, K = case
-    plant = control.c2d(control.ss(rest.A, rest.B, np.eye(4), 0), DT, "zoh")
+    _, equilibrium, K = case
+    plant = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
     shift = control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0, DT)
     late = plant
     for _ in range(samples):
         late = control.series(shift, late)
     closed = late.feedback(control.ss([], [], [], K, DT))
     radius = np.abs(closed.poles()).max()
-    assert chain_of(rest, DT, samples * DT).radius == pytest.approx(radius, abs=1e-9)
+    assert chain_of(equilibrium, DT, samples * DT).radius == pytest.approx(radius, abs=1e-9)
 
 
 def test_half_a_sample_of_delay_is_half_a_sample_at_twice_the_rate(case):
     """At half the sample time a loop whose command changes every other sample, one sample late."""
-    _, rest, K = case
-    Phi, Gamma = held(rest.A, rest.B, DT / 2)
+    _, equilibrium, K = case
+    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT / 2)
     early = Phi @ Phi
     twice = np.zeros((6, 6))
     twice[:4, :4] = early - Gamma @ K
     twice[:4, 4:] = Phi @ Gamma
     twice[4:, :4] = -K
     radius = np.abs(np.linalg.eigvals(twice)).max()
-    assert chain_of(rest, DT, DT / 2).radius == pytest.approx(radius, abs=1e-12)
+    assert chain_of(equilibrium, DT, DT / 2).radius == pytest.approx(radius, abs=1e-12)
 
 
 def test_margins_are_those_of_python_control(case):
-    _, rest, K = case
-    found = margins(chain_of(rest, DT, 0.0))
-    Phi, Gamma = held(rest.A, rest.B, DT)
+    _, equilibrium, K = case
+    found = margins(chain_of(equilibrium, DT, 0.0))
+    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
     grid = np.geomspace(1e-3, math.pi / DT, 4000)
     for loop in range(2):
         other = 1 - loop
@@ -103,9 +103,9 @@ def test_margins_are_those_of_python_control(case):
 
 def test_a_gain_at_its_margin_is_at_the_edge_of_stability(case):
     """Each gain margin, substituted back into the loop, puts a pole on the unit circle to 1e-9."""
-    _, rest, K = case
-    Phi, Gamma = held(rest.A, rest.B, DT)
-    for loop, margin in enumerate(margins(chain_of(rest, DT, 0.0)).inputs):
+    _, equilibrium, K = case
+    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
+    for loop, margin in enumerate(margins(chain_of(equilibrium, DT, 0.0)).inputs):
         scaled = K.copy()
         scaled[loop] *= margin.gain_high
         radius = np.abs(np.linalg.eigvals(Phi - Gamma @ scaled)).max()
@@ -114,16 +114,16 @@ def test_a_gain_at_its_margin_is_at_the_edge_of_stability(case):
 
 @pytest.mark.parametrize("scale", [1.0, 1.3])
 def test_costs_are_those_of_scipy(scale):
-    deployed, rest, K = linear_case(scale)
-    lost = cost_lost(deployed, rest, chain_of(rest, DT, 0.0))
-    game = lqr_at(deployed, rest)
+    deployed, equilibrium, K = linear_case(scale)
+    lost = cost_lost(deployed, equilibrium, chain_of(equilibrium, DT, 0.0))
+    game = lqr_at(deployed, equilibrium)
     optimum = hfa.solve_game(game).P
     closed = game.A - game.B @ K
     value = solve_lyapunov(closed.T, -(game.Q + K.T @ game.R @ K))
     shares = np.linalg.eigvals(np.linalg.solve(optimum, value)).real - 1.0
     assert lost.worst == pytest.approx(100.0 * shares.max(), abs=1e-7)
     assert lost.mean == pytest.approx(100.0 * shares.mean(), abs=1e-7)
-    Phi, Gamma = held(rest.A, rest.B, DT)
+    Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
     optimum = solve_discrete_are(Phi, Gamma, DT * game.Q, DT * game.R)
     closed = Phi - Gamma @ K
     value = solve_discrete_lyapunov(closed.T, DT * (game.Q + K.T @ game.R @ K))
@@ -145,8 +145,8 @@ def test_a_loop_of_the_wrong_sign_is_lost_without_delay(case):
 
 
 def test_delays_are_searched_upward(case):
-    _, rest, _ = case
-    found = delays(rest, DT, 0.0)
+    _, equilibrium, _ = case
+    found = delays(equilibrium, DT, 0.0)
     limit = round(found.limit / DT)
     assert len(found.radii) == limit + 1
     assert all(radius < 1.0 for radius in found.radii[:-1])

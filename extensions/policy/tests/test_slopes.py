@@ -49,17 +49,21 @@ def test_K_is_the_slope_of_the_card_at_rest():
     deployed = card(name).on(aircraft(name))
     point = trims(name)[0]
     assessor = Assessor(deployed, (point,), samples=0)
-    rest = assessor.places(assessor.flight())[0].rest
+    equilibrium = assessor.places(assessor.flight())[0].equilibrium
     trim = deployed.trim_vector(point)
     rows = [list(point.model.states).index(state) for state in point.model.linear]
     step = 1e-6
     for column, row in enumerate(rows):
-        shifts = np.zeros(len(rest.states))
+        shifts = np.zeros(len(equilibrium.states))
         shifts[row] = step
-        above = np.array(deployed.command(rest.states + shifts, rest.inputs, trim)).ravel()
-        below = np.array(deployed.command(rest.states - shifts, rest.inputs, trim)).ravel()
+        above = np.array(
+            deployed.command(equilibrium.states + shifts, equilibrium.inputs, trim)
+        ).ravel()
+        below = np.array(
+            deployed.command(equilibrium.states - shifts, equilibrium.inputs, trim)
+        ).ravel()
         slope = (above - below) / (2.0 * step)
-        np.testing.assert_allclose(-rest.K[:, column], slope, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(-equilibrium.K[:, column], slope, rtol=1e-5, atol=1e-6)
 
 
 @pytest.mark.slow

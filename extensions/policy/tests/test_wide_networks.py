@@ -175,18 +175,18 @@ def test_networks_of_the_default_sizes_are_assessed(tmp_path, width, activation)
     (point,) = Assessor(deployed, trims_of(deployed.model, [45.0]), samples=4).assessed()
     assert np.isfinite(point.radius)
     assert point.flights.starts == 4
-    rest = point.rest
+    equilibrium = point.equilibrium
     step = 1e-6 * np.array([1.0, 0.1, 0.1, 0.1])
     columns = [list(point.point.model.states).index(name) for name in point.point.model.linear]
     commanded = deployed.command
     trim = deployed.trim_vector(point.point)
     for number, column in enumerate(columns):
-        moved = np.zeros(len(rest.states))
+        moved = np.zeros(len(equilibrium.states))
         moved[column] = step[number]
         ahead, behind = (
-            np.array(commanded(rest.states + sign * moved, rest.inputs, trim)).ravel()
+            np.array(commanded(equilibrium.states + sign * moved, equilibrium.inputs, trim)).ravel()
             for sign in (1.0, -1.0)
         )
         slope = (ahead - behind) / (2.0 * step[number])
         inputs = [list(point.point.model.inputs).index(name) for name in ("elevator", "throttle")]
-        np.testing.assert_allclose(-rest.K[:, number], slope[inputs], rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(-equilibrium.K[:, number], slope[inputs], rtol=1e-4, atol=1e-6)

@@ -103,10 +103,10 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
 def assess(request: AssessRequest) -> int:
     """Assess a policy as it is deployed: sampled, held, with its normalizer and its delay.
 
-    At each trim: where it rests; the exact sampled loop with 0, 1, 2 ... samples of delay; margins
-    at the plant's input; cost against the optimum of the card's Q and R; flights from a box of
-    starts, with and without disturbance. Exit 0: it holds at every trim and meets what --need asks;
-    1: it does not, or the files prove a mistake of the card."""
+    At each trim: its equilibrium; the exact sampled loop with 0, 1, 2 ... samples of delay; margins
+    at the plant's input; linear cost against the optimum of Q and R; flights from a box of initial
+    conditions, with and without a disturbance pulse. Exit 0: it holds at every trim and meets every
+    --need; 1: it does not, or its files prove a mistake of the deployment file."""
     from hfa_policy.assessment import Assessor
     from hfa_policy.assessment_report import Assessment
     from hfa_policy.deployment import Deployment
@@ -122,4 +122,4 @@ def assess(request: AssessRequest) -> int:
     mistakes = mistakes_of(assessor, assessed)
     result = Assessment(deployed, tuple(assessed), tuple(mistakes), request.need)
     show(result.report(), request, figure=result.figure, notes=result.warnings)
-    return 0 if result.holds and not result.unmet else 1
+    return 0 if result.ok else 1

@@ -1,4 +1,4 @@
-"""Where a policy holds an aircraft: X, U with f(X, U) = f(X0, U0) on the linear states and U =
+"""The equilibrium of the sampled loop: X, U with f(X, U) = f(X0, U0) on the linear states and U =
 command(X, U)."""
 
 from __future__ import annotations
@@ -10,21 +10,26 @@ import numpy as np
 from hfa_policy.deployed import Deployed
 from hfa_support.reporting.results import Matrix
 from trim.limits import Limits
+from trim.linear.kinks import linearization_at
+from trim.linear.switches import STEP
 from trim.point.operating_point import OperatingPoint
 
 _MOST_STEPS = 60
 _MOST_HALVES = 30
 #: Residual, in nominal rates, from which a point counts as at rest.
-_AT_REST = 1e-9
+_STEADY = 1e-9
 #: Residual where the equations are no numbers.
 _FAR_OFF = 1e6
+#: How far the slopes to both sides may differ where there is no kink, of the change of an input
+#: over a nominal value.
+_SAME_SLOPE = 1e-3
 #: How near to a clip a value lies at it, as a part of the width.
 _AT_CLIP = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Rest:
-    """A point of rest of the sampled loop.
+class Equilibrium:
+    """An equilibrium of the sampled loop, at a kink with the means of the slopes to both sides.
 
     states: X, (n,); the states that the linear model does not have are those of the trim.
     inputs: U, (m,).
@@ -33,6 +38,8 @@ class Rest:
     A: (k, k), B: (k, m'), of the aircraft there.
     clips: what a clip holds there, in words; those of actions and inputs.
     clipped_observations: which observations their clip holds.
+    kinks: notes on entries of A, B, K and K_inputs at a kink.
+    basis: (k, r), of the coordinates of A, B and K; None where these are the linear states.
     """
 
     states: np.ndarray
@@ -43,9 +50,11 @@ class Rest:
     B: np.ndarray
     clips: tuple[str, ...] = ()
     clipped_observations: tuple[str, ...] = ()
+    kinks: tuple[str, ...] = ()
+    basis: Matrix | None = None
 
 
-class RestSearch:
+class EquilibriumSearch:
     """Newton's method on the linear states and the commanded inputs at one trim."""
 
     def __init__(self, deployed: Deployed, point: OperatingPoint) -> None:
@@ -65,8 +74,8 @@ class RestSearch:
         self.scales = np.array([*state_scales, *input_scales])
         self.steady = model.at(point.states, point.inputs).f[self.rows]
 
-    def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Rest | None:
-        """The point of rest that is found from X (n,) and U (m,); None where none is: Newton's
+    def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Equilibrium | None:
+        """The equilibrium that is found from X (n,) and U (m,); None where none is: Newton's
         method, where it gets stuck after least squares."""
         start = np.concatenate([states, inputs])
         z = self.base.copy()
@@ -97,12 +106,12 @@ class RestSearch:
         nearest[self.moving] += found.x * self.scales
         return nearest
 
-    def _by_newton(self, z: np.ndarray) -> Rest | None:
-        """The point of rest of Newton's method with step halving; None where it finds none."""
+    def _by_newton(self, z: np.ndarray) -> Equilibrium | None:
+        """The equilibrium of Newton's method with step halving; None where it finds none."""
         residual, jacobian = self._system(z)
         size = self._size(residual)
         for _ in range(_MOST_STEPS):
-            if size <= _AT_REST * 1e-3 or not (np.isfinite(size) and np.isfinite(jacobian).all()):
+            if size <= _STEADY * 1e-3 or not (np.isfinite(size) and np.isfinite(jacobian).all()):
                 break
             scaled = jacobian * self.scales / self.residual_scales[:, None]
             step = np.linalg.lstsq(scaled, -residual / self.residual_scales, rcond=1e-12)[0]
@@ -119,7 +128,7 @@ class RestSearch:
             z = trial
             residual, jacobian = following
             size = self._size(residual)
-        return self._rest(z) if size <= _AT_REST else None
+        return self._found(z) if size <= _STEADY else None
 
     def _size(self, residual: np.ndarray) -> float:
         size = float(np.linalg.norm(residual / self.residual_scales))
@@ -153,20 +162,57 @@ class RestSearch:
         lower = np.hstack([-by_states, np.eye(len(self.columns)) - by_inputs])
         return residual, np.vstack([np.hstack([A, B]), lower])
 
-    def _rest(self, z: np.ndarray) -> Rest:
+    def _found(self, z: np.ndarray) -> Equilibrium:
         X, U = self._parts(z)
-        plant = self.model.at(X, U)
+        plant, kinks = linearization_at(self.model, X, U)
         _, by_states, by_inputs = self._slopes(z)
-        return Rest(
+        slopes, policy_kinks = self._mean_slopes(z, np.hstack([by_states, by_inputs]))
+        k = len(self.rows)
+        return Equilibrium(
             states=X,
             inputs=U,
-            K=-by_states,
-            K_inputs=by_inputs,
+            K=-slopes[:, :k],
+            K_inputs=slopes[:, k:],
             A=plant.A[np.ix_(self.rows, self.rows)],
             B=plant.B[np.ix_(self.rows, self.columns)],
             clips=self._clips(X, U),
             clipped_observations=self._clipped_observations(X, U),
+            kinks=(*self._of_the_loop(kinks), *policy_kinks),
         )
+
+    def _of_the_loop(self, notes: tuple[str, ...]) -> list[str]:
+        """The notes on entries of the linear states and the commanded inputs."""
+        linear = self.model.linear
+        columns = [("A", name) for name in linear]
+        columns += [("B", name) for name in self.deployed.commanded]
+        entries = [f"{matrix}({row}, {name})" for row in linear for matrix, name in columns]
+        return [note for note in notes if any(entry in note for entry in entries)]
+
+    def _mean_slopes(
+        self, z: np.ndarray, derivative: np.ndarray
+    ) -> tuple[np.ndarray, tuple[str, ...]]:
+        """The slopes (m', k + m') of the commanded inputs by the linear states and the inputs
+        before, at a kink the means of the slopes to both sides, and a note on each such entry."""
+        names = (*self.model.linear, *self.deployed.commanded)
+        commanded = self.deployed.commanded
+        slopes = derivative.copy()
+        notes = []
+        u = self._slopes(z)[0]
+        for column, (row, name) in enumerate(zip(self.moving, names, strict=True)):
+            step = np.zeros(len(z))
+            step[row] = STEP * self.scales[column]
+            above = (self._slopes(z + step)[0] - u) / step[row]
+            below = (u - self._slopes(z - step)[0]) / step[row]
+            apart = np.abs(above - below) * self.scales[column]
+            allowed = _SAME_SLOPE * (self.residual_scales[len(self.rows) :] + np.abs(u))
+            for number in np.flatnonzero(apart > allowed).tolist():
+                slopes[number, column] = (above[number] + below[number]) / 2.0
+                notes.append(
+                    f"kink of the policy: d {commanded[number]} / d {name} is "
+                    f"{slopes[number, column] + 0.0:.5g}, the mean of the slopes below and above, "
+                    f"{below[number]:.5g} and {above[number]:.5g}"
+                )
+        return slopes, tuple(notes)
 
     def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
         """What holds an action or an input at rest."""

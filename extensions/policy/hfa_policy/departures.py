@@ -1,0 +1,80 @@
+"""How a flight leaves the envelope, and trims about which every flight does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from hfa_flight.envelope import Departure, departure, flight_envelope
+from hfa_policy.flights import SampledFlight
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.text import short_number, shown_unit
+from trim.limits import Limits
+from trim.point.operating_point import OperatingPoint
+
+
+def departure_text(left: Departure) -> str:
+    """State, side, limit and time: "altitude below 0 ft at 0.02 s"."""
+    when = f"at {left.time:.4g} s"
+    if not math.isfinite(left.value):
+        return f"{left.state} is no number {when}"
+    suffix = "" if left.unit == "1" else f" {shown_unit(left.unit)}"
+    side = "below" if left.value < left.limit else "above"
+    return f"{left.state} {side} {short_number(left.limit, left.unit)}{suffix} {when}"
+
+
+def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
+    """How a state (n,) outside an envelope has left it."""
+    left = departure(envelope, np.array([time]), states[None], False)
+    assert left is not None
+    return departure_text(left)
+
+
+def flown_departure(
+    flight: SampledFlight, row: np.ndarray, envelope: Limits, seconds: float, pushed: float
+) -> Departure | None:
+    """Which state leaves the envelope first and when, of the flight that begins with a row.
+
+    seconds: within which it leaves; pushed: until which the disturbance acts.
+    """
+    X, *_, push, _ = flight.slices
+    one = flight.sample()
+    steps = [min(round(pushed / flight.dt), round(seconds / flight.dt))]
+    steps.append(round(seconds / flight.dt) - steps[0])
+    rows = [row]
+    for number, count in enumerate(steps):
+        if count < 1:
+            continue
+        last = rows[-1].copy()
+        if number:
+            last[push] = 0.0
+        rows += list(np.array(one.mapaccum(count)(last)).T)
+    states = np.array(rows)[:, X]
+    return departure(envelope, flight.dt * np.arange(len(states)), states, False)
+
+
+def refuse_edges(points: Sequence[OperatingPoint]) -> None:
+    """BadInputError for a trim that lies at the limit of a state that other states move: small
+    flights about it leave the envelope at once."""
+    for point in points:
+        model = point.model
+        envelope = flight_envelope(model, point)
+        values = np.array(point.states)
+        at_lowest = envelope.at_lowest(values)
+        edges = np.flatnonzero(at_lowest | envelope.at_highest(values)).tolist()
+        if not edges:
+            continue
+        A = model.at(point.states, point.inputs).A
+        linear = [list(model.states).index(name) for name in model.linear]
+        for index in edges:
+            others = [number for number in linear if number != index]
+            if not A[index, others].any():
+                continue
+            name = envelope.names[index]
+            which, side = ("lowest", "above") if at_lowest[index] else ("highest", "below")
+            raise BadInputError(
+                f"the trim has {name} {model.describe(name, float(values[index]))}, its {which} "
+                f"limit, which flights about it leave at once; hold {name} {side} that"
+            )
