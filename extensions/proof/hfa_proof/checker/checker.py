@@ -30,6 +30,7 @@ from hfa_proof.checker.reading import Fields, Rejected, naming
 from hfa_proof.checker.riccati import (
     Solution,
     check_axis,
+    check_gain,
     critic_distances,
     distance_bounds,
     solution_on,
@@ -61,7 +62,7 @@ from hfa_support.errors import BadInputError, on_one_line
 from hfa_support.files import read_json
 from hfa_support.progress import Progress, told
 
-SCHEMA = "hfa.certificate/8"
+SCHEMA = "hfa.certificate/9"
 #: What a file holds beside the statement and the witness, none of which is claimed.
 _CLOSING = ("digest", "provenance", "checksum")
 #: Bits of a midpoint.
@@ -276,6 +277,8 @@ def check_game(statement: GameStatement, witness: GameWitness) -> int:
         if not (highest <= arb(most) and (least == 0.0 or lowest >= arb(least))):
             raise Rejected(f"the distance of {name} may be another one")
     A, B = wide
+    if statement.gain_of_value:
+        check_gain(weights, B, statement.critic)
     n = A.parts[0].nrows()
     loop = A - B * matrix(statement.critic["K"])
     _check_runs("loop", [Run(0.0, 0.0, *statement.loop)], _line_bounds(loop, witness.loop), n)

@@ -23,6 +23,9 @@ from hfa_proof.checker.statement import Weights
 from hfa_proof.checker.trims import root_offsets
 from hfa_proof.checker.witness import SolutionBox
 
+#: A gain in doubles is that of a value to within this, relative (Frobenius).
+SAME_GAIN = 1e-9
+
 
 class Solution(NamedTuple):
     """P (n, n) and K (m, n) on a box."""
@@ -111,6 +114,27 @@ def weights_of_basis(P: arb_mat, size: int) -> arb_mat:
     n = P.nrows()
     entries = [P[i, j] if i == j else 2 * P[i, j] for i in range(n) for j in range(i, n)]
     return arb_mat(size, 1, entries + [arb(0)] * (size - len(entries)))
+
+
+def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
+    """(n, n), P with z'P z the quadratic part of W'ψ(z), W (size,): halves of doubles are exact."""
+    P = np.zeros((n, n))
+    upper = np.triu_indices(n)
+    P[upper] = np.asarray(W, dtype=float).ravel()[: len(upper[0])] / 2.0
+    return P + P.T
+
+
+def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray]) -> None:
+    """Rejected unless K is R⁻¹ B' P to within `SAME_GAIN`, of P and of the quadratic part of W."""
+    K = matrix(critic["K"])
+    values = [critic["P"]] if "P" in critic else []
+    if "W" in critic:
+        values.append(matrix_of_weights(critic["W"], K.ncols()))
+    for P in values:
+        own = gain_matrix(weights, B) * matrix(P)
+        _, away = distance_bounds(own - K, None)
+        if not away <= arb(SAME_GAIN) * norm(own.range().entries()):
+            raise Rejected("K is not the gain of the critic's P or W")
 
 
 def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tuple[arb, arb]:

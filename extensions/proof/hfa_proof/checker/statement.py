@@ -345,6 +345,8 @@ class GameStatement:
     decimals: `distances` and `loop` hold for every number that reads as these doubles; else, and
         `delta_min` and `modes` always, for the doubles alone
     critic: K (m, n), and P (n, n) or W (weights, 1) if it has them
+    gain_of_value: whether K is R⁻¹ B' P of the critic's P and W, to within `SAME_GAIN`; else it is
+        a gain of its own
     distances: name of each of the critic's parts -> bounds of |X - X*| / |X*| (Frobenius)
     loop: least and most unstable modes of A - B K with the critic's K
     delta_min: the game has no value at the first and a value at the second; or none
@@ -355,6 +357,7 @@ class GameStatement:
     weights: Weights
     decimals: bool
     critic: Mapping[str, np.ndarray]
+    gain_of_value: bool
     distances: Mapping[str, tuple[float, float]]
     loop: tuple[int, int]
     delta_min: tuple[float, float] | None = None
@@ -381,6 +384,8 @@ class GameStatement:
         decimals = entries.flag("decimals")
         require(model is not None or not decimals, "decimals", decimals)
         critic = _read_critic(entries.fields("critic"), n, m)
+        gain_of_value = entries.flag("gain_of_value")
+        require(len(critic) > 1 or not gain_of_value, "gain_of_value", gain_of_value)
         stated = entries.fields("distances")
         distances = {name: stated.pair(name, least=0.0) for name in critic}
         stated.close()
@@ -392,7 +397,9 @@ class GameStatement:
             require(0.0 < delta_min[0] < delta_min[1], "delta_min", list(delta_min))
             modes = _read_bounds(entries, "modes", n)
         entries.close()
-        return cls(plant, weights, decimals, critic, distances, loop, delta_min, modes)
+        return cls(
+            plant, weights, decimals, critic, gain_of_value, distances, loop, delta_min, modes
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -464,6 +471,17 @@ def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
 def content_of(statement: Statement) -> dict[str, Any]:
     """The statement as a file has it; `read_statement` reads it back."""
     return {name: _content(value) for name, value in _named_parts(statement).items()}
+
+
+def kind_of_statement(statement: Statement) -> str:
+    """The kind of certificate that it is of."""
+    return next(name for name, kind in KINDS.items() if isinstance(statement, kind))
+
+
+def flight_content(flight: Flight) -> dict[str, Any]:
+    """A flight as a file has it."""
+    content: dict[str, Any] = _content(flight)
+    return content
 
 
 def _named_parts(statement: Statement) -> dict[str, Any]:
@@ -568,14 +586,17 @@ def _own_aircraft(dynamics: str) -> Model:
 
 
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
-    """The limits of a certificate by signal: of every signal that has a limit in the model, and of
-    others if stated."""
+    """The limits of a certificate by signal: of every signal that has a limit in the model, none
+    wider than that, and of others if stated."""
     stated = entries.fields("limits")
     limits = {}
-    for name, ends in model.limits.items():
-        needed = bool(np.isfinite(ends).any()) and name not in model.disturbances
+    for name, (least, most) in model.limits.items():
+        needed = bool(np.isfinite((least, most)).any()) and name not in model.disturbances
         if needed or stated.has(name):
-            limits[name] = stated.pair(name)
+            low, high = stated.pair(name)
+            where = f"limits: {name} beyond the model's"
+            require(least <= low and high <= most, where, [low, high])
+            limits[name] = (low, high)
     stated.close()
     return limits
 

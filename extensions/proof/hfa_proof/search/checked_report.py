@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,8 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_model.parameters import NAMED, Parameters, load_parameters
 from hfa_proof.checker.checker import Verified
+from hfa_proof.checker.riccati import SAME_GAIN
 from hfa_proof.checker.statement import (
-    KINDS,
     Controller,
     Flight,
     GameStatement,
@@ -23,7 +23,9 @@ from hfa_proof.checker.statement import (
     Statement,
     Weights,
     content_of,
+    kind_of_statement,
 )
+from hfa_proof.outward import at_least, at_most
 from hfa_proof.search.report import (
     INTERPOLATION_ERRORS,
     SCHEMA,
@@ -34,26 +36,30 @@ from hfa_proof.search.report import (
     schedule_data,
     schedule_parts,
 )
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_proof.subject import taken_from_certificate
 from hfa_support.provenance import parameter_hash
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table
 
 
-def checked_report(verified: Verified) -> Report:
-    """The whole statement that was verified: of which aircraft in which flight whatever the options
-    of the command, with which controller, limits and weights; proved on all of the interval or not.
+def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
+    """The whole statement that was verified: of which aircraft in which flight, with which
+    controller, limits and weights; proved on all of the interval or not.
+
+    verified: what the checker proved
+    not_given: parts of its subject that the user did not give; the title names them
     """
     statement = verified.statement
     content = content_of(statement)
     data: Content = {
         "schema": SCHEMA,
         "statement": "check",
-        "kind": next(name for name, kind in KINDS.items() if isinstance(statement, kind)),
+        "kind": kind_of_statement(statement),
         "boxes": verified.boxes,
         "written": verified.written,
         "statement_sha256": _digest(content),
         "claim": content,
+        "not_given": list(not_given),
     }
     lines = [f"statement: SHA-256 {data['statement_sha256'][:16]}"]
     parts: list[Part] = []
@@ -82,18 +88,24 @@ def checked_report(verified: Verified) -> Report:
             )
     else:
         rows = [
-            (INTERPOLATION_ERRORS[name], f"{error:.3g}") for name, error in statement.errors.items()
+            (INTERPOLATION_ERRORS[name], at_most(error, 3))
+            for name, error in statement.errors.items()
         ]
         parts.append(Table(("error between the breakpoints, at most", "bound"), rows))
         lines += _weights_said(statement.weights)
+        tables = ("breakpoints", "A", "B", "inputs", "K")
+        lines.append(
+            "tables, SHA-256: "
+            + ", ".join(f"{name} {_digest(content[name])[:16]}" for name in tables)
+        )
         data |= {"error": dict(statement.errors), "nodes": len(statement.breakpoints)}
         data["proved"] = True
         data["game"] = content["weights"]
         what = f"linear interpolation of {len(statement.breakpoints)} models, "
         what += interval_said(statement.flight)
     origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
-    parts += ["\n".join(lines), origin]
-    title = f"{_checked_verdict(statement, data)}: {what}, {verified.boxes} boxes"
+    parts += ["\n".join([*lines, f"{verified.boxes} boxes"]), origin]
+    title = f"{_checked_verdict(statement, data)}: {what}{taken_from_certificate(not_given)}"
     return Report(title, parts, data=data)
 
 
@@ -190,26 +202,32 @@ def _plain(value: Any) -> str:
 def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
     """Distances and modes, which are added to the data too."""
     rows = [
-        (name, f"{low:.6g}", f"{high:.6g}") for name, (low, high) in statement.distances.items()
+        (name, at_least(low, 6), at_most(high, 6))
+        for name, (low, high) in statement.distances.items()
     ]
     least, most = statement.loop
     count = count_said(Run(0.0, 0.0, least, most))
     hurwitz = None
-    lines = ["open: whether A - B K with this gain is Hurwitz"]
+    lines = ["open: whether A - B K with the critic's K is Hurwitz"]
     if most == 0:
         hurwitz = True
-        lines = ["A - B K with this gain is Hurwitz"]
+        lines = ["A - B K with the critic's K is Hurwitz"]
     elif least > 0:
         hurwitz = False
-        lines = [f"A - B K with this gain is not Hurwitz: {count} unstable"]
+        lines = [f"A - B K with the critic's K is not Hurwitz: {count} unstable"]
+    of_value = " and ".join(name for name in ("P", "W") if name in statement.critic)
+    if statement.gain_of_value:
+        lines.append(f"the critic's K is the gain of its {of_value}, to within {SAME_GAIN:g}")
+    elif of_value:
+        lines.append(f"the critic's K is a gain of its own, not that of its {of_value}")
     data["distances"] = dict(statement.distances)
     data["closed_loop_hurwitz"] = hurwitz
     if statement.delta_min is not None and statement.modes is not None:
-        above, at_most = statement.delta_min
+        above, value = statement.delta_min
         data["delta_min_above"] = above
-        data["delta_min_at_most"] = at_most
+        data["delta_min_at_most"] = value
         data["unstable_modes_between"] = list(statement.modes)
-        lines.append(f"delta_min is above {above:.10g}, at most {at_most:.10g}")
+        lines.append(f"delta_min is above {at_least(above, 10)}, at most {at_most(value, 10)}")
         modes = Run(0.0, 0.0, *statement.modes)
         count = "" if modes.least == modes.most else "open: the number between them; "
         lines.append(f"{count}A has {count_said(modes)} unstable modes")
@@ -242,18 +260,3 @@ def _matrix_said(values: np.ndarray) -> str:
 
 def _digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value).encode()).hexdigest()
-
-
-def require_same(stated: Mapping[str, Any], own: Mapping[str, Any], what: str) -> None:
-    """NoSolutionError unless the user's own data, by name, is exactly that of the statement."""
-    for name, value in own.items():
-        if name not in stated:
-            raise BadInputError(
-                f"{what} gives {name}, which this certificate does not state; leave it out"
-            )
-        claimed = np.asarray(stated[name])
-        values = np.asarray(value)
-        if values.dtype.kind in "fi":
-            claimed = np.asarray(stated[name], dtype=float)
-        if not np.array_equal(claimed, values):
-            raise NoSolutionError(f"the certificate is about another {name} than {what} gives")

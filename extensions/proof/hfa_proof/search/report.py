@@ -17,6 +17,7 @@ from hfa_proof.checker.statement import (
     Statement,
     UncertainActuators,
 )
+from hfa_proof.outward import at_least, at_most
 from hfa_proof.search.results import ProofData
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, matrix_table, numbered
@@ -166,7 +167,8 @@ def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) ->
     rate = statement.scheduled_rate
     if rate is not None:
         parts.append(
-            f"stable while the {variable} moves by at most {rate:.4g} {unit}/s, however it does"
+            f"stable while the {variable} moves by at most {at_least(rate, 4)} {unit}/s, however "
+            "it does"
         )
     elif moving:
         interval = f"{flight.low:.10g} to {flight.high:.10g}"
@@ -204,7 +206,9 @@ def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -
         lines.append(f"open: whether the trims from {starts or 'any value'} on are one branch")
     hurwitz = any(run.most == 0 for run in statement.loop)
     if hurwitz and not isinstance(statement.actuators, UncertainActuators):
-        lines.append(f"decay rate where the loop is Hurwitz: {statement.decay_rate:.6g} 1/s")
+        lines.append(
+            f"decay rate where the loop is Hurwitz: {at_least(statement.decay_rate, 6)} 1/s"
+        )
     if "boxes" in data.get("loop", {}):
         counts = [data[name]["boxes"] for name in ("loop", "modes")]
         lines.append(f"boxes: {counts[0]} for the loop, {counts[1]} for the aircraft's modes")
@@ -277,7 +281,7 @@ def _stabilizing(hurwitz: bool | None, gain: str) -> str:
 def _critic_parts(data: Content) -> list[Part]:
     """Bounds of the distances of a critic, and whether its gain stabilizes."""
     rows = [
-        (name, f"{bounds['at_least']:.6e}", f"{bounds['at_most']:.6e}")
+        (name, at_least(bounds["at_least"], 7), at_most(bounds["at_most"], 7))
         for name, bounds in data["distances"].items()
     ]
     loop = f"A - B K with this gain: {_hurwitz(data['closed_loop_hurwitz'])}"
@@ -288,7 +292,9 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
     """What is proved of a solution, statement by statement, and P."""
     above = data["delta_min_above"]
     most = data["delta_min_at_most"]
-    bracket = "open" if above is None else f"above {above:.10g}, at most {most:.10g}"
+    bracket = "open"
+    if above is not None:
+        bracket = f"above {at_least(above, 10)}, at most {at_most(most, 10)}"
     width = "" if above is None else f"{(most - above) / most:.2g}"
     words = {True: "proved", False: "open"}
     least_modes, most_modes = data["unstable_modes_between"]
@@ -297,7 +303,7 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
         ("P is positive definite", words[data["positive_definite"]]),
         ("A - S P is Hurwitz", words[data["worst_case_hurwitz"]]),
         ("A - B K is Hurwitz", words[data["closed_loop_hurwitz"]]),
-        ("relative radius about the printed P", f"{data['relative_radius']:.3g}"),
+        ("relative radius about the printed P", at_most(data["relative_radius"], 3)),
         ("delta_min", bracket),
         ("relative width of the bracket", width),
         ("unstable modes of A", count_said(Run(0.0, 0.0, least_modes, most_modes))),
@@ -324,7 +330,7 @@ def _models_report(statement: ModelsStatement, data: Content) -> Report:
     steps = np.diff(breakpoints)
     every = "angle" if unit == "deg" else model.schedule
     bounds = [
-        (INTERPOLATION_ERRORS[name], f"{error:.3g}") for name, error in statement.errors.items()
+        (INTERPOLATION_ERRORS[name], at_most(error, 3)) for name, error in statement.errors.items()
     ]
     heading = (model.schedule_key, "matrix", "row", "column", "value", "unit")
     return Report(

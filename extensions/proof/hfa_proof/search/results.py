@@ -42,6 +42,8 @@ class ProofData(Result):
     written: of a checked certificate: the version, command and date that it bears; not verified.
     statement_sha256: of a checked certificate: SHA-256 of the JSON text of its statement.
     claim: of a checked certificate: its statement, every field.
+    not_given: of a checked certificate: what of its subject no option gave, so that it was not
+        compared.
     limits: of a checked certificate: lowest and highest value of each input and unknown of the
         trims.
     spread: of a checked certificate: half widths of the parameters.
@@ -87,6 +89,7 @@ class ProofData(Result):
     written: Mapping[str, Any] | None = None
     statement_sha256: str | None = None
     claim: Mapping[str, Any] | None = None
+    not_given: Sequence[str] | None = None
     limits: Mapping[str, Any] | None = None
     spread: Mapping[str, Any] | None = None
     game: Mapping[str, Any] | None = None
@@ -163,7 +166,7 @@ class CertificateData(Result):
     checksum: SHA-256 of the text before it, provenance included.
     """
 
-    schema = "hfa.certificate/8"
+    schema = "hfa.certificate/9"
     made_by = "hfa prove -o FILE.json: the certificate"
 
     kind: Literal["schedule", "game", "models", "region"]

@@ -28,6 +28,7 @@ from hfa_proof.arithmetic.balls import (
 from hfa_proof.checker.riccati import (
     Solution,
     check_axis,
+    check_gain,
     critic_distances,
     gain_matrix,
     hamiltonian_rows,
@@ -341,7 +342,7 @@ def prove_solution(
         "unstable_modes_between": list(modes),
     }
     decimals = exact.trim is not None
-    statement = GameStatement(exact.plant, exact.weights, decimals, critic, distances, loop)
+    statement = GameStatement(exact.plant, exact.weights, decimals, critic, True, distances, loop)
     if bracket is None or not proved:
         return Proof(statement, {}, data)
     statement = replace(statement, delta_min=(bracket.refused, bracket.value), modes=modes)
@@ -387,7 +388,8 @@ def prove_critic(
         low = max(0.0, float(least) * (1.0 - _SHARP) - _LEAST)
         bounds[name] = (low, float(most) * (1.0 + _SHARP) + _LEAST)
     loop, lines = bounds_of_modes(A - B * matrix(parts["K"]))
-    statement = GameStatement(exact.plant, exact.weights, False, parts, bounds, loop)
+    of_value = _is_gain_of_value(exact, parts)
+    statement = GameStatement(exact.plant, exact.weights, False, parts, of_value, bounds, loop)
     witness = _trim_content(exact.trim) | {
         "solution": _solution_content(box),
         "loop": [vars(line) for line in lines],
@@ -407,6 +409,17 @@ def prove_critic(
         "closed_loop_hurwitz": hurwitz,
     }
     return Proof(statement, witness, data)
+
+
+def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
+    """Whether K follows from the critic's P and W, as the checker decides it."""
+    if len(parts) == 1:
+        return False
+    try:
+        check_gain(exact.weights, exact.doubles[1], parts)
+    except Rejected:
+        return False
+    return True
 
 
 def _trim_content(trim: PointTrim | None) -> dict[str, Any]:

@@ -170,4 +170,4 @@ def test_a_gain_that_does_not_stabilize_is_certified_so_and_one_on_the_axis_is_n
     checked = checked_report(check_certificate(tmp_path / "critic.json"))
     assert (checked.data["closed_loop_hurwitz"], checked.data["proved"]) == (None, False)
     assert checked.title.startswith("Verified, but whether the critic's gain stabilizes is open")
-    assert "open: whether A - B K with this gain is Hurwitz" in checked.text()
+    assert "open: whether A - B K with the critic's K is Hurwitz" in checked.text()

@@ -1,0 +1,195 @@
+"""What the user gave beside a certificate, in the form of its statement."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.critic.critic_file import stored_parts
+from controller.game.basis import basis
+from controller.game.names import UNNAMED, PlantNames
+from controller.hfa_game import usual_game
+from hfa.options.trims import OF_THE_TRIM, called_at
+from hfa_flight.gain_schedule import load_gain_schedule
+from hfa_proof.checker.riccati import matrix_of_weights
+from hfa_proof.checker.statement import (
+    Flight,
+    GameStatement,
+    ModelsStatement,
+    ScheduleStatement,
+    Statement,
+    UncertainActuators,
+    content_of,
+    flight_content,
+)
+from hfa_proof.options import family_of, loop_of_file
+from hfa_proof.search.loops import Intervals
+from hfa_proof.subject import Given
+from hfa_support.errors import BadInputError
+
+if TYPE_CHECKING:
+    from hfa.options.games import PlantOptions
+    from hfa_proof.commands.check import CheckRequest
+
+#: Options by any of which an aircraft is named.
+_OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", "glide", *OF_THE_TRIM)
+
+
+def names_aircraft(request: PlantOptions) -> bool:
+    """Whether the options name an aircraft, with its parameters and limits."""
+    return any(name in request.typed for name in _OF_THE_AIRCRAFT)
+
+
+def aircraft_option(request: PlantOptions) -> str:
+    """The option that names the aircraft, for a message."""
+    named = [name for name in _OF_THE_AIRCRAFT if name in request.typed]
+    return f"--{named[0]}" if named else f"--{called_at(request.model)}"
+
+
+def at_one_value(request: PlantOptions) -> Any:
+    """The request of one trim, its scheduling variable in the unit of the model."""
+    if request.at is None:
+        return request
+    if len(request.at) != 1:
+        raise BadInputError(f"give --{called_at(request.model)} with one value")
+    (typed,) = request.at
+    in_degrees = request.model.schedule_unit == "deg"
+    return replace(request, at=math.radians(typed) if in_degrees else typed)
+
+
+def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
+    """Path of an entry -> the user's own, of what the options give.
+
+    statement: which was proved
+    request: of the user
+
+    BadInputError for an option that names what the statement does not have.
+    """
+    flight = getattr(statement, "flight", getattr(statement, "plant", None))
+    if not isinstance(flight, Flight):
+        assert isinstance(statement, GameStatement)
+        return _given_plant(statement, request)
+    if request.plant is not None:
+        raise BadInputError("--model gives a plant, but the certificate is about an aircraft")
+    given = _given_flight(flight, request)
+    given |= _given_weights(flight, request)
+    if isinstance(statement, GameStatement):
+        return given | _given_critic(statement, request)
+    if request.weights is None:
+        request.refuse(("design",), "is of a controller; add --weights FILE")
+        return given
+    return given | _given_controller(statement, request)
+
+
+def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
+    """The aircraft, what its trims impose, its parameters and limits."""
+    given = {}
+    if request.at:
+        option = f"--{called_at(request.model)}"
+        given["flight.range"] = Given([request.at[0], request.at[-1]], option)
+    if not names_aircraft(request):
+        return given
+    own = family_of(request).flight(flight.low, flight.high)
+    option = aircraft_option(request)
+    of_others = ("range", "spread", "trims")
+    given |= {
+        f"flight.{name}": Given(value, option)
+        for name, value in flight_content(own).items()
+        if name not in of_others
+    }
+    return given
+
+
+def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
+    """Q, R and delta that were typed, and E of the usual game."""
+    given = {
+        f"weights.{name}": Given(value, f"--{name}")
+        for name, value in request.changed_weights().items()
+    }
+    if names_aircraft(request) and given:
+        n = len(flight.model.linear)
+        m = len(flight.model.inputs)
+        usual = usual_game(flight.model, np.eye(n), np.ones((n, m)))
+        given["weights.E"] = Given(usual.E, aircraft_option(request))
+    return given
+
+
+def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
+    """The plant of --model, its weights, and the critic."""
+    request.refuse(
+        (*_OF_THE_AIRCRAFT, "at"), "names an aircraft, but the certificate is about a plant"
+    )
+    given = {
+        f"weights.{name}": Given(value, f"--{name}")
+        for name, value in request.changed_weights().items()
+    }
+    if request.plant is not None:
+        game = request.game().game
+        option = f"--model {request.plant}"
+        given |= {"plant.A": Given(game.A, option), "plant.B": Given(game.B, option)}
+        weights = {name: getattr(game, name) for name in ("Q", "R", "E", "delta")}
+        given |= {f"weights.{name}": Given(value, option) for name, value in weights.items()}
+    return given | _given_critic(statement, request)
+
+
+def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
+    """K, P and W of --weights. BadInputError where the file has no K and the statement's K is not
+    that of its value."""
+    request.refuse(("design",), "is of a schedule, but the certificate is about a game")
+    if request.weights is None:
+        request.refuse(("basis",), "is of W; add --weights FILE")
+        return {}
+    option = f"--weights {request.weights}"
+    names = UNNAMED
+    if isinstance(statement.plant, Flight):
+        model = statement.plant.model
+        names = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
+    states = len(statement.weights.Q)
+    parts = dict(stored_parts(request.weights, names, basis(request.basis or "quadratic", states)))
+    if "W" in parts:
+        if "P" in statement.critic and "P" not in parts:
+            parts["P"] = matrix_of_weights(parts["W"], states)
+        parts["W"] = parts["W"][:, None]
+    given = {f"critic.{name}": Given(value, option) for name, value in parts.items()}
+    if "K" not in parts:
+        given["gain_of_value"] = Given(True, f"{option} without K")
+        given["critic.K"] = Given(statement.critic["K"], option)
+    return given
+
+
+def _given_controller(
+    statement: ScheduleStatement | ModelsStatement, request: CheckRequest
+) -> dict[str, Given]:
+    """The controller of --weights, through the actuators of --design."""
+    assert request.weights is not None
+    option = f"--weights {request.weights}"
+    model = statement.flight.model
+    if isinstance(statement, ModelsStatement):
+        request.refuse(("design",), "is of a controller, but the certificate is about models")
+        gains = load_gain_schedule(request.weights, model)
+        return {
+            "breakpoints": Given(gains.file_breakpoints, option),
+            "K": Given(gains.gains, option),
+        }
+    loop = loop_of_file(request.weights, request.design, model, _stated_intervals(statement))
+    if (loop.actuators is None) != (statement.actuators is None):
+        raise BadInputError(f"{option}: the certificate has other actuators; give --design")
+    stated = replace(statement, controller=loop.controller, actuators=loop.actuators)
+    content: Mapping[str, Any] = content_of(stated)
+    return {
+        f"{part}.{name}": Given(value, option)
+        for part in ("controller", "fixed_actuators", "uncertain_actuators")
+        for name, value in content.get(part, {}).items()
+    }
+
+
+def _stated_intervals(statement: ScheduleStatement) -> Intervals | None:
+    """Those of uncertain actuators, which a file of gains does not have."""
+    actuators = statement.actuators
+    if not isinstance(actuators, UncertainActuators):
+        return None
+    return Intervals(actuators.bandwidth, actuators.effectiveness, actuators.delay)

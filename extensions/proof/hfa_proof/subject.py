@@ -1,0 +1,153 @@
+"""What a certificate is about: each field of a statement is compared with what the user gave, or
+shown.
+
+A kind of statement has one table of its fields. A field with a subject is compared where the user
+gave that; what the user did not give is the certificate's own word, and the first line names it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, NoSolutionError
+
+
+class Field(NamedTuple):
+    """What becomes of a field of a statement.
+
+    subject: what it is part of, as the first line names it; "" for a claim, which is only shown
+    shown: whether a report changes with it, its digest apart
+    """
+
+    subject: str = ""
+    shown: bool = True
+
+
+#: Path of an entry of a statement, such as "flight.parameters", -> what becomes of it. An entry
+#: whose path is not in the table is an object, whose entries are.
+FieldTable = Mapping[str, Field]
+
+
+def _same(stated: Any, own: Any) -> bool:
+    """Whether two entries are exactly the same, names in any order."""
+    if isinstance(own, Mapping):
+        return (
+            isinstance(stated, Mapping)
+            and set(stated) == set(own)
+            and all(_same(stated[name], value) for name, value in own.items())
+        )
+    if isinstance(own, float) and math.isinf(own):
+        return stated in ("inf", own)
+    values = np.asarray(own)
+    if values.dtype.kind in "fi":
+        return np.array_equal(_numbers(stated), values)
+    return np.array_equal(np.asarray(stated), values)
+
+
+def _numbers(stated: Any) -> np.ndarray:
+    """As doubles; without entries where these are no numbers."""
+    try:
+        return np.asarray(stated, dtype=float)
+    except (TypeError, ValueError):
+        return np.zeros(0)
+
+
+class Given(NamedTuple):
+    """An entry as the user has it.
+
+    value: in the form of a statement's content
+    option: which names it
+    same: (stated, own) -> whether the two are the same; exactly, unless given
+    """
+
+    value: Any
+    option: str
+    same: Callable[[Any, Any], bool] = _same
+
+
+def close_to(relative: float) -> Callable[[Any, Any], bool]:
+    """A comparison of matrices of one shape, to within so many times the largest entry."""
+
+    def same(stated: Any, own: Any) -> bool:
+        claimed = _numbers(stated)
+        values = np.asarray(own, dtype=float)
+        if claimed.shape != values.shape:
+            return False
+        size = np.max(np.abs(values), initial=0.0)
+        return bool(np.all(np.abs(claimed - values) <= relative * size))
+
+    return same
+
+
+def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
+    """A comparison of numbers by name, each to within its own width."""
+
+    def same(stated: Any, own: Any) -> bool:
+        return set(stated) == set(own) and all(
+            abs(stated[name] - value) <= widths[name] for name, value in own.items()
+        )
+
+    return same
+
+
+def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, Given]) -> list[str]:
+    """The subjects that the user did not give, in the order of the table.
+
+    content: of a statement that was proved
+    table: every field of its kind
+    given: path -> the user's own
+
+    NoSolutionError where an entry is another one; BadInputError where the user gave what the
+    statement does not have.
+    """
+    stated = dict(entries_of(content, table))
+    for path, own in given.items():
+        name = path.rpartition(".")[2]
+        if path not in stated:
+            raise BadInputError(
+                f"{own.option} gives {name}, which this certificate does not state; leave it out"
+            )
+        if not own.same(stated[path], own.value):
+            name = _first_other(name, stated[path], own)
+            raise NoSolutionError(
+                f"the certificate is about another {name} than {own.option} gives"
+            )
+    subjects = [table[path].subject for path in stated if path not in given]
+    order = dict.fromkeys(field.subject for field in table.values())
+    return [subject for subject in order if subject and subject in subjects]
+
+
+def _first_other(name: str, stated: Any, own: Given) -> str:
+    """The name of an entry that is another one, or of the first number by name in it that is."""
+    if isinstance(stated, Mapping) and isinstance(own.value, Mapping):
+        for key in (*own.value, *stated):
+            if not _same(stated.get(key), own.value.get(key)):
+                return str(key)
+    return name
+
+
+def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[str, Any]]:
+    """Path and value of every entry; LookupError for one that the table does not have."""
+    waiting = [(name, value) for name, value in content.items()]
+    while waiting:
+        path, value = waiting.pop(0)
+        if path in table:
+            yield path, value
+        elif isinstance(value, Mapping) and any(name.startswith(f"{path}.") for name in table):
+            waiting += [(f"{path}.{name}", entry) for name, entry in value.items()]
+        else:
+            raise LookupError(f"the table of fields has no {path}")
+
+
+def taken_from_certificate(subjects: Iterable[str]) -> str:
+    """The end of a first line: what the user did not give; "" where that is nothing."""
+    names = list(subjects)
+    if not names:
+        return ""
+    *first, last = names
+    listed = f"{', '.join(first)} and {last}" if first else last
+    return f", of the {listed} in the certificate"

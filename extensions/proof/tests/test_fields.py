@@ -1,0 +1,166 @@
+"""The table of fields: a statement that differs in one of them is refused, or looks different."""
+
+from __future__ import annotations
+
+import copy
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from proof_cases import PLANT, certificate, forge, model_of
+
+import hfa_model
+from hfa_proof.checker.checker import Verified, check_certificate
+from hfa_proof.checker.reading import Malformed
+from hfa_proof.checker.statement import read_statement
+from hfa_proof.commands.check import CheckRequest
+from hfa_proof.commands.given import given_for
+from hfa_proof.fields import FIELDS
+from hfa_proof.search.checked_report import checked_report
+from hfa_proof.subject import Field, Given, compare, entries_of
+from hfa_support import BadInputError
+from hfa_support.errors import NoSolutionError
+
+WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
+#: A certificate of each form that a statement may have.
+CASES = ("rate", "second order", "actuators", "critic", "plant", "models")
+
+
+def changed(value: Any) -> Any:
+    """The entry with its first number or text changed."""
+    if isinstance(value, dict):
+        if not value:
+            return {"x": 1.0}
+        first = next(iter(value))
+        return value | {first: changed(value[first])}
+    if isinstance(value, list):
+        return [changed(value[0]), *value[1:]] if value else [1.0]
+    if isinstance(value, bool):
+        return not value
+    return f"{value}x" if isinstance(value, str) else value * 1.01 + 0.01
+
+
+def with_changed(content: Any, path: str) -> Any:
+    made = copy.deepcopy(content)
+    *parents, last = path.split(".")
+    holder = made
+    for name in parents:
+        holder = holder[name]
+    holder[last] = changed(holder[last])
+    return made
+
+
+def request_for(kind: str, folder: Path) -> CheckRequest:
+    """The options that give all that can be given of the subject of a certificate."""
+    statement = certificate(kind)["statement"]
+    weights = folder / "weights.npz"
+    options: dict[str, Any] = {"model": hfa_model.aircraft(), "weights": weights}
+    if kind == "plant":
+        plant = folder / "plant.npz"
+        np.savez(plant, **{name: getattr(PLANT, name) for name in ("A", "B", "E", "Q", "R")})
+        options |= {"plant": plant, "delta": PLANT.delta}
+    else:
+        options["dynamics"] = "published"
+        options["at"] = tuple(dict.fromkeys(statement["flight"]["range"]))
+    if kind in ("plant", "critic"):
+        np.savez(weights, **{name: np.array(part) for name, part in statement["critic"].items()})
+    elif kind == "models":
+        np.savez(weights, dihedral_deg=statement["breakpoints"], K=statement["K"])
+    else:
+        controller = statement["controller"]
+        np.savez(weights, dihedral_deg=controller["breakpoints"], K=-np.array(controller["D"]))
+    if kind in ("critic", "models"):
+        options |= {"delta": 200.0} | {name: np.array(statement["weights"][name]) for name in "QR"}
+    if kind == "second order":  # a controller with memory: nothing is given of it
+        del options["weights"]
+    return CheckRequest(**options, typed=frozenset(options))
+
+
+def text_of(kind: str, content: Any) -> str:
+    """The report on a statement, without its digest."""
+    statement = read_statement(certificate(kind)["kind"], content, model_of(kind))
+    lines = checked_report(Verified(statement, 1, WRITTEN)).text().splitlines()
+    return "\n".join(line for line in lines if not line.startswith("statement: SHA-256"))
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_each_field_is_compared_or_shown(kind: str, tmp_path: Path) -> None:
+    made = certificate(kind)
+    content = made["statement"]
+    table = FIELDS[made["kind"]]
+    statement = read_statement(made["kind"], content, model_of(kind))
+    given = given_for(statement, request_for(kind, tmp_path))
+    compare(content, table, given)
+    original = text_of(kind, content)
+    for path, _ in entries_of(content, table):
+        other = with_changed(content, path)
+        if path in given:
+            with pytest.raises(NoSolutionError, match="the certificate is about another"):
+                compare(other, table, given)
+        if table[path].shown:
+            with suppress(Malformed, BadInputError):  # refused whatever the user gives
+                assert text_of(kind, other) != original, path
+        assert path in given or table[path].shown, path
+
+
+def test_every_field_is_in_some_certificate() -> None:
+    for kind, table in FIELDS.items():
+        held = set[str]()
+        for case in (*CASES, "solution"):
+            made = certificate(case)
+            if made["kind"] == kind:
+                held |= {path for path, _ in entries_of(made["statement"], table)}
+        assert held == set(table)
+
+
+def test_what_is_not_given_is_named() -> None:
+    table = {"A": Field("plant"), "K": Field("gain"), "rho": Field()}
+    content = {"A": [[1.0]], "K": [[2.0]], "rho": 3.0}
+    assert compare(content, table, {}) == ["plant", "gain"]
+    assert compare(content, table, {"K": Given([[2.0]], "--weights")}) == ["plant"]
+    with pytest.raises(NoSolutionError, match="another K than --weights"):
+        compare(content, table, {"K": Given([[2.0, 0.0]], "--weights")})
+    with pytest.raises(BadInputError, match="does not state"):
+        compare(content, table, {"P": Given([[2.0]], "--weights")})
+    with pytest.raises(LookupError):
+        compare(content | {"note": 1.0}, table, {})
+
+
+def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
+    """None is ignored: an aircraft beside a plant's certificate, a plant beside an aircraft's, a
+    design without its controller."""
+    model = hfa_model.aircraft()
+    for kind, options in (
+        ("plant", {"dynamics": "published"}),
+        ("plant", {"at": (14.0,)}),
+        ("rate", {"plant": tmp_path / "plant.npz"}),
+        ("rate", {"design": "paper"}),
+        ("critic", {"design": "paper"}),
+        ("critic", {"basis": "quadratic"}),
+    ):
+        request = CheckRequest(model=model, typed=frozenset(options), **options)
+        made = certificate(kind)
+        statement = read_statement(made["kind"], made["statement"], None)
+        with pytest.raises(BadInputError):
+            given_for(statement, request)
+
+
+def test_a_value_with_another_gain_is_not_about_this_gain(tmp_path: Path) -> None:
+    """K of the statement is not that of its W: a file of W alone is refused, and that K is the gain
+    of W cannot be claimed."""
+    made = certificate("plant")
+    statement = read_statement(made["kind"], made["statement"], None)
+    assert not statement.gain_of_value
+    weights = tmp_path / "weights.npz"
+    np.savez(weights, W=np.array(made["statement"]["critic"]["W"])[:, 0])
+    request = CheckRequest(
+        model=hfa_model.aircraft(), weights=weights, typed=frozenset({"weights"})
+    )
+    with pytest.raises(NoSolutionError, match="gain_of_value"):
+        compare(made["statement"], FIELDS["game"], given_for(statement, request))
+    claimed = copy.deepcopy(made)
+    claimed["statement"]["gain_of_value"] = True
+    with pytest.raises(NoSolutionError, match="K is not the gain"):
+        check_certificate(forge(tmp_path / "claimed.json", claimed))
