@@ -35,7 +35,16 @@ class CommandEntry(NamedTuple):
     def load(self) -> Command:
         """The command."""
         module, _, name = self.command.partition(":")
-        found: Command = getattr(import_module(module), name)
+        from hfa.options.command import Command
+        from hfa.options.request import Request
+
+        found = getattr(import_module(module), name)
+        is_command = isinstance(found, Command) and isinstance(found.request, type)
+        if not (is_command and issubclass(found.request, Request)):
+            raise BadInputError(
+                f"{self.command} is no command; write @command(OPTIONS) above the function, "
+                "OPTIONS a dataclass that extends hfa.options.request.Request"
+            )
         return found._replace(install=self.install, example=self.example)
 
 

@@ -96,16 +96,9 @@ def from_control(
         **declared,
     )
     time = ca.SX.sym("t")
-    vectors = model.layout.symbols("x", "u", "p")
-    try:
-        columns = list(map(components, vectors))
-        model.layout.expressions(columns, outputs)
-        with warnings.catch_warnings(
-            action="ignore", category=FutureWarning
-        ):  # CasADi's, of functions of NumPy
-            rates, seen = values(time, *columns)
-    except BadInputError as error:
-        raise BadInputError(f"{name} cannot be traced with CasADi's symbols: {error}") from error
+    columns = map(components, model.layout.symbols("x", "u", "p"))
+    with warnings.catch_warnings(action="ignore", category=FutureWarning):
+        rates, seen = values(time, *columns)  # CasADi warns of functions of NumPy
     if ca.depends_on(ca.vertcat(*map(ca.SX, (*rates.values(), *seen.values()))), time):
         raise BadInputError(f"{name} depends on time; make what it does over time an input")
     if model.layout.has_nan:

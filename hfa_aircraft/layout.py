@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -79,6 +80,10 @@ class Layout(NamedTuple):
             if function.instruction_id(number) == ca.OP_CONST
         ]
         return any(math.isnan(constant) for constant in constants)
+
+    def refuse_broken(self) -> None:
+        """BadInputError where the equations are wrong (`_symbolic`)."""
+        _symbolic(self, True)
 
     def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
         """BadInputError for a variable (column) that acts in steps only: every slope is 0, though
@@ -208,7 +213,17 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
                     error.name,
                     names,
                 )
-        reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        said = " ".join(str(error).split())[:200]
+        if not _takes_four(layout.equations):
+            raise BadInputError(
+                f"{layout.name}: the equations do not take (x, u, p, w); declare all four, also "
+                "those that are not used"
+            ) from error
+        if "indices must be integers" in said:
+            raise BadInputError(
+                f"{layout.name}: the equations ask for x['NAME']; write x.NAME ({said})"
+            ) from error
+        reason = f"{type(error).__name__}: {said}"
         raise BadInputError(
             f"{layout.name}: the equations fail ({reason}); write ca.if_else for if, and CasADi's "
             "functions (ca.sin) for those of other packages"
@@ -235,6 +250,15 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
                 f"{layout.name}: the equations return the undeclared {kind}", name, names
             )
     return rates, outputs
+
+
+def _takes_four(equations: Callable[..., Any]) -> bool:
+    """Whether a function can be called with four arguments."""
+    try:
+        inspect.signature(equations).bind(*VECTORS)
+    except TypeError:
+        return False
+    return True
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:

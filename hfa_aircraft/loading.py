@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import sys
 import types
@@ -9,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa_aircraft.local_sources import hash_of_sources
+from hfa_aircraft.local_sources import fingerprint, hash_of_sources
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import AIRCRAFT, loaded, offered
@@ -35,7 +36,8 @@ def load_model(text: str) -> Model:
     if not where.endswith(".py"):
         offer = _format_of(text)
         if offer is not None:
-            return replace(_read(offer, text), made_by=reloaded)
+            read = _read(offer, text)
+            return replace(read, source=(text, _digest(read, text)), made_by=reloaded)
     if not colon or not name.isidentifier():
         schemes = [f"{each}:NAME" for each in offered(AIRCRAFT) if not each.startswith(".")]
         files = [f"FILE{each}" for each in offered(AIRCRAFT) if each.startswith(".")]
@@ -44,6 +46,9 @@ def load_model(text: str) -> Model:
     try:
         module = _executed(where) if where.endswith(".py") else _imported(where)
         sources = hash_of_sources(Path(str(module.__file__)), module.__package__ or "")
+        model = getattr(module, name, None)
+        if isinstance(model, Model):
+            sources = fingerprint(model, sources)
     except BadInputError as error:
         raise BadInputError(f"{where}: {error}") from error
     except OSError as error:
@@ -63,7 +68,6 @@ def load_model(text: str) -> Model:
         raise BadInputError(
             f"{where}: {type(error).__name__}: {error}; correct the file"
         ) from error
-    model = getattr(module, name, None)
     if not isinstance(model, Model):
         raise BadInputError(f"{where}: {_what_is_there(module, name, model)}")
     return replace(model, source=(text, sources), made_by=reloaded)
@@ -89,6 +93,15 @@ def _read(offer: EntryPoint, text: str) -> Model:
             " package"
         )
     return model
+
+
+def _digest(model: Model, text: str) -> str:
+    """The hash of what a reader has read: its own, or a hash of the file and of the model."""
+    if model.source[1]:
+        return model.source[1]
+    path = Path(text.partition("?")[0])
+    content = regular_file(str(path), LARGEST_TEXT).read_bytes() if path.exists() else text.encode()
+    return fingerprint(model, hashlib.sha256(content).hexdigest())
 
 
 def _executed(file: str) -> types.ModuleType:

@@ -1,4 +1,5 @@
-"""Which source files a model comes from: its own and those beside or below it that it imports."""
+"""Which source files a model comes from: its own and those beside or below it that it imports; the
+fingerprint of a model."""
 
 from __future__ import annotations
 
@@ -6,6 +7,15 @@ import ast
 import hashlib
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from hfa_aircraft.layout import components
+from hfa_aircraft.signals import VECTORS
+
+if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
 
 #: This project's packages: an installed version is no part of a user's model.
 _OWN_PACKAGES = {
@@ -18,6 +28,27 @@ _OWN_PACKAGES = {
     "verification",
 }
 _EXTENSIONS = Path(__file__).resolve().parents[1] / "extensions"
+
+
+def fingerprint(model: Model, sources: str) -> str:
+    """SHA-256 of a model: the hash of its source files, its signals, its trim, and its equations
+    instruction by instruction, with the numbers that they read from other files."""
+    vectors = model.layout.symbols(*VECTORS)
+    *given, w = map(components, vectors)
+    f, y = model.layout.expressions(given, tuple(model.outputs), w)
+    function = ca.Function("f", vectors, [f, y])
+    whole = hashlib.sha256(sources.encode())
+    for kind in (*VECTORS.values(), "outputs", "trim"):
+        whole.update(repr(getattr(model, kind)).encode())
+    for number in range(function.n_instructions()):
+        operation = function.instruction_id(number)
+        parts = [operation, function.instruction_input(number), function.instruction_output(number)]
+        if operation == ca.OP_CONST:
+            parts.append(function.instruction_constant(number))
+        if operation == ca.OP_CALL:  # of a function whose instructions are not to be seen
+            return hashlib.sha256(whole.digest() + function.serialize().encode()).hexdigest()
+        whole.update(repr(parts).encode())
+    return whole.hexdigest()
 
 
 def hash_of_sources(file: Path, package: str = "") -> str:

@@ -72,8 +72,8 @@ class Model:
     made_by: what makes it again in another process: of `native`, else of `source` and the values of
         the parameters; None where it is sent as it is.
 
-    BadInputError when a name is no identifier, is declared twice or is unknown, or when a number
-    cannot be.
+    BadInputError when a name is no identifier, is declared twice or is unknown, a number cannot be,
+    or the equations fail.
 
     >>> import hfa
     >>> states = {"position": hfa.Signal("ft"), "velocity": hfa.Signal("ft/s")}
@@ -127,6 +127,8 @@ class Model:
             refuse_unknown(f"{self.name}: trim imposes the unknown variable", name, self.holdable)
             if not is_finite(value):
                 raise BadInputError(f"{self.name}: trim imposes {name} = {value}; give a number")
+        if self.made_by is None:
+            self.layout.refuse_broken()
 
     def _check_signals(self) -> None:
         """Make each kind of signals a dictionary, and refuse names and numbers that cannot be."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from pathlib import Path
 
 import pytest
 
 from hfa_aircraft.loading import load_model
+from hfa_aircraft.local_sources import fingerprint
 
 MODEL = """
 from hfa import Model, Signal
@@ -40,10 +42,25 @@ def test_a_changed_module_beside_the_file_is_another_model(
 def test_installed_modules_do_not_count(tmp_path: Path) -> None:
     alone = tmp_path / "alone.py"
     alone.write_text(MODEL.format(helper="math").replace("import gain", "import pi as gain"))
-    import hashlib
-
+    model = load_model(f"{alone}:PLANT")
     expected = hashlib.sha256(alone.read_bytes()).hexdigest()
-    assert load_model(f"{alone}:PLANT").source[1] == expected
+    assert model.source[1] == fingerprint(model, expected)
+
+
+def test_a_table_beside_the_file_is_in_the_fingerprint(tmp_path: Path) -> None:
+    """The numbers of a .csv that the equations or the limits read."""
+    (tmp_path / "plant.py").write_text(
+        "import pathlib\nimport hfa\n"
+        "gain, most = map(float, pathlib.Path(__file__).with_name('a.csv').read_text().split(','))\n"
+        "PLANT = hfa.Model('plant', {'a': hfa.Signal(max=most)}, {'u': hfa.Signal()},\n"
+        "    lambda x, u, p, w: ({'a': u.u - gain * x.a}, {}))\n"
+    )
+    hashes = []
+    for table in ("1.0,2.0", "1.0,2.0", "1.5,2.0", "1.0,2.5"):
+        (tmp_path / "a.csv").write_text(table)
+        hashes.append(load_model(f"{tmp_path / 'plant.py'}:PLANT").source[1])
+    assert hashes[0] == hashes[1]
+    assert len({*hashes}) == 3
 
 
 def test_a_changed_module_of_an_outer_package_is_another_model(

@@ -46,6 +46,32 @@ def test_a_package_adds_an_aircraft_and_a_command(site: Path, tmp_path: Path) ->
     assert "unknown word 'plane' behind `hfa greet`" in unknown.err
 
 
+def test_an_aircraft_of_a_package_is_nobody_elses(site: Path, tmp_path: Path) -> None:
+    """A reader that fills no `source`: the footer names its file, a changed file has another hash,
+    and workers read it again."""
+    (tmp_path / "my.cart").write_text("2 0.5")
+    text = run(site, tmp_path, "trim", "--aircraft", "my.cart").out
+    assert "plant my.cart (SHA-256 " in text.splitlines()[-1]
+    assert "parameters" not in text
+    (tmp_path / "my.cart").write_text("2 0.6")
+    assert run(site, tmp_path, "trim", "--aircraft", "my.cart").out != text
+    words = ("--hold", "speed=1:4:1", "--workers", "2", "-o", "cart.zarr")
+    swept = run(site, tmp_path, "sweep", "--aircraft", "my.cart", *words)
+    assert (swept.code, "trimmed             4" in swept.out) == (0, True), swept.out + swept.err
+
+
+def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "stranger.py").write_text(
+        "from hfa.doors import CommandEntry\nfrom hfa.options.command import command\n"
+        "RUN = CommandEntry('model', 'run', 'stranger:run')\n"
+        "@command(dict)\ndef run(request):\n    return 0\n"
+    )
+    metadata(tmp_path, "stranger", "[hfa.commands]\nrunning = stranger:RUN\n")
+    done = run(tmp_path, tmp_path, "running")
+    assert done.code == 2
+    assert "stranger:run is no command; write @command(OPTIONS)" in done.err
+
+
 def metadata(site: Path, name: str, entries: str) -> None:
     """What an installed package tells of itself: its name and its entry points."""
     folder = site / f"{name}-1.0.dist-info"

@@ -16,5 +16,4 @@ def read_cart(text: str) -> Model:
         {"thrust": Signal("N", start=1.0)},
         lambda x, u, p, w: ({"speed": (u.thrust - drag * x.speed) / mass}, {}),
         trim={"speed": 10.0},
-        source=(text, ""),
     )
