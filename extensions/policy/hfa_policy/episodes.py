@@ -17,12 +17,14 @@ from hfa_policy.deployed import Deployed
 from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import start_box
-from hfa_policy.row_code import row_code
+from hfa_policy.row_code import RowCode, row_code
 from hfa_support.errors import BadInputError, is_finite, shown
 from trim.point.operating_point import OperatingPoint
 
 #: Episodes from which on threads share them: fewer are flown in the time that sharing takes.
 _MANY = 500
+#: Cost of a sample that is no finite number.
+_DEAREST = 1e6
 #: Seconds of an episode unless asked for.
 SECONDS = 20.0
 
@@ -81,7 +83,7 @@ class Episodes:
             extra=actions,
             other=_moved_by_actions(deployed, self.low, self.high),
         )
-        self._step = row_code(self._sample())
+        self._step = row_code(self._sample(), together=1 if count == 1 else None)
         self._threads = ThreadPoolExecutor() if count >= _MANY else None
         self._observe = row_code(self._observation())
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
@@ -91,19 +93,23 @@ class Episodes:
         self._trims = np.array([deployed.trim_vector(point) for point in points])
         self._linear = [list(deployed.model.states).index(name) for name in deployed.model.linear]
         self._rows = np.zeros((count, sum(self._flight.sizes)))
+        self._bound = self._step.bound(self._rows) if isinstance(self._step, RowCode) else None
+        slices = self._flight.slices
+        self._X, self._extra = slices[0], slices[-1]
+        self._U = slice(slices[1].stop - len(deployed.model.inputs), slices[1].stop)
+        self._inside = self._least[np.zeros(count, dtype=int)], self._most[[0] * count]
         self.done = np.zeros(count, dtype=int)
         self.owners = np.zeros(count, dtype=int)
 
     @property
     def states(self) -> np.ndarray:
         """X of each episode, (N, n)."""
-        return self._rows[:, self._flight.slices[0]].copy()
+        return self._rows[:, self._X].copy()
 
     @property
     def inputs(self) -> np.ndarray:
         """The input that acts just before the sample, of each episode, (N, m)."""
-        m = len(self.deployed.model.inputs)
-        return self._rows[:, self._flight.slices[1]][:, -m:].copy()
+        return self._rows[:, self._U].copy()
 
     def begin(self, numbers: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """Begin these episodes anew, at a random trim and from a random start in the box about it;
@@ -122,6 +128,7 @@ class Episodes:
         actions = np.zeros((count, len(self.low)))
         self._rows[numbers] = self._flight.rows(starts, self._trims[owners], pushes, actions)
         self.owners[numbers] = owners
+        self._inside = self._least[self.owners], self._most[self.owners]
         self.done[numbers] = 0
         return self.observations(numbers)
 
@@ -131,23 +138,27 @@ class Episodes:
 
     def step(self, actions: np.ndarray) -> Stepped:
         """One sample of all episodes with these actions, (N, m), within the box."""
-        extra = self._flight.slices[-1]
-        self._rows[:, extra] = actions
-        after, costs, observations = self._stepped()
-        X = after[:, self._flight.slices[0]]
-        inside = (self._least[self.owners] <= X) & (self._most[self.owners] >= X)
-        finite = np.isfinite(after).all(axis=1)
-        lost = ~(inside.all(axis=1) & finite)
+        self._rows[:, self._extra] = actions
+        after, costs, observed = self._stepped()
+        observations = observed.copy()
+        X = after[:, self._X]
+        least, most = self._inside
+        lost = ~((least <= X) & (most >= X)).all(axis=1)
         moved = self._rows[:, : after.shape[1]]
-        if finite.all():
+        rewards = -costs[:, 0]
+        if np.isfinite(after).all():
             moved[:] = after
         else:  # what is no number is shown where the flight was last
+            finite = np.isfinite(after).all(axis=1)
+            lost |= ~finite
             moved[finite] = after[finite]
             observations[~finite] = self.observations(np.flatnonzero(~finite))
+            rewards = np.nan_to_num(rewards, nan=0.0, neginf=-_DEAREST)
         self.done += 1
-        rewards = -np.nan_to_num(costs[:, 0], nan=0.0, posinf=1e6)
-        rewards[lost] *= 1 + self.samples - self.done[lost]
-        left = {number: self._left(number, X[number]) for number in np.flatnonzero(lost).tolist()}
+        left: dict[int, str] = {}
+        if lost.any():
+            rewards[lost] *= 1 + self.samples - self.done[lost]
+            left = {each: self._left(each, X[each]) for each in np.flatnonzero(lost).tolist()}
         return Stepped(observations, rewards, lost, self.done >= self.samples, left)
 
     def _left(self, number: int, states: np.ndarray) -> str:
@@ -158,6 +169,8 @@ class Episodes:
     def _stepped(self) -> Sequence[np.ndarray]:
         """The states and memories of the rows a sample later, the costs, and what is observed then;
         of many rows in as many threads as there are processors."""
+        if self._bound is not None and self._threads is None:
+            return self._bound()
         if self._threads is None:
             return self._step(self._rows)
         parts = np.array_split(self._rows, os.cpu_count() or 1)

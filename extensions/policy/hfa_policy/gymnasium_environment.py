@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium import spaces
 
 from hfa_policy.episodes import Episodes
+from hfa_support.errors import BadInputError, shown
 
 _FIRST = np.array([0])
 
@@ -25,6 +26,8 @@ class AircraftEnvironment(gymnasium.Env):
     def __init__(self, episodes: Episodes, render_mode: str | None = None) -> None:
         """episodes: of one episode."""
         self.episodes = episodes
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise BadInputError(f"render_mode is {shown(render_mode)}; give None or 'rgb_array'")
         self.render_mode = render_mode
         observed = len(episodes.deployed.deployment.observation)
         self.observation_space = observation_space(observed)

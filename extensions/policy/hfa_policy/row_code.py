@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -104,13 +105,31 @@ class RowCode:
         self._call(ctypes.c_longlong(count), _addresses(given), _addresses(results))
         return results
 
+    def bound(self, table: np.ndarray) -> Callable[[], list[np.ndarray]]:
+        """The function of one table whose memory stays where it is; it returns the same memory at
+        every call."""
+        if table.dtype != float or not table.flags.c_contiguous:
+            raise ValueError("a table that is bound is contiguous, of doubles")
+        results = [np.empty((len(table), size)) for size in self._sizes]
+        arguments = (ctypes.c_longlong(len(table)), _addresses([table]), _addresses(results))
+        call = self._call
 
-def row_code(function: ca.Function) -> RowCode | RowFunction:
+        def evaluate() -> list[np.ndarray]:
+            call(*arguments)
+            return results
+
+        return evaluate
+
+
+def row_code(function: ca.Function, together: int | None = None) -> RowCode | RowFunction:
     """A dense function as machine code for many rows; where its operations cannot be written as C,
-    or with one note where no compiler works, as CasADi calls it."""
+    or with one note where no compiler works, as CasADi calls it.
+
+    together: rows side by side; as many as the registers take unless given.
+    """
     with MAKING:
         try:
-            text = _text(function)
+            text = _text(function, together)
         except (BadInputError, RuntimeError):
             return RowFunction(machine_code(function))
     code = compiled(
@@ -120,7 +139,7 @@ def row_code(function: ca.Function) -> RowCode | RowFunction:
     return RowFunction(function) if code is None else code
 
 
-def _text(function: ca.Function) -> str:
+def _text(function: ca.Function, together: int | None) -> str:
     """C of a function; RuntimeError where CasADi cannot write it in scalars, BadInputError where
     `c_function` cannot."""
     scalars = function if function.is_a("SXFunction") else function.expand()
@@ -144,7 +163,7 @@ def _text(function: ca.Function) -> str:
     )
     from_math = [f"OF_ONE({name})" for name in _OF_ONE] + [f"OF_TWO({name})" for name in _OF_TWO]
     target, lanes = _registers()
-    head = _HEAD.format(target=target, lanes=lanes) + "\n".join(from_math)
+    head = _HEAD.format(target=target, lanes=together or lanes) + "\n".join(from_math)
     return "\n".join(
         [head, c_function(scalars, "of_rows", arguments, results, "real", _OPERATIONS), loop]
     )

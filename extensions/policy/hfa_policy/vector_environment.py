@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from typing import Any
 
@@ -23,6 +24,8 @@ class AircraftVectorEnvironment(VecEnv):
         super().__init__(count, observation_space(observed), action_space(episodes))
         self._random = np.random.default_rng()
         self._actions = np.zeros((count, len(episodes.low)))
+        self._returns = np.zeros(count)
+        self._began = time.monotonic()
 
     def seed(self, seed: int | None = None) -> list[int | None]:
         """The seed decides all starts from the next reset on."""
@@ -35,6 +38,7 @@ class AircraftVectorEnvironment(VecEnv):
             self._random = np.random.default_rng(self._seeds[0])
             self._reset_seeds()
         numbers = np.arange(self.num_envs)
+        self._returns[:] = 0.0
         return self.episodes.begin(numbers, self._random).astype(np.float32)
 
     def step_async(self, actions: np.ndarray) -> None:
@@ -42,17 +46,27 @@ class AircraftVectorEnvironment(VecEnv):
         self._actions = np.asarray(actions, dtype=float)
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """One sample of all; those that ended begin anew, with their last observation in
-        `terminal_observation`."""
+        """One sample of all; those that ended begin anew. Their `infos` have the last observation,
+        the return, length and time that Stable-Baselines3 logs as ep_rew_mean and ep_len_mean, and
+        what left the envelope."""
         stepped = self.episodes.step(self._actions)
         observations = stepped.observations.astype(np.float32)
         ended = stepped.lost | stepped.over
+        self._returns += stepped.rewards
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         numbers = np.flatnonzero(ended)
         for number in numbers.tolist():
             infos[number]["terminal_observation"] = observations[number].copy()
             infos[number]["TimeLimit.truncated"] = not stepped.lost[number]
+            infos[number]["episode"] = {
+                "r": float(self._returns[number]),
+                "l": int(self.episodes.done[number]),
+                "t": round(time.monotonic() - self._began, 6),
+            }
+        for number, text in stepped.left.items():
+            infos[number]["left"] = text
         if numbers.size:
+            self._returns[numbers] = 0.0
             observations[numbers] = self.episodes.begin(numbers, self._random)
         return observations, stepped.rewards.astype(np.float32), ended, infos
 

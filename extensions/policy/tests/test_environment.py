@@ -137,6 +137,8 @@ def test_what_an_environment_cannot_be_made_of_is_one_line() -> None:
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
     with pytest.raises(BadInputError, match=r"action\.elevator has no box"):
         environment(model, gtm_card({}, action={"elevator": {}}), points)
+    with pytest.raises(BadInputError, match="render_mode is 'human'; give None or 'rgb_array'"):
+        environment(model, gtm_card({}, action=ACTION), points, render_mode="human")
     with pytest.raises(BadInputError, match="give at least one sample"):
         environment(model, gtm_card({}, action=ACTION), points, seconds=0.001)
 
@@ -162,6 +164,9 @@ def test_many_episodes_at_once_are_those_of_one() -> None:
         assert infos[number]["TimeLimit.truncated"]
         assert np.array_equal(infos[number]["terminal_observation"], observation)
         assert rewards[number] == pytest.approx(reward, rel=1e-6)
+        paid = infos[number]["episode"]
+        assert paid["l"] == 3
+        assert paid["r"] <= reward
     assert observations.shape == (5, 4)
 
 
@@ -176,3 +181,17 @@ def test_episodes_shared_by_threads_are_those_of_one_thread() -> None:
     apart = few.step(actions[460:])
     np.testing.assert_array_equal(many.states[460:], few.states)
     np.testing.assert_array_equal(together.rewards[460:], apart.rewards)
+
+
+@pytest.mark.slow
+def test_training_logs_the_return_of_episodes() -> None:
+    stable_baselines3 = pytest.importorskip("stable_baselines3")
+    several = vector_environment(
+        aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), count=4, seconds=0.2
+    )
+    trained = stable_baselines3.PPO("MlpPolicy", several, n_steps=32, device="cpu")
+    trained.learn(128)
+    lengths = [episode["l"] for episode in trained.ep_info_buffer]
+    assert len(lengths) >= 4
+    assert max(lengths) == 10
+    assert all(episode["r"] <= 0.0 for episode in trained.ep_info_buffer)
