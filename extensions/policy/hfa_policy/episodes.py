@@ -143,7 +143,8 @@ class Episodes:
         observations = observed.copy()
         X = after[:, self._X]
         least, most = self._inside
-        lost = ~((least <= X) & (most >= X)).all(axis=1)
+        is_inside = (least <= X) & (X <= most)
+        lost = np.asarray(~is_inside.all(axis=1))
         moved = self._rows[:, : after.shape[1]]
         rewards = -costs[:, 0]
         if np.isfinite(after).all():
