@@ -143,7 +143,7 @@ class Episodes:
         observations = observed.copy()
         X = after[:, self._X]
         least, most = self._inside
-        is_inside = (least <= X) & (X <= most)
+        is_inside = (least <= X) & (most >= X)
         lost = np.asarray(~is_inside.all(axis=1))
         moved = self._rows[:, : after.shape[1]]
         rewards = -costs[:, 0]
