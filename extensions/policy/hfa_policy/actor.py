@@ -14,9 +14,12 @@ from hfa_networks.files.network_file import network_in
 from hfa_networks.files.row_network import RowNetwork
 from hfa_networks.files.tensors import LARGEST_FILE, tensors_in
 from hfa_policy.stable_baselines import Zip, is_stable_baselines, read_zip
-from hfa_support.errors import BadInputError, numbers_in, said_of, shown
+from hfa_support.errors import BadInputError, numbers_in, said_of, shortened, shown
 from hfa_support.files import regular_file
 
+#: What `normalizer` says of a policy that has none although its training had a VecNormalize (of
+#: rewards alone).
+NONE = "none"
 SUFFIXES = (".zip", ".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".json", ".npz")
 
 
@@ -29,6 +32,7 @@ class Actor:
     squash: whether tanh follows, mapped to the box; else the box clips.
     clip_mean: largest size before that tanh.
     stored: what the zip of Stable-Baselines3 says; None of another file.
+    box: lowest and highest action, (m,) each, that the file says; None where it says none.
     rows: the same as `function` on many rows at once; None where only that computes it.
     """
 
@@ -37,6 +41,7 @@ class Actor:
     squash: bool = False
     clip_mean: float = float("inf")
     stored: Zip | None = None
+    box: tuple[np.ndarray, np.ndarray] | None = None
     rows: RowNetwork | None = None
 
 
@@ -95,6 +100,7 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
         squash=stored.squash,
         clip_mean=stored.clip_mean,
         stored=stored,
+        box=(stored.low, stored.high),
         rows=network.rows.get("policy"),
     )
 
@@ -114,7 +120,23 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     if not network.functions:
         raise BadInputError(f"{path} holds no policy of {observations} observations")
     name, function = next(iter(network.functions.items()))
-    return Actor(function, network.chain, squash, rows=network.rows.get(name))
+    normalizer = network.normalizers.get(name)
+    if normalizer is not None and entries.get("normalizer", NONE) != NONE:
+        raise BadInputError(
+            f"policy.normalizer: {path} has its own ({shortened(normalizer.name)}); leave it out"
+        )
+    rows = network.rows.get(name)
+    stored = network.squashes.get(name)
+    if stored is None:
+        return Actor(function, network.chain, squash, rows=rows)
+    if entries.get("squash") is False:
+        raise BadInputError(
+            f"policy.squash is False and {path} has action_scale, behind tanh; leave it out"
+        )
+    if not np.all(stored.scale > 0.0):
+        raise BadInputError(f"{path}: its action_scale is not above 0")
+    box = (stored.bias - stored.scale, stored.bias + stored.scale)
+    return Actor(function, network.chain, squash=True, box=box, rows=rows)
 
 
 def _gain(path: Path) -> np.ndarray | None:

@@ -204,7 +204,8 @@ class Deployed:
     def act(self) -> ca.Function:
         """o -> a, (m,), in the units of the box."""
         o = symbols_for([self.stages], len(self.deployment.observation))
-        return ca.Function("act", [o], [self.stages(o)[2]])
+        a = _unless_nan(ca.sum1(o), self.stages(o)[2])
+        return ca.Function("act", [o], [ca.densify(a)])
 
     @cached_property
     def unlimited_inputs(self) -> ca.Function:
@@ -232,6 +233,7 @@ class Deployed:
         low = np.where([name in self.commanded for name in limits.names], limits.lowest, -np.inf)
         high = np.where([name in self.commanded for name in limits.names], limits.highest, np.inf)
         within = ca.fmin(ca.fmax(unlimited, ca.DM(low)), ca.DM(high))
+        within = _unless_nan(unlimited, within)
         return ca.Function("inputs", [a, X, U, trim], [ca.densify(within)])
 
     @cached_property
@@ -255,6 +257,12 @@ class Deployed:
         slopes = [ca.jacobian(commanded, X), ca.jacobian(commanded, U)]
         parts = [ca.densify(part) for part in (commanded, *slopes)]
         return ca.Function("command_slopes", [X, U, trim], parts)
+
+
+def _unless_nan(seen: ca.SX, value: ca.SX) -> ca.SX:
+    """The value, NaN where what was seen is NaN: fmin and fmax of a clip or a ReLU drop it."""
+    is_number = ca.logic_or(seen <= 0.0, seen > 0.0)
+    return ca.if_else(is_number, value, ca.DM.nan())
 
 
 def _refuse_undefined(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_policy.actor import Actor, read_actor
+from hfa_policy.actor import NONE as NONE, Actor, read_actor
 from hfa_policy.normalizer import Normalizer, normalizer_of, read_normalizer
 from hfa_support.errors import BadInputError, said_of, shown
 from hfa_support.files import read_toml
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from hfa_aircraft.model import Model
     from hfa_policy.deployed import Deployed
 
-#: What `normalizer` says of a policy that has none although its training had a VecNormalize (of
-#: rewards alone).
-NONE = "none"
 #: Samples of delay up to which a loop is judged, and searched for the delay that is lost.
 MOST_SAMPLES = 100
 #: Seconds of a sample: a flight of minutes has at most a million.
@@ -204,26 +201,26 @@ class Deployment(Shown):
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest action, (m,) each: those of the zip, else of the card; infinite where
+        """Lowest and highest action, (m,) each: those of the file, else of the card; infinite where
         neither says one.
 
         BadInputError where both say one and differ, and where a squashed action has none.
         """
         low = np.full(len(self.action), -np.inf)
         high = np.full(len(self.action), np.inf)
-        stored = self.actor.stored if "file" in self.policy else None
+        stored = self.actor.box if "file" in self.policy else None
         for index, (name, entry) in enumerate(self.action.items()):
             if "box" in entry:
                 low[index], high[index] = entry["box"]
             if stored is None:
                 continue
-            of_zip = np.array([stored.low[index], stored.high[index]])
-            if "box" in entry and not np.allclose(entry["box"], of_zip, rtol=1e-6, atol=1e-9):
+            of_file = np.array([stored[0][index], stored[1][index]])
+            if "box" in entry and not np.allclose(entry["box"], of_file, rtol=1e-6, atol=1e-9):
                 raise BadInputError(
-                    f"{self.origin}: action.{name}.box is {shown(entry['box'])} and the zip says "
-                    f"{of_zip.tolist()}; leave it out"
+                    f"{self.origin}: action.{name}.box is {shown(entry['box'])} and the file says "
+                    f"{of_file.tolist()}; leave it out"
                 )
-            low[index], high[index] = of_zip
+            low[index], high[index] = of_file
         squash = self.actor.squash if "file" in self.policy else False
         if squash and not np.all(np.isfinite(low) & np.isfinite(high)):
             raise BadInputError(

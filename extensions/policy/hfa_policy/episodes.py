@@ -137,7 +137,15 @@ class Episodes:
         return np.asarray(self._observe(self._rows[numbers])[0])
 
     def step(self, actions: np.ndarray) -> Stepped:
-        """One sample of all episodes with these actions, (N, m), within the box."""
+        """One sample of all episodes with these actions, (N, m), beyond the box as at its end.
+
+        BadInputError where they are of another shape, or one of them is not a number.
+        """
+        wanted = (len(self.done), len(self.low))
+        if actions.shape != wanted or np.isnan(actions).any():
+            raise BadInputError(
+                f"an action is {shown(actions.tolist())}; give {wanted[0]} x {wanted[1]} numbers"
+            )
         self._rows[:, self._extra] = actions
         after, costs, observed = self._stepped()
         observations = observed.copy()

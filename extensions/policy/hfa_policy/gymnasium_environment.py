@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 
 from hfa_policy.episodes import Episodes
-from hfa_support.errors import BadInputError, shown
+from hfa_support.errors import BadInputError, numbers_in, shown
 
 _FIRST = np.array([0])
 
@@ -52,7 +52,7 @@ class AircraftEnvironment(gymnasium.Env):
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One sample."""
-        stepped = self.episodes.step(np.asarray(action, dtype=float)[None])
+        stepped = self.episodes.step(numbers_in("an action", action)[None])
         self._remember()
         info = self._info()
         if stepped.lost[0]:

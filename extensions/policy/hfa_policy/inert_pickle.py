@@ -120,9 +120,10 @@ class _Restricted(pickle.Unpickler):
             return {"OrderedDict": OrderedDict, "deque": deque}[name]
         if module.split(".")[0] in _KEPT_PACKAGES or module.startswith("numpy.random."):
             return _inert(module, name)
+        whose = " (a class or function of the user's own)" if "cloudpickle" in module else ""
         raise BadInputError(
-            f"it wants to call {shortened(f'{module}.{name}')}, which is not done; nothing of it "
-            "was run"
+            f"it wants to call {shortened(f'{module}.{name}')}{whose}, which is not done; nothing "
+            "of it was run"
         )
 
     def persistent_load(self, pid: Any) -> Any:

@@ -37,6 +37,22 @@ _ACTIVATIONS = {
     "SELU": "selu",
 }
 _CLIP_MEAN = 2.0
+#: Classes whose forward pass is read; sb3_contrib's TRPO has the first, its TQC the last.
+_POLICIES = (
+    "stable_baselines3.common.policies.ActorCriticPolicy",
+    "stable_baselines3.sac.policies.SACPolicy",
+    "stable_baselines3.td3.policies.TD3Policy",
+    "sb3_contrib.tqc.policies.TQCPolicy",
+)
+#: The features extractor that changes nothing.
+_FLATTEN = "stable_baselines3.common.torch_layers.FlattenExtractor"
+#: Settings of these classes that are read, or change nothing in what a trained actor gives.
+_SETTINGS = (
+    *("net_arch", "activation_fn", "use_sde", "squash_output", "clip_mean"),
+    *("features_extractor_class", "features_extractor_kwargs", "share_features_extractor"),
+    *("log_std_init", "full_std", "use_expln", "ortho_init", "normalize_images"),
+    *("optimizer_class", "optimizer_kwargs", "n_critics", "n_quantiles"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +124,16 @@ def _member(archive: zipfile.ZipFile, name: str) -> bytes:
 
 def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zip:
     """What the data and the names of the tensors say."""
+    _refuse_other_class("policy_class", data, _POLICIES)
     settings = _stored(data, "policy_kwargs") or {}
     if not isinstance(settings, dict):
         raise BadInputError("its policy_kwargs are no dictionary")
+    for name in settings:
+        if name not in _SETTINGS:
+            raise BadInputError(
+                f"its policy_kwargs set {shown(name)}, which is not read; export the policy to ONNX"
+            )
+    _refuse_other_class("features_extractor_class", settings, (_FLATTEN,))
     algorithm, part, usual = _algorithm(tensors)
     action_space = _box(data, "action_space", "actions")
     observation_space = _box(data, "observation_space", "observations")
@@ -134,6 +157,23 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
         last=_observations(data, "_last_obs"),
         last_original=_observations(data, "_last_original_obs"),
     )
+
+
+def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    """BadInputError where an entry is a class that is not among those known."""
+    if data.get(entry) is None:
+        return
+    try:
+        found = _stored(data, entry)
+    except BadInputError as error:  # names the class, or what would make it
+        raise BadInputError(
+            f"{error}: its {entry} is not of Stable-Baselines3; export the policy to ONNX"
+        ) from error
+    made_of = getattr(found, "made_of", None) or shown(found)
+    if made_of not in known:
+        raise BadInputError(
+            f"its {entry} is {shortened(made_of)}, which is not read; export the policy to ONNX"
+        )
 
 
 def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:

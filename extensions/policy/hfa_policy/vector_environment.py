@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from hfa_policy.episodes import Episodes
 from hfa_policy.gymnasium_environment import action_space, observation_space
+from hfa_support.errors import numbers_in
 
 
 class AircraftVectorEnvironment(VecEnv):
@@ -43,7 +44,7 @@ class AircraftVectorEnvironment(VecEnv):
 
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the actions for `step_wait`."""
-        self._actions = np.asarray(actions, dtype=float)
+        self._actions = numbers_in("actions", actions)
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """One sample of all; those that ended begin anew. Their `infos` have the last observation,

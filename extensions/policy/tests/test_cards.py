@@ -11,7 +11,7 @@ import zipfile
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, card, gtm_card
+from policy_cases import FOLDER, GTM, aircraft, card, gtm_card
 from tolerances import FEW_ROUNDINGS
 
 from hfa_aircraft.loading import load_model
@@ -79,7 +79,7 @@ def message_of(folder, text):
         ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
         ("speed = {scale = 20.0}", "", "takes 4 observations and the card has 3"),
         ("throttle = {box", "elevator_2 = {box", "action names the unknown input 'elevator_2'"),
-        ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "the zip says"),
+        ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "the file says"),
         ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),
         ('"trim + 14 * a"', '"trim + 14 * b"', "takes the unknown name 'b'"),
         ('"trim + 14 * a"', '"trim"', "does not take the action"),
@@ -234,6 +234,44 @@ def test_a_normalizer_without_its_numbers_is_refused(folder, stored, typed):
 def test_data_of_a_zip_of_another_type_are_refused(folder, entries):
     rewrite_zip(folder, lambda data: data | entries)
     assert next(iter(entries)) in message_of(folder, CARD)
+
+
+@pytest.mark.parametrize(
+    ("entries", "named"),
+    [
+        ({"policy_class": pickle.dumps(BadInputError)}, "hfa_support.errors.BadInputError"),
+        ({"policy_class": pickle.dumps(json.JSONEncoder)}, "policy_class"),
+        ({"policy_kwargs": pickle.dumps({"scale_inputs": True})}, "'scale_inputs'"),
+        (
+            {"policy_kwargs": pickle.dumps({"features_extractor_class": "Own"})},
+            "features_extractor_class",
+        ),
+    ],
+)
+def test_a_zip_of_another_class_is_refused_by_name(folder, entries, named):
+    """Its forward pass is code of the user's own, which is not run."""
+    stored = {
+        name: {":serialized:": base64.b64encode(content).decode()}
+        for name, content in entries.items()
+    }
+    rewrite_zip(folder, lambda data: data | stored)
+    assert named in message_of(folder, CARD)
+
+
+def test_action_scale_of_a_state_dict_is_its_box(folder):
+    """Of CleanRL: tanh, times action_scale, plus action_bias; a card that says the same is right."""
+    random = np.random.default_rng(3)
+    weights = {"fc_mu.weight": random.normal(size=(2, 4)), "fc_mu.bias": np.zeros(2)}
+    squash = {"action_scale": np.array([2.0, 0.5]), "action_bias": np.array([1.0, 0.0])}
+    np.savez(folder / "actor.npz", **weights, **squash)
+    card = gtm_card({"file": folder / "actor.npz"})
+    o = random.normal(size=4)
+    expected = np.tanh(weights["fc_mu.weight"] @ o) * [2.0, 0.5] + [1.0, 0.0]
+    act = card.on(aircraft("ppo_gtm")).act
+    assert np.array(act(o)).ravel() == pytest.approx(expected, rel=1e-12)
+    assert np.isnan(np.array(act([np.nan, 0.0, 0.0, 0.0]))).all()
+    with pytest.raises(BadInputError, match=r"squash is False and .* has action_scale"):
+        _ = gtm_card({"file": folder / "actor.npz", "squash": False}).actor
 
 
 def test_a_zip_whose_directory_lies_about_a_size_is_refused(folder):

@@ -49,6 +49,14 @@ def test_points_are_what_assess_takes() -> None:
             environment(model, deployment, wrong)
 
 
+def test_an_action_that_is_no_number_is_an_error() -> None:
+    env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm")[:1])
+    env.reset(seed=1)
+    for wrong in ([np.nan, 0.0], [0.0], ["full", 0.0], None):
+        with pytest.raises(BadInputError, match="an action"):
+            env.step(wrong)
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 def test_a_policy_in_the_environment_is_flown_as_by_the_command(tmp_path, delay: float) -> None:
     """A random gain on the elevator and the throttle, for 4 s."""

@@ -63,7 +63,12 @@ def test_the_exported_C_commands_what_the_card_commands(name, tmp_path, capsys):
     point = trims(name)[0]
     assert exported(name, point, tmp_path / "c") == 0
     policy = flown_card(FOLDER / f"{name}.toml", aircraft(name), point)
-    assert differences(policy, compiled(tmp_path / "c")) < 1e-12
+    command = compiled(tmp_path / "c")
+    assert differences(policy, command) < 1e-12
+    measured = np.array(point.states)
+    measured[list(point.model.states).index("pitch")] = np.nan
+    moved = [list(point.model.inputs).index(each) for each in policy.deployed.commanded]
+    assert np.isnan(command(measured, np.array(point.inputs))[moved]).all()
     header = (tmp_path / "c" / "deployed_policy.h").read_text()
     assert f"#define POLICY_DT {policy.deployed.deployment.dt!r}" in header
 

@@ -51,7 +51,7 @@ def test_the_disturbances_of_the_model_are_those_of_the_game() -> None:
         ({"Q": {"speed": "1"}}, "Q of speed is '1'; give a number"),
         ({"R": {"throttle": 1.0}}, "R has no weight on aileron_center"),
         ({"Q": np.eye(5)}, "Q is 5 x 5"),
-        ({"Q": [1.0, "2"]}, "Q does not consist of rows"),
+        ({"Q": [1.0, "2"]}, "Q is a list; give an array of numbers"),
     ],
 )
 def test_a_weight_that_does_not_fit_is_named(

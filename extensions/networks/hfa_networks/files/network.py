@@ -18,6 +18,7 @@ from controller.game.zero_sum import Game
 from hfa_networks.files.activations import COMMON
 from hfa_networks.files.network_file import NetworkFile, network_in
 from hfa_networks.files.q_function import policy_of
+from hfa_networks.files.state_dict import Squash
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shortened
 
@@ -106,6 +107,8 @@ def _of_states(
     n, m = game.B.shape
     functions = {}
     for name, function in stored.functions.items():
+        if name in stored.squashes:
+            function = _squashed(function, stored.squashes[name])
         if function.numel_in(0) == n + m:
             origin = f"{origin} = Q(x, u), u from dQ/du = 0"
             function = policy_of(function, n)
@@ -122,6 +125,13 @@ def _of_states(
         else:
             outputs[kinds[name]] = numbers
     return from_functions(game, z, outputs, origin, stored.precision, variants)
+
+
+def _squashed(function: ca.Function, squash: Squash) -> ca.Function:
+    """x -> tanh(function(x)) scale + bias."""
+    x = symbols_for([function], function.numel_in(0))
+    action = ca.tanh(ca.vec(function(x))) * ca.DM(squash.scale) + ca.DM(squash.bias)
+    return ca.Function("squashed", [x], [ca.densify(action)])
 
 
 def _on_basis(

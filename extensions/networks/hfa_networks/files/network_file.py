@@ -17,10 +17,19 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_networks.files.activations import ACTIVATIONS
+from hfa_networks.files.activations import ACTIVATIONS, on_entries
 from hfa_networks.files.onnx_graph import check_width, graph_functions, normalized
 from hfa_networks.files.products import Products
 from hfa_networks.files.row_network import RowNetwork, row_network
+from hfa_networks.files.state_dict import (
+    Normalizer,
+    Parts,
+    Squash,
+    parts_of,
+    refuse_others,
+    roots,
+    without_training,
+)
 from hfa_networks.files.tensors import LARGEST_FILE, checked_tensors, tensors_in
 from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from hfa_support.files import regular_file
@@ -70,6 +79,8 @@ class NetworkFile(NamedTuple):
     on_basis: the only layer, where it acts on the basis and not on the states; then there are no
         functions.
     rows: the same as `functions` on many rows at once, where that is faster.
+    squashes: what stands behind some of the functions, which do not hold it.
+    normalizers: what stands before some of them, which hold it.
     """
 
     functions: dict[str, ca.Function]
@@ -77,6 +88,8 @@ class NetworkFile(NamedTuple):
     precision: str
     on_basis: Layer | None = None
     rows: Mapping[str, RowNetwork] = {}
+    squashes: Mapping[str, Squash] = {}
+    normalizers: Mapping[str, Normalizer] = {}
 
 
 def network_in(
@@ -93,7 +106,7 @@ def network_in(
     activation: one of `ACTIVATIONS`, between the layers of a state dict; after a comma that of its
         output.
     parts: what is asked for -> which tensors, by a word in their names or more with + between them,
-        or which output of an ONNX graph.
+        or which output of an ONNX graph; "policy" without a word is all that is of no critic.
     features: size of the basis; a single layer of as many inputs acts on the basis.
     inputs: of the plant, which a Q takes behind the states.
 
@@ -110,10 +123,14 @@ def network_in(
                     graph.functions, graph.operators, graph.precision, rows=graph.rows
                 )
             content = regular_file(path, LARGEST_FILE).read_bytes()
-            tensors, precision = checked_tensors(tensors_in(content, suffix))
-            networks = {
-                name: _layers(_selected(tensors, part), (states, states + inputs), suffix)
+            tensors, precision = checked_tensors(without_training(tensors_in(content, suffix)))
+            found = {
+                name: parts_of(tensors, part, is_policy=name == "policy")
                 for name, part in parts.items()
+            }
+            networks = {
+                name: _layers(sorted_tensors.layers, (states, states + inputs), suffix)
+                for name, sorted_tensors in found.items()
             }
         except OSError as error:
             raise BadInputError(f"cannot be read ({error.strerror})") from error
@@ -130,33 +147,43 @@ def network_in(
         chains = []
         for name, layers in networks.items():
             check_width(layers[0].inputs, states, inputs)
+            _refuse_unread(found, networks, name)
             steps = _with_activations(layers, activation)
-            functions[name], on_rows = _composed(steps)
-            chains.append(_chain(name, steps))
+            normalizer = found[name].normalizer
+            functions[name], on_rows = _composed(steps, normalizer)
+            chains.append(_chain(name, steps, found[name]))
             if on_rows is not None:
                 rows[name] = on_rows
-        return NetworkFile(functions, "; ".join(chains), precision, rows=rows)
+        return NetworkFile(
+            functions,
+            "; ".join(chains),
+            precision,
+            rows=rows,
+            squashes={name: each.squash for name, each in found.items() if each.squash},
+            normalizers={name: each.normalizer for name, each in found.items() if each.normalizer},
+        )
 
 
-def _selected(tensors: Mapping[str, np.ndarray], part: str) -> dict[str, np.ndarray]:
-    """The tensors in whose names one of the words of "word+word" stands."""
-    words = [f".{word}." for word in part.split("+") if word]
-    chosen = {
-        name: array
-        for name, array in tensors.items()
-        if not words or any(word in f".{name}." for word in words)
-    }
-    if not chosen:
-        where = _roots(tensors)
-        advice = f"its tensors are in {where}" if where else "it is one network; name no part of it"
-        raise BadInputError(f"it holds no tensors called {shortened(part)!r}; {advice}")
-    return chosen
-
-
-def _roots(tensors: Mapping[str, np.ndarray]) -> str:
-    """The names of the networks in a file, for a message."""
-    stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
-    return shortened(", ".join(dict.fromkeys(stems)), 200)
+def _refuse_unread(
+    found: Mapping[str, Parts], networks: Mapping[str, list[Layer]], name: str
+) -> None:
+    """BadInputError for tensors of the file that may act on one of its networks."""
+    read = {tensor for parts in found.values() for tensor in parts.layers}
+    others = {key: array for key, array in found[name].others.items() if key not in read}
+    layers = networks[name]
+    refuse_others(others, layers[0].inputs, layers[-1].outputs)
+    normalizer = found[name].normalizer
+    if normalizer is not None and len(normalizer.mean) != layers[0].inputs:
+        raise BadInputError(
+            f"its {shortened(normalizer.name)} normalizes {len(normalizer.mean)} numbers and the "
+            f"network takes {layers[0].inputs}"
+        )
+    squash = found[name].squash
+    if squash is not None and {len(squash.scale), len(squash.bias)} != {layers[-1].outputs}:
+        raise BadInputError(
+            f"its action_scale has {len(squash.scale)} numbers and the network gives "
+            f"{layers[-1].outputs}"
+        )
 
 
 def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: str) -> list[Layer]:
@@ -194,7 +221,7 @@ def _no_chain(
 ) -> BadInputError:
     return BadInputError(
         f"tensor {shortened(name)!r} {array.shape} {reason}; of several networks name one by "
-        f"--network: {_roots(tensors)}"
+        f"--network: {roots(tensors)}"
     )
 
 
@@ -312,11 +339,15 @@ def _follows(before: Layer, layer: Layer) -> bool:
     return _kind(before) == _kind(layer) and numbers == _numbers(layer)
 
 
-def _composed(steps: list[tuple[Layer, str]]) -> tuple[ca.Function, RowNetwork | None]:
+def _composed(
+    steps: list[tuple[Layer, str]], normalizer: Normalizer | None
+) -> tuple[ca.Function, RowNetwork | None]:
     """x -> the output of the last layer; the same on rows, None where that is no faster."""
     x = ca.SX.sym("x", steps[0][0].inputs)
     products = Products(x)
     h = np.fromiter(ca.vertsplit(x), object)
+    if normalizer is not None:
+        h = _normal(h, normalizer)
     for layer, activation in steps:
         if layer.is_linear:
             h = products.times(layer.weight, h) + layer.bias
@@ -327,7 +358,27 @@ def _composed(steps: list[tuple[Layer, str]]) -> tuple[ca.Function, RowNetwork |
     on_rows = None
     if all(layer.is_linear for layer, _ in steps):
         on_rows = row_network([(layer.weight, layer.bias, name) for layer, name in steps])
+        if on_rows is not None and normalizer is not None:
+            on_rows = _normalized_rows(on_rows, normalizer)
     return products.function(h), on_rows or products.rows(h)
+
+
+def _normal(h: np.ndarray, normalizer: Normalizer) -> np.ndarray:
+    """The entries, CasADi scalars, normalized."""
+    normal = (h - normalizer.mean) / normalizer.deviation
+    if np.isinf(normalizer.clip):
+        return np.asarray(normal)
+    return on_entries(lambda x: ca.fmin(ca.fmax(x, -normalizer.clip), normalizer.clip))(normal)
+
+
+def _normalized_rows(on_rows: RowNetwork, normalizer: Normalizer) -> RowNetwork:
+    """The network behind its normalizer, x (N, n) -> (N, k)."""
+
+    def normalized_first(x: np.ndarray) -> np.ndarray:
+        normal = (x - normalizer.mean) / normalizer.deviation
+        return on_rows(np.clip(normal, -normalizer.clip, normalizer.clip))
+
+    return normalized_first
 
 
 def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:
@@ -343,9 +394,11 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
     return between, last
 
 
-def _chain(name: str, steps: list[tuple[Layer, str]]) -> str:
+def _chain(name: str, steps: list[tuple[Layer, str]], parts: Parts) -> str:
     """The layers in their order, with their names: "6 -> tanh 64 -> 1 (layers 0, 2)"."""
     words = [str(steps[0][0].inputs)]
+    if parts.normalizer is not None:
+        words.append(f"normalized by {shortened(parts.normalizer.name)}")
     for layer, activation in steps:
         if layer.is_linear:
             words.append(f"{activation} {layer.outputs}".strip())
@@ -353,6 +406,8 @@ def _chain(name: str, steps: list[tuple[Layer, str]]) -> str:
             words.append(f"LayerNorm {layer.outputs} (epsilon {_EPSILON:g})")
             if activation:
                 words.append(f"{activation} {layer.outputs}")
+    if parts.squash is not None:
+        words.append("tanh, action_scale and action_bias")
     names = ", ".join(layer.name for layer, _ in steps if layer.name)
     chain = " -> ".join(words)
     if name:

@@ -194,6 +194,8 @@ def _flattened(prefix: str, stored: Any, depth: int = 0) -> dict[str, np.ndarray
     if isinstance(stored, np.ndarray):
         return {prefix.removesuffix("."): stored}
     tensors: dict[str, np.ndarray] = {}
+    if isinstance(stored, (list, tuple)):
+        stored = dict(enumerate(stored))
     if isinstance(stored, dict) and depth < 4:
         for name, value in stored.items():
             tensors |= _flattened(f"{prefix}{name}.", value, depth + 1)

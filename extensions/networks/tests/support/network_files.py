@@ -18,7 +18,12 @@ from hfa_support import BadInputError
 #: z'Pz: x P, times x, summed.
 QUADRATIC = [("MatMul", "x P", "h"), ("Mul", "x h", "terms"), ("MatMul", "terms ones", "y")]
 ONES = np.ones((6, 1))
-_STORAGE = {"float32": b"FloatStorage", "float64": b"DoubleStorage", "float16": b"HalfStorage"}
+_STORAGE = {
+    "float16": b"HalfStorage",
+    "float32": b"FloatStorage",
+    "float64": b"DoubleStorage",
+    "int64": b"LongStorage",
+}
 
 
 def onnx_file(
@@ -81,7 +86,7 @@ def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
         storage = b"ctorch\n" + _STORAGE[str(each.dtype)] + b"\n"
         size = struct.pack("<i", each.size)
         pid = b"(" + text("storage") + storage + text(str(key)) + text("cpu") + b"J" + size + b"tQ"
-        strides = [step // each.itemsize for step in np.ascontiguousarray(each).strides]
+        strides = [step // each.itemsize for step in each.copy(order="C").strides]
         view = (
             pid
             + b"J\0\0\0\0"

@@ -1,0 +1,264 @@
+"""The tensors of a state dict by what they do: layers, a normalizer before them, a squash behind.
+
+Checkpoints of rsl_rl, rl_games, skrl and CleanRL hold more than layers. What these libraries write
+is known by the names of the tensors. Any other tensor that may act on the network is refused by its
+name.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, shortened
+
+Tensors = Mapping[str, np.ndarray]
+Kind = TypeVar("Kind")
+#: Words in the names of tensors that a policy does not use.
+_OF_CRITICS = frozenset(
+    (
+        *("critic", "critics", "value", "values", "vf", "q", "qf", "qs"),
+        *("target", "targets", "reward", "rewards", "privileged", "discriminator"),
+    )
+)
+#: Words in the names of tensors that only training uses.
+_OF_TRAINING = frozenset(("optimizer", "optimizers", "scheduler"))
+_ELSE = "save the state dict of the network alone, or export it to ONNX with all that acts"
+
+
+class Normalizer(NamedTuple):
+    """x -> clip((x - mean) / deviation, -clip, clip), as a state dict holds it.
+
+    name: of its tensors in the file.
+    mean: (n,).
+    deviation: (n,), above 0.
+    clip: largest absolute value; inf for none.
+    """
+
+    name: str
+    mean: np.ndarray
+    deviation: np.ndarray
+    clip: float
+
+
+class Squash(NamedTuple):
+    """y -> tanh(y) scale + bias, as a state dict holds it; (m,) each."""
+
+    scale: np.ndarray
+    bias: np.ndarray
+
+
+class Parts(NamedTuple):
+    """A network's part of a state dict, and all that is left.
+
+    layers: tensors of its layers.
+    normalizer: before the first layer; None for none.
+    squash: behind the last layer; None for none.
+    others: tensors that belong to none of these, and to nothing that is known not to act.
+    """
+
+    layers: dict[str, np.ndarray]
+    normalizer: Normalizer | None
+    squash: Squash | None
+    others: dict[str, np.ndarray]
+
+
+def _of_rsl_rl(group: Tensors) -> tuple[np.ndarray, float]:
+    """Deviation and clip of rsl_rl's EmpiricalNormalization, whose eps is 0.01."""
+    return group["_std"] + 0.01, np.inf
+
+
+def _of_rl_games(group: Tensors) -> tuple[np.ndarray, float]:
+    """Deviation and clip of rl_games' RunningMeanStd."""
+    return np.sqrt(group["running_var"] + 1e-5), 5.0
+
+
+def _of_skrl(group: Tensors) -> tuple[np.ndarray, float]:
+    """Deviation and clip of skrl's RunningStandardScaler."""
+    return np.sqrt(group["running_variance"]) + 1e-8, 5.0
+
+
+#: Names of the tensors, the last word of the module that holds them ("" for any), the mean among
+#: them, and how the library divides.
+_NORMALIZERS: tuple[
+    tuple[frozenset[str], str, str, Callable[[Tensors], tuple[np.ndarray, float]]], ...
+] = (
+    (frozenset(("_mean", "_var", "_std", "count")), "", "_mean", _of_rsl_rl),
+    (
+        frozenset(("running_mean", "running_var", "count")),
+        "running_mean_std",
+        "running_mean",
+        _of_rl_games,
+    ),
+    (
+        frozenset(("running_mean", "running_variance", "current_count")),
+        "",
+        "running_mean",
+        _of_skrl,
+    ),
+)
+
+
+def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
+    """Return the tensors but for those of optimizers."""
+    return {name: array for name, array in tensors.items() if not _words(name) & _OF_TRAINING}
+
+
+def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
+    """Sort the tensors of a state dict by what they do.
+
+    part: words of the names of the layers, with + between them; "" for all.
+    is_policy: whether "" is the policy alone, and not a critic in the same file.
+
+    BadInputError where no name has one of the words, or two normalizers or squashes fit.
+    """
+    groups = _grouped(tensors)
+    normalizers = {}
+    squashes = {}
+    remaining: dict[str, np.ndarray] = {}
+    for stem, group in groups.items():
+        normalizer = _normalizer(stem, group)
+        if normalizer is not None:
+            normalizers[stem] = normalizer
+            continue
+        leaves = dict(group)
+        if {"action_scale", "action_bias"} <= leaves.keys():
+            scale = leaves.pop("action_scale").ravel()
+            squashes[stem] = Squash(scale, leaves.pop("action_bias").ravel())
+        remaining |= {_joined(stem, leaf): array for leaf, array in leaves.items()}
+    layers = {}
+    for name, array in remaining.items():
+        if part:
+            is_chosen = _has_word(name, part)
+        else:
+            is_chosen = not _is_spread(name) and not (is_policy and _is_of_critic(name))
+        if is_chosen:
+            layers[name] = array
+    if not layers:
+        where = roots(tensors)
+        advice = f"its tensors are in {where}" if where else "it is one network; name no part of it"
+        raise BadInputError(f"it holds no tensors called {shortened(part)!r}; {advice}")
+    of_critic = all(map(_is_of_critic, layers))
+    others = {
+        name: array
+        for name, array in remaining.items()
+        if name not in layers and not _is_spread(name) and (of_critic or not _is_of_critic(name))
+    }
+    squash = None if of_critic else _the_one("action_scale", squashes, layers)
+    return Parts(layers, _normalizer_of(normalizers, layers, of_critic), squash, others)
+
+
+def refuse_others(others: Tensors, takes: int, gives: int) -> None:
+    """BadInputError for tensors beside a network that may act on what it takes or gives.
+
+    others: of a state dict, in none of the networks that are read.
+    takes, gives: numbers of inputs and outputs of the network.
+
+    Linear layers elsewhere are another network, unless they could stand before, behind or beside
+    this one.
+    """
+    chains: dict[str, list[tuple[str, np.ndarray]]] = {}
+    for name, array in others.items():
+        stem, _, leaf = name.rpartition(".")
+        if array.ndim == 2 and leaf == "weight":
+            chains.setdefault(stem.rpartition(".")[0] or stem, []).append((name, array))
+    for name, array in others.items():
+        stem, _, leaf = name.rpartition(".")
+        folder = stem.rpartition(".")[0] or stem
+        is_of_layers = leaf in ("weight", "bias") and array.ndim <= 2 and folder in chains
+        if not is_of_layers:
+            raise BadInputError(
+                f"tensor {shortened(name)!r} {array.shape} is not understood; {_ELSE}"
+            )
+    for layers in chains.values():
+        name, first = layers[0]
+        entry = first.shape[1]
+        end = len(layers[-1][1])
+        is_parallel = len(layers) == 1 and (entry, end) == (takes, gives)
+        if end == takes or entry == gives or is_parallel:
+            raise BadInputError(
+                f"tensor {shortened(name)!r} {first.shape} is in no part that was named, and may "
+                f"act before or behind the network; {_ELSE}"
+            )
+
+
+def roots(tensors: Iterable[str]) -> str:
+    """The names of the networks in a file, for a message."""
+    stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
+    return shortened(", ".join(dict.fromkeys(stems)), 200)
+
+
+def _words(name: str) -> set[str]:
+    return set(re.findall("[a-z]+", name.lower()))
+
+
+def _is_of_critic(name: str) -> bool:
+    return bool(_words(name) & _OF_CRITICS)
+
+
+def _is_spread(name: str) -> bool:
+    """Whether it is of the standard deviation of a random action."""
+    words = _words(name)
+    leaf = name.rpartition(".")[2]
+    return bool(words & {"logstd", "sigma"}) or {"log", "std"} <= words or leaf.startswith("std")
+
+
+def _has_word(name: str, part: str) -> bool:
+    """Whether one of the words of "word+word" is in a name; a number only as its first word, where
+    it is the place in a tuple."""
+    for word in part.split("+"):
+        is_first = f".{name}.".startswith(f".{word}.")
+        if word and (is_first or (not word.isdigit() and f".{word}." in f".{name}.")):
+            return True
+    return False
+
+
+def _grouped(tensors: Tensors) -> dict[str, dict[str, np.ndarray]]:
+    """Module -> its tensors by their own names."""
+    groups: dict[str, dict[str, np.ndarray]] = {}
+    for name, array in tensors.items():
+        stem, _, leaf = name.rpartition(".")
+        groups.setdefault(stem, {})[leaf] = array
+    return groups
+
+
+def _joined(stem: str, leaf: str) -> str:
+    return f"{stem}.{leaf}" if stem else leaf
+
+
+def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
+    """The normalizer that a module is; None where it is not one that is known."""
+    for names, module, mean, divisor in _NORMALIZERS:
+        if group.keys() == names and stem.endswith(module):
+            deviation, clip = divisor(group)
+            if not np.all(deviation > 0.0):
+                raise BadInputError(f"its {shortened(stem)} has a variance that is not above 0")
+            return Normalizer(stem, group[mean].ravel(), deviation.ravel(), clip)
+    return None
+
+
+def _normalizer_of(
+    found: Mapping[str, Normalizer], layers: Tensors, of_critic: bool
+) -> Normalizer | None:
+    """The normalizer of what a network takes, among those of a file."""
+    own = {stem: each for stem, each in found.items() if _is_of_critic(stem) == of_critic}
+    if of_critic:
+        for stem in own:
+            if _words(stem) & {"value", "values", "reward", "rewards"}:
+                raise BadInputError(f"its {shortened(stem)} scales the value; {_ELSE}")
+        own = own or dict(found)
+    return _the_one("normalizer", own, layers)
+
+
+def _the_one(what: str, found: Mapping[str, Kind], layers: Tensors) -> Kind | None:
+    """The one of a kind that belongs to the layers."""
+    if len(found) > 1:
+        begins = {name.partition(".")[0] for name in layers}
+        found = {stem: each for stem, each in found.items() if stem.partition(".")[0] in begins}
+        if len(found) != 1:
+            names = shortened(", ".join(found), 120)
+            raise BadInputError(f"it holds more than one {what} ({names}); {_ELSE}")
+    return next(iter(found.values()), None)
