@@ -13,6 +13,7 @@ from hfa_flight.actuators import LONGEST_STEP
 from hfa_flight.air import ALPHA
 from hfa_flight.closed_loop import ClosedLoop
 from hfa_flight.flight_history import Deviations
+from hfa_flight.policies import Policy
 from hfa_flight.scenario import Scenario
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.native.bound import BoundFunction
@@ -61,6 +62,7 @@ class CompiledLoop:
         scenario: Scenario | None = None,
         *,
         parameters: np.ndarray | None = None,
+        policy: Policy | None = None,
         ticks: int | None = None,
         stop: Callable[[Deviations], np.ndarray] | None = None,
         progress: Progress | None = None,
@@ -68,12 +70,15 @@ class CompiledLoop:
         """The flight of its scenario, or of one that differs from it in numbers alone.
 
         parameters: of the plant
+        policy: in place of the loop's own, from which it differs in its held inputs alone
         ticks: how many; those of the scenario unless given
         stop: rows of a flight -> which of them end it; it is flown to the end of that tick
 
         NoSolutionError, naming the time, when a number is no longer finite and there is no `stop`.
         """
         loop = self.loop if scenario is None else replace(self.loop, scenario=scenario)
+        if policy is not None:
+            loop = replace(loop, policy=policy)
         steps = loop.scenario.steps_per_tick
         last_tick = loop.scenario.ticks if ticks is None else ticks
         now, held = self._tick.inputs

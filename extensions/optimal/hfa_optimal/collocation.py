@@ -1,0 +1,304 @@
+"""Proposals: a flight transcribed by Radau collocation, and IPOPT on it.
+
+The optimizer proves nothing. Source: Betts, Practical Methods for Optimal Control, Chapter 4."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_optimal.problem import MARGIN, FlightProblem
+
+#: Collocation points of an interval.
+DEGREE = 3
+#: Length of the last interval over that of the first, at most.
+_LONGEST_GROWTH = 60.0
+_OPTIONS = {
+    "print_time": False,
+    "error_on_fail": False,
+    "show_eval_warnings": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": 1e-8,
+    "ipopt.acceptable_tol": 1e-6,
+    "ipopt.max_iter": 300,
+}
+#: Roughness, as a part of the largest, that every interval of an adapted mesh counts at least.
+_EVEN = 1e-3
+#: Largest violation of the transcribed equations, in nominal sizes, of what is flown at all.
+_FEASIBLE = 1e-4
+
+
+class Proposal(NamedTuple):
+    """A flight as collocation has it; it is believed once it was flown.
+
+    lengths: (N,), s, of the intervals.
+    start: (k,), z at the begin.
+    z: (N, DEGREE, k), deviations at the collocation points.
+    v: (N + 1, m), inputs at the ends of the intervals, linear between them.
+    cost: by the collocation's quadrature, with the linear cost of the end.
+    tail: the linear cost of the end alone.
+    feasible: whether the transcribed equations hold.
+    """
+
+    lengths: np.ndarray
+    start: np.ndarray
+    z: np.ndarray
+    v: np.ndarray
+    cost: float
+    tail: float
+    feasible: bool
+
+    @property
+    def ends(self) -> np.ndarray:
+        """(N + 1,), s, of the intervals, the begin included."""
+        return np.append(0.0, np.cumsum(self.lengths))
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """(N, 1 + DEGREE, k), z at the begin and the collocation points of each interval."""
+        before = np.vstack([self.start[None], self.z[:-1, -1]])
+        return np.concatenate([before[:, None], self.z], axis=1)
+
+    def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """z (N, k) and v (N, m) at times; 0 after the end."""
+        ends = self.ends
+        count = len(self.lengths)
+        interval = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, count - 1)
+        tau = (times - ends[interval]) / self.lengths[interval]
+        z = np.einsum("ij,ijk->ik", _lagrange(_points(), tau), self.nodes[interval])
+        v = self.v[interval] + tau[:, None] * (self.v[interval + 1] - self.v[interval])
+        late = times > ends[-1] * (1.0 + 1e-12)
+        z[late] = 0.0
+        v[late] = 0.0
+        return z, v
+
+
+def _points() -> np.ndarray:
+    """0 and the collocation points in an interval of length 1."""
+    return np.array([0.0, *ca.collocation_points(DEGREE, "radau")])
+
+
+def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """(N, p), the Lagrange polynomials of the points at tau (N,)."""
+    columns = []
+    for index, point in enumerate(points):
+        others = np.delete(points, index)
+        columns.append(np.prod((tau[:, None] - others) / (point - others), axis=1))
+    return np.column_stack(columns)
+
+
+def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndarray:
+    """(N,), lengths of intervals that grow geometrically and add up to a time.
+
+    fastest: 1/s, of the linear loop; the first interval resolves it where the growth allows.
+    step: as of `_on_steps`."""
+    equal = seconds / intervals
+    growth = np.clip(equal * fastest, 4.0, _LONGEST_GROWTH)
+    lengths = growth ** np.linspace(0.0, 1.0, intervals)
+    return _on_steps(np.append(0.0, np.cumsum(lengths)) * seconds / lengths.sum(), step)
+
+
+def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
+    """(N,), lengths of the intervals between these ends, each end at a step of the simulator, so that
+    what is flown are the inputs that were proposed; at least one step each.
+
+    step: s; the last end is so many whole steps."""
+    whole = np.round(ends / step).astype(int)
+    number = np.arange(len(whole))
+    whole = np.maximum.accumulate(whole - number) + number
+    most = round(ends[-1] / step) - number[::-1]
+    return step * np.diff(np.minimum(whole, most)).astype(float)
+
+
+def adapted_mesh(
+    problem: FlightProblem, proposal: Proposal, intervals: int, step: float
+) -> np.ndarray:
+    """(N,), lengths of intervals in which a proposal is about equally smooth.
+
+    Its polynomials are judged by their leading terms, in units of the cost. step: as of
+    `_on_steps`."""
+    of_states = np.sqrt(np.abs(np.diag(problem.P)))
+    of_inputs = np.sqrt(np.diag(problem.R))
+    leading = np.einsum("j,ijk->ik", _leading(_points()), proposal.nodes)
+    bent = np.diff(np.diff(proposal.v, axis=0) / proposal.lengths[:, None], axis=0)
+    kinks = np.abs(bent * of_inputs).sum(axis=1)
+    at_ends = np.maximum(np.append(kinks, 0.0), np.append(0.0, kinks))
+    rough = np.abs(leading * of_states).sum(axis=1) + at_ends * proposal.lengths
+    near = np.maximum.reduce([rough, np.append(rough[1:], 0.0), np.append(0.0, rough[:-1])])
+    shares = (near + _EVEN * near.max()) ** (1.0 / DEGREE)
+    filled = np.append(0.0, np.cumsum(shares))
+    wanted = np.linspace(0.0, filled[-1], intervals + 1)
+    return _on_steps(np.interp(wanted, filled, proposal.ends), step)
+
+
+def _leading(points: np.ndarray) -> np.ndarray:
+    """Values at the points -> the leading coefficient of their polynomial."""
+    return np.array([1.0 / np.prod(point - points[points != point]) for point in points])
+
+
+@dataclass(frozen=True, eq=False)
+class Transcription:
+    """The nonlinear program of a problem with a number of intervals, compiled once.
+
+    Its Jacobian and its Hessian are put together from those of the aircraft's equations at one
+    point, which takes a quarter of the time of deriving the whole program."""
+
+    problem: FlightProblem
+    intervals: int
+
+    def solve(
+        self,
+        start: np.ndarray,
+        lengths: np.ndarray,
+        z: np.ndarray,
+        v: np.ndarray,
+        margin: float = MARGIN,
+    ) -> Proposal:
+        """What IPOPT makes of a guess.
+
+        start: (k,), z at the begin. lengths: (N,), s.
+        margin: how far inside the limits of the states it stays, as `inner_limits` takes it.
+        z: (N DEGREE, k), the guess at the collocation points. v: (N + 1, m), at the ends."""
+        problem = self.problem
+        of_states, of_inputs = problem.sizes
+        limits = problem.inner_limits(start, margin)
+        below, above = (
+            self._row(np.tile(of_z / of_states, (len(z), 1)), np.tile(of_v / of_inputs, (len(v), 1)))
+            for of_z, of_v in zip(limits, problem.input_limits, strict=True)
+        )
+        guess = self._row(z / of_states, v / of_inputs)
+        scale = 1.0 / max(float(start @ problem.P @ start), 1e-12)
+        parameters = np.concatenate([start / of_states, lengths, [scale]])
+        solved = self._solver(
+            x0=np.clip(guess, below, above), p=parameters, lbx=below, ubx=above, lbg=0.0, ubg=0.0
+        )
+        row = np.array(solved["x"]).ravel()
+        m = len(problem.inputs)
+        inner = row[m:].reshape(self.intervals, -1)
+        z = inner[:, :-m].reshape(self.intervals, DEGREE, -1) * of_states
+        violation = np.abs(np.array(solved["g"])).max()
+        return Proposal(
+            lengths=lengths,
+            start=start,
+            z=z,
+            v=np.vstack([row[:m], inner[:, -m:]]) * of_inputs,
+            cost=float(solved["f"]) / scale,
+            tail=float(z[-1, -1] @ problem.P @ z[-1, -1]),
+            feasible=bool(np.isfinite(row).all() and violation <= _FEASIBLE),
+        )
+
+    def _row(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The unknowns in their order: v at the begin; of each interval z at its points, v at its
+        end."""
+        inner = np.hstack([z.reshape(self.intervals, -1), v[1:]])
+        return np.concatenate([v[0], inner.ravel()])
+
+    def _both(self) -> ca.DM:
+        """What takes the unknowns to (z, v) at all collocation points, one below the other."""
+        k, m = len(self.problem.states), len(self.problem.inputs)
+        inner = DEGREE * k + m
+        columns = m + self.intervals * inner
+        rows: list[int] = []
+        places: list[int] = []
+        values: list[float] = []
+        for point in range(self.intervals * DEGREE):
+            interval, number = divmod(point, DEGREE)
+            row = point * (k + m)
+            end = m + interval * inner + DEGREE * k
+            begin = end - inner if interval else 0
+            tau = _points()[1 + number]
+            rows += list(range(row, row + k + m)) + list(range(row + k, row + k + m))
+            places += list(range(m + interval * inner + number * k, m + interval * inner + number * k + k))
+            places += list(range(begin, begin + m)) + list(range(end, end + m))
+            values += [1.0] * k + [1.0 - tau] * m + [tau] * m
+        return ca.DM.triplet(rows, places, ca.DM(values), self.intervals * DEGREE * (k + m), columns)
+
+    @cached_property
+    def _solver(self) -> ca.Function:
+        """(guess, parameters, bounds) -> solution, of IPOPT."""
+        problem = self.problem
+        k, both = len(problem.states), len(problem.states) + len(problem.inputs)
+        N = self.intervals
+        points = N * DEGREE
+        chosen = self._both()
+        w = ca.MX.sym("w", chosen.columns())
+        p = ca.MX.sym("p", k + N + 1)
+        start, lengths, scale = ca.vertsplit(p, [0, k, k + N, k + N + 1])
+        Q, R, P = problem.scaled_weights()
+        weight = ca.diagcat(ca.DM(Q), ca.DM(R))
+        rows = ca.reshape(ca.mtimes(chosen, w), both, points)
+        z = rows[:k, :]
+        begins = ca.horzcat(start, z[:, DEGREE - 1 : points - 1 : DEGREE])
+        derivatives, _, quadrature = ca.collocation_coeff(_points()[1:].tolist())
+        seconds = ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, points)
+        shares = seconds * ca.repmat(ca.DM(quadrature).T, 1, N)
+        unit = ca.DM.eye(N)
+        slopes = ca.mtimes(z, ca.kron(unit, derivatives[1:, :]))
+        slopes += ca.mtimes(begins, ca.kron(unit, derivatives[0, :]))
+        rates = problem.rates()
+        g = ca.vec(slopes - ca.repmat(seconds, k, 1) * rates.map(points)(rows))
+        running = ca.dot(ca.repmat(shares, both, 1) * rows, ca.mtimes(weight, rows))
+        f = scale * (running + ca.bilin(ca.DM(P), z[:, -1], z[:, -1]))
+
+        slope, curvature = _derivatives(rates, k, both)
+        constant = ca.evalf(_without_symbols(ca.jacobian(ca.vec(slopes), w), [w, p]))
+        of_rates = slope.map(points)(rows) * ca.repmat(
+            ca.reshape(ca.repmat(seconds, both, 1), 1, points * both), k, 1
+        )
+        jacobian = constant - ca.mtimes(_blocks(of_rates, points, k, both), chosen)
+
+        of_cost = ca.MX.sym("of_cost")
+        of_equations = ca.MX.sym("of_equations", points * k)
+        weighed = ca.reshape(of_equations, k, points) * ca.repmat(seconds, k, 1)
+        bent = 2.0 * of_cost * scale * ca.kron(shares, weight) - curvature.map(points)(rows, weighed)
+        at_points = _blocks(bent, points, both, both)
+        before = chosen.columns() - both
+        last = ca.diagcat(ca.DM(before, before), ca.DM(P), ca.DM(both - k, both - k))
+        of_unknowns = ca.mtimes(chosen.T, ca.mtimes(at_points, chosen))
+        hessian = ca.triu(of_unknowns + 2.0 * of_cost * scale * last)
+
+        options = {
+            **_OPTIONS,
+            "jac_g": ca.Function("jac_g", [w, p], [g, jacobian], ["x", "p"], ["g", "jac:g:x"]),
+            "hess_lag": ca.Function(
+                "hess_lag",
+                [w, p, of_cost, of_equations],
+                [hessian],
+                ["x", "p", "lam:f", "lam:g"],
+                ["triu:hess:gamma:x:x"],
+            ),
+        }
+        return ca.nlpsol("flight", "ipopt", {"x": w, "p": p, "f": f, "g": g}, options)
+
+
+def _derivatives(rates: ca.Function, k: int, both: int) -> tuple[ca.Function, ca.Function]:
+    """Of the rates at one point: the slopes (k, both), and the curvature (both, both) of their sum
+    weighed by k multipliers."""
+    at = ca.SX.sym("at", both)
+    multipliers = ca.SX.sym("multipliers", k)
+    f = rates(at)
+    slopes = ca.densify(ca.jacobian(f, at))
+    bent, _ = ca.hessian(ca.dot(multipliers, f), at)
+    options = {"cse": True}
+    return (
+        ca.Function("slopes", [at], [slopes], options),
+        ca.Function("curvature", [at, multipliers], [ca.densify(bent)], options),
+    )
+
+
+def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:
+    """An expression that is constant, without the symbols that it was made of."""
+    zeros = [ca.MX.zeros(symbol.numel()) for symbol in symbols]
+    (constant,) = ca.substitute([expression], symbols, zeros)
+    return constant
+
+
+def _blocks(side_by_side: ca.MX, count: int, rows: int, columns: int) -> ca.MX:
+    """Dense blocks, side by side in a matrix, as the diagonal of a sparse one."""
+    pattern = ca.diagcat(*[ca.Sparsity.dense(rows, columns)] * count)
+    return ca.MX(pattern, ca.vec(ca.densify(side_by_side)))

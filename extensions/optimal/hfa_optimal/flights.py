@@ -1,0 +1,193 @@
+"""Flights of a problem with the project's own simulator, and what they cost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.envelope import Departure, departure
+from hfa_flight.flight_cost import cost_of_flight
+from hfa_flight.flight_history import Deviations
+from hfa_flight.policies import FunctionPolicy, Policy
+from hfa_flight.scenario import Scenario
+from hfa_flight.simulation import CompiledLoop
+from hfa_optimal.collocation import Proposal
+from hfa_optimal.problem import FlightProblem
+from hfa_optimal.tracking import STEPS, TrackingPolicy, held_size, tracking_rows
+
+#: s: the longest step of the integration.
+_STEP = 0.0025
+#: Largest product of a step and the fastest mode of the linear loop.
+_FASTEST = 0.1
+#: A flight has ended in the trim where the linear cost of its end is below this part of its cost.
+SETTLED = 0.01
+#: An input nearer to its limit than this part of its nominal size is saturated.
+_AT_LIMIT = 1e-3
+#: A state so many nominal sizes off the trim has left every bound.
+_FAR = 1e4
+
+
+class Flown(NamedTuple):
+    """A flight, and what it costs.
+
+    name: of the policy.
+    times: (N,), s. states: (N, n), absolute. inputs: (N, m), absolute.
+    cost: with the linear cost of its end; inf where it does not end in the trim.
+    tail: the linear cost of its end.
+    departure: which state left the envelope first; None where none did.
+    saturated: names of the inputs that were at a limit.
+    """
+
+    name: str
+    times: np.ndarray
+    states: np.ndarray
+    inputs: np.ndarray
+    cost: float
+    tail: float
+    departure: Departure | None
+    saturated: tuple[str, ...]
+
+    @property
+    def converges(self) -> bool:
+        """Whether it ends in the trim, within the envelope or not."""
+        return math.isfinite(self.cost)
+
+    @property
+    def lost(self) -> bool:
+        """Whether it left the envelope, or does not end in the trim."""
+        return self.departure is not None or not self.converges
+
+    def outcome(self) -> str:
+        """What became of it, in words."""
+        if self.departure is None:
+            return "converges" if self.converges else "does not converge"
+        left = self.departure.text()
+        return f"{left}; converges" if self.converges else left
+
+
+@dataclass(frozen=True, eq=False)
+class Flights:
+    """The simulator of a problem: each policy is compiled once.
+
+    problem: the aircraft, its trim, the price and the limits.
+    count: of the ticks that are to be flown, about; it decides whether machine code pays.
+    """
+
+    problem: FlightProblem
+    count: int = 0
+
+    @cached_property
+    def step(self) -> float:
+        """s, of the integration: the fastest mode of the aircraft and of the linear loop is slow
+        beside it."""
+        linear = self.problem.linear
+        loop = linear.A - linear.B @ self.problem.K
+        modes = np.concatenate([np.linalg.eigvals(linear.A), np.linalg.eigvals(loop)])
+        return min(_STEP, _FASTEST / float(np.abs(modes).max()))
+
+    @cached_property
+    def tick(self) -> float:
+        """s, between two rows of held inputs."""
+        return STEPS * self.step
+
+    @cached_property
+    def _tracking(self) -> CompiledLoop:
+        lowest, highest = self.problem.input_limits
+        policy = TrackingPolicy(
+            "best flight found",
+            tick=self.tick,
+            moved=self.problem.moved,
+            count=len(self.problem.model.inputs),
+            lowest=lowest,
+            highest=highest,
+            held=np.zeros((1, held_size(self.problem))),
+        )
+        return self.compiled(policy)
+
+    @cached_property
+    def _linear(self) -> CompiledLoop:
+        return self.compiled(self.gain_policy("linear optimum, clipped", self.problem.K))
+
+    def gain_policy(self, name: str, K: np.ndarray) -> FunctionPolicy:
+        """v = -K z, (m, k), within the limits; the other inputs are held."""
+        problem = self.problem
+        z = ca.SX.sym("z", len(problem.states))
+        u = ca.SX.zeros(len(problem.model.inputs))
+        u[problem.moved] = -ca.mtimes(ca.DM(K), z)
+        return self.function_policy(name, ca.Function("gain", [z], [u]))
+
+    def function_policy(self, name: str, function: ca.Function) -> FunctionPolicy:
+        """A policy z -> u of all inputs, within the limits."""
+        problem = self.problem
+        limits = [np.zeros(len(problem.model.inputs)) for _ in range(2)]
+        for whole, moved in zip(limits, problem.input_limits, strict=True):
+            whole[problem.moved] = moved
+        return FunctionPolicy(name, function, *limits)
+
+    def compiled(self, policy: Policy) -> CompiledLoop:
+        """The loop of a policy about the trim of the problem."""
+        scenario = self.scenario(self.tick)
+        plant = NonlinearPlant(self.problem.model, self.problem.point)
+        return CompiledLoop(ClosedLoop(plant, policy, scenario), self.count)
+
+    def scenario(self, seconds: float) -> Scenario:
+        """A calm flight of at least that many seconds."""
+        ticks = max(1, math.ceil(seconds / self.tick - 1e-9))
+        start = np.zeros(len(self.problem.model.states))
+        return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
+
+    def follow(self, proposal: Proposal, seconds: float) -> Flown:
+        """The flight that a proposal describes, with the linear policy after its end."""
+        loop = self._tracking
+        policy = replace(loop.loop.policy, held=tracking_rows(self.problem, proposal, self.tick))
+        return self.fly(loop, proposal.start, seconds, policy)
+
+    def linear(self, start: np.ndarray, seconds: float) -> Flown:
+        """The flight of the linear optimum within the limits of the inputs."""
+        return self.fly(self._linear, start, seconds)
+
+    def fly(
+        self, loop: CompiledLoop, start: np.ndarray, seconds: float, policy: Policy | None = None
+    ) -> Flown:
+        """A flight from a start z, (k,), its cost and what became of it.
+
+        policy: with other held inputs than that of the loop"""
+        problem = self.problem
+        initial = np.zeros(len(problem.model.states))
+        initial[problem.places] = start
+        scenario = loop.loop.scenario
+        ticks = max(1, math.ceil(seconds / scenario.tick - 1e-9))
+        scenario = replace(scenario, duration=ticks * scenario.tick, initial=initial)
+        far = _FAR * np.array([signal.nominal for signal in problem.model.states.values()])
+
+        def stop(rows: Deviations) -> np.ndarray:
+            return np.asarray(~(np.abs(rows.states) < far).all(axis=1))
+
+        with np.errstate(all="ignore"):
+            rows = loop.fly(scenario, stop=stop, policy=policy)
+        return self.priced(loop.loop.policy.name, rows)
+
+    def priced(self, name: str, rows: Deviations) -> Flown:
+        """A flight with its cost, to the trim of the problem."""
+        problem = self.problem
+        trim = np.array(problem.point.states)
+        z = rows.states[:, problem.places]
+        v = rows.inputs[:, problem.moved]
+        states = rows.states + trim
+        left = departure(problem.envelope, rows.times, states, moving_air=False)
+        tail = float(z[-1] @ problem.P @ z[-1])
+        cost = cost_of_flight(rows.times, z, v, problem.Q, problem.R) + tail
+        if not math.isfinite(cost) or tail > SETTLED * cost:
+            cost = math.inf
+        lowest, highest = problem.input_limits
+        slack = _AT_LIMIT * problem.sizes[1]
+        at_limit = ((v <= lowest + slack) | (v >= highest - slack)).any(axis=0)
+        saturated = tuple(np.array(problem.inputs)[at_limit].tolist())
+        inputs = rows.inputs + np.array(problem.point.inputs)
+        return Flown(name, rows.times, states, inputs, cost, tail, left, saturated)

@@ -1,0 +1,175 @@
+"""What flies, to where, at what price and within which limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from controller.game.linear_game import game
+from controller.riccati.gare import solve_game
+from hfa_aircraft.layout import components
+from hfa_aircraft.model import Model
+from hfa_flight.envelope import control_limits, flight_envelope
+from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from trim.limits import Limits
+from trim.linear.linear_model import LinearModel, linearize
+from trim.point.operating_point import OperatingPoint
+
+#: How far inside the limits of the states a proposal stays, as a part of the distance from the trim:
+#: a flight that follows it stays within them.
+MARGIN = 2e-3
+
+
+@dataclass(frozen=True, eq=False)
+class FlightProblem:
+    """The least ∫ z'Qz + v'Rv dt of flights to a trim within limits, z and v the deviations of the
+    states of the linear model and of the moved inputs from it.
+
+    linear: the linear model at the trim, with the moved inputs alone.
+    Q: (k, k). R: (m, m).
+    P: (k, k), the cost z'Pz of the linear model without limits. K: (m, k), its policy v = -K z.
+    envelope: limits of all states.
+    """
+
+    linear: LinearModel
+    Q: np.ndarray
+    R: np.ndarray
+    P: np.ndarray
+    K: np.ndarray
+    envelope: Limits
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The trim that flights end at."""
+        return self.linear.point
+
+    @property
+    def model(self) -> Model:
+        """Which aircraft flies."""
+        return self.point.model
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of z."""
+        return self.linear.states
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of v: the inputs that move."""
+        return self.linear.inputs
+
+    @cached_property
+    def places(self) -> list[int]:
+        """Where the states of z are among all."""
+        names = list(self.model.states)
+        return [names.index(name) for name in self.states]
+
+    @cached_property
+    def moved(self) -> list[int]:
+        """Where the inputs of v are among all."""
+        names = list(self.model.inputs)
+        return [names.index(name) for name in self.inputs]
+
+    @cached_property
+    def sizes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nominal sizes of z, (k,), and v, (m,): what the optimizer counts in."""
+        signals = self.model.signals
+        of_states = np.array([signals[name].nominal for name in self.states])
+        return of_states, np.array([signals[name].nominal for name in self.inputs])
+
+    @cached_property
+    def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest v, (m,) each."""
+        limits = control_limits(self.model)
+        trim = np.array(self.point.inputs)
+        return (limits.lowest - trim)[self.moved], (limits.highest - trim)[self.moved]
+
+    @cached_property
+    def state_limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest z, (k,) each."""
+        trim = np.array(self.point.states)
+        lowest = (self.envelope.lowest - trim)[self.places]
+        return lowest, (self.envelope.highest - trim)[self.places]
+
+    def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest z of a proposal from a start, (k,) each: nearer to the trim than those
+        of a flight by the part `margin`, but where the start is farther."""
+        lowest, highest = self.state_limits
+        lowest = np.minimum((1.0 - margin) * lowest, start)
+        return lowest, np.maximum((1.0 - margin) * highest, start)
+
+    def rates(self) -> ca.Function:
+        """(z, v) in nominal sizes -> z' in nominal sizes; the other states and inputs are held at
+        the trim."""
+        of_states, of_inputs = self.sizes
+        both = ca.SX.sym("both", len(self.states) + len(self.inputs))
+        X = [ca.SX(value) for value in self.point.states]
+        U = [ca.SX(value) for value in self.point.inputs]
+        for row, place in enumerate(self.places):
+            X[place] += float(of_states[row]) * both[row]
+        for row, place in enumerate(self.moved):
+            U[place] += float(of_inputs[row]) * both[len(self.states) + row]
+        vectors = X, U, components(ca.DM(self.model.p))
+        every_rate, _ = self.model.layout.expressions(vectors, ())
+        rates = every_rate[self.places] / ca.DM(of_states)
+        return ca.Function("rates", [both], [ca.densify(rates)], {"cse": True})
+
+    def scaled_weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Q, R and P of z and v in nominal sizes."""
+        of_states, of_inputs = self.sizes
+        of_both = np.outer(of_states, of_states)
+        return self.Q * of_both, self.R * np.outer(of_inputs, of_inputs), self.P * of_both
+
+    def deviations(self, start: Mapping[str, float]) -> np.ndarray:
+        """A start by name as z, (k,). BadInputError for an unknown name, for a number that is not
+        finite, and outside the limits."""
+        z = np.zeros(len(self.states))
+        for name, value in start.items():
+            refuse_unknown("a flight has no initial deviation of", name, self.states)
+            if not is_finite(value):
+                raise BadInputError(f"the start has {name} = {shown(value)}; give a number")
+            z[self.states.index(name)] = value
+        self.refuse_outside(z)
+        return z
+
+    def refuse_outside(self, z: np.ndarray) -> None:
+        """BadInputError where a start, (k,), is not within the limits."""
+        X = np.array(self.point.states)
+        X[self.places] += z
+        broken = self.envelope.broken(X)
+        if broken:
+            what = broken[0].replace("would have to be", "begins at", 1)
+            raise BadInputError(f"{what}; begin within the limits")
+
+
+def flight_problem(
+    model: Model,
+    point: OperatingPoint,
+    Q: Any = None,
+    R: Any = None,
+    inputs: Sequence[str] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+) -> FlightProblem:
+    """The problem of flights of a model to a trim.
+
+    Q, R: as `hfa.game` takes them, R of the moved inputs.
+    inputs: which move, the others held at their trim; all unless given.
+    limits: state -> (lowest, highest) in place of the flight envelope's.
+
+    BadInputError for names and weights that do not fit. NoSolutionError where the linear model at
+    the trim cannot be stabilized at a finite cost."""
+    point.refuse_other(model)
+    linear = linearize(model, point)
+    if inputs is not None:
+        for name in inputs:
+            refuse_unknown("there is no input", name, linear.inputs)
+        linear = linear.select(inputs=tuple(inputs))
+    lqr = game(linear, Q, R)
+    solution = solve_game(lqr)
+    envelope = flight_envelope(model, point, limits)
+    return FlightProblem(linear, lqr.Q, lqr.R, solution.P, solution.K, envelope)

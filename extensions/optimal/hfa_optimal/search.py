@@ -1,0 +1,265 @@
+"""The search for the best flight from a start: proposals on meshes from guesses, each flown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from hfa_optimal.collocation import DEGREE, Proposal, Transcription, adapted_mesh, mesh
+from hfa_optimal.flights import Flights, Flown
+from hfa_optimal.problem import MARGIN, FlightProblem
+from hfa_optimal.tracking import exponentials
+from hfa_support.errors import BadInputError, NoSolutionError
+
+#: Intervals of the coarsest mesh, and how often it is divided.
+INTERVALS = 25
+_DIVISIONS = 3
+#: How much farther inside the limits a proposal stays after its flight left them.
+_TIGHTER = 4.0
+_TIGHTENINGS = 2
+#: Two meshes agree to this part of the cost, and a flight with its proposal.
+MESHES_AGREE = 0.005
+FLIGHT_AGREES = 0.01
+#: The linear cost of the end is below this part of the cost.
+TAIL = 0.001
+#: The linear cost after the first horizon, as a part of that of the start.
+_FIRST_TAIL = 3e-4
+#: How much longer a horizon is made, and how often.
+_LONGER = 1.6
+_EXTENSIONS = 5
+#: A flight goes on after the horizon, by the linear policy, for this part of it.
+AFTER = 0.25
+
+
+#: Times (N,) -> z (N, k) and v (N, m) there.
+Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+class Found(NamedTuple):
+    """A flight that was found and flown, and what it was compared with.
+
+    flown: the flight. proposal: what it follows. seconds: the horizon.
+    meshes: intervals -> cost that was proposed. guesses: name of a guess -> cost that came of it.
+    linear: the flight of the linear optimum from the same start.
+    """
+
+    flown: Flown
+    proposal: Proposal
+    seconds: float
+    meshes: dict[int, float]
+    guesses: dict[str, float]
+    linear: Flown
+
+    @property
+    def spread(self) -> float:
+        """The largest relative difference between the costs of the last two meshes, and of the
+        guesses."""
+        finest = list(self.meshes.values())[-2:]
+        guessed = list(self.guesses.values())
+        between = [max(finest) / min(finest), max(guessed) / min(guessed)]
+        return max(between) - 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class BestFlights:
+    """Finds the best flights of a problem; everything that is compiled is compiled once.
+
+    problem: the aircraft, its trim, the price and the limits."""
+
+    problem: FlightProblem
+    transcriptions: dict[int, Transcription] = field(default_factory=dict)
+
+    @cached_property
+    def flights(self) -> Flights:
+        """The simulator."""
+        return Flights(self.problem)
+
+    @cached_property
+    def _loop(self) -> np.ndarray:
+        """A - B K."""
+        linear = self.problem.linear
+        return np.asarray(linear.A - linear.B @ self.problem.K)
+
+    def found(self, start: np.ndarray, seconds: float | None = None) -> Found:
+        """The best flight from a start z, (k,).
+
+        seconds: the horizon; chosen so that the end costs nothing unless given.
+
+        NoSolutionError, with the reason, where none was found or the simulation refutes it.
+        BadInputError where a given horizon is too short."""
+        self.problem.refuse_outside(start)
+        horizon = self._horizon(start) if seconds is None else seconds
+        for _ in range(_EXTENSIONS):
+            found = self._within(start, horizon)
+            share = found.proposal.tail / found.proposal.cost
+            if share <= TAIL:
+                return found
+            if seconds is not None:
+                raise BadInputError(
+                    f"{seconds:g} s are too short: {100 * share:.2g} % of the cost is left at the "
+                    f"end; give {_LONGER * seconds:.3g} s or more, or leave it out"
+                )
+            horizon *= _LONGER
+        raise NoSolutionError(
+            f"no flight found: after {horizon / _LONGER:.3g} s {100 * share:.2g} % of the cost is "
+            "still to come"
+        )
+
+    def _horizon(self, start: np.ndarray) -> float:
+        """s, until the linear loop has paid nearly all, and somewhat longer."""
+        P = self.problem.P
+        slowest = -float(np.linalg.eigvals(self._loop).real.max())
+        step = 0.25 / slowest
+        (move,) = exponentials(self._loop[None] * step)
+        z = start
+        most = float(z @ P @ z)
+        count = 1
+        while count < 40:
+            z = move @ z
+            if z @ P @ z <= _FIRST_TAIL * most:
+                break
+            count += 1
+        return 1.2 * count * step
+
+    def _within(self, start: np.ndarray, seconds: float) -> Found:
+        """The best flight of a horizon, flown; the mesh is divided until two agree, and the flight
+        with them."""
+        seconds = self.flights.tick * math.ceil(seconds / self.flights.tick)
+        linear = self.flights.linear(start, (1.0 + AFTER) * seconds)
+        guesses, best = self._from_guesses(start, seconds, linear)
+        meshes = {INTERVALS: best.cost}
+        margin = MARGIN
+        reason = ""
+        for division in range(1, _DIVISIONS + 1):
+            intervals = INTERVALS * 2**division
+            before, best = best, self._finer(intervals, best, margin)
+            if not best.feasible:
+                raise NoSolutionError(
+                    f"no flight found: {reason or 'IPOPT finds none'} on {intervals} intervals"
+                )
+            meshes[intervals] = best.cost
+            change = abs(best.cost / before.cost - 1.0)
+            if change > MESHES_AGREE:
+                reason = f"two meshes differ by {100 * change:.2g} %"
+                continue
+            flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
+            for _ in range(_TIGHTENINGS):
+                if flown.departure is None:
+                    break
+                margin *= _TIGHTER
+                tighter = self._finer(intervals, best, margin)
+                if not tighter.feasible:
+                    break
+                best = tighter
+                flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
+            reason = _refutation(flown, best)
+            if not reason:
+                return Found(flown, best, seconds, meshes, guesses, linear)
+        raise NoSolutionError(f"no flight found: {reason}")
+
+    def _from_guesses(
+        self, start: np.ndarray, seconds: float, linear: Flown
+    ) -> tuple[dict[str, float], Proposal]:
+        """The cost that came of each guess on the coarsest mesh, and the best proposal."""
+        lengths = self._mesh(seconds, INTERVALS)
+        slow = 3.0 / seconds
+        fast = 10.0 / seconds
+        tried = {
+            "linear loop": self._linear_guess(start),
+            "slow decay": self._decay(start, slow),
+            "fast decay": self._decay(start, fast),
+        }
+        if not linear.lost:
+            tried["linear optimum, clipped"] = self._flown_guess(linear)
+            del tried["linear loop"]
+            del tried["fast decay"]
+        costs = {}
+        best: Proposal | None = None
+        for name, guess in tried.items():
+            proposal = self._transcription(INTERVALS).solve(start, lengths, *_sampled(guess, lengths))
+            if not proposal.feasible:
+                continue
+            costs[name] = proposal.cost
+            if best is None or proposal.cost < best.cost:
+                best = proposal
+        if best is None:
+            raise NoSolutionError(
+                f"no flight found: from {len(tried)} guesses IPOPT finds none that stays within "
+                "the limits; that none exists is not proved"
+            )
+        return costs, best
+
+    def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
+        """The proposal of a finer mesh that begins from that of a coarser one."""
+        lengths = adapted_mesh(self.problem, guess, intervals, self.flights.step)
+        z, v = _sampled(guess.at, lengths)
+        return self._transcription(intervals).solve(guess.start, lengths, z, v, margin)
+
+    def _transcription(self, intervals: int) -> Transcription:
+        if intervals not in self.transcriptions:
+            self.transcriptions[intervals] = Transcription(self.problem, intervals)
+        return self.transcriptions[intervals]
+
+    def _mesh(self, seconds: float, intervals: int) -> np.ndarray:
+        fastest = float(np.abs(np.linalg.eigvals(self._loop)).max())
+        return mesh(seconds, intervals, fastest, self.flights.step)
+
+    def _linear_guess(self, start: np.ndarray) -> Guess:
+        """The linear loop without limits, and its inputs within them."""
+
+        def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            z = exponentials(self._loop * times[:, None, None]) @ start
+            return z, np.clip(-z @ self.problem.K.T, *self.problem.input_limits)
+
+        return guess
+
+    def _decay(self, start: np.ndarray, rate: float) -> Guess:
+        """z that decays, with the inputs of the trim."""
+
+        def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            v = np.zeros((len(times), len(self.problem.inputs)))
+            return np.exp(-rate * times)[:, None] * start, v
+
+        return guess
+
+    def _flown_guess(self, flown: Flown) -> Guess:
+        """A flight."""
+        problem = self.problem
+        z = flown.states[:, problem.places] - np.array(problem.point.states)[problem.places]
+        v = flown.inputs[:, problem.moved] - np.array(problem.point.inputs)[problem.moved]
+
+        def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            rows = np.minimum(np.searchsorted(flown.times, times), len(flown.times) - 1)
+            return z[rows], v[rows]
+
+        return guess
+
+
+def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """z at the collocation points and v at the ends of the intervals."""
+    from casadi import collocation_points
+
+    ends = np.append(0.0, np.cumsum(lengths))
+    tau = np.array(collocation_points(DEGREE, "radau"))
+    inside = (ends[:-1, None] + lengths[:, None] * tau).ravel()
+    return guess(inside)[0], guess(ends)[1]
+
+
+def _refutation(flown: Flown, proposal: Proposal) -> str:
+    """Why the simulation refutes a proposal; "" where it does not."""
+    if flown.departure is not None:
+        return f"the flight that follows the proposal {flown.departure.text()}"
+    if not flown.converges:
+        return "the flight that follows the proposal does not end in the trim"
+    off = flown.cost / proposal.cost - 1.0
+    if abs(off) > FLIGHT_AGREES:
+        return (
+            f"the flight that follows the proposal costs {flown.cost:.6g}, {100 * off:+.2g} % off "
+            f"the proposed {proposal.cost:.6g}"
+        )
+    return ""

@@ -1,0 +1,130 @@
+"""A policy that follows a proposal, so that what rounds its numbers does not grow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from hfa_flight.policies import Measurements, Policy
+from hfa_optimal.collocation import DEGREE, Proposal
+from hfa_optimal.problem import FlightProblem
+
+#: Growth e^x of the linear costate equations within one step of the Riccati recursion, at most.
+_STEP = 6.0
+#: Terms of the exponential series of a matrix with a norm of at most _SMALL: exact to rounding.
+_TERMS = 12
+_SMALL = 0.5
+#: Steps of the integration in a tick: z* and v* are given at the ends of each.
+STEPS = 8
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TrackingPolicy(Policy):
+    """v = v*(t) - K(t) (z - z*(t)), within the limits of the inputs; z* and v* are interpolated in
+    each step of the integration.
+
+    held: rows [begin, s; (z*, v*) at the ends of the steps; K column by column].
+    tick: s. moved: where v is among the inputs. count: of all inputs.
+    lowest, highest: (m,), limits of v.
+    """
+
+    tick: float
+    moved: list[int]
+    count: int
+    lowest: np.ndarray
+    highest: np.ndarray
+
+    def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
+        """The inputs, those that do not move 0."""
+        k = measurements.error.numel()
+        m = len(self.moved)
+        knots = (STEPS + 1) * (k + m)
+        begin, proposed, K = ca.vertsplit(held, [0, 1, 1 + knots, 1 + knots + m * k])
+        step = STEPS * (t - begin) / self.tick
+        hats = [ca.fmax(0.0, 1.0 - ca.fabs(step - knot)) for knot in range(STEPS + 1)]
+        both = ca.mtimes(ca.reshape(proposed, k + m, STEPS + 1), ca.vertcat(*hats))
+        v = both[k:] - ca.mtimes(ca.reshape(K, m, k), measurements.error - both[:k])
+        limited = ca.fmin(ca.fmax(v, ca.DM(self.lowest)), ca.DM(self.highest))
+        u = ca.SX.zeros(self.count)
+        u[self.moved] = limited
+        return u
+
+
+def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np.ndarray:
+    """The held inputs of a `TrackingPolicy` for a proposal and, after it, the linear policy."""
+    seconds = float(proposal.lengths.sum())
+    ticks = int(np.ceil(seconds / tick - 1e-9))
+    z, v = proposal.at(tick / STEPS * np.arange(ticks * STEPS + 1))
+    both = np.hstack([z, v])
+    knots = STEPS * np.arange(ticks)[:, None] + np.arange(STEPS + 1)
+    begins = tick * np.arange(ticks)
+    gains = tracking_gains(problem, proposal)
+    interval = np.searchsorted(proposal.ends[1:], begins, side="right")
+    K = gains[np.minimum(interval, len(gains) - 1)].transpose(0, 2, 1).reshape(ticks, -1)
+    rows = np.hstack([begins[:, None], both[knots].reshape(ticks, -1), K])
+    last = np.zeros(rows.shape[1])
+    last[-K.shape[1] :] = problem.K.ravel(order="F")
+    return np.vstack([rows, last])
+
+
+def held_size(problem: FlightProblem) -> int:
+    """Length of a row of `tracking_rows`."""
+    k, m = len(problem.states), len(problem.inputs)
+    return 1 + (STEPS + 1) * (k + m) + m * k
+
+
+def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
+    """(N, m, k), K of the time-varying LQR about a proposal, with the linear cost at its end; each
+    interval has the slopes at its middle collocation point."""
+    A, B = _slopes(problem, proposal)
+    S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))
+    k = A.shape[1]
+    costate = np.zeros((len(A), 2 * k, 2 * k))
+    costate[:, :k, :k] = A
+    costate[:, :k, k:] = -S
+    costate[:, k:, :k] = -problem.Q
+    costate[:, k:, k:] = -A.transpose(0, 2, 1)
+    fastest = np.abs(np.linalg.eigvals(costate)).max(axis=1)
+    steps = np.maximum(1, np.ceil(proposal.lengths * fastest / _STEP)).astype(int)
+    back = exponentials(-costate * (proposal.lengths / steps)[:, None, None])
+    P = problem.P
+    gains = np.empty((len(A), B.shape[2], k))
+    for index in range(len(A) - 1, -1, -1):
+        E = back[index]
+        for _ in range(steps[index]):
+            P = np.linalg.solve((E[:k, :k] + E[:k, k:] @ P).T, (E[k:, :k] + E[k:, k:] @ P).T).T
+            P = 0.5 * (P + P.T)
+        gains[index] = np.linalg.solve(problem.R, B[index].T @ P)
+    return gains
+
+
+def exponentials(matrices: np.ndarray) -> np.ndarray:
+    """e^M of many small matrices (N, n, n) at once, by scaling, its series and squaring."""
+    largest = np.abs(matrices).sum(axis=-1).max(initial=0.0)
+    halvings = max(0, int(np.ceil(np.log2(max(largest, 1e-300) / _SMALL))))
+    small = matrices * 0.5**halvings
+    unit = np.eye(matrices.shape[-1])
+    total = np.broadcast_to(unit, matrices.shape)
+    for term in range(_TERMS, 0, -1):
+        total = unit + small @ total / term
+    for _ in range(halvings):
+        total = total @ total
+    return total
+
+
+def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
+    """A (N, k, k) and B (N, k, m) at the middle collocation point of each interval."""
+    of_states, of_inputs = problem.sizes
+    middle = DEGREE // 2
+    v = 0.5 * (proposal.v[1:] + proposal.v[:-1])
+    both = np.hstack([proposal.z[:, middle] / of_states, v / of_inputs])
+    rates = problem.rates()
+    at = ca.SX.sym("at", both.shape[1])
+    slopes = ca.Function("slopes", [at], [ca.densify(ca.jacobian(rates(at), at))], {"cse": True})
+    rows = np.array(slopes.map(len(both))(both.T))
+    k = len(of_states)
+    stack = rows.reshape(k, len(both), -1).transpose(1, 0, 2)
+    scaled = stack * of_states[:, None] / np.concatenate([of_states, of_inputs])
+    return scaled[..., :k], scaled[..., k:]
