@@ -16,6 +16,7 @@ from hfa_derivatives.aircraft import from_derivatives as from_derivatives
 from hfa_flight.nonlinear_flight import Flight as Flight, fly as fly
 from hfa_model.choice import aircraft as aircraft
 from hfa_networks.files.network import from_network as from_network
+from hfa_optimal.best_flight import BestFlight as BestFlight, best_flight as best_flight
 from hfa_policy.assessment import assess as assess
 from hfa_policy.deployment import Deployment as Deployment
 from hfa_policy.environment import (

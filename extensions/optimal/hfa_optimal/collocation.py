@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -30,7 +30,7 @@ _OPTIONS = {
 #: Roughness, as a part of the largest, that every interval of an adapted mesh counts at least.
 _EVEN = 1e-3
 #: Largest violation of the transcribed equations, in nominal sizes, of what is flown at all.
-_FEASIBLE = 1e-4
+_FEASIBLE = 1e-6
 
 
 class Proposal(NamedTuple):
@@ -104,8 +104,8 @@ def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndar
 
 
 def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
-    """(N,), lengths of the intervals between these ends, each end at a step of the simulator, so that
-    what is flown are the inputs that were proposed; at least one step each.
+    """(N,), lengths of the intervals between these ends, each moved to a step of the simulator, so
+    that what is flown are the inputs that were proposed; at least one step each.
 
     step: s; the last end is so many whole steps."""
     whole = np.round(ends / step).astype(int)
@@ -168,7 +168,9 @@ class Transcription:
         of_states, of_inputs = problem.sizes
         limits = problem.inner_limits(start, margin)
         below, above = (
-            self._row(np.tile(of_z / of_states, (len(z), 1)), np.tile(of_v / of_inputs, (len(v), 1)))
+            self._row(
+                np.tile(of_z / of_states, (len(z), 1)), np.tile(of_v / of_inputs, (len(v), 1))
+            )
             for of_z, of_v in zip(limits, problem.input_limits, strict=True)
         )
         guess = self._row(z / of_states, v / of_inputs)
@@ -213,10 +215,14 @@ class Transcription:
             begin = end - inner if interval else 0
             tau = _points()[1 + number]
             rows += list(range(row, row + k + m)) + list(range(row + k, row + k + m))
-            places += list(range(m + interval * inner + number * k, m + interval * inner + number * k + k))
+            places += list(
+                range(m + interval * inner + number * k, m + interval * inner + number * k + k)
+            )
             places += list(range(begin, begin + m)) + list(range(end, end + m))
             values += [1.0] * k + [1.0 - tau] * m + [tau] * m
-        return ca.DM.triplet(rows, places, ca.DM(values), self.intervals * DEGREE * (k + m), columns)
+        return ca.DM.triplet(
+            rows, places, ca.DM(values), self.intervals * DEGREE * (k + m), columns
+        )
 
     @cached_property
     def _solver(self) -> ca.Function:
@@ -255,14 +261,16 @@ class Transcription:
         of_cost = ca.MX.sym("of_cost")
         of_equations = ca.MX.sym("of_equations", points * k)
         weighed = ca.reshape(of_equations, k, points) * ca.repmat(seconds, k, 1)
-        bent = 2.0 * of_cost * scale * ca.kron(shares, weight) - curvature.map(points)(rows, weighed)
+        bent = 2.0 * of_cost * scale * ca.kron(shares, weight) - curvature.map(points)(
+            rows, weighed
+        )
         at_points = _blocks(bent, points, both, both)
         before = chosen.columns() - both
         last = ca.diagcat(ca.DM(before, before), ca.DM(P), ca.DM(both - k, both - k))
         of_unknowns = ca.mtimes(chosen.T, ca.mtimes(at_points, chosen))
         hessian = ca.triu(of_unknowns + 2.0 * of_cost * scale * last)
 
-        options = {
+        options: dict[str, Any] = {
             **_OPTIONS,
             "jac_g": ca.Function("jac_g", [w, p], [g, jacobian], ["x", "p"], ["g", "jac:g:x"]),
             "hess_lag": ca.Function(
@@ -273,7 +281,8 @@ class Transcription:
                 ["triu:hess:gamma:x:x"],
             ),
         }
-        return ca.nlpsol("flight", "ipopt", {"x": w, "p": p, "f": f, "g": g}, options)
+        program: dict[str, Any] = {"x": w, "p": p, "f": f, "g": g}
+        return ca.nlpsol("flight", "ipopt", program, options)
 
 
 def _derivatives(rates: ca.Function, k: int, both: int) -> tuple[ca.Function, ca.Function]:

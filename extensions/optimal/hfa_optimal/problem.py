@@ -20,8 +20,8 @@ from trim.limits import Limits
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import OperatingPoint
 
-#: How far inside the limits of the states a proposal stays, as a part of the distance from the trim:
-#: a flight that follows it stays within them.
+#: How far inside the limits of the states a proposal stays, as a part of the distance from the
+#: trim, so that a flight that follows it stays within them.
 MARGIN = 2e-3
 
 

@@ -18,7 +18,7 @@ from hfa_support.errors import BadInputError, NoSolutionError
 
 #: Intervals of the coarsest mesh, and how often it is divided.
 INTERVALS = 25
-_DIVISIONS = 3
+_DIVISIONS = 4
 #: How much farther inside the limits a proposal stays after its flight left them.
 _TIGHTER = 4.0
 _TIGHTENINGS = 2
@@ -32,6 +32,9 @@ _FIRST_TAIL = 3e-4
 #: How much longer a horizon is made, and how often.
 _LONGER = 1.6
 _EXTENSIONS = 5
+_NONE_WITHIN = (
+    "IPOPT finds none that stays within the limits, from any guess; that none exists is not proved"
+)
 #: A flight goes on after the horizon, by the linear policy, for this part of it.
 AFTER = 0.25
 
@@ -95,10 +98,12 @@ class BestFlights:
         self.problem.refuse_outside(start)
         horizon = self._horizon(start) if seconds is None else seconds
         for _ in range(_EXTENSIONS):
-            found = self._within(start, horizon)
-            share = found.proposal.tail / found.proposal.cost
+            horizon = self.flights.tick * math.ceil(horizon / self.flights.tick)
+            linear = self.flights.linear(start, (1.0 + AFTER) * horizon)
+            guesses, best = self._from_guesses(start, horizon, linear)
+            share = best.tail / best.cost
             if share <= TAIL:
-                return found
+                return self._refined(horizon, linear, guesses, best)
             if seconds is not None:
                 raise BadInputError(
                     f"{seconds:g} s are too short: {100 * share:.2g} % of the cost is left at the "
@@ -126,41 +131,50 @@ class BestFlights:
             count += 1
         return 1.2 * count * step
 
-    def _within(self, start: np.ndarray, seconds: float) -> Found:
+    def _refined(
+        self, seconds: float, linear: Flown, guesses: dict[str, float], best: Proposal
+    ) -> Found:
         """The best flight of a horizon, flown; the mesh is divided until two agree, and the flight
         with them."""
-        seconds = self.flights.tick * math.ceil(seconds / self.flights.tick)
-        linear = self.flights.linear(start, (1.0 + AFTER) * seconds)
-        guesses, best = self._from_guesses(start, seconds, linear)
         meshes = {INTERVALS: best.cost}
         margin = MARGIN
         reason = ""
         for division in range(1, _DIVISIONS + 1):
             intervals = INTERVALS * 2**division
+            if 2 * intervals * self.flights.step > seconds:
+                break
             before, best = best, self._finer(intervals, best, margin)
             if not best.feasible:
-                raise NoSolutionError(
-                    f"no flight found: {reason or 'IPOPT finds none'} on {intervals} intervals"
-                )
+                raise NoSolutionError(f"no flight found: {reason or _NONE_WITHIN}")
             meshes[intervals] = best.cost
             change = abs(best.cost / before.cost - 1.0)
             if change > MESHES_AGREE:
                 reason = f"two meshes differ by {100 * change:.2g} %"
                 continue
-            flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
-            for _ in range(_TIGHTENINGS):
-                if flown.departure is None:
-                    break
-                margin *= _TIGHTER
-                tighter = self._finer(intervals, best, margin)
-                if not tighter.feasible:
-                    break
-                best = tighter
-                flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
-            reason = _refutation(flown, best)
+            flown, best, margin = self._flown(best, margin, seconds)
+            reason = refutation(flown, best)
             if not reason:
                 return Found(flown, best, seconds, meshes, guesses, linear)
+            if flown.departure is not None:
+                break
         raise NoSolutionError(f"no flight found: {reason}")
+
+    def _flown(
+        self, best: Proposal, margin: float, seconds: float
+    ) -> tuple[Flown, Proposal, float]:
+        """The flight of a proposal, of one that stays farther inside the limits where it left them;
+        the proposal and its margin."""
+        flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
+        for _ in range(_TIGHTENINGS):
+            if flown.departure is None:
+                break
+            margin *= _TIGHTER
+            tighter = self._finer(len(best.lengths), best, margin)
+            if not tighter.feasible:
+                break
+            best = tighter
+            flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
+        return flown, best, margin
 
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: Flown
@@ -181,17 +195,16 @@ class BestFlights:
         costs = {}
         best: Proposal | None = None
         for name, guess in tried.items():
-            proposal = self._transcription(INTERVALS).solve(start, lengths, *_sampled(guess, lengths))
+            proposal = self._transcription(INTERVALS).solve(
+                start, lengths, *_sampled(guess, lengths)
+            )
             if not proposal.feasible:
                 continue
             costs[name] = proposal.cost
             if best is None or proposal.cost < best.cost:
                 best = proposal
         if best is None:
-            raise NoSolutionError(
-                f"no flight found: from {len(tried)} guesses IPOPT finds none that stays within "
-                "the limits; that none exists is not proved"
-            )
+            raise NoSolutionError(f"no flight found: {_NONE_WITHIN}")
         return costs, best
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
@@ -250,7 +263,7 @@ def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return guess(inside)[0], guess(ends)[1]
 
 
-def _refutation(flown: Flown, proposal: Proposal) -> str:
+def refutation(flown: Flown, proposal: Proposal) -> str:
     """Why the simulation refutes a proposal; "" where it does not."""
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"

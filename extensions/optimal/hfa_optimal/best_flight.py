@@ -1,0 +1,291 @@
+"""The best flight found from a start to a trim, and its report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_flight.envelope import limits_text
+from hfa_optimal.flights import Flown
+from hfa_optimal.problem import FlightProblem, flight_problem
+from hfa_optimal.search import BestFlights, Found
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import refuse_unless_positive
+from hfa_support.reporting.report import Picture, Report, Reported
+from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.text import Table, shown_unit
+from trim.point.operating_point import OperatingPoint, at_scheduled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class PolicyFlight(Result):
+    """The flight of a policy from the same start, beside the best that was found.
+
+    policy: its name.
+    converges: whether it ends in the trim.
+    cost: None where it does not.
+    over_best: its cost over that of the best flight found.
+    departure: what left the envelope first: state, time, value, limit; None where nothing did.
+    saturated: inputs that were at a limit.
+    """
+
+    policy: str
+    converges: bool
+    cost: float | None
+    over_best: float | None
+    departure: Any
+    saturated: Sequence[str]
+
+    @staticmethod
+    def of(flown: Flown, best: float | None) -> PolicyFlight:
+        """A flight beside the cost of the best one; None where none was found."""
+        cost = flown.cost if flown.converges else None
+        ratio = None if cost is None or best is None else cost / best
+        return PolicyFlight(
+            flown.name, flown.converges, cost, ratio, flown.departure, list(flown.saturated)
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BestFlight(StatesAndInputs, Result, Reported):
+    """The best flight found from a start to a trim within limits. It was flown by the simulator, so
+    that the least cost is at most its own; that no flight costs less is not proved.
+
+    problem: what flies to where, at what price and within which limits.
+    found: the flight and the proposal that it follows.
+    others: flights of policies from the same start.
+    """
+
+    schema = "hfa.best-flight/1"
+    made_by = "hfa optimize"
+    keys = (
+        "operating_point=point start cost proposed_cost spread linear_cost seconds saturated "
+        "states=state_names state_units inputs=input_names input_units Q R envelope policies"
+    )
+
+    problem: FlightProblem
+    found: Found
+    others: tuple[Flown, ...] = field(default=(), repr=False)
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The trim that the flight ends in."""
+        return self.problem.point
+
+    @property
+    def model(self) -> Model:
+        """Which aircraft flies."""
+        return self.problem.model
+
+    @property
+    def start(self) -> Mapping[str, float]:
+        """State -> its deviation from the trim at the begin."""
+        values = self.found.proposal.start.tolist()
+        pairs = zip(self.problem.states, values, strict=True)
+        return {name: value for name, value in pairs if value}
+
+    @property
+    def cost(self) -> float:
+        """∫ z'Qz + v'Rv dt of the flight that was flown, with the linear cost of its end."""
+        return self.found.flown.cost
+
+    @property
+    def proposed_cost(self) -> float:
+        """What the optimizer says of it."""
+        return self.found.proposal.cost
+
+    @property
+    def spread(self) -> float:
+        """Largest relative difference of the costs on two meshes, and from different guesses."""
+        return self.found.spread
+
+    @property
+    def linear_cost(self) -> float:
+        """x'Px: the cost of the linear model without limits, which is not the aircraft's."""
+        start = self.found.proposal.start
+        return float(start @ self.problem.P @ start)
+
+    @property
+    def seconds(self) -> float:
+        """Horizon of the optimizer, s; the linear policy holds the trim after it."""
+        return self.found.seconds
+
+    @property
+    def saturated(self) -> Sequence[str]:
+        """Inputs that were at a limit."""
+        return list(self.found.flown.saturated)
+
+    @property
+    def time(self) -> Vector:
+        """(N,), s."""
+        return self.found.flown.times
+
+    @property
+    def states(self) -> Matrix:
+        """(N, n), absolute, columns `state_names`."""
+        return self.found.flown.states
+
+    @property
+    def inputs(self) -> Matrix:
+        """(N, m), absolute, columns `input_names`."""
+        return self.found.flown.inputs
+
+    @property
+    def Q(self) -> Matrix:
+        """(k, k), of the states of the linear model."""
+        return self.problem.Q
+
+    @property
+    def R(self) -> Matrix:
+        """(m, m), of the inputs that move."""
+        return self.problem.R
+
+    @property
+    def envelope(self) -> Mapping[str, Vector]:
+        """State -> lowest and highest value that the flight keeps to."""
+        return envelope_pairs(self.problem)
+
+    @property
+    def policies(self) -> Sequence[PolicyFlight]:
+        """Flights of policies from the same start: first the linear optimum, clipped."""
+        return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
+
+    @property
+    def compared(self) -> tuple[Flown, ...]:
+        """The flights of `policies`."""
+        return (self.found.linear, *self.others)
+
+    def report(self) -> Report:
+        """Its cost beside those of the policies, how far the optimizer was believed, and within
+        which limits."""
+        rows = [("best flight found", f"{self.cost:.6g}", "1", "converges", _names(self.saturated))]
+        for flown, policy in zip(self.compared, self.policies, strict=True):
+            cost = "-" if policy.cost is None else f"{policy.cost:.6g}"
+            ratio = "-" if policy.over_best is None else f"{policy.over_best:.4g}"
+            rows.append((policy.policy, cost, ratio, flown.outcome(), _names(policy.saturated)))
+        table = Table(("flight", "cost", "over the best", "outcome", "saturated"), rows)
+        parts = (
+            self._checked(),
+            table,
+            limits_table(self.problem),
+            f"No flight from this start was found that costs less; that none exists is not proved. "
+            f"The linear model without limits says {self.linear_cost:.6g}, which is no cost of the "
+            "aircraft.",
+            Picture("flight", "The best flight found and the policies", self.figure),
+        )
+        return Report(self.title(), parts, data=self.as_data(), records=self._records())
+
+    def title(self) -> str:
+        """Whose flight, from where, and its cost."""
+        place = at_scheduled(self.point)
+        whose = f"{self.model.title} {place}".strip()
+        start = ", ".join(
+            f"{name} {_off(self.model, name, value)}" for name, value in self.start.items()
+        )
+        return f"Best flight found, {whose}: cost {self.cost:.6g}\nfrom {start or 'the trim'}"
+
+    def _checked(self) -> str:
+        meshes = " and ".join(map(str, list(self.found.meshes)[-2:]))
+        return (
+            f"Flown with the simulator: {self.cost:.6g}; the optimizer proposed "
+            f"{self.proposed_cost:.6g}. Meshes of {meshes} intervals over {self.seconds:.3g} s, "
+            f"{len(self.found.guesses)} guesses: within {100 * self.spread:.2g} %."
+        )
+
+    def _records(self) -> Table:
+        rows = np.column_stack([self.time, self.states, self.inputs]).tolist()
+        return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
+
+    def plot(self) -> np.ndarray:
+        """Draw the flight and those of the policies in a figure of pyplot; return its Axes."""
+        from matplotlib import pyplot
+
+        from hfa_optimal.picture import drawn
+
+        figure = pyplot.figure(layout="constrained")
+        return np.array(drawn(figure, self).axes)
+
+    def figure(self) -> Figure:
+        """The picture of `plot` on a figure of its own."""
+        from hfa_optimal.picture import drawn
+        from hfa_support.reporting.figure import new_figure
+
+        return drawn(new_figure(10.0, 8.0), self)
+
+
+def _names(names: Sequence[str]) -> str:
+    return ", ".join(names) or "-"
+
+
+def _off(model: Model, name: str, value: float) -> str:
+    text = model.describe(name, value)
+    return text if text.startswith("-") else f"+{text}"
+
+
+def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
+    """State -> lowest and highest value that a flight keeps to."""
+    pairs = np.column_stack([problem.envelope.lowest, problem.envelope.highest])
+    return dict(zip(problem.envelope.names, pairs, strict=True))
+
+
+def limits_table(problem: FlightProblem) -> Table:
+    """The limits of states and inputs within which flights stay."""
+    model = problem.model
+    pairs: dict[str, Any] = envelope_pairs(problem)
+    signals = model.inputs
+    pairs |= {name: (signals[name].min, signals[name].max) for name in problem.inputs}
+    rows = []
+    for name, (lowest, highest) in pairs.items():
+        unit = model.unit(name)
+        rows.append((name, limits_text(float(lowest), float(highest), unit), shown_unit(unit)))
+    return Table(("limits of flights", "from, to", "unit"), rows)
+
+
+@checks_arguments
+def best_flight(
+    model: Model,
+    point: OperatingPoint,
+    start: Mapping[str, float],
+    Q: np.ndarray | Mapping[str, float] | None = None,
+    R: np.ndarray | Mapping[str, float] | None = None,
+    *,
+    seconds: float | None = None,
+    inputs: Sequence[str] | None = None,
+    limits: Mapping[str, Any] | None = None,
+) -> BestFlight:
+    """The flight of least ∫ z'Qz + v'Rv dt that was found from a start to a trim, z and v the
+    deviations from it: proposed by collocation, believed once the simulator has flown it.
+
+    start: state of the linear model -> deviation from the trim, in the units of the model
+    Q, R: as `hfa.game` takes them; R of the inputs that move
+    seconds: the horizon; chosen so that the end costs less than .1 % unless given
+    inputs: those that move, the others held at the trim; all unless given
+    limits: state -> (lowest, highest), absolute, in place of the flight envelope's
+
+    BadInputError for unknown names, a start outside the limits and a horizon that is too short.
+    NoSolutionError, with the reason, where no flight was found or the simulator refutes it.
+
+    >>> import hfa
+    >>> cart = hfa.Model(
+    ...     "cart",
+    ...     {"position": hfa.Signal("m"), "velocity": hfa.Signal("m/s")},
+    ...     {"force": hfa.Signal("N", min=-1.0, max=1.0)},
+    ...     lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
+    ...     trim={"position": 0.0},
+    ... )
+    >>> point = hfa.find_operating_point(cart)
+    >>> round(hfa.best_flight(cart, point, {"position": 0.1}).cost, 4)  # x'Px, x'x sqrt(3)
+    0.0173
+    """
+    if seconds is not None:
+        refuse_unless_positive("seconds", seconds, " s")
+    problem = flight_problem(model, point, Q, R, inputs, limits)
+    return BestFlight(problem, BestFlights(problem).found(problem.deviations(start), seconds))

@@ -1,0 +1,153 @@
+"""The best flight found, against closed forms, another integrator and planted errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import hfa
+from hfa_optimal.search import BestFlights, refutation
+
+GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
+
+
+def cart(force: float = 1.0) -> hfa.Model:
+    """A double integrator with a bounded input."""
+    return hfa.Model(
+        "cart",
+        {"position": hfa.Signal("m", min=-20.0, max=20.0), "velocity": hfa.Signal("m/s")},
+        {"force": hfa.Signal("N", min=-force, max=force)},
+        lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
+        trim={"position": 0.0},
+    )
+
+
+def best_of_cart(start: dict[str, float], **more: object) -> object:
+    model = cart()
+    point = hfa.find_operating_point(model)
+    weights = np.eye(2)
+    return hfa.best_flight(model, point, start, weights, np.eye(1), **more)
+
+
+@pytest.fixture(scope="module")
+def gtm() -> hfa.BestFlight:
+    model = hfa.load_model(GTM)
+    return hfa.best_flight(model, hfa.find_operating_point(model), {"alpha": 0.15, "pitch": 0.3})
+
+
+def test_small_start_costs_the_riccati_solution() -> None:
+    model = hfa.load_model(GTM)
+    point = hfa.find_operating_point(model)
+    P = hfa.solve_game(hfa.game(hfa.linearize(model, point))).P
+    start = np.array([0.01, 2e-4, 1e-3, 1e-3])
+    best = hfa.best_flight(model, point, dict(zip(model.linear, start, strict=True)))
+    assert best.cost == pytest.approx(start @ P @ start, rel=2e-3)
+    assert best.linear_cost == pytest.approx(start @ P @ start, rel=1e-9)
+
+
+def test_saturated_double_integrator_in_closed_form() -> None:
+    """Backwards from a point where the LQR saturates, state and costate are polynomials in time; the
+    problem is convex, so that Pontryagin's conditions suffice."""
+    P = np.array([[np.sqrt(3.0), 1.0], [1.0, np.sqrt(3.0)]])
+    switch = np.array(
+        [3.0, (1.0 - 3.0) / np.sqrt(3.0)]
+    )  # P[1] @ switch = 1, the limit of the force
+    x2 = np.polynomial.Polynomial([switch[1], -1.0])
+    x1 = x2.integ() + switch[0]
+    lambda1 = -2.0 * x1.integ() + 2.0 * P[0] @ switch
+    lambda2 = -2.0 * x2.integ() - lambda1.integ() + 2.0 * P[1] @ switch
+    begin = -1.5
+    assert (lambda2(np.linspace(begin, 0.0, 50)) >= 2.0 - 1e-12).all()
+    running = x1**2 + x2**2 + 1.0
+    cost = -running.integ()(begin) + switch @ P @ switch
+    best = best_of_cart({"position": x1(begin), "velocity": x2(begin)})
+    assert best.cost == pytest.approx(cost, rel=1e-3)
+    assert best.saturated == ["force"]
+    assert best.spread < 0.05
+
+
+def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
+    """SciPy's, of the equations as the model has them, with the inputs as they were flown."""
+    trim_x = np.array(gtm.point.states)
+    trim_u = np.array(gtm.point.inputs)
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        u = [np.interp(t, gtm.time, column) for column in gtm.inputs.T]
+        z, v = y[:-1] - trim_x, np.array(u) - trim_u
+        price = z @ gtm.Q @ z + v @ gtm.R @ v
+        return [*gtm.model.rates_at(y[:-1], u).values(), float(price)]
+
+    start = [*gtm.states[0], 0.0]
+    flown = solve_ivp(rate, (0.0, gtm.time[-1]), start, rtol=1e-6, atol=1e-8, max_step=0.05)
+    assert flown.y[-1, -1] == pytest.approx(gtm.cost, rel=0.005)
+    assert gtm.cost == pytest.approx(gtm.proposed_cost, rel=0.01)
+    assert gtm.cost <= gtm.found.linear.cost
+
+
+def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
+    for name, column in zip(gtm.state_names, gtm.states.T, strict=True):
+        low, high = gtm.envelope[name]
+        assert low <= column.min()
+        assert column.max() <= high
+    for name, column in zip(gtm.input_names, gtm.inputs.T, strict=True):
+        signal = gtm.model.inputs[name]
+        assert signal.min - 1e-9 <= column.min()
+        assert column.max() <= signal.max + 1e-9
+
+
+def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
+    """A proposal that is too cheap, and one whose inputs are another flight's, are refuted."""
+    proposal = gtm.found.proposal
+    flights = BestFlights(gtm.problem).flights
+    flown = flights.follow(proposal, 1.25 * gtm.seconds)
+    assert refutation(flown, proposal) == ""
+    assert "off the proposed" in refutation(flown, proposal._replace(cost=0.95 * proposal.cost))
+    wrong = proposal._replace(v=proposal.v + np.array([0.2, 0.0]))
+    assert refutation(flights.follow(wrong, 1.25 * gtm.seconds), wrong)
+
+
+def test_no_flight_at_the_lowest_speed_falling() -> None:
+    model = hfa.load_model(GTM)
+    point = hfa.find_operating_point(model)
+    start = {"speed": -20.0, "pitch": 0.9, "alpha": 0.3}
+    with pytest.raises(hfa.NoSolutionError, match="none that stays within the limits"):
+        hfa.best_flight(model, point, start)
+
+
+def test_an_input_that_does_not_move() -> None:
+    model = hfa.load_model(GTM)
+    point = hfa.find_operating_point(model)
+    R = {"elevator": 10.0}
+    best = hfa.best_flight(model, point, {"alpha": 0.05}, R=R, inputs=["elevator"])
+    throttle = best.inputs[:, best.input_names.index("throttle")]
+    assert np.ptp(throttle) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("start", "more", "says"),
+    [
+        ({"place": 1.0}, {}, "choose from position, velocity"),
+        ({"position": 30.0}, {}, "position begins at 30 m"),
+        ({"position": float("nan")}, {}, "give a number"),
+        ({"position": 5.0}, {"seconds": 1.0}, "1 s are too short"),
+        ({"position": 5.0}, {"seconds": -1.0}, "must be a positive number"),
+        ({"position": 5.0}, {"inputs": ["power"]}, "there is no input 'power'"),
+        ({"position": 5.0}, {"limits": {"mass": (0.0, 1.0)}}, "the envelope has no state 'mass'"),
+    ],
+)
+def test_bad_input_is_one_line(start: dict[str, float], more: dict[str, object], says: str) -> None:
+    with pytest.raises(hfa.BadInputError, match=says) as caught:
+        best_of_cart(start, **more)
+    assert "\n" not in str(caught.value)
+
+
+def test_report_calls_the_linear_figure_linear(gtm: hfa.BestFlight) -> None:
+    text = gtm.report().text()
+    assert text.startswith("Best flight found, GTM")
+    assert "which is no cost of the aircraft" in text
+    data = gtm.to_dict()
+    assert data["policies"][0]["over_best"] == pytest.approx(gtm.found.linear.cost / gtm.cost)
+    assert len(gtm.figure().axes) == 6
