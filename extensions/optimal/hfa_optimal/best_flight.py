@@ -62,6 +62,15 @@ class BestFlight(StatesAndInputs, Result, Reported):
     problem: what flies to where, at what price and within which limits.
     found: the flight and the proposal that it follows.
     others: flights of policies from the same start.
+
+    >>> import hfa
+    >>> force = hfa.Signal("N", min=-1.0, max=1.0)
+    >>> def moved(x, u, p, w):
+    ...     return {"speed": u.force}, {}
+    >>> slider = hfa.Model("slider", {"speed": hfa.Signal("m/s")}, {"force": force}, moved)
+    >>> best = hfa.best_flight(slider, hfa.find_operating_point(slider), {"speed": 3.0})
+    >>> round(best.cost, 2), best.saturated  # (3³ - 1)/3 + 2 while the force is 1, then 1
+    (11.67, ['force'])
     """
 
     schema = "hfa.best-flight/1"
@@ -282,7 +291,7 @@ def best_flight(
     ...     trim={"position": 0.0},
     ... )
     >>> point = hfa.find_operating_point(cart)
-    >>> round(hfa.best_flight(cart, point, {"position": 0.1}).cost, 4)  # x'Px, x'x sqrt(3)
+    >>> round(hfa.best_flight(cart, point, {"position": 0.1}).cost, 4)  # sqrt(3) position²
     0.0173
     """
     if seconds is not None:
