@@ -23,11 +23,11 @@ from typing import Any
 #: Radius of the earth, ft, and standard gravity at its surface, ft/s^2.
 RADIUS = 20925646.32546
 GRAVITY = 32.174049
-_PLANET = f"""<planet name="Sphere">
- <semimajor_axis unit="FT">{RADIUS!r}</semimajor_axis>
- <semiminor_axis unit="FT">{RADIUS!r}</semiminor_axis>
+_PLANET = """<planet name="Sphere">
+ <semimajor_axis unit="FT">{radius!r}</semimajor_axis>
+ <semiminor_axis unit="FT">{radius!r}</semiminor_axis>
  <rotation_rate unit="RAD/SEC">0</rotation_rate>
- <GM unit="FT3/SEC2">{GRAVITY * RADIUS * RADIUS!r}</GM>
+ <GM unit="FT3/SEC2">{pull!r}</GM>
  <J2>0</J2>
 </planet>"""
 #: State of a model -> initial condition, in the order in which JSBSim takes them: angles of flow
@@ -218,12 +218,15 @@ def _simulator(item: Mapping[str, Any]) -> Any:
         simulator = jsbsim.FGFDMExec(str(root))
         simulator.set_debug_level(0)
         if "flight" in item["point"]:
-            simulator.set_dt(_FINE)  # filters take the step that there is when they are loaded
+            simulator.set_dt(
+                item["point"].get("step", _FINE)
+            )  # filters take the step that there is when they are loaded
         if item.get("earth") == "own":
             _load_model(simulator, name)
             return simulator
         planet = Path(folder) / "planet.xml"
-        planet.write_text(_PLANET)
+        radius = item["point"].get("radius", RADIUS)
+        planet.write_text(_PLANET.format(radius=radius, pull=GRAVITY * radius * radius))
         simulator.load_planet(str(planet), False)
         _load_model(simulator, name)
     simulator["simulation/gravity-model"] = 0
@@ -399,27 +402,69 @@ def _stand_still(simulator: Any) -> None:
 
 
 def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """States after a flight of point["flight"] s in steps of 1 ms from a state, the stick held.
+    """States after a flight of point["flight"] s in steps of 1 ms, or of point["step"] s, from a
+    state, the stick held.
 
     point["rest"]: s in which engines come to their speeds before. point["pulse"]: what is added to
-    commands for the second second, by name.
+    commands for the second second, by name. point["changes"]: [time, {command: value}], in order.
+    With these the answer has "start", the states with those of the engines when the flight begins,
+    and "states", which are those at each full second.
     """
     commands = dict(point.get("commands", {}))
+    length = point.get("step", _FINE)
     _start(simulator, point["state"], commands)
     simulator["propulsion/fuel_freeze"] = 1
     if "rest" in point:
         orders = {name: simulator[name] for name in _INTEGRATORS}
         _stand_still(simulator)
-        for _ in range(round(point["rest"] / _FINE)):
+        for _ in range(round(point["rest"] / length)):
             _run(simulator.run, simulator)
         for name, order in orders.items():
             simulator[name] = order
-    for step in range(round(point["flight"] / _FINE)):
-        pulsing = 1.0 <= step * _FINE < 2.0
+    start = _states(simulator) | _of_engines(simulator)
+    states = []
+    changes = list(point.get("changes", ()))
+    a_second = round(1.0 / length)
+    for step in range(round(point["flight"] / length)):
+        pulsing = 1.0 <= step * length < 2.0
         for name, value in point.get("pulse", {}).items():
             simulator[_COMMANDS[name]] = commands.get(name, 0.0) + (value if pulsing else 0.0)
+        while changes and changes[0][0] <= step * length + 1e-9:
+            _command(simulator, changes.pop(0)[1])
         _run(simulator.run, simulator)
+        if (step + 1) % a_second == 0:
+            states.append(_states(simulator))
+    answer: dict[str, Any] = _states(simulator)
+    return answer | {"start": start, "states": states} if "changes" in point else answer
+
+
+def _states(simulator: Any) -> dict[str, float]:
+    """The states by the names of a model."""
     return {name: simulator[full_name] for name, full_name in _STATE.items()}
+
+
+def _of_engines(simulator: Any) -> dict[str, float]:
+    """What engines remember, by the names of a model's states; 0 for what an engine has not."""
+    values = {}
+    parts = {
+        **{"rpm": "propeller-rpm", "blade": "blade-angle", "spool": "n2"},
+        **{"manifold": "map-inhg", "generator": "n1"},
+    }
+    for number in range(simulator.get_propulsion().get_num_engines()):
+        for name, part in parts.items():
+            values[f"{name}{number}"] = _value(simulator, f"{_engine(number)}/{part}")
+    return values
+
+
+def _command(simulator: Any, commands: Mapping[str, float]) -> None:
+    """Move the stick and the throttles."""
+    for name, value in commands.items():
+        if name != "throttle":
+            simulator[_COMMANDS[name]] = value
+            continue
+        for number in range(simulator.get_propulsion().get_num_engines()):
+            index = f"[{number}]" if number else ""
+            simulator[f"fcs/throttle-cmd-norm{index}"] = value
 
 
 def _linearized(simulator: Any) -> dict[str, Any]:

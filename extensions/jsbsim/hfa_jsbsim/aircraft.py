@@ -32,11 +32,10 @@ from hfa_jsbsim.airframe import Body, Mass, mass_of
 from hfa_jsbsim.catalog import access
 from hfa_jsbsim.clock import moves_with_time
 from hfa_jsbsim.control_system import add_control_systems
-from hfa_jsbsim.engines import Effect, EngineFile, Surroundings
+from hfa_jsbsim.engines import STEP, Effect, EngineFile, Surroundings
 from hfa_jsbsim.functions import function_value, named, table_value
 from hfa_jsbsim.parts import LOADED, Parts
 from hfa_jsbsim.powerplant import computing
-from hfa_jsbsim.propeller import STEP
 from hfa_jsbsim.properties import Properties, Writer, plain
 from hfa_jsbsim.reactions import Reactions
 from hfa_jsbsim.surfaces import (
@@ -83,7 +82,7 @@ class Equations:
         self.parts = parts
         self.notes: list[str] = []
         self.properties = Properties(parts.choices.filters)
-        names = [*STATES, *_propeller_states(parts.engines)]
+        names = [*STATES, *_engine_states(parts)]
         self.states = {name: ca.SX.sym(name) for name in names}
         self.inputs = {name: PilotInput(ca.SX.sym(name)) for name in _COMMANDS}
         for name in self._throttles():
@@ -111,8 +110,10 @@ class Equations:
         air_loads = Aerodynamics(section, self.properties, parts.wings, self.motion, self)
         reactions = Reactions(parts.section("external_reactions"), self.properties)
         self._define_reactions(reactions)
-        around = Surroundings(self.properties, self.motion, self, x, parts.tanks, self.parameters)
-        self._engines = [self._add_engine(file, around) for file in parts.engines]
+        self._around = Surroundings(
+            self.properties, self.motion, self, x, parts.tanks, self.parameters
+        )
+        self._engines = [self._add_engine(file, self._around) for file in parts.engines]
         self._reach_throttles()
         if section is not None:
             names = names_read_by(section)
@@ -402,6 +403,9 @@ class Equations:
         for file, effect in zip(self.parts.engines, self.effects, strict=True):
             if effect.power is not None:
                 self.outputs[f"power{file.number}"] = effect.power
+            if file.lag.startswith("spool") and file.lag in self.states:
+                error = jets.spool_error(file, self._around)
+                self.outputs[f"spool_error{file.number}"] = error
 
     def _add_filters(self) -> None:
         """Rates of the states of the control system, also of those that these rates bring in."""
@@ -481,10 +485,12 @@ class Equations:
         self.outputs = {name: solved[name] for name in self.outputs}
 
 
-def _propeller_states(engines: list[EngineFile]) -> Iterator[str]:
-    """rpm of each propeller, blade angle of each governed one."""
-    for file in engines:
+def _engine_states(parts: Parts) -> Iterator[str]:
+    """rpm of each propeller, blade angle of each governed one, and lags of engines."""
+    for file in parts.engines:
         if file.has_propeller:
             yield f"rpm{file.number}"
             if file.governed:
                 yield f"blade{file.number}"
+        if file.lag and parts.choices.engines:
+            yield file.lag

@@ -27,6 +27,11 @@ _COMPUTED = (
 #: Share of the power that a limiter of torque lets through, so that a search for more finds a
 #: direction; JSBSim's swings by as much.
 _BEYOND = 1e-3
+#: JSBSim's step, s. Its spools and governors come to rest within one where they are close.
+STEP = 1.0 / 120.0
+#: Kind of engine -> the state of its lag: speed of the shaft of a turbine, %; manifold pressure,
+#: inHg; speed of the gas generator of a turboprop, %.
+_LAGS = {"turbine_engine": "spool", "piston_engine": "manifold", "turboprop_engine": "generator"}
 #: JSBSim takes no smaller ratio of a gear.
 _SLOWEST_GEAR = 0.001
 #: ft lb/s in a horsepower.
@@ -82,6 +87,23 @@ class EngineFile:
             fault = f"<gearratio> is {ratio:g}; give at least {_SLOWEST_GEAR}"
             raise self.thruster.need("gearratio").error(fault)
         return ratio
+
+    @property
+    def lag(self) -> str:
+        """The name of the state of its lag; "" of an engine that follows its throttle at once."""
+        delay = 1.0
+        if self.kind == "piston_engine":
+            delay = self.engine.value_of("man-press-lag", 1.0)
+        if self.kind == "turboprop_engine":
+            delay = self.engine.value_of("n1idle_max_delay", 1.0)
+        if self.kind not in _LAGS or delay <= STEP:
+            return ""
+        return f"{_LAGS[self.kind]}{self.number}"
+
+    def shaft(self, name: str) -> tuple[float, float]:
+        """Lowest and highest speed of one of its shafts, "n1" or "n2", %."""
+        idle = 30.0 if name == "n1" else 60.0
+        return self.engine.value_of(f"idle{name}", idle), self.engine.value_of(f"max{name}", 100.0)
 
     def full_name(self, name: str) -> str:
         """The full name of one of its properties."""
@@ -242,14 +264,85 @@ def throttle_of(file: EngineFile, around: Surroundings) -> Any:
     return ca.SX(around.properties.read(name, file.mount.where))
 
 
+def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
+    """The state of the engine's lag; None where lags are no states."""
+    return getattr(around.states, file.lag, None) if file.lag else None
+
+
+def spool_error(file: EngineFile, around: Surroundings) -> Any:
+    """By how much the speed of a turbine's shaft is below that of its throttle, or of the air where
+    it does not run, %."""
+    low, high = file.shaft("n2")
+    on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
+    wanted = ca.if_else(running(file, around), on, _windmilling(file, around, "n2"))
+    return wanted - lag_state(file, around)
+
+
+def _windmilling(file: EngineFile, around: Surroundings, name: str) -> Any:
+    """Speed of a shaft of a turbine that does not run, %."""
+    if file.engine.value_of("disable-windmill", 0.0):
+        return 0.0
+    return around.motion.pressure_head / (10.0 if name == "n1" else 15.0)
+
+
+def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
+    """The rate of the lag of a turbine or a turboprop, if it is a state."""
+    state = lag_state(file, around)
+    rates = {}
+    if file.kind == "turbine_engine":
+        if state is not None:
+            rates[file.lag] = _spool_rate(file, around, state)
+        _leave_out_spools(file, ("N1Spool",) if rates else ("N1Spool", "N2Spool"))
+    if file.kind != "turboprop_engine" or state is None:
+        return rates
+    delay = file.engine.value_of("n1idle_max_delay", 1.0)
+    low, high = file.shaft("n1")
+    wanted = low + throttle_of(file, around) * (high - low)
+    is_on = running(file, around)
+    wanted = ca.if_else(is_on, wanted, around.motion.pressure_head / 15.0)
+    up = ca.if_else(is_on, delay, 2.5 * delay)
+    down = ca.if_else(is_on, 2.4 * delay, 5.0 * delay)
+    behind = wanted - state
+    return {file.lag: behind / ca.if_else(behind > 0.0, up, down)}
+
+
+def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
+    """Leave out the functions of a turbine's spools whose names begin so: no force depends on
+    them."""
+    for function in file.engine.children:
+        if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(names):
+            function.taken = False
+
+
+def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
+    """Rate of the speed of a turbine's shaft, %/s (`FGTurbine::Seek`): as fast as it may, until it
+    is there within a step of JSBSim."""
+    low, high = file.shaft("n2")
+    is_on = running(file, around)
+    share = ca.fmin((speed - low) / (high - low) + 0.1, 1.0)
+    sigma = around.properties.read("atmosphere/sigma", file.mount.where)
+    slowness = 1.0 + 3.0 * (1.0 - share) ** 3 + (1.0 - sigma)
+    delay = 90.0 / (file.engine.value_of("bypassratio", 0.0) + 3.0) / slowness
+    up = _share(file, around, "N2SpoolUp", delay)
+    down = _share(file, around, "N2SpoolDown", 3.0 * delay)
+    least = 0.0 if file.engine.value_of("disable-windmill", 0.0) else 0.1
+    up = ca.if_else(is_on, up, 0.5 * speed + least)
+    down = ca.if_else(is_on, down, speed / file.engine.value_of("n2spindown", 2.0))
+    return ca.fmin(ca.fmax(spool_error(file, around) / STEP, -down), up)
+
+
 def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
-    """Thrust of a turbine at steady speed of its shafts, lb."""
+    """Thrust of a turbine, lb."""
     engine = file.engine
     position = throttle_of(file, around)
     military = engine.value_of("milthrust", 10000.0, "LBS")
     shares = {name: _share(file, around, name) for name in ("IdleThrust", "MilThrust", "AugThrust")}
     idle = military * shares["IdleThrust"]
     share = ca.fmin(position, 1.0)
+    speed = lag_state(file, around)
+    if speed is not None:
+        low, high = file.shaft("n2")
+        share = (speed - low) / (high - low)
     dry = idle + (military - idle) * shares["MilThrust"] * share**2
     bleed = around.properties.read_or(
         file.full_name("bleed-factor"), engine.value_of("bleed", 0.0), file.mount.where
@@ -269,8 +362,10 @@ def _augmented(
     method = int(engine.value_of("augmethod", 0.0))
     strongest = engine.value_of("maxthrust", 10000.0, "LBS")
     if method == 1 and engine.value_of("augmented", 0.0) == 1.0:
-        idle_speed = engine.value_of("idlen2", 60.0)
-        speed = idle_speed + share * (engine.value_of("maxn2", 100.0) - idle_speed)
+        low, high = file.shaft("n2")
+        speed = lag_state(file, around)
+        if speed is None:
+            speed = low + share * (high - low)
         lit = ca.logic_and(share > 0.99, speed > 97.0)
         return ca.if_else(lit, strongest * shares["AugThrust"], bled)
     if method == 2:
@@ -279,15 +374,15 @@ def _augmented(
     return bled
 
 
-def _share(file: EngineFile, around: Surroundings, name: str) -> Any:
-    """The value of one of the engine's functions; 0 without it."""
+def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0) -> Any:
+    """The value of one of the engine's functions; the default without it."""
     for function in file.engine.all("function"):
         own_name = function.attributes.get("name", "")
         if own_name.rsplit("/", 1)[-1] == name:
             return function_value(function, around.properties, file.number)
     if name in ("IdleThrust", "MilThrust"):
         raise file.engine.error(f"the turbine has no function {name}; add it")
-    return 0.0
+    return default
 
 
 def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
@@ -312,10 +407,12 @@ def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
 
 
 def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
-    """Power of a turboprop at steady speed of its gas generator, hp (`FGTurboProp::Run`)."""
+    """Power of a turboprop, hp (`FGTurboProp::Run`)."""
     engine = file.engine
-    idle = engine.value_of("idlen1", 30.0)
-    speed = idle + throttle_of(file, around) * (engine.value_of("maxn1", 100.0) - idle)
+    speed = lag_state(file, around)
+    if speed is None:
+        low, high = file.shaft("n1")
+        speed = low + throttle_of(file, around) * (high - low)
     tables = {table.attributes.get("name", ""): table for table in engine.all("table")}
     if "EnginePowerRPM_N1" not in tables:
         raise engine.error("the turboprop has no table EnginePowerRPM_N1; add it")
@@ -402,17 +499,19 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
 
 def _add_shafts(file: EngineFile, around: Surroundings) -> None:
     """Speeds of a turbine's shafts, percent."""
-    for name, idle in (("n1", 30.0), ("n2", 60.0)):
-        low = file.engine.value_of(f"idle{name}", idle)
-        high = file.engine.value_of(f"max{name}", 100.0)
+    for name in ("n1", "n2"):
 
-        windmilling = around.motion.pressure_head / (10.0 if name == "n1" else 15.0)
-        if file.engine.value_of("disable-windmill", 0.0):
-            windmilling = 0.0
-
-        def speed(low: float = low, high: float = high, off: Any = windmilling) -> Any:
-            on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
-            return ca.if_else(running(file, around), on, off)
+        def speed(name: str = name) -> Any:
+            state = lag_state(file, around)
+            if state is None:
+                low, high = file.shaft(name)
+                on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
+                return ca.if_else(running(file, around), on, _windmilling(file, around, name))
+            if name == "n1":
+                raise file.mount.error(
+                    "n1 is read, whose lag is no state; leave engines=states out"
+                )
+            return state
 
         around.properties.compute(file.full_name(name), Writer(speed, file.mount.where))
 

@@ -34,11 +34,13 @@ class Choices:
     filters: whether lags, washouts, integrators and other components with a memory are states; else
         they stand where a steady input holds them.
     throttles: whether each engine has a throttle of its own.
+    engines: whether the lags of engines are states; else they follow their throttles at once.
     """
 
     partial: bool = False
     filters: bool = False
     throttles: bool = False
+    engines: bool = False
 
 
 class Parts:

@@ -16,7 +16,9 @@ def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
 
     def compute() -> Effect:
         try:
-            return effect()
+            made = effect()
+            made.rates |= jets.lag_rates(file, around)
+            return made
         except ArithmeticError as error:
             fault = f"the numbers of the engine cannot be ({error}); correct them"
             raise file.engine.error(fault) from error
@@ -30,16 +32,17 @@ def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
         if file.kind == "rocket_engine":
             return jets.jet(file, around, jets.rocket_thrust(file, around))
         properties: dict[str, Any] = {}
+        rates: dict[str, Any] = {}
         if file.kind == "piston_engine":
-            horsepower, properties = piston_power(file, around)
+            horsepower, properties, rates = piston_power(file, around)
         elif file.kind == "turboprop_engine":
             horsepower = jets.turboprop_power(file, around)
         else:
             horsepower = jets.electric_power(file, around)
-        if not file.has_propeller:
-            return jets.jet(file, around, horsepower * HP)
-        driven = propeller_effect(file, around, horsepower * HP)
+        drive = propeller_effect if file.has_propeller else jets.jet
+        driven = drive(file, around, horsepower * HP)
         driven.properties |= properties
+        driven.rates |= rates
         return driven
 
     return compute

@@ -9,6 +9,7 @@ import casadi as ca
 
 from hfa_jsbsim.engines import (
     HP,
+    STEP,
     Effect,
     EngineFile,
     Surroundings,
@@ -19,8 +20,6 @@ from hfa_jsbsim.engines import (
     pushed,
 )
 
-#: JSBSim's step, s: its governor moves the blades once a step and stops them at their limits.
-STEP = 1.0 / 120.0
 #: Rate at which blades feather, 1/s: a 300th of what is left in each step.
 _FEATHERING = 1.0 / (300.0 * STEP)
 

@@ -83,7 +83,7 @@ _MODES = {
 
 def read_model(text: str, partial: bool = False) -> Model:
     """The `Model` of "jsbsim:NAME" or of an aircraft's XML file, with or without choices behind a
-    question mark: "jsbsim:737?filters=states&throttles=each".
+    question mark: "jsbsim:737?engines=states&throttles=each".
 
     partial: leave out motors, rotors and gas cells, which cannot be read, in place of refusing
     them. BadInputError, with file and line, where an element cannot be read.
@@ -98,7 +98,11 @@ def read_model(text: str, partial: bool = False) -> Model:
 
 
 #: What may stand behind the question mark: word -> its value, the choice.
-_CHOICES = {"filters": ("states", "filters"), "throttles": ("each", "throttles")}
+_CHOICES = {
+    "filters": ("states", "filters"),
+    "engines": ("states", "engines"),
+    "throttles": ("each", "throttles"),
+}
 
 
 def _choices(text: str, partial: bool) -> Choices:
@@ -185,7 +189,9 @@ class _Declaration:
         """The declaration. notes: what the reader says of the files."""
         states = self._states()
         outputs = self._outputs()
-        steady = tuple(name for name in states if name not in ("yaw", "altitude"))
+        moving = tuple(name for name in states if name not in ("yaw", "altitude"))
+        # the rate of a spool is limited nearly everywhere: a trim balances its error in its place
+        steady = tuple(name for name in moving if not name.startswith("spool"))
         return Model(
             self.parts.name,
             states,
@@ -196,9 +202,9 @@ class _Declaration:
             outputs=outputs,
             trim=self._trim(),
             steady=steady,
-            linear=steady,
+            linear=moving,
             schedule="speed",
-            modes=_MODES | self._propeller_modes(),
+            modes=_MODES | self._engine_modes(),
             source=source,
             notes=(*of_files(self.parts), *self.parts.notes, *self.equations.notes, *notes),
             alternatives=(("speed", "kcas", "mach"),),
@@ -244,6 +250,8 @@ class _Declaration:
                 highest = file.thruster.value_of("maxpitch", 0.0)
                 middle = 0.5 * (lowest + highest)
                 ordered[f"blade{file.number}"] = Signal("deg", 5.0, lowest, highest, middle, 100.0)
+            if file.lag in self.equations.states:
+                ordered[file.lag] = _lag(file)
         filters = [state.symbol.name() for state in self.equations.properties.filters]
         return ordered | dict.fromkeys(filters, Signal())
 
@@ -293,6 +301,7 @@ class _Declaration:
             "weight": Signal("lbf", 0.1 * self.parts.mass.weight),
             "angle_of_attack": Signal("rad", 0.1),
         }
+        signals_by_name |= dict.fromkeys(self._spool_errors(), Signal("%", 10.0))
         signals = {
             name: signals_by_name.get(name, Signal("hp", 100.0)) for name in self.equations.outputs
         }
@@ -399,16 +408,22 @@ class _Declaration:
             imposed |= dict.fromkeys(throttles[1:], _HALF)
         if {"aileron", "rudder"} <= set(self.inputs):
             imposed["beta"] = 0.0
-        return imposed
+        return imposed | dict.fromkeys(self._spool_errors(), 0.0)
 
-    def _propeller_modes(self) -> dict[str, tuple[str, ...]]:
-        """Modes of propellers and governors."""
+    def _spool_errors(self) -> list[str]:
+        """The outputs that are errors of spools."""
+        return [name for name in self.equations.outputs if name.startswith("spool_error")]
+
+    def _engine_modes(self) -> dict[str, tuple[str, ...]]:
+        """Modes of propellers, governors and lags of engines."""
         modes: dict[str, tuple[str, ...]] = {}
         for file in self.parts.engines:
             if file.has_propeller:
                 modes[f"propeller {file.number}"] = (f"rpm{file.number}",)
             if file.governed:
                 modes[f"governor {file.number}"] = (f"blade{file.number}",)
+            if file.lag in self.equations.states:
+                modes[f"{file.lag.rstrip('0123456789')} {file.number}"] = (file.lag,)
         return modes
 
     def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
@@ -464,6 +479,14 @@ def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterat
 def _usual(name: str, parts: Parts) -> float:
     """The value of an input or a parameter that is not declared since nothing depends on it."""
     return 1.0 if name.startswith("engine") else 0.0
+
+
+def _lag(file: EngineFile) -> Signal:
+    """The signal of the lag of an engine."""
+    if file.lag.startswith("manifold"):
+        return Signal("inHg", 3.0, 0.0, start=24.0)
+    low, high = file.shaft("n2" if file.lag.startswith("spool") else "n1")
+    return Signal("%", 10.0, 0.0, start=low + 0.6 * (high - low))
 
 
 def _rpm(file: EngineFile, is_alone: bool) -> Signal:

@@ -1,0 +1,192 @@
+"""Flights of 30 s from drawn states, with steps of the throttle and the stick: ours, whose lags of
+engines and filters are states, against JSBSim's at three of its steps.
+
+`python -m studies.jsbsim.flights [NAME ...]` prints the table of docs/jsbsim.md, a line each.
+JSBSim flies over a sphere so large that it is flat, without rotation.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import root
+
+from hfa_aircraft.model import Model
+from hfa_jsbsim.reader import read_model
+from studies.jsbsim.reference import GRAVITY, answered
+from trim import find_operating_point
+from trim.point.condition import release, usual_condition
+from trim.point.operating_point import OperatingPoint
+
+#: Aircraft -> calibrated airspeed, kt, and altitude, ft.
+CONDITIONS = {
+    "737": (250.0, 10000.0),
+    "A320": (250.0, 10000.0),
+    "f15": (300.0, 10000.0),
+    "T38": (300.0, 10000.0),
+    "B747": (250.0, 10000.0),
+    "A4": (250.0, 10000.0),
+    "c172p": (90.0, 3000.0),
+    "c182": (100.0, 3000.0),
+    "c310": (130.0, 3000.0),
+    "J3Cub": (60.0, 3000.0),
+    "pc7": (130.0, 5000.0),
+    "DHC6": (110.0, 3000.0),
+}
+#: JSBSim's steps, s: each a quarter of the one before.
+STEPS = (1.0 / 120.0, 1.0 / 480.0, 1.0 / 1920.0)
+#: Radius of the sphere, ft; what is flown is within 1e-6 rad of it.
+_RADIUS = 1e10
+_SECONDS = 30
+_REST = 6.0
+#: Steps of ours a second.
+_OURS = 480
+_COMPARED = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch")
+
+
+def main(names: Sequence[str]) -> int:
+    """Print a line an aircraft, of all without a name; `--states N` draws so many of each."""
+    words = list(names)
+    count = 13
+    if "--states" in words:
+        index = words.index("--states")
+        count = int(words[index + 1])
+        del words[index : index + 2]
+    heads = [f"JSBSim at 1/{round(1.0 / step)} s" for step in STEPS]
+    print("| aircraft | states |", " | ".join(heads), "| ratios | engines at once |")
+    print("| --- |", " | ".join(["---"] * (len(STEPS) + 3)), "|")
+    for name in words or CONDITIONS:
+        print(line(name, count), flush=True)
+    return 0
+
+
+def line(name: str, count: int, seed: int = 1) -> str:
+    """The row of an aircraft: medians over drawn states of the largest difference from JSBSim at
+    each of its steps, in usual sizes of the states; the ratios of these; and, at the shortest, the
+    difference of engines that follow their throttles at once."""
+    model, point = trimmed(f"jsbsim:{name}?filters=states&engines=states")
+    at_once, _ = trimmed(f"jsbsim:{name}?filters=states")
+    flights = drawn(point, count, seed)
+    items = [
+        {"aircraft": name, "point": flight | {"step": step}} for flight in flights for step in STEPS
+    ]
+    answers = answered(items, 6000.0)
+    rows = []
+    for number, flight in enumerate(flights):
+        theirs = answers[number * len(STEPS) : (number + 1) * len(STEPS)]
+        if any(answer is None or "error" in answer for answer in theirs):
+            continue
+        row = [difference(model, flight, answer) for answer in theirs]
+        rows.append([*row, difference(at_once, flight, theirs[-1])])
+    medians = np.median(rows, axis=0)
+    ratios = np.median(np.divide(np.array(rows)[:, :2], np.array(rows)[:, 1:3]), axis=0)
+    cells = [name, str(len(rows)), *(f"{value:.1e}" for value in medians[:-1])]
+    cells += [", ".join(f"{ratio:.1f}" for ratio in ratios), f"{medians[-1]:.1e}"]
+    return f"| {' | '.join(cells)} |"
+
+
+def trimmed(name: str) -> tuple[Model, OperatingPoint]:
+    """An aircraft over a flat earth and its trim."""
+    kcas, altitude = CONDITIONS[name.removeprefix("jsbsim:").partition("?")[0]]
+    model = read_model(name).with_parameters(gravity=GRAVITY)
+    condition = release(usual_condition(model), hold={"kcas": kcas, "altitude": altitude})
+    return model, find_operating_point(model, condition)
+
+
+def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
+    """Flights from states about a trim, with three steps of the throttle and a pulse of the stick,
+    as `answered` takes them."""
+    rng = np.random.default_rng(seed)
+    state = point.states._asdict()
+    inputs = point.inputs._asdict()
+    flights = []
+    for _ in range(count):
+        start = {name: state[name] for name in (*_COMPARED, "altitude", "yaw")}
+        start["speed"] *= rng.uniform(0.95, 1.05)
+        for name, size in (("alpha", 0.01), ("beta", 0.01), ("roll", 0.1), ("pitch", 0.03)):
+            start[name] += rng.uniform(-size, size)
+        for name in ("roll_rate", "pitch_rate", "yaw_rate"):
+            start[name] += rng.uniform(-0.02, 0.02)
+        stick = inputs.get("elevator", 0.0) + rng.uniform(-0.05, 0.05)
+        changes: list[Any] = [
+            [1.0, {"throttle": rng.uniform(0.2, 0.9)}],
+            [3.0, {"elevator": stick}],
+            [4.0, {"elevator": inputs.get("elevator", 0.0)}],
+            [10.0, {"throttle": rng.uniform(0.2, 0.9)}],
+            [20.0, {"throttle": rng.uniform(0.2, 0.9)}],
+        ]
+        flight = {"state": start, "commands": inputs, "changes": changes, "flight": _SECONDS}
+        flights.append(flight | {"rest": _REST, "radius": _RADIUS})
+    return flights
+
+
+def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any]) -> float:
+    """The largest difference of a state at a full second, in its usual size."""
+    ours = flown(model, flight, answer["start"])
+    worst = 0.0
+    for name in _COMPARED:
+        theirs = np.array([state[name] for state in answer["states"]])
+        column = ours[:, list(model.states).index(name)]
+        worst = max(worst, float(np.abs(column - theirs).max()) / model.signals[name].nominal)
+    return worst
+
+
+def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
+    """States (seconds, n) of ours at each full second, by the classical method of fourth order."""
+    x = _settled(model, flight, start)
+    step = _second(model)
+    commands = dict(flight["commands"])
+    changes = list(flight["changes"])
+    rows = []
+    for time in range(int(flight["flight"])):
+        while changes and changes[0][0] <= time:
+            commands |= changes.pop(0)[1]
+        held = ca.repmat(ca.DM([commands[name] for name in model.inputs]), 1, _OURS)
+        x = step(x, held)[:, -1]
+        rows.append(np.array(x).ravel())
+    return np.array(rows)
+
+
+def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
+    """JSBSim's state when the flight begins, and filters at rest there."""
+    u = [flight["commands"][name] for name in model.inputs]
+    names = list(model.states)
+    x = np.array([start.get(name, 0.0) for name in names])
+    inner = [number for number, name in enumerate(names) if name not in start]
+    if not inner:
+        return x
+
+    def rates(values: np.ndarray) -> np.ndarray:
+        there = x.copy()
+        there[inner] = values
+        found = model.rates_at(there.tolist(), u)
+        return np.array([found[names[number]] for number in inner])
+
+    x[inner] = root(rates, x[inner]).x
+    return x
+
+
+def _second(model: Model) -> ca.Function:
+    """(x, u) -> x after a second."""
+    x = ca.SX.sym("x", len(model.states))
+    u = ca.SX.sym("u", len(model.inputs))
+    p = [signal.start for signal in model.parameters.values()]
+    function = model.equations.function
+    h = 1.0 / _OURS
+
+    def rates(at: ca.SX) -> ca.SX:
+        return function(at, u, ca.DM(p))[0]
+
+    k1 = rates(x)
+    k2 = rates(x + h / 2 * k1)
+    k3 = rates(x + h / 2 * k2)
+    after = x + h / 6 * (k1 + 2 * (k2 + k3) + rates(x + h * k3))
+    return ca.Function("step", [x, u], [after], {"cse": True}).mapaccum("second", _OURS)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
