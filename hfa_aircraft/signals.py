@@ -21,6 +21,7 @@ class Signal(NamedTuple):
     min, max: where the equations hold; limits of a trim.
     start: value of a parameter; where a search for a state or an input begins.
     rate: typical size of a state's rate; the nominal unless given.
+    moving: note on an input: dynamics between it and the motion that the equations leave out.
 
     >>> import hfa
     >>> hfa.Signal("ft/s", nominal=100.0, min=0.0).max
@@ -33,6 +34,7 @@ class Signal(NamedTuple):
     max: float = math.inf
     start: float = 0.0
     rate: float | None = None
+    moving: str = ""
 
 
 #: Names -> the class of the named tuples with these fields.

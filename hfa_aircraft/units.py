@@ -54,6 +54,7 @@ def _signal_in_si(signal: Signal) -> Signal:
         max=signal.max * factor,
         start=signal.start * factor,
         rate=None if signal.rate is None else signal.rate * factor,
+        moving=signal.moving,
     )
 
 

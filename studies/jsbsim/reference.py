@@ -431,11 +431,21 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
             simulator[_COMMANDS[name]] = commands.get(name, 0.0) + (value if pulsing else 0.0)
         while changes and changes[0][0] <= step * length + 1e-9:
             _command(simulator, changes.pop(0)[1])
+        if "changes" in point:
+            _lean(simulator, commands)
         _run(simulator.run, simulator)
         if (step + 1) % a_second == 0:
             states.append(_states(simulator))
     answer: dict[str, Any] = _states(simulator)
     return answer | {"start": start, "states": states} if "changes" in point else answer
+
+
+def _lean(simulator: Any, commands: Mapping[str, float]) -> None:
+    """Let the mixture follow the pressure, as in the model."""
+    mixture = commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
+    for number in range(simulator.get_propulsion().get_num_engines()):
+        index = f"[{number}]" if number else ""
+        simulator[f"fcs/mixture-cmd-norm{index}"] = mixture
 
 
 def _states(simulator: Any) -> dict[str, float]:

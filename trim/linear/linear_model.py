@@ -88,8 +88,11 @@ class LinearModel(ByValue, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """What to know before trusting it: of the operating point, and of entries at a kink."""
-        return [*self.point.warnings, *self.kinks]
+        """What to know before trusting it: of the operating point, dynamics left out of inputs, and
+        entries at a kink."""
+        signals = self.point.model.inputs
+        moving = [signals[name].moving for name in self.inputs if signals[name].moving]
+        return [*self.point.warnings, *moving, *self.kinks]
 
     @property
     def modes(self) -> tuple[Mode, ...]:

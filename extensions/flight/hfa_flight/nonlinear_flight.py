@@ -333,8 +333,14 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What to know before trusting the result."""
-        return self.point.warnings
+        """What to know before trusting the result: of the operating point, and of inputs that move
+        although their dynamics are left out."""
+        moved = np.ptp(self.inputs, axis=0) > 0.0
+        inputs = zip(self.model.inputs.values(), moved, strict=True)
+        return [
+            *self.point.warnings,
+            *(each.moving for each, moves in inputs if moves and each.moving),
+        ]
 
     def title(self) -> str:
         """Which flight, and whether it stayed within its limits."""

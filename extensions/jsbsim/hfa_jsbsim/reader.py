@@ -260,8 +260,22 @@ class _Declaration:
         signals = {}
         for name, pilot_input in self.inputs.items():
             start = 0.6 if name.startswith("throttle") else 0.0
-            signals[name] = Signal(pilot_input.unit, 0.1, *pilot_input.limits, start)
+            moving = self._left_out(name) if name.startswith("throttle") else ""
+            limits = pilot_input.limits
+            signals[name] = Signal(pilot_input.unit, 0.1, *limits, start, moving=moving)
         return signals
+
+    def _left_out(self, throttle: str) -> str:
+        """The note on a throttle that engines follow at once; "" where their lags are states."""
+        number = throttle.removeprefix("throttle")
+        lags = [file.lag for file in self.parts.engines if number in ("", str(file.number))]
+        left_out = [lag for lag in lags if lag and lag not in self.equations.states]
+        if not left_out:
+            return ""
+        return (
+            f"{throttle} moves and engines follow at once; ?engines=states behind the aircraft's"
+            f" name makes their lags states ({', '.join(left_out)})"
+        )
 
     def _parameters(self) -> dict[str, Signal]:
         """Signals of levers, wind, loads and gravity."""

@@ -104,7 +104,7 @@ def fly(request: FlyRequest) -> int:
         request,
         figure=lambda: flight_figure(result, report.title),
         only_in_files=result.history().as_data(),
-        points=[planned.point],
+        notes=result.warnings,
     )
     return 0 if result.within_limits else 1
 

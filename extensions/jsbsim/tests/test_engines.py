@@ -1,0 +1,73 @@
+"""Lags of engines as states: against JSBSim, at rest, and named where they are left out."""
+
+import importlib.util
+
+import pytest
+from small_aircraft import written
+
+from hfa_aircraft.loading import load_model
+from studies.jsbsim.constructs.jet import SLOTS, jet
+from studies.jsbsim.flights import difference, drawn, trimmed
+from studies.jsbsim.reference import answered
+from trim import find_operating_point, linearize
+from trim.point.condition import release, usual_condition
+
+needs_jsbsim = pytest.mark.skipif(
+    importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
+)
+SPOOLS = '<function name="N2SpoolUp"> <v>7</v> </function>'
+
+
+@needs_jsbsim
+@pytest.mark.parametrize(
+    "name",
+    [
+        "c172p",
+        pytest.param("737", marks=pytest.mark.slow),
+        pytest.param("DHC6", marks=pytest.mark.slow),
+    ],
+)
+def test_the_difference_falls_with_jsbsims_step(name):
+    model, point = trimmed(f"jsbsim:{name}?filters=states&engines=states")
+    (flight,) = drawn(point, 1, seed=3)
+    flight["flight"] = 12
+    items = [
+        {"aircraft": name, "point": flight | {"step": step}} for step in (1.0 / 120.0, 1.0 / 480.0)
+    ]
+    coarse, fine = (difference(model, flight, answer) for answer in answered(items))
+    assert fine < 3e-3
+    assert coarse / fine == pytest.approx(4.0, rel=0.15)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return written(tmp_path, jet({"shares": f"{SLOTS['shares']} {SPOOLS}"}), "jet")
+
+
+def trim_of(path):
+    model = load_model(path)
+    condition = release(usual_condition(model), hold={"speed": 350.0})
+    return model, find_operating_point(model, condition)
+
+
+def test_a_spool_is_at_its_throttle_in_a_trim(path):
+    model, point = trim_of(f"{path}?engines=states")
+    assert point.states.spool0 == pytest.approx(60.0 + 40.0 * point.inputs.throttle)
+    linear = linearize(model, point)
+    row = model.linear.index("spool0")
+    assert linear.A[row, row] == pytest.approx(-120.0)
+
+
+def test_a_spool_function_of_the_file_limits_the_rate(path):
+    model, point = trim_of(f"{path}?engines=states")
+    inputs = point.inputs._asdict() | {"throttle": 1.0}
+    rates = model.rates_at(list(point.states), list(inputs.values()))
+    assert rates["spool0"] == pytest.approx(7.0)
+
+
+def test_a_throttle_that_moves_without_lags_is_noted(path):
+    model, point = trim_of(path)
+    assert "makes their lags states (spool0)" in model.inputs["throttle"].moving
+    assert model.inputs["throttle"].moving in linearize(model, point).warnings
+    assert model.inputs["throttle"].moving not in point.warnings
+    assert load_model(f"{path}?engines=states").inputs["throttle"].moving == ""
