@@ -175,7 +175,8 @@ def _second(model: Model) -> ca.Function:
     x = ca.SX.sym("x", len(model.states))
     u = ca.SX.sym("u", len(model.inputs))
     p = [signal.start for signal in model.parameters.values()]
-    function = model.equations.function
+    equations: Any = model.equations
+    function = equations.function
     h = 1.0 / _OURS
 
     def rates(at: ca.SX) -> ca.SX:

@@ -275,7 +275,7 @@ def spool_error(file: EngineFile, around: Surroundings) -> Any:
     low, high = file.shaft("n2")
     on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
     wanted = ca.if_else(running(file, around), on, _windmilling(file, around, "n2"))
-    return wanted - lag_state(file, around)
+    return wanted - getattr(around.states, file.lag)
 
 
 def _windmilling(file: EngineFile, around: Surroundings, name: str) -> Any:
