@@ -31,16 +31,13 @@ class TrimProblem:
     names: the equations: states for their rates, then outputs
     count: number of equations that the unknowns can move, and of unknowns
 
-    BadInputError where nothing is free, nothing that is free moves an equation, or the condition
-    is one of another model.
+    BadInputError where nothing is free and the point is no equilibrium, nothing that is free moves
+    an equation, or the condition is one of another model.
     """
 
     def __init__(
         self, model: Model, condition: TrimCondition, start: OperatingPoint | None = None
     ) -> None:
-        if not condition.free:
-            choices = ", ".join(model.variables)
-            raise BadInputError(f"nothing is free; set at least one of {choices} free")
         if condition.model.variables != model.variables:
             raise BadInputError(
                 f"the condition is one of {condition.model.name}, the aircraft is {model.name}"
@@ -57,12 +54,18 @@ class TrimProblem:
         self.idle = self.system.equations.idle
         self.names = self.system.equations.names
         self.count = (self.system.moved, len(self.free))
-        if not self.free:
+        if self.idle and not self.free:
             raise BadInputError(
                 f"{' and '.join(self.idle)} moves no equation; set something else free"
             )
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
+        if not self.free and not self.solved(np.zeros(0)):
+            choices = ", ".join(model.variables)
+            raise BadInputError(
+                "nothing is free, and the stated point is no equilibrium within the limits; set at "
+                f"least one of {choices} free"
+            )
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A pickle is of what was asked; its functions in memory are made again."""

@@ -100,6 +100,8 @@ def other_trims(
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     """The first trim that a search from a guess ends at, or TrimError."""
+    if not problem.free:  # all is stated, and an equilibrium
+        return problem.point(guess, Status.TRIMMED)
     nearest = guess
     number = 0
     for number, z in _searched(problem, guess):

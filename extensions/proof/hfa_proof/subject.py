@@ -45,7 +45,7 @@ def _same(stated: Any, own: Any) -> bool:
     values = np.asarray(own)
     if values.dtype.kind in "fi":
         return np.array_equal(_numbers(stated), values)
-    return np.array_equal(np.asarray(stated), values)
+    return bool(stated == (list(own) if isinstance(own, tuple) else own))
 
 
 def _numbers(stated: Any) -> np.ndarray:

@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_region.search.function import PolynomialFunction
-from hfa_region.search.region import Region, lost_starts
+from hfa_region.search.plant import NOT_RETURNED, Outcome
+from hfa_region.search.region import Region, gone_starts
 from hfa_support.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: How starts that do not return are drawn.
+_MARKERS = {Outcome.LEFT: "C3+", Outcome.LOST: "C3x"}
 #: Pairs of states that are drawn at most, and rays of each.
 _MOST_PAIRS = 6
 _RAYS = 361
@@ -62,12 +65,12 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
     states = region.plant.loop.states
     x_unit, y_unit = region.plant.loop.model.units((states[i], states[j]))
     levels = [("proved", region.rho, "C0", "-")]
-    for name, (level, place), color in (
-        ("V' >= 0 found", region.bounds.rises, "C1"),
-        ("start lost", region.bounds.lost, "C3"),
-    ):
+    for name, (level, place), color in (("V' >= 0 found", region.bounds.rises, "C1"),):
         if place is not None:
             levels.append((name, level, color, "--"))
+    for outcome, (level, _) in region.bounds.starts.items():
+        if outcome in _MARKERS:
+            levels.append((f"start {NOT_RETURNED[outcome]}", level, "C3", "--"))
     for name, level, color, style in levels:
         edge_x, edge_y = _cut(region.V, level, region.T, i, j)
         x = shown_values(edge_x, x_unit)
@@ -80,10 +83,12 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
     axes.set_xlim(*(_WIDER * np.array(x_limits)))
     axes.set_ylim(*(_WIDER * np.array(y_limits)))
     rays = _rays(region.T, i, j, _FLOWN)
-    starts = lost_starts(region.plant, region.V, region.rho, region.T, rays)
-    x = shown_values(starts[:, i], x_unit)
-    y = shown_values(starts[:, j], y_unit)
-    axes.plot(x, y, "C3x", label="starts lost")
+    found = gone_starts(region.plant, region.V, region.rho, region.T, rays)
+    for outcome, marker in _MARKERS.items():
+        if outcome in found:
+            x = shown_values(found[outcome][:, i], x_unit)
+            y = shown_values(found[outcome][:, j], y_unit)
+            axes.plot(x, y, marker, label=NOT_RETURNED[outcome])
     axes.plot(0.0, 0.0, "k+")
 
 

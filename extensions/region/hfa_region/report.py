@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hfa_proof.outward import at_least, at_most
+from hfa_proof.subject import taken_from_certificate
 from hfa_region.check.certificate import VerifiedRegion
-from hfa_region.check.statement import RegionStatement
+from hfa_region.check.extents import extents_of
+from hfa_region.check.statement import RegionStatement, Terms
 from hfa_region.results import CheckedSet, FoundSet, Place
+from hfa_region.search.plant import NOT_RETURNED as STARTS, Outcome
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table
+from hfa_support.reporting.text import Table, shown_unit, shown_values
 
 if TYPE_CHECKING:
     from hfa_region.search.region import Region
@@ -23,18 +27,23 @@ def region_report(region: Region) -> Report:
     region: proved"""
     statement = region.proved.statement
     bounds = region.bounds
+    reaches = extents_of(statement, region.T)
+    starts = {outcome: _place(statement, found) for outcome, found in bounds.starts.items()}
     found = FoundSet(
         statement,
         region.proved.parts,
+        reaches,
         region.origin,
         _place(statement, bounds.rises),
-        _place(statement, bounds.lost),
+        starts.get(Outcome.LEFT),
+        starts.get(Outcome.LOST),
         bounds.limits,
     )
-    rows = [("proved", f"{statement.rho:.6g}", "1", "")]
+    rows = [("proved", at_least(statement.rho, 6), "1", "")]
+    nowhere = (np.inf, None)
     for name, (level, place) in (
         ("V' >= 0 found", bounds.rises),
-        ("start lost", bounds.lost),
+        *((f"start {words}", bounds.starts.get(kind, nowhere)) for kind, words in STARTS.items()),
     ):
         if place is None:
             rows.append((name, "none found", "", ""))
@@ -46,19 +55,25 @@ def region_report(region: Region) -> Report:
     parts: tuple[str | Table, ...] = (
         _sentence(statement),
         *_policy(statement),
-        _extents(statement),
+        *_extents(statement, reaches),
         table,
         f"Limits that bind: {binding}. V is {region.origin}, of degree {found.degree}; "
         + _where_proved(statement, region.proved.parts),
+        _V(statement),
         _not_covered(statement),
     )
     return Report(_title(statement), parts, data=found.as_data())
 
 
-def checked_report(verified: VerifiedRegion) -> Report:
-    """What a certificate proves, as the checker has read it."""
+def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> Report:
+    """What a certificate proves, as the checker has read it.
+
+    not_given: parts of its subject that the user did not give; the title names them
+    """
     statement = verified.statement
-    checked = CheckedSet(statement, verified.parts, verified.written)
+    checked = CheckedSet(
+        statement, verified.parts, verified.extents, verified.written, list(not_given)
+    )
     loop = statement.loop
     gains = Table(
         ("K", *loop.states),
@@ -77,28 +92,35 @@ def checked_report(verified: VerifiedRegion) -> Report:
     parts: tuple[str | Table, ...] = (
         _sentence(statement),
         *_policy(statement),
-        _extents(statement),
+        *_extents(statement, verified.extents),
         trim,
         gains,
-        f"{_where_proved(statement, verified.parts)} V of degree {checked.degree}, "
-        f"{len(statement.terms)} terms: with --json.",
+        _parameters(statement),
+        f"{_where_proved(statement, verified.parts)} V is of degree {checked.degree}.",
+        _V(statement),
         _not_covered(statement),
     )
-    return Report(f"{_title(statement)}, checked", parts, data=checked.as_data())
+    title = f"{_title(statement)}, checked{taken_from_certificate(not_given)}"
+    return Report(title, parts, data=checked.as_data())
+
+
+#: What no statement covers, in a first line.
+_WITHOUT = "without sampling, delay, actuators"
 
 
 def _title(statement: RegionStatement) -> str:
     title = statement.loop.model.title
     if statement.loop.disturbances:
-        return f"Invariant set of {title} under disturbances: proved"
-    return f"Region of attraction of {title}: proved"
+        return f"Invariant set of {title} under disturbances, {_WITHOUT}: proved"
+    return f"Region of attraction of {title}, {_WITHOUT} or disturbances: proved"
 
 
 def _sentence(statement: RegionStatement) -> str:
     saturated = ", ".join(statement.loop.inputs) or "no input"
     held = statement.loop.held
     kept = f" {', '.join(held)} held at the trim's." if held else ""
-    begins = f"Every trajectory that begins in V(z) <= {statement.rho:.6g} stays there and within "
+    level = at_least(statement.rho, 6)
+    begins = f"Every trajectory that begins in V(z) <= {level} stays there and within "
     within = f"all limits, and converges to the trim; inputs saturated: {saturated}.{kept}"
     if statement.loop.disturbances:
         within = (
@@ -134,34 +156,63 @@ def _not_covered(statement: RegionStatement) -> str:
 
 def _policy(statement: RegionStatement) -> tuple[str, ...]:
     """The policy of each input that is not linear, a line each."""
-    loop = statement.loop
-    lines = []
-    for name, terms in loop.policy.items():
-        monomials = []
-        for coefficient, exponents in terms:
-            powers = zip(loop.states, exponents, strict=True)
-            factors = [f"{state}^{power}" for state, power in powers if power]
-            monomials.append(" ".join([f"{coefficient:+.6g}", *factors]))
-        lines.append(f"The policy of {name} is -K z {' '.join(monomials)}, then saturated.")
-    return tuple(lines)
+    return tuple(
+        f"The policy of {name} is -K z {_polynomial(statement, terms)}, then saturated."
+        for name, terms in statement.loop.policy.items()
+    )
 
 
-def _extents(statement: RegionStatement) -> Table:
+def _extents(
+    statement: RegionStatement, reaches: Mapping[str, tuple[float, float]]
+) -> tuple[Table, str]:
+    """How far the set reaches, and that this is no box."""
     model = statement.loop.model
     rows = []
-    for name, (low, high) in statement.extents.items():
+    for name, (low, high) in reaches.items():
         at = statement.loop.trim[name]
+        unit = model.unit(name)
+        ends = (
+            at_least(float(shown_values(low, unit)), 6),
+            at_most(float(shown_values(high, unit)), 6),
+        )
         rows.append(
             (
                 name,
-                model.describe(name, low),
-                model.describe(name, high),
+                *(f"{end} {shown_unit(unit)}" for end in ends),
                 model.describe(name, at),
                 *_limits(statement, name),
             )
         )
-    header = ("the set reaches", "from", "to", "about", "lowest", "highest")
-    return Table(header, rows)
+    header = ("the set lies within", "from", "to", "about", "lowest", "highest")
+    return (
+        Table(header, rows),
+        "The set is {V <= rho}, no box: states that are each within these ends may lie outside it.",
+    )
+
+
+def _V(statement: RegionStatement) -> str:
+    """V, all of its terms to six digits."""
+    return f"V(z) = {_polynomial(statement, statement.terms)}"
+
+
+def _polynomial(statement: RegionStatement, terms: Terms) -> str:
+    """Σ coefficient z^exponents in words."""
+    monomials = []
+    for coefficient, exponents in terms:
+        powers = zip(statement.loop.states, exponents, strict=True)
+        factors = [f"{state}^{power}" if power > 1 else state for state, power in powers if power]
+        monomials.append(" ".join([f"{coefficient:+.6g}", *factors]))
+    return " ".join(monomials)
+
+
+def _parameters(statement: RegionStatement) -> str:
+    """Every parameter with its value."""
+    model = statement.loop.model
+    values = statement.loop.parameters.items()
+    named = ", ".join(f"{name} {model.describe(name, value)}" for name, value in values)
+    file = model.source[1]
+    source = f", file of SHA-256 {file[:16]}" if file else ""
+    return f"Of {model.name}{source}; parameters: {named or 'none'}."
 
 
 def _limits(statement: RegionStatement, name: str) -> list[str]:

@@ -25,12 +25,14 @@ class ProvedSet(Result):
 
     statement: what is proved of it.
     parts: on how many parts of the set, or of its edge, V' < 0 is proved.
+    reaches: state -> lowest and highest deviation in the set.
     """
 
     keys = "proved rho states state_units trim K policy limits disturbances extents terms P? parts"
 
     statement: RegionStatement
     parts: int
+    reaches: Mapping[str, tuple[float, float]]
 
     @property
     def proved(self) -> bool:
@@ -80,8 +82,9 @@ class ProvedSet(Result):
 
     @property
     def extents(self) -> Mapping[str, float]:
-        """State -> how far the set reaches from the trim, or less."""
-        return {name: max(-low, high) for name, (low, high) in self.statement.extents.items()}
+        """State -> how far the set reaches from the trim, or less; a box that holds the set, most
+        of which is not in it."""
+        return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
 
     @property
     def terms(self) -> Sequence[Any]:
@@ -113,16 +116,20 @@ class FoundSet(ProvedSet):
 
     origin: what V is.
     decrease_fails_at: the lowest V at which V' >= 0 was found; None where none was.
-    lost_at: the lowest V of a start that was lost; None where none was.
+    leaves_limits_at: the lowest V of an initial condition whose trajectory goes beyond a limit;
+        None where none does.
+    lost_at: the lowest V of one whose trajectory diverges; None where none does. Trajectories that
+        neither return nor diverge in the time count as neither.
     limits_that_bind: signals whose limits the set touches, nearly.
     """
 
     schema = "hfa.region/1"
     made_by = "hfa prove region"
-    keys = f"{ProvedSet.keys} origin decrease_fails_at lost_at limits_that_bind"
+    keys = f"{ProvedSet.keys} origin decrease_fails_at leaves_limits_at lost_at limits_that_bind"
 
     origin: str
     decrease_fails_at: Place | None
+    leaves_limits_at: Place | None
     lost_at: Place | None
     limits_that_bind: Sequence[str]
 
@@ -132,10 +139,12 @@ class CheckedSet(ProvedSet):
     """A set that a certificate proves.
 
     written: version, command and date in the file, which nothing verifies.
+    not_given: what of the subject no option gave, so that it was not compared.
     """
 
     schema = "hfa.region-check/1"
     made_by = "hfa prove region --check FILE"
-    keys = f"{ProvedSet.keys} written"
+    keys = f"{ProvedSet.keys} written not_given"
 
     written: Mapping[str, str]
+    not_given: Sequence[str] = ()

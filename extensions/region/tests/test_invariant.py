@@ -60,7 +60,7 @@ def test_the_largest_set_of_the_oscillator_under_a_push() -> None:
     loop = saturated_loop(linear, np.zeros((0, 2)))
     known = PolynomialFunction.quadratic(solve_continuous_lyapunov(linear.A.T, -np.eye(2)))
     level = ProvedLevel(RegionStatement(loop, known.terms, 1.0, {}), {}, 1)
-    bounds = Bounds((np.inf, None), (np.inf, None), ())
+    bounds = Bounds((np.inf, None), {}, ())
     undisturbed = Region(level, known, "given", bounds, Plant(loop), known.coordinates())
     data = region_report(invariant_region(undisturbed, {"push": SIZE})).data
     assert data["disturbances"] == {"push": SIZE}

@@ -14,7 +14,7 @@ from hfa_region.check.statement import RegionStatement
 from hfa_region.picture import region_figure
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.level import ProvedLevel
-from hfa_region.search.plant import Plant, saturated_loop
+from hfa_region.search.plant import Outcome, Plant, saturated_loop
 from hfa_region.search.region import Bounds, Region
 from trim.linear.linear_model import linearize
 from trim.point.solve import find_operating_point
@@ -28,7 +28,7 @@ def region() -> Region:
     loop = saturated_loop(linearize(model, find_operating_point(model)), np.array([[2.0, 1.0]]))
     V = PolynomialFunction.quadratic(np.diag([1.0, 1.0 / 36.0]))
     statement = RegionStatement(loop, V.terms, 0.25, {"angle": (-0.5, 0.5), "rate": (-3.0, 3.0)})
-    bounds = Bounds((0.3, np.array([0.5, 0.0])), (0.5, np.array([0.6, 1.0])), ())
+    bounds = Bounds((0.3, np.array([0.5, 0.0])), {Outcome.LOST: (0.5, np.array([0.6, 1.0]))}, ())
     proved = ProvedLevel(statement, {}, 1)
     return Region(proved, V, "a test", bounds, Plant(loop), np.diag([0.5, 3.0]))
 
@@ -47,7 +47,7 @@ def test_the_picture_has_the_set_its_limits_the_lost_starts_and_the_box(region: 
     figure.canvas.draw()
     axes = axes_of(figure)
     shown = lines(axes)
-    names = ("proved", "V' >= 0 found", "start lost", "starts lost", "box of a critic's comparison")
+    names = ("proved", "V' >= 0 found", "start lost", "lost", "box of a critic's comparison")
     assert set(names) <= set(shown)
     for name, level in (("proved", 0.25), ("V' >= 0 found", 0.3), ("start lost", 0.5)):
         points = np.radians(np.column_stack(shown[name].get_data()))
@@ -59,7 +59,7 @@ def test_the_picture_has_the_set_its_limits_the_lost_starts_and_the_box(region: 
     assert axes.get_ylim()[1] > np.degrees(8.0)
     assert axes.get_xlabel() == "angle, deg"
     assert axes.get_ylabel() == "rate, deg/s"
-    lost = np.radians(np.column_stack(shown["starts lost"].get_data()))
+    lost = np.radians(np.column_stack(shown["lost"].get_data()))
     assert np.all(region.V(lost) > 0.25)
 
 

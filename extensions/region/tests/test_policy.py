@@ -24,7 +24,7 @@ from hfa_region.check.loop import RegionLoop
 from hfa_region.check.polynomial import exponents_of
 from hfa_region.commands.policy import policy_terms
 from hfa_region.search.function import PolynomialFunction, edge_points
-from hfa_region.search.plant import Plant, lost
+from hfa_region.search.plant import Plant, outcomes
 from hfa_support.errors import BadInputError
 
 BASIS = "x1**2, x1*x2, x2**2, x1**3*x2, x2**4"
@@ -135,7 +135,7 @@ def test_starts_in_the_set_return(certificate: Path, model: Model) -> None:
     T = V.coordinates()
     edge = edge_points(V, T, 1.0)[::50] @ T.T
     plant = Plant(statement.loop)
-    assert not lost(plant, edge, lambda z: V(z) <= 1e-4, 20.0).any()
+    assert not outcomes(plant, edge, lambda z: V(z) <= 1e-4, 20.0).any()
     z = ca.SX.sym("z", 2)
     command = ca.Function("u", [z], [plant.command(z)])
     policy = critic_of(BASIS, WEIGHTS).policy

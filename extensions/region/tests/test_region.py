@@ -29,8 +29,8 @@ from hfa_region.check.polynomial import Polynomial, exponents_of
 from hfa_region.check.statement import RegionStatement
 from hfa_region.check.taylor import Taylor
 from hfa_region.search.function import PolynomialFunction
-from hfa_region.search.plant import Plant, lost
-from hfa_region.search.region import lost_starts
+from hfa_region.search.plant import Outcome, Plant, outcomes
+from hfa_region.search.region import gone_starts
 
 
 def run(*words: str) -> int:
@@ -126,7 +126,7 @@ def test_starts_on_rays_are_lost_beyond_the_set(certificate: Path, model: Model)
     V = PolynomialFunction.of_terms(statement.terms)
     T = np.sqrt(statement.rho) * np.linalg.inv(np.linalg.cholesky(V.matrix())).T * 1.0001
     rays = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * np.linalg.norm(T, axis=1)
-    starts = lost_starts(Plant(statement.loop), V, statement.rho, T, rays)
+    starts = gone_starts(Plant(statement.loop), V, statement.rho, T, rays)[Outcome.LOST]
     # The torque cannot lift the pendulum from the horizontal, nor stop it beyond some rate.
     assert len(starts) == 3
     assert np.all(V(starts) > statement.rho)
@@ -189,7 +189,7 @@ def _lost_starts(
     def near(z: np.ndarray) -> np.ndarray:
         return V(z) <= 1e-4 * statement.rho
 
-    return lost(Plant(statement.loop), starts, near, 20.0)
+    return outcomes(Plant(statement.loop), starts, near, 20.0) != Outcome.RETURNED
 
 
 def test_a_set_beyond_the_limits_of_a_state_is_refused(certificate: Path, model: Model) -> None:

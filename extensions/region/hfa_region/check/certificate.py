@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from hfa_aircraft.model import Model
 from hfa_proof.checker.checker import SCHEMA, claims_of, read_sealed, sealed
 from hfa_proof.checker.reading import naming
 from hfa_region.check.checker import check_region
+from hfa_region.check.extents import extents_of
 from hfa_region.check.statement import RegionStatement
 from hfa_region.check.witness import RegionWitness
 from hfa_support.files import write_text
@@ -28,11 +30,13 @@ class VerifiedRegion:
 
     statement: what is proved, every field of which the checker has interpreted
     parts: on how many parts of the set V' < 0 is proved
+    extents: state -> lowest and highest deviation in the set, computed by the checker
     written: version, command and date in the file, which nothing verifies
     """
 
     statement: RegionStatement
     parts: int
+    extents: Mapping[str, tuple[float, float]]
     written: dict[str, str]
 
 
@@ -52,7 +56,7 @@ def check_certificate(
     with naming(path):
         statement, witness = read_content(content, model)
         parts = check_region(statement, witness, progress)
-    return VerifiedRegion(statement, parts, written)
+    return VerifiedRegion(statement, parts, extents_of(statement, witness.T), written)
 
 
 def read_content(

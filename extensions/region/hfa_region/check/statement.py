@@ -3,7 +3,7 @@ in the digest, and a report shows it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_proof.checker.reading import Fields, require
-from hfa_proof.checker.statement import model_of
+from hfa_proof.checker.statement import SAME_TRIM as SAME_TRIM, model_of
 
 #: Highest degree of V, and of the polynomial of a policy.
 HIGHEST_DEGREE = 6
@@ -34,7 +34,8 @@ class SaturatedLoop:
     held: each other state -> the value that it keeps
     K: (m, n), in the order of the inputs and the moving states
     limits: signal -> (lowest, highest); between those of an input it is saturated, a state or an
-        output stays between its own. Of every signal that the model limits, within its limits
+        output stays between its own. Those of an input are the model's, those of any other signal
+        that the model limits not wider
     policy: input -> q, terms of degree 2 to `HIGHEST_POLICY`; an input without has q = 0
     disturbances: disturbance of the model -> d > 0: any measurable w(t) with |w(t)| <= d; the
         others are 0. The rates are affine in those that are named
@@ -90,7 +91,7 @@ class RegionStatement:
         """
         entries = Fields("statement", content)
         model = model_of(content.get("dynamics"), content.get("source"), own)
-        for name, fact in _facts(model).items():
+        for name, fact in facts_of(model).items():
             entries.same(name, fact)
         states = tuple(model.linear)
         held = tuple(name for name in model.states if name not in states)
@@ -119,16 +120,16 @@ class RegionStatement:
         """The statement as a file has it; `read` reads it back."""
         loop = self.loop
         return {
-            **_facts(loop.model),
+            **facts_of(loop.model),
             "parameters": dict(loop.parameters),
             "trim": dict(loop.trim),
             "inputs": dict(loop.inputs),
             "held": dict(loop.held),
             "K": loop.K.tolist(),
             "limits": {name: _pair(pair) for name, pair in loop.limits.items()},
-            "policy": {name: _rows(terms) for name, terms in loop.policy.items()},
+            "policy": {name: rows_of(terms) for name, terms in loop.policy.items()},
             "disturbances": dict(loop.disturbances),
-            "terms": _rows(self.terms),
+            "terms": rows_of(self.terms),
             "rho": self.rho,
             "extents": {name: list(pair) for name, pair in self.extents.items()},
         }
@@ -154,7 +155,7 @@ def model_limits(
     return {name: pair for name, pair in limits.items() if np.isfinite(pair).any()}
 
 
-def _facts(model: Model) -> dict[str, Any]:
+def facts_of(model: Model) -> dict[str, Any]:
     """Which model it is, the order of its states and inputs, and the units of all numbers."""
     return {
         "dynamics": model.name,
@@ -225,7 +226,7 @@ def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]
     return limits
 
 
-def _rows(terms: Terms) -> list[list[Any]]:
+def rows_of(terms: Terms) -> list[list[Any]]:
     """As a file has them."""
     return [[coefficient, list(exponents)] for coefficient, exponents in terms]
 
@@ -236,9 +237,25 @@ def _pair(limits: tuple[float, float]) -> list[float | None]:
 
 
 def _check_limits(loop: SaturatedLoop) -> None:
-    """Malformed where a limit of the model is missing or widened."""
+    """Malformed where a limit of the model is missing or widened, or that of an input another."""
     states = {**loop.trim, **loop.held}
-    for name, (least, most) in model_limits(loop.model, states, loop.parameters).items():
-        require(name in loop.limits, f"limits: {name}: missing entry")
-        low, high = loop.limits[name]
-        require(least <= low and high <= most, f"limits: {name} beyond the model's", [low, high])
+    own = model_limits(loop.model, states, loop.parameters)
+    wrong = limits_hold(loop.limits, own, tuple(loop.inputs))
+    require(
+        wrong is None, f"limits: {wrong} beyond or not the model's", loop.limits.get(wrong or "")
+    )
+
+
+def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | None:
+    """The first signal whose stated limits are not those that the loop needs; None for none.
+
+    Those of an input are its saturation, and so the model's own: others are another loop. A state
+    or an output may be kept within narrower ones."""
+    unlimited = (-np.inf, np.inf)
+    for name in (*inputs, *own):
+        low, high = stated.get(name, unlimited)
+        least, most = own.get(name, unlimited)
+        same = (low, high) == (least, most)
+        if not (same if name in inputs else least <= low and high <= most):
+            return name
+    return None

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from hfa_region.check.statement import SaturatedLoop, Terms
     from hfa_region.search.function import PolynomialFunction
 
-#: What a check takes beside the certificate.
-_OF_A_CHECK = ("check", "aircraft", "output", "json", "quiet")
+#: What changes nothing beside a certificate.
+_OF_THE_SEARCH = ("degree", "seconds", "resume", "picture")
 
 
 def _size(model: Model, name: str, text: str) -> float:
@@ -109,14 +109,19 @@ def region(request: RegionRequest) -> int:
 
 def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     """Verify the certificate of a region, for `hfa prove --check` too; the exit code."""
+    from hfa_proof.subject import compare
     from hfa_region.check.certificate import check_certificate
+    from hfa_region.commands.given import given_for
+    from hfa_region.fields import FIELDS
     from hfa_region.report import checked_report
 
-    others = sorted(request.typed - set(_OF_A_CHECK))
-    request.refuse(others, "does not go with --check: the certificate says all of it")
+    request.refuse(_OF_THE_SEARCH, "does not go with --check: it changes nothing")
+    request.refuse(("plant",), "is linear, but the certificate is about a nonlinear aircraft")
+    request.refuse(("design",), "is of a schedule, but the certificate is about a region")
     own = request.model if request.own else None
     verified = check_certificate(certificate, ProgressLine("check"), own)
-    show(checked_report(verified), request)
+    given = given_for(verified.statement, request)
+    show(checked_report(verified, compare(verified.statement.content(), FIELDS, given)), request)
     return 0
 
 
@@ -129,7 +134,7 @@ def _prove(request: RegionRequest) -> int:
     from hfa_region.search.plant import saturated_loop
     from hfa_region.search.region import RegionSearch
 
-    linear, K, P, policy = _loop(request)
+    linear, K, P, policy = loop_of(request)
     loop = saturated_loop(linear, K, policy)
     refuse_curved(replace(loop, disturbances=request.disturbance))
     known = _known(request, loop)
@@ -162,8 +167,8 @@ def _prove(request: RegionRequest) -> int:
     return 0
 
 
-def _loop(
-    request: RegionRequest,
+def loop_of(
+    request: CheckRequest | RegionRequest,
 ) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
     """The linear model at the trim, K, P of the game where it has been solved, and what of the
     policy is not linear."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -16,8 +17,10 @@ from trim.linear.linear_model import LinearModel
 
 #: Steps of a simulation in the time constant of the fastest mode.
 _STEPS = 3.0
-#: Nominal deviations beyond which a trajectory is lost, whatever the limits.
+#: Nominal deviations beyond which a trajectory diverges, whatever the limits.
 _FAR = 1e4
+#: What would move by less than so many nominal deviations in as long again has come to rest.
+_RESTS = 1e-2
 #: A value V of many deviations (N, n), and its slope there (N, n).
 ValueOf = Callable[[np.ndarray], np.ndarray]
 
@@ -146,13 +149,20 @@ class Plant:
         z = ca.SX.sym("z", len(self.loop.states))
         return ca.Function("rates", [z], [self._function(z)[0]])
 
-    def away(self, z: np.ndarray) -> np.ndarray:
+    def beyond(self, z: np.ndarray) -> np.ndarray:
         """Which of many deviations (N, n) are beyond a limit, those of outputs by their slopes at
-        the trim, or without number."""
+        the trim."""
         signals = z @ self.limited_rows.T
         low, high = self.room.T
-        within = np.all((signals >= low) & (signals <= high), axis=1)
-        return ~(within & np.all(np.abs(z) <= _FAR * self.nominal, axis=1))
+        return ~np.all((signals >= low) & (signals <= high), axis=1)
+
+    def diverged(self, z: np.ndarray) -> np.ndarray:
+        """Which of many deviations (N, n) are `_FAR` away or without number."""
+        return ~np.all(np.abs(z) <= _FAR * self.nominal, axis=1)
+
+    def away(self, z: np.ndarray) -> np.ndarray:
+        """Which of many deviations (N, n) are beyond a limit or have diverged."""
+        return self.beyond(z) | self.diverged(z)
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """z' of many deviations (N, n)."""
@@ -235,34 +245,56 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return np.asarray(vectors / lengths)
 
 
-def lost(
+class Outcome(IntEnum):
+    """What a simulation shows of an initial condition."""
+
+    RETURNED = 0  # it comes into the proved set
+    UNKNOWN = 1  # none of the others in the time
+    LEFT = 2  # it goes beyond a limit
+    LOST = 3  # it diverges, or comes to rest elsewhere
+
+
+#: What is said of a start that does not return.
+NOT_RETURNED = {
+    Outcome.LEFT: "leaves the limits",
+    Outcome.LOST: "lost",
+    Outcome.UNKNOWN: "not known in the time",
+}
+
+
+def outcomes(
     plant: Plant, starts: np.ndarray, holds: Callable[[np.ndarray], np.ndarray], seconds: float
 ) -> np.ndarray:
-    """Which of the starts (N, n) do not come into a proved set, (N,).
+    """The `Outcome` of each of the starts (N, n), (N,).
 
     plant: the loop
     starts: deviations
     holds: whether each of (N, n) is in the proved set
     seconds: how long each is followed
 
-    A trajectory is followed by the classical method of Runge and Kutta; one that is `away` is lost.
+    A trajectory is followed by the classical method of Runge and Kutta until its first outcome,
+    which is looked for at every step.
     """
     fastest = float(np.max(np.abs(np.linalg.eigvals(plant.closed_matrix))))
     step = 1.0 / (_STEPS * fastest)
     z = np.array(starts, dtype=float)
-    result = np.zeros(len(z), dtype=bool)
+    result = np.full(len(z), Outcome.UNKNOWN)
     flying = np.arange(len(z))
     with np.errstate(all="ignore"):  # of those that run away
-        for count in range(int(np.ceil(seconds / step))):
-            if count % 8 == 0:
-                now = z[flying]
-                away = plant.away(now)
-                result[flying[away]] = True
-                flying = flying[~(away | holds(now))]
-                if not len(flying):
-                    return result
+        for _ in range(int(np.ceil(seconds / step)) + 1):
+            now = z[flying]
+            returned = holds(now)
+            diverged = plant.diverged(now)
+            left = plant.beyond(now) & ~diverged
+            result[flying[left]] = Outcome.LEFT
+            result[flying[diverged]] = Outcome.LOST
+            result[flying[returned]] = Outcome.RETURNED
+            flying = flying[~(returned | left | diverged)]
+            if not len(flying):
+                return result
             z[flying] = _advanced(plant, z[flying], step)
-    result[flying] = True
+        moved = np.abs(plant.rates(z[flying])) * seconds
+    result[flying[np.all(moved <= _RESTS * plant.nominal, axis=1)]] = Outcome.LOST
     return result
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from hfa_region.check.loop import Equilibrium
 from hfa_region.check.statement import SaturatedLoop
 from hfa_region.search.function import PolynomialFunction, edge_points
 from hfa_region.search.level import LevelSearch, ProvedLevel, Setting, holding_ball, proved_level
-from hfa_region.search.plant import Plant, first_rise, lost
+from hfa_region.search.plant import Outcome, Plant, first_rise, outcomes
 from hfa_region.search.shape import better
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -36,6 +36,8 @@ LYAPUNOV = "a Lyapunov matrix of the loop"
 _RAYS = 80
 _SHELLS = 10
 _FARTHEST = 20.0
+#: How long these are followed, in time constants of the slowest mode.
+_TIMES = 12.0
 #: A signal that reaches this share of the room to its limit touches it.
 _TOUCHES = 0.97
 #: Candidates of which a level is tried to be proved.
@@ -49,12 +51,13 @@ class Bounds:
     """What bounds a proved set.
 
     rises: the lowest V where V' >= 0 was found, and where; inf and no place for none
-    lost: the lowest V of a start that was lost, and which; likewise
+    starts: outcome -> the lowest V of a start that had it, and which; without those of which no
+        start was found
     limits: signals whose limits the set touches, nearly
     """
 
     rises: tuple[float, np.ndarray | None]
-    lost: tuple[float, np.ndarray | None]
+    starts: Mapping[Outcome, tuple[float, np.ndarray]]
     limits: tuple[str, ...]
 
 
@@ -330,28 +333,29 @@ def bounds_of(
     generator = np.random.default_rng(1)
     directions = generator.normal(size=(_RAYS, len(T)))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    starts = lost_starts(plant, V, rho, T, directions @ T.T)
-    gone: tuple[float, np.ndarray | None] = (np.inf, None)
-    if len(starts):
+    found = gone_starts(plant, V, rho, T, directions @ T.T)
+    nearest = {}
+    for outcome, starts in found.items():
         values = V(starts)
-        gone = (float(values.min()), starts[values.argmin()])
+        nearest[outcome] = (float(values.min()), starts[values.argmin()])
     points = edge_points(V, T, rho) @ T.T @ plant.limited_rows.T
     low, high = plant.room.T
     near = (points.min(axis=0) <= _TOUCHES * low) | (points.max(axis=0) >= _TOUCHES * high)
-    return Bounds(rises, gone, tuple(np.array(plant.limited)[near].tolist()))
+    return Bounds(rises, nearest, tuple(np.array(plant.limited)[near].tolist()))
 
 
-def lost_starts(
+def gone_starts(
     plant: Plant, V: PolynomialFunction, rho: float, T: np.ndarray, rays: np.ndarray
-) -> np.ndarray:
-    """(k, n), about the first start on each ray that is lost; rays without one are left out.
+) -> dict[Outcome, np.ndarray]:
+    """`LEFT` and `LOST` -> (k, n), about the first start on each ray that leaves the limits or is
+    lost, of rays that have one; `UNKNOWN` -> those of which nothing is known in the time.
 
     V, rho: of the proved set
     T: z = T y, the set in the unit ball of y
     rays: (N, n), about to the edge of the set
     """
     rates = np.linalg.eigvals(plant.closed_matrix).real
-    seconds = 6.0 / float(np.min(np.abs(rates)))
+    seconds = _TIMES / float(np.min(np.abs(rates)))
 
     def holds(z: np.ndarray) -> np.ndarray:
         inside = np.linalg.norm(np.linalg.solve(T, z.T), axis=0) <= 1.0
@@ -359,14 +363,23 @@ def lost_starts(
 
     low = np.minimum(V.edge(rays, rho), 1.0)
     high = low * _FARTHEST
+    kinds = np.zeros(0, dtype=int)
+    open_starts = np.zeros((0, len(T)))
     for _ in range(2):
         shells = low + (high - low) * np.linspace(0.0, 1.0, _SHELLS + 1)[1:, None] ** 2
         starts = (shells[:, :, None] * rays).reshape(-1, rays.shape[1])
-        gone = lost(plant, starts, holds, seconds).reshape(shells.shape)
+        found = outcomes(plant, starts, holds, seconds)
+        open_starts = np.concatenate([open_starts, starts[found == Outcome.UNKNOWN]])
+        found = found.reshape(shells.shape)
+        gone = found >= Outcome.LEFT
+        kinds = found[gone.argmax(axis=0), np.arange(len(rays))][gone.any(axis=0)]
         rays, low, high = _first_lost(rays, low, shells, gone)
         if not len(rays):
             break
-    return np.asarray(high[:, None] * rays)
+    first = np.asarray(high[:, None] * rays)
+    of_kind = {kind: first[kinds == kind] for kind in (Outcome.LEFT, Outcome.LOST)}
+    of_kind[Outcome.UNKNOWN] = open_starts
+    return {kind: starts for kind, starts in of_kind.items() if len(starts)}
 
 
 def _first_lost(

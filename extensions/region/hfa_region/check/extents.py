@@ -1,0 +1,47 @@
+"""How far a proved set reaches, computed from V, rho and the ball."""
+
+from __future__ import annotations
+
+import numpy as np
+from flint import arb, ctx
+
+from hfa_proof.arithmetic.balls import exact, matrix, norm
+from hfa_region.check.statement import RegionStatement
+
+#: Bits of a midpoint.
+_PRECISION = 192
+
+
+@ctx.workprec(_PRECISION)
+def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[float, float]]:
+    """Lowest and highest deviation of each state in a set that is proved, rounded outward.
+
+    statement: of V of degree 2 the deviations are those of the ellipsoid, ±sqrt(rho P⁻¹_ii),
+        whatever it states; of a higher degree those that are proved, and within the ball
+    T: (n, n), the set lies in the unit ball of y, z = T y
+    """
+    states = statement.loop.states
+    n = len(states)
+    inverse = None
+    if all(sum(exponents) == 2 for _, exponents in statement.terms):
+        P = np.zeros((n, n))
+        for coefficient, exponents in statement.terms:
+            i, j = np.repeat(np.arange(n), exponents)
+            P[i, j] += coefficient / 2.0
+            P[j, i] += coefficient / 2.0
+        inverse = matrix(P).inv()
+    found = {}
+    for index, name in enumerate(states):
+        if inverse is not None:
+            reach = _above((exact(statement.rho) * inverse[index, index]).sqrt())
+            found[name] = (-reach, reach)
+            continue
+        reach = _above(norm(matrix(T).table()[index]))
+        low, high = statement.extents[name]
+        found[name] = (max(low, -reach), min(high, reach))
+    return found
+
+
+def _above(ball: arb) -> float:
+    """A double above a ball."""
+    return float(np.nextafter(float(ball.upper()), np.inf))

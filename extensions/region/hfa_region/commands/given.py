@@ -1,0 +1,138 @@
+"""What the user gave beside the certificate of a region, in the form of its statement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_proof.commands.given import aircraft_option, at_one_value, names_aircraft
+from hfa_proof.subject import Given, close_to, within
+from hfa_region.check.statement import (
+    SAME_TRIM,
+    RegionStatement,
+    facts_of,
+    limits_hold,
+    model_limits,
+    rows_of,
+)
+
+if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
+    from hfa_proof.commands.check import CheckRequest
+    from hfa_region.commands.region import RegionRequest
+
+#: Options by any of which a policy is named.
+_OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
+#: A gain that follows from P, W or the game is the same to within this, of the largest entry.
+_SAME_GAIN = 1e-9
+
+
+def given_for(
+    statement: RegionStatement, request: CheckRequest | RegionRequest
+) -> dict[str, Given]:
+    """Path of an entry -> the user's own, of what the options give.
+
+    statement: which was proved
+    request: of the user
+
+    BadInputError or TrimError where the options name no loop.
+    """
+    if isinstance(request.at, tuple):
+        request = at_one_value(request)
+    given: dict[str, Given] = {}
+    at_a_trim = request.own or request.at is not None
+    if names_aircraft(request):
+        given |= _given_aircraft(statement, request)
+    if at_a_trim:
+        given |= _given_trim(statement, request)
+    if any(name in request.typed for name in _OF_THE_POLICY):
+        given |= _given_policy(request)
+    elif not statement.loop.inputs and "dynamics" in given:
+        option = given["dynamics"].option
+        given |= {"K": Given([], option), "policy": Given({}, option)}
+    sizes = getattr(request, "disturbance", None)
+    if sizes:
+        given["disturbances"] = Given(dict(sizes), "--disturbance")
+    return given
+
+
+def _given_aircraft(
+    statement: RegionStatement, request: CheckRequest | RegionRequest
+) -> dict[str, Given]:
+    """The model, its parameters, and its limits about the stated trim."""
+    model = request.flown_aircraft()
+    option = aircraft_option(request)
+    parameters = {name: signal.start for name, signal in model.parameters.items()}
+    given = {name: Given(fact, option) for name, fact in facts_of(model).items()}
+    given["parameters"] = Given(parameters, option)
+    if tuple(model.linear) != statement.loop.states:
+        return given  # of another model: the comparison of its name says so
+    states = {**statement.loop.trim, **statement.loop.held}
+    given["limits"] = Given(
+        model_limits(model, states, parameters), option, _not_wider(tuple(model.inputs))
+    )
+    return given
+
+
+def _not_wider(inputs: tuple[str, ...]) -> Any:
+    """A comparison of limits: those of inputs the same, others not wider."""
+
+    def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+        pairs = {name: _ends(pair) for name, pair in stated.items()}
+        return limits_hold(pairs, own, inputs) is None
+
+    return same
+
+
+def _ends(pair: Any) -> tuple[float, float]:
+    low, high = pair
+    return (-np.inf if low is None else low, np.inf if high is None else high)
+
+
+def _given_trim(
+    statement: RegionStatement, request: CheckRequest | RegionRequest
+) -> dict[str, Given]:
+    """The trim that the options name, within `SAME_TRIM` of each nominal value."""
+    model: Model = request.flown_aircraft()
+    point = request.operating_point(model)
+    option = aircraft_option(request)
+    values = {name: float(value) for name, value in point.states._asdict().items()}
+    parts = {
+        "trim": {name: values[name] for name in model.linear},
+        "held": {name: values[name] for name in model.states if name not in model.linear},
+        "inputs": {name: float(value) for name, value in point.inputs._asdict().items()},
+    }
+    widths = {name: SAME_TRIM * signal.nominal for name, signal in model.signals.items()}
+    return {name: Given(part, option, within(widths)) for name, part in parts.items()}
+
+
+def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
+    """K, and what of the policy is not linear."""
+    from hfa_region.commands.region import loop_of
+
+    _, K, _, policy = loop_of(request)
+    option = "the game" if request.weights is None else f"--weights {request.weights}"
+    rows = {name: rows_of(terms) for name, terms in policy.items()}
+    return {
+        "K": Given(K.tolist(), option, close_to(_SAME_GAIN)),
+        "policy": Given(rows, option, _same_policy),
+    }
+
+
+def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+    """Whether the polynomials of each input have the same monomials and about the same
+    coefficients."""
+    if set(stated) != set(own):
+        return False
+    for name, rows in own.items():
+        found = {tuple(powers): coefficient for coefficient, powers in stated[name]}
+        wanted = {tuple(powers): coefficient for coefficient, powers in rows}
+        if set(found) != set(wanted):
+            return False
+        pairs = [[found[powers], wanted[powers]] for powers in wanted]
+        first, second = np.array(pairs).T
+        if not close_to(_SAME_GAIN)(first, second):
+            return False
+    return True
