@@ -61,11 +61,7 @@ class TrimProblem:
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
         if not self.free and not self.solved(np.zeros(0)):
-            choices = ", ".join(model.variables)
-            raise BadInputError(
-                "nothing is free, and the stated point is no equilibrium within the limits; set at "
-                f"least one of {choices} free"
-            )
+            raise BadInputError("nothing is free and this is no equilibrium; set a variable free")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A pickle is of what was asked; its functions in memory are made again."""
