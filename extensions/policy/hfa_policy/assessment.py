@@ -167,7 +167,8 @@ class Assessor:
     points: its trims.
     samples: flights at each; 0 for none.
     seed: that decides their starts.
-    box: linear state -> half-width of the box of starts, in place of the usual.
+    box: linear state -> half-width of the box of initial conditions, in place of the usual.
+    steady: the trim of which the points are changed aircraft; None where they are trims.
     """
 
     deployed: Deployed
@@ -175,6 +176,7 @@ class Assessor:
     samples: int = SAMPLES
     seed: int = 0
     box: Mapping[str, float] = field(default_factory=dict)
+    steady: OperatingPoint | None = None
 
     def flight(self) -> SampledFlight:
         """What the flights have in common."""
@@ -184,7 +186,7 @@ class Assessor:
 
     def places(self, flight: SampledFlight) -> list[Place]:
         """Where the policy rests at each trim, and the box of starts about the trim."""
-        searches = [EquilibriumSearch(self.deployed, point) for point in self.points]
+        searches = [EquilibriumSearch(self.deployed, point, self.steady) for point in self.points]
         equilibria = [
             search.from_point(np.array(search.point.states), np.array(search.point.inputs))
             for search in searches
@@ -206,11 +208,11 @@ class Assessor:
     ) -> Place:
         """The trim with what is known of its equilibrium."""
         if equilibrium is None:
-            return Place(point, widths, None, False)
+            return Place(point, widths, None, False, steady=self.steady)
         reach = reach_of(self.deployed, equilibrium, widths)
         radius = self._chain(reach).radius
         seconds = seconds_to_converge(radius, self.deployed.deployment.dt)
-        return Place(point, widths, equilibrium, radius < 1.0, reach, seconds)
+        return Place(point, widths, equilibrium, radius < 1.0, reach, seconds, self.steady)
 
     def _widths(self, point: OperatingPoint) -> np.ndarray:
         widths = start_box(self.deployed.model, point)
@@ -375,6 +377,7 @@ def assess(
     samples: int = SAMPLES,
     seed: int = 0,
     progress: Progress | None = None,
+    vary: Mapping[str, tuple[float, float]] | None = None,
 ) -> Any:
     """Assess a policy as it is deployed.
 
@@ -385,6 +388,8 @@ def assess(
     samples: flights at each trim, with and without disturbance; 0 for none
     seed: that decides their starts
     progress: called during the flights
+    vary: parameter, or input that no action moves -> lowest and highest value; the policy is judged
+        on the changed aircraft too, its trim values frozen
 
     BadInputError where the deployment is not of this aircraft, TrimError where there is no trim.
 
@@ -402,8 +407,11 @@ def assess(
     """
     from hfa_policy.assessment_report import Assessment
     from hfa_policy.mistakes import mistakes_of
+    from hfa_policy.variations import variations
 
     deployed = deployment.on(model)
     assessor = Assessor(deployed, trims_of(model, points), samples, seed)
     assessed = assessor.assessed(progress)
-    return Assessment(deployed, tuple(assessed), tuple(mistakes_of(assessor, assessed)))
+    mistakes = tuple(mistakes_of(assessor, assessed))
+    changed = variations(assessor, vary or {}, progress)
+    return Assessment(deployed, tuple(assessed), mistakes, variations=tuple(changed))

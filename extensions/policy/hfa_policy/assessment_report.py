@@ -14,6 +14,7 @@ from hfa_policy.departures import departure_text
 from hfa_policy.deployed import Deployed
 from hfa_policy.mistake import Mistake
 from hfa_policy.normalizer_evidence import unknown_normalizer
+from hfa_policy.variations import Variation, variation_table
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Report, Reported
@@ -47,6 +48,7 @@ class Assessment(Result, Reported):
     points: what it does at each trim, by the value of the scheduling variable.
     mistakes: of its deployment, proved or likely.
     needs: delay, s, margin or cost, percent -> what is asked for.
+    variations: what it does on changed aircraft.
     """
 
     schema = "hfa.assessment/1"
@@ -55,13 +57,14 @@ class Assessment(Result, Reported):
         "dynamics=deployed.model.name card=deployed.deployment.origin first_line holds "
         "dt=deployed.deployment.dt delay=deployed.deployment.delay "
         "network=deployed.deployment.actor.chain commanded=deployed.commanded "
-        "states=deployed.model.linear mistakes points unmet warnings"
+        "states=deployed.model.linear mistakes points unmet warnings variations?"
     )
 
     deployed: Deployed
     points: tuple[AssessedPoint, ...]
     mistakes: tuple[Mistake, ...]
     needs: Mapping[str, float] = field(default_factory=dict)
+    variations: tuple[Variation, ...] = ()
 
     @property
     def holds(self) -> bool:
@@ -96,14 +99,15 @@ class Assessment(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """Whether it holds at every trim and meets every need."""
-        return self.holds and not self.unmet
+        """Whether it holds at every trim and on every changed aircraft, and meets every need."""
+        changed = all(variation.holds for variation in self.variations)
+        return self.holds and changed and not self.unmet
 
     @property
     def headlines(self) -> list[str]:
         """What a reader must know of the policy at all trims, a sentence each, worst first."""
         holding = self._holding()
-        bad = [self._mistaken(), holding, *self.unmet]
+        bad = [self._mistaken(), holding, *self.unmet, self._changed()]
         flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
         loop = [self._saturating(), self._delaying(), self._offset(), self._costing()]
         if not self.ok:
@@ -149,6 +153,15 @@ class Assessment(Result, Reported):
     def _flown(self) -> bool:
         """Whether starts were flown."""
         return any(point.flights is not None for point in self.points)
+
+    def _changed(self) -> str:
+        """The first changed aircraft that it does not hold, and how many."""
+        failing = [variation for variation in self.variations if not variation.holds]
+        if not failing:
+            return ""
+        where = self._where([failing[0].assessed]).replace(" at the trim", "")
+        count = f"{len(failing)} of {len(self.variations)} changed aircraft"
+        return f"does not hold {count}, the first {where}: {failing[0].text}"
 
     def _departing(self) -> str:
         """How many flights leave the envelope, and the state and limit of the first."""
@@ -295,6 +308,9 @@ class Assessment(Result, Reported):
             lines.append(mistake.sentence)
         parts: list[Any] = [deployment.actor.chain, self._table()]
         parts += [*self._findings(), *self._off_slope()]
+        if self.variations:
+            trims = [self._where([point]) for point in self.points]
+            parts.append(variation_table(self.variations, trims))
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())
 
     def _findings(self) -> list[str]:

@@ -55,9 +55,14 @@ class Equilibrium:
 
 
 class EquilibriumSearch:
-    """Newton's method on the linear states and the commanded inputs at one trim."""
+    """Newton's method on the linear states and the commanded inputs at one trim.
 
-    def __init__(self, deployed: Deployed, point: OperatingPoint) -> None:
+    steady: the trim of whose rates the equilibrium has; the point itself unless given.
+    """
+
+    def __init__(
+        self, deployed: Deployed, point: OperatingPoint, steady: OperatingPoint | None = None
+    ) -> None:
         self.deployed = deployed
         self.point = point
         model = point.model
@@ -72,7 +77,8 @@ class EquilibriumSearch:
         state_scales = [model.states[name].nominal for name in model.linear]
         self.residual_scales = np.array([*rate_scales, *input_scales])
         self.scales = np.array([*state_scales, *input_scales])
-        self.steady = model.at(point.states, point.inputs).f[self.rows]
+        at = steady or point
+        self.steady = at.model.at(at.states, at.inputs).f[self.rows]
 
     def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Equilibrium | None:
         """The equilibrium that is found from X (n,) and U (m,); None where none is: Newton's

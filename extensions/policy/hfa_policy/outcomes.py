@@ -79,6 +79,7 @@ class Place:
         converged.
     reach: what the actions move there; None without an equilibrium.
     seconds: for which flights are flown.
+    steady: the trim of whose rates an equilibrium has; the point unless given.
     """
 
     point: OperatingPoint
@@ -87,6 +88,7 @@ class Place:
     stable: bool
     reach: Reach | None = None
     seconds: float = HORIZON
+    steady: OperatingPoint | None = None
 
     @property
     def judged(self) -> np.ndarray:
@@ -327,7 +329,7 @@ class FlownRows:
     def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
         """How many of the flights that hardly move are at another equilibrium, and the linear
         states at the first such. The others still move."""
-        search = EquilibriumSearch(self.flight.deployed, place.point)
+        search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
         X, memory, *_ = self.flight.slices
         m = len(place.point.model.inputs)
         ball = BALL * place.box[place.judged]

@@ -332,3 +332,40 @@ def test_a_lost_flight_names_state_limit_and_time():
     while not lost:
         *_, lost, _, info = env.step(np.array([10.0]))
     assert info["left"].startswith("altitude below -3 ft at ")
+
+
+def test_changed_aircraft_are_flown_with_frozen_trim_values():
+    """The equilibrium at another xcg, against SciPy's root of the equations with the gain written
+    out about the original trim."""
+    from scipy.optimize import root
+
+    model = load_model(F16)
+    card = f16_card().changed(observation={"alpha": {}, "pitch_rate": {}, "gamma": {}})
+    result = hfa.assess(model, card, [502.0], samples=0, vary={"xcg": (0.30, 0.36)})
+    trim = result.points[0].point
+    assert [variation.value for variation in result.variations] == pytest.approx(
+        np.linspace(0.30, 0.36, 5)
+    )
+    changed = model.with_parameters(xcg=0.36)
+    names = list(model.states)
+    rows = [names.index(name) for name in model.linear]
+
+    def rates(linear):
+        X = np.array(trim.states)
+        X[rows] = linear
+        at = dict(zip(names, X, strict=True))
+        gamma = changed.outputs_at(X, trim.inputs, ("gamma",))["gamma"]
+        moved = 50.0 * (at["alpha"] - trim["alpha"]) + 60.0 * at["pitch_rate"] + 20.0 * gamma
+        U = trim.inputs._replace(elevator=trim["elevator"] + moved)
+        by_name = changed.rates_at(X, U)
+        return [by_name[name] / model.rate_scale(name) for name in model.linear]
+
+    expected = root(rates, np.array(trim.states)[rows], tol=1e-12).x
+    found = result.variations[-1].assessed.equilibrium.states[rows]
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-8)
+    nominal = hfa.assess(model, card, [502.0], samples=0, vary={"xcg": (0.35, 0.36)})
+    np.testing.assert_allclose(
+        nominal.variations[0].assessed.equilibrium.states, nominal.points[0].equilibrium.states
+    )
+    with pytest.raises(hfa.BadInputError, match="cannot vary 'elevator'; choose from xcg"):
+        hfa.assess(model, card, [502.0], samples=0, vary={"elevator": (0.0, 1.0)})

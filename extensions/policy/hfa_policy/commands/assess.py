@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hfa.options.argument_types import input_file, number, quantity, whole
+from hfa.options.argument_types import input_file, number, quantity, span, whole
 from hfa.options.command import command
 from hfa.options.ranges import Range, array_of, scheduled_range
 from hfa.options.request import OfModel, option
@@ -47,6 +47,12 @@ def _half_width(model: Model, name: str, text: str) -> float:
     return width
 
 
+def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
+    """Lowest and highest value of a parameter or an input."""
+    refuse_unknown("cannot vary", name, (*model.parameters, *model.inputs))
+    return span(model, name, text)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     """A policy as it is deployed."""
@@ -81,6 +87,14 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         _need,
         named=True,
     )
+    vary: Mapping[str, tuple[float, float]] = option(
+        "judge changed aircraft too: five values of a parameter, or of an input that no action "
+        "moves, with the trim values of the policy frozen; repeatable",
+        "NAME=LOW:HIGH",
+        OfModel(_varied),
+        named=True,
+        rare=True,
+    )
     picture: Path | None = picture_option("radius over delay, and what becomes of the starts")
 
     def points(self) -> list[OperatingPoint]:
@@ -111,6 +125,7 @@ def assess(request: AssessRequest) -> int:
     from hfa_policy.assessment_report import Assessment
     from hfa_policy.deployment import Deployment
     from hfa_policy.mistakes import mistakes_of
+    from hfa_policy.variations import variations
 
     deployment = Deployment.load(request.card)
     deployed = deployment.on(request.flown_aircraft())
@@ -120,6 +135,9 @@ def assess(request: AssessRequest) -> int:
     assessor = Assessor(deployed, tuple(points), request.samples, request.seed, request.box)
     assessed = assessor.assessed(ProgressLine("fly"))
     mistakes = mistakes_of(assessor, assessed)
-    result = Assessment(deployed, tuple(assessed), tuple(mistakes), request.need)
+    changed = variations(assessor, request.vary, ProgressLine("fly changed aircraft"))
+    result = Assessment(
+        deployed, tuple(assessed), tuple(mistakes), request.need, variations=tuple(changed)
+    )
     show(result.report(), request, figure=result.figure, notes=result.warnings)
     return 0 if result.ok else 1

@@ -1,0 +1,141 @@
+"""A deployed policy on changed aircraft: other parameters, or other inputs that no action moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_policy.assessment import AssessedPoint, Assessor
+from hfa_policy.deployed import Deployed
+from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.progress import Progress
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import Table
+from trim.point.operating_point import OperatingPoint
+
+#: Evenly spaced values of a range, its ends included.
+VALUES = 5
+#: Most flights of a changed aircraft.
+_MOST_SAMPLES = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Variation(Result):
+    """The policy on an aircraft with one change, its trim values frozen.
+
+    name: of the parameter or input.
+    value: of it.
+    assessed: what the policy does there; its point has the states and inputs of the original trim.
+    """
+
+    keys = (
+        "name value holds=assessed.holds spectral_radius=assessed.radius "
+        "rest=assessed.equilibrium_states flights=assessed.flights disturbed=assessed.disturbed "
+        "findings=assessed.findings"
+    )
+
+    name: str
+    value: float
+    assessed: AssessedPoint
+
+    @property
+    def holds(self) -> bool:
+        """Whether the policy holds the changed aircraft."""
+        return self.assessed.holds
+
+    @property
+    def text(self) -> str:
+        """Name and value, with the unit."""
+        return f"{self.name} {self.assessed.point.model.describe(self.name, self.value)}"
+
+
+def refuse_unvaried(model: Model, commanded: Sequence[str], name: str) -> None:
+    """BadInputError unless the name is a parameter, or an input that no action moves."""
+    inputs = [each for each in model.inputs if each not in commanded]
+    refuse_unknown("cannot vary", name, (*model.parameters, *inputs))
+
+
+def variations(
+    assessor: Assessor,
+    vary: Mapping[str, tuple[float, float]],
+    progress: Progress | None = None,
+) -> list[Variation]:
+    """The policy on each changed aircraft, one change at a time, at each trim of an assessor.
+
+    vary: parameter or input -> (lowest, highest).
+
+    BadInputError for another name, and for a value that the model does not take.
+    """
+    changes = []
+    for name, (low, high) in vary.items():
+        refuse_unvaried(assessor.deployed.model, assessor.deployed.commanded, name)
+        changes += [(name, value) for value in np.linspace(low, high, VALUES).tolist()]
+    found: list[Variation] = []
+    for point in assessor.points if changes else ():
+        changed = replace(
+            assessor,
+            deployed=frozen_at(assessor.deployed, point),
+            points=tuple(_changed(point, name, value) for name, value in changes),
+            samples=min(assessor.samples, _MOST_SAMPLES),
+            steady=point,
+        )
+        assessed = changed.assessed(progress)
+        rows = zip(changes, assessed, strict=True)
+        found += [Variation(name, value, each) for (name, value), each in rows]
+    return found
+
+
+def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
+    """The states and inputs of a trim with one change of the aircraft."""
+    model = point.model
+    if name in model.parameters:
+        return replace(point, model=model.with_parameters(**{name: value}), problem=None)
+    signal = model.inputs[name]
+    if not signal.min <= value <= signal.max:
+        raise BadInputError(
+            f"{name} is {model.describe(name, value)}; it lies between "
+            f"{model.describe(name, signal.min)} and {model.describe(name, signal.max)}"
+        )
+    return replace(point, inputs=point.inputs._replace(**{name: value}), problem=None)
+
+
+def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
+    """The deployment with numbers in place of the trim values of its observations: a deployed
+    policy does not know the trim of a changed aircraft."""
+    card = deployed.deployment
+    whole = {
+        name: {**entry, "about": 0.0, "scale": 1.0} for name, entry in card.observation.items()
+    }
+    trim = deployed.trim_vector(point)
+    n, m = len(deployed.model.states), len(deployed.model.inputs)
+    observe = card.changed(observation=whole).on(deployed.model).observe
+    values = np.array(observe(trim[:n], trim[n : n + m], trim)).ravel().tolist()
+    observation: dict[str, Any] = {}
+    for (name, entry), value in zip(card.observation.items(), values, strict=True):
+        about = entry.get("about", "trim")
+        observation[name] = {**entry, "about": value if about == "trim" else about}
+    return card.changed(observation=observation).on(deployed.model)
+
+
+def variation_table(found: Sequence[Variation], trims: Sequence[str]) -> Table:
+    """A row a change and trim.
+
+    trims: the text of each trim, in order.
+    """
+    rows = []
+    per_trim = len(found) // len(trims)
+    for number, variation in enumerate(found):
+        point = variation.assessed
+        cells = [trims[number // per_trim], variation.text, "yes" if point.holds else "no"]
+        cells.append("-" if np.isnan(point.radius) else f"{point.radius:.5f}")
+        for flown in (point.flights, point.disturbed):
+            cells.append("-" if flown is None else f"{flown.returned} of {flown.starts}")
+            if flown is point.flights:
+                cells.append("-" if flown is None else f"{flown.lost}")
+        rows.append(tuple(cells))
+    header = ("trim", "changed aircraft", "holds", "radius", "converge", "leave", "disturbed")
+    return Table(header, rows)
