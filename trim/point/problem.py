@@ -54,14 +54,11 @@ class TrimProblem:
         self.idle = self.system.equations.idle
         self.names = self.system.equations.names
         self.count = (self.system.moved, len(self.free))
-        if self.idle and not self.free:
-            raise BadInputError(
-                f"{' and '.join(self.idle)} moves no equation; set something else free"
-            )
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
-        if not self.free and not self.solved(np.zeros(0)):
-            raise BadInputError("nothing is free and this is no equilibrium; set a variable free")
+        if not self.free and (self.idle or not self.solved(self.system.start)):
+            free = " and ".join(self.idle) or "this is no equilibrium: what is free"
+            raise BadInputError(f"{free} moves no equation; set something else free")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A pickle is of what was asked; its functions in memory are made again."""
