@@ -21,7 +21,14 @@ _LONGEST_LINE = 1000
 
 class BadInputError(ValueError):
     """What was asked for is not well posed: a wrong name, number, unit, shape or file (exit code
-    2)."""
+    2).
+
+    options: words of the command line that answer what was not said; () for none.
+    """
+
+    def __init__(self, message: str, options: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.options = options
 
 
 class NoSolutionError(RuntimeError):
@@ -36,7 +43,9 @@ def said_of(what: str | Path) -> Iterator[None]:
         yield
     except BadInputError as error:
         text = str(error)
-        raise BadInputError(text if text.startswith(str(what)) else f"{what}: {text}") from error
+        if not text.startswith(str(what)):
+            text = f"{what}: {text}"
+        raise BadInputError(text, error.options) from error
 
 
 def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:

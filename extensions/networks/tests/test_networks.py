@@ -88,7 +88,7 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
         game, from_network(game, path, activation="relu"), scope=on_the_box(1)
     ).ok
     for activation, said in (
-        (None, "give --set activation=tanh|relu"),
+        (None, 'give activation="tanh"'),
         ("cosh", "unknown activation 'cosh'"),
     ):
         with pytest.raises(BadInputError, match=re.escape(said)):
@@ -165,7 +165,7 @@ def test_a_value_and_a_policy_of_one_file_are_named() -> None:
     assert judged.code == FAILED
     assert json.loads(judged.out)["network"]["output"] == "V and policy"
     assert "hfa assess" in judged.err  # a zip has no normalizer and no map
-    assert "name one by --network: " in hfa(*words[:-1]).err
+    assert "of several networks name one, as network=" in hfa(*words[:-1]).err
     assert "before = stands one of V, gradient, policy, V+policy" in hfa(*words, "W=value_net").err
 
 
@@ -241,10 +241,41 @@ def test_outputs_that_fit_nothing_or_two_things_are_refused(game: Game) -> None:
     assert "the network has 3 outputs; on this plant V has 1, gradient has 6, policy has 5" in said
     plant = stored("plant.json", **GOPS["plant"])
     path = torch_file("policy.pt", {"weight": -np.ones((1, 3))})
-    said = hfa("verify", "--model", plant, "--weights", path)
-    assert (said.code, "1 outputs may be V or policy; say which, as --network V=" in said.err) == (
-        BAD_INPUT,
-        True,
-    )
-    assert hfa("verify", "--model", plant, "--weights", path, "--network", "policy=").code == FAILED
+    named = hfa("verify", "--model", plant, "--weights", path, "--network", "policy=")
+    assert named.code == FAILED
+    alone = hfa("verify", "--model", plant, "--weights", path).out  # one input
+    assert alone.splitlines()[0] == named.out.splitlines()[0]
+    A = [[0.0, 1.0], [-1.0, -1.0]]
+    square = stored("square.json", A=A, B=[[1.0, 0.0], [0.0, 1.0]])
+    policy = torch_file("two.pt", {"weight": -np.eye(2)})
+    said = hfa("verify", "--model", square, "--weights", policy)
+    assert said.code == BAD_INPUT
+    typed = said.err.rpartition("; type ")[2].split()
+    assert typed[0] == "hfa"
+    assert hfa(*typed[1:]).code == FAILED
     assert "has no setting 'activation'" in hfa("verify", *AT_15, "--set", "activation=tanh").err
+
+
+def test_the_lines_of_the_readme_judge_a_policy() -> None:
+    """One input: the line as it is printed; without its activation the error has the line."""
+    plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
+    K = solve_game(plant).K
+    np.savez("plant.npz", A=plant.A, B=plant.B, Q=plant.Q, R=plant.R)
+    torch_file("policy.pt", {"0.weight": 1e-4 * np.eye(2), "2.weight": -1e4 * K})
+    readme = (Path(__file__).parents[3] / "README.md").read_text()
+    (line,) = re.findall("`(hfa verify --model plant.npz[^`]*)`", readme)
+    assert hfa(*line.split()[1:]).code == DONE
+    asked = hfa(*line.partition(" --set")[0].split()[1:])
+    assert asked.code == BAD_INPUT
+    assert asked.err.rstrip().endswith(f"; type {line}")
+
+
+def test_a_value_read_as_the_policy_is_recognized() -> None:
+    """One output on a plant with one input is the policy; a value is found among the reasons."""
+    plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
+    P = solve_game(plant).P
+    root = np.linalg.cholesky(P)
+    first = np.vstack([1e-3 * root.T, -1e-3 * root.T])
+    tensors = {"0.weight": first, "0.bias": np.full(4, 1.0), "2.weight": np.full((1, 4), 1.0)}
+    critic = from_network(plant, torch_file("critic.pt", tensors), activation="tanh")
+    assert any("its output is V, not u" in mistake for mistake in critic.variants)

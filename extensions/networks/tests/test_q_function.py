@@ -101,7 +101,7 @@ def test_twin_networks_of_a_state_dict_are_judged_by_their_actor(game: Game) -> 
             f"{name}.2.weight": RNG.normal(size=(1, 8)),
         }
     path = torch_file("sac.pt", tensors)
-    assert "of several networks name one by --network: actor, q1, q2" in refusal(
+    assert 'name one, as network="actor" (it has actor, q1, q2)' in refusal(
         path, activation="relu", inputs=5
     )
     with pytest.raises(BadInputError, match=r"Q\(x, u\) is not quadratic in u; export the policy"):

@@ -15,6 +15,7 @@ from hfa_networks.files.network_file import network_in
 RANDOM = np.random.default_rng(7)
 STATES = 6
 ACTIONS = 2
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 def chain(prefix: str, names: tuple[str, ...], widths: tuple[int, ...]) -> dict[str, np.ndarray]:
@@ -139,6 +140,9 @@ def test_policies_of_other_libraries_are_read(library) -> None:
         ({"obs_norm.mean": np.zeros(STATES)}, "actor", "obs_norm.mean"),
         ({"obs_norm.running_mean": np.zeros(STATES)}, "", "obs_norm.running_mean"),
         ({"action_scale": np.ones(ACTIONS)}, "actor", "action_scale"),
+        ({"scaler.std": np.ones(STATES)}, "actor", "scaler.std"),
+        ({"obs_sigma": np.ones(STATES)}, "", "obs_sigma"),
+        ({"q_scale": np.ones(STATES)}, "actor", "q_scale"),
         ({"encoder.weight": np.ones((STATES, STATES))}, "actor", "encoder.weight"),
         ({"norm.weight": np.ones(STATES), "norm.bias": np.ones(STATES)}, "actor", "norm.weight"),
         ({"out.weight": np.ones((3, ACTIONS))}, "actor", "out.weight"),

@@ -81,7 +81,14 @@ def from_network(
                 if name != activation.partition(",")[0]:
                     mistake = f"the activation is {name}, not {activation}"
                     variants[mistake] = partial(read, activation=name)
-        return _of_states(game, stored, scales, origin, variants)
+        sizes = [function.numel_out(0) for function in stored.functions.values()]
+        if len(sizes) == 1 and is_taken_as_policy(next(iter(parts)), sizes[0], m):
+            value = f"V={parts[next(iter(parts))]}"
+            mistake = f'its output is V, not u; say network="{value}" (--network {value})'
+            variants[mistake] = partial(
+                from_network, game, source, network=value, activation=activation, scale=scale
+            )
+        return _of_states(game, stored, scales, origin, variants, ",".join(parts.values()))
 
 
 def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
@@ -102,8 +109,12 @@ def _of_states(
     scales: np.ndarray,
     origin: str,
     variants: Mapping[str, Callable[[], Critic]],
+    asked: str = "",
 ) -> Critic:
-    """The critic of a network that takes the states, or of a Q the states and inputs."""
+    """The critic of a network that takes the states, or of a Q the states and inputs.
+
+    asked: which part of the file.
+    """
     n, m = game.B.shape
     functions = {}
     for name, function in stored.functions.items():
@@ -114,7 +125,7 @@ def _of_states(
             function = policy_of(function, n)
         functions[name] = function
     sizes = {name: function.numel_out(0) for name, function in functions.items()}
-    kinds = _kinds(sizes, n, m)
+    kinds = _kinds(sizes, n, m, asked)
     z = symbols_for(functions.values(), n)
     outputs = {}
     for name, function in functions.items():
@@ -179,14 +190,25 @@ def _parts(network: str) -> dict[str, str]:
     return parts
 
 
-def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
+def is_taken_as_policy(name: str, size: int, m: int) -> bool:
+    """Whether one output on a plant with one input, of which nobody says what it is, is u, not
+    V."""
+    return name not in OUTPUTS and size == m == 1
+
+
+def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str]:
     """What each output of a network is, by its name where that is one of `OUTPUTS`, else by its
-    size."""
+    size.
+
+    part: of the file that was asked for.
+    """
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}
     for name, size in sizes.items():
         candidates = [name] if name in counts else list(counts)
         fitting = [kind for kind in candidates if counts[kind] == size]
+        if is_taken_as_policy(name, size, m):
+            fitting = ["policy"]
         if "gradient" in fitting and m != n:
             fitting = ["gradient"]  # V and a policy have as many where 1 + m = n: to be named
         if not fitting:
@@ -195,7 +217,8 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int) -> dict[str, str]:
         if len(fitting) > 1:
             raise BadInputError(
                 f"{size} outputs may be {' or '.join(fitting)}; say which, as "
-                f"--network {fitting[0]}="
+                f'network="{fitting[0]}={part}"',
+                ("--network", f"{fitting[0]}={part}"),
             )
         kinds[name] = fitting[0]
     if len(kinds) > 1 and sorted(kinds.values()) != ["V", "policy"]:

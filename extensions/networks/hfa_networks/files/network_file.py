@@ -219,9 +219,17 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
 def _no_chain(
     name: str, array: np.ndarray, reason: str, tensors: Mapping[str, np.ndarray]
 ) -> BadInputError:
+    """The error of a tensor that is not in the chain; of several networks it proposes one."""
+    message = f"tensor {shortened(name)!r} {array.shape} {reason}"
+    networks = roots(tensors)
+    if len(networks) < 2:
+        return BadInputError(f"{message}; save it without that tensor, or export it to ONNX")
+    actors = [root for root in networks if re.search(r"actor|policy|(^|[._])(pi|mu)$", root)]
+    chosen = (actors or networks)[0]
     return BadInputError(
-        f"tensor {shortened(name)!r} {array.shape} {reason}; of several networks name one by "
-        f"--network: {roots(tensors)}"
+        f'{message}; of several networks name one, as network="{shortened(chosen)}" (it has '
+        f"{shortened(', '.join(networks), 200)})",
+        ("--network", chosen),
     )
 
 
@@ -385,8 +393,9 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
     """The names of the activation between the layers and of that of the output; "" for none."""
     if activation is None and sum(layer.is_linear for layer in layers) > 1:
         raise BadInputError(
-            "a state dict does not say what is between its layers; give "
-            f"--set activation={'|'.join(ACTIVATIONS)}, or activation in a card"
+            'a state dict does not say what is between its layers; give activation="tanh" (or '
+            f"{', '.join(name for name in ACTIVATIONS if name != 'tanh')})",
+            ("--set", "activation=tanh"),
         )
     between, _, last = (activation or "").partition(",")
     for name in filter(None, (between, last)):

@@ -20,10 +20,14 @@ Kind = TypeVar("Kind")
 #: Words in the names of tensors that a policy does not use.
 _OF_CRITICS = frozenset(
     (
-        *("critic", "critics", "value", "values", "vf", "q", "qf", "qs"),
-        *("target", "targets", "reward", "rewards", "privileged", "discriminator"),
+        *("critic", "critics", "value", "values", "target", "targets"),
+        *("reward", "rewards", "privileged", "discriminator"),
     )
 )
+#: Modules of critics; q alone may also be a pitch rate.
+_Q = re.compile(r"(q|qs|qf|vf|qfs)\d*(_?(net|network|function|target)s?)?\d*")
+#: Modules of rsl_rl that hold the standard deviation of a random action as "std".
+_WITH_SPREAD = ("", "model_state_dict", "actor_state_dict", "distribution", "actor", "policy")
 #: Words in the names of tensors that only training uses.
 _OF_TRAINING = frozenset(("optimizer", "optimizers", "scheduler"))
 _ELSE = "save the state dict of the network alone, or export it to ONNX with all that acts"
@@ -138,7 +142,7 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
         if is_chosen:
             layers[name] = array
     if not layers:
-        where = roots(tensors)
+        where = shortened(", ".join(roots(tensors)), 200)
         advice = f"its tensors are in {where}" if where else "it is one network; name no part of it"
         raise BadInputError(f"it holds no tensors called {shortened(part)!r}; {advice}")
     of_critic = all(map(_is_of_critic, layers))
@@ -185,10 +189,10 @@ def refuse_others(others: Tensors, takes: int, gives: int) -> None:
             )
 
 
-def roots(tensors: Iterable[str]) -> str:
-    """The names of the networks in a file, for a message."""
+def roots(tensors: Iterable[str]) -> list[str]:
+    """Return the names of the networks in a file."""
     stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
-    return shortened(", ".join(dict.fromkeys(stems)), 200)
+    return [stem for stem in dict.fromkeys(stems) if stem]
 
 
 def _words(name: str) -> set[str]:
@@ -196,14 +200,16 @@ def _words(name: str) -> set[str]:
 
 
 def _is_of_critic(name: str) -> bool:
-    return bool(_words(name) & _OF_CRITICS)
+    is_q = any(_Q.fullmatch(module) for module in name.split("."))
+    return is_q or bool(_words(name) & _OF_CRITICS)
 
 
 def _is_spread(name: str) -> bool:
     """Whether it is of the standard deviation of a random action."""
     words = _words(name)
-    leaf = name.rpartition(".")[2]
-    return bool(words & {"logstd", "sigma"}) or {"log", "std"} <= words or leaf.startswith("std")
+    modules = name.split(".")
+    is_std = modules[-1] in ("std", "std_param") and ["", *modules][-2] in _WITH_SPREAD
+    return is_std or "sigma" in modules or "logstd" in words or {"log", "std"} <= words
 
 
 def _has_word(name: str, part: str) -> bool:
