@@ -175,15 +175,20 @@ class BestFlight(StatesAndInputs, Result, Reported):
     def report(self) -> Report:
         """Its cost beside those of the policies, how far the optimizer was believed, and within
         which limits."""
-        rows = [("best flight found", f"{self.cost:.6g}", "1", "converges", _names(self.saturated))]
+        rows = [("best flight found", f"{self.cost:.6g}", "1", "converges")]
+        lines = [_saturated("best flight found", self.saturated)]
         for flown, policy in zip(self.compared, self.policies, strict=True):
             cost = "-" if policy.cost is None else f"{policy.cost:.6g}"
             ratio = "-" if policy.over_best is None else f"{policy.over_best:.4g}"
-            rows.append((policy.policy, cost, ratio, flown.outcome(), _names(policy.saturated)))
-        table = Table(("flight", "cost", "over the best", "outcome", "saturated"), rows)
+            rows.append((policy.policy, cost, ratio, "lost" if flown.lost else "converges"))
+            if flown.lost:
+                lines.append(f"{policy.policy}: {flown.outcome()}")
+            lines.append(_saturated(policy.policy, policy.saturated))
+        table = Table(("flight", "cost", "over the best", "outcome"), rows)
         parts = (
             self._checked(),
             table,
+            tuple(lines),
             limits_table(self.problem),
             f"No flight from this start was found that costs less; that none exists is not proved. "
             f"The linear model without limits says {self.linear_cost:.6g}, which is no cost of the "
@@ -196,10 +201,13 @@ class BestFlight(StatesAndInputs, Result, Reported):
         """Whose flight, from where, and its cost."""
         place = at_scheduled(self.point)
         whose = f"{self.model.title} {place}".strip()
-        start = ", ".join(
-            f"{name} {_off(self.model, name, value)}" for name, value in self.start.items()
-        )
-        return f"Best flight found, {whose}: cost {self.cost:.6g}\nfrom {start or 'the trim'}"
+        lines = [f"Best flight found, {whose}: cost {self.cost:.6g}"]
+        for flown, policy in zip(self.compared, self.policies, strict=True):
+            says = [] if policy.over_best is None else [f"{policy.over_best:.4g} x the best found"]
+            says += ["lost"] if flown.lost else []
+            lines.append(f"{policy.policy}: {', '.join(says)}")
+        offs = [f"{name} {_off(self.model, name, value)}" for name, value in self.start.items()]
+        return "\n".join([*lines, f"from {', '.join(offs) or 'the trim'}"])
 
     def _checked(self) -> str:
         meshes = " and ".join(map(str, list(self.found.meshes)[-2:]))
@@ -230,8 +238,8 @@ class BestFlight(StatesAndInputs, Result, Reported):
         return drawn(new_figure(10.0, 8.0), self)
 
 
-def _names(names: Sequence[str]) -> str:
-    return ", ".join(names) or "-"
+def _saturated(flight: str, names: Sequence[str]) -> str:
+    return f"{flight}: {', '.join(names) or 'no input'} saturated"
 
 
 def _off(model: Model, name: str, value: float) -> str:

@@ -23,6 +23,8 @@ from hfa_optimal.tracking import STEPS, TrackingPolicy, held_size, tracking_rows
 
 #: s: the longest step of the integration.
 _STEP = 0.0025
+#: About as many ticks has a flight; so many flights of one tick decide about machine code.
+_TICKS = 500
 #: Largest product of a step and the fastest mode of the linear loop.
 _FASTEST = 0.1
 #: A flight has ended in the trim where the linear cost of its end is below this part of its cost.
@@ -76,11 +78,11 @@ class Flights:
     """The simulator of a problem: each policy is compiled once.
 
     problem: the aircraft, its trim, the price and the limits.
-    count: of the ticks that are to be flown, about; it decides whether machine code pays.
+    count: how many starts are to come, about; it decides whether machine code pays.
     """
 
     problem: FlightProblem
-    count: int = 0
+    count: int = 1
 
     @cached_property
     def step(self) -> float:
@@ -130,11 +132,13 @@ class Flights:
             whole[problem.moved] = moved
         return FunctionPolicy(name, function, *limits)
 
-    def compiled(self, policy: Policy) -> CompiledLoop:
-        """The loop of a policy about the trim of the problem."""
-        scenario = self.scenario(self.tick)
+    def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
+        """The loop of a policy about the trim of the problem.
+
+        scenario: with the ticks of the policy; those of `scenario` unless given"""
+        calm = scenario or self.scenario(self.tick)
         plant = NonlinearPlant(self.problem.model, self.problem.point)
-        return CompiledLoop(ClosedLoop(plant, policy, scenario), self.count)
+        return CompiledLoop(ClosedLoop(plant, policy, calm), self.count * _TICKS)
 
     def scenario(self, seconds: float) -> Scenario:
         """A calm flight of at least that many seconds."""

@@ -72,15 +72,18 @@ class Found(NamedTuple):
 class BestFlights:
     """Finds the best flights of a problem; everything that is compiled is compiled once.
 
-    problem: the aircraft, its trim, the price and the limits."""
+    problem: the aircraft, its trim, the price and the limits.
+    count: how many starts are to come, about; it decides whether machine code pays.
+    transcriptions: those that are compiled, by their number of intervals."""
 
     problem: FlightProblem
+    count: int = 1
     transcriptions: dict[int, Transcription] = field(default_factory=dict)
 
     @cached_property
     def flights(self) -> Flights:
         """The simulator."""
-        return Flights(self.problem)
+        return Flights(self.problem, self.count)
 
     @cached_property
     def _loop(self) -> np.ndarray:
@@ -96,7 +99,7 @@ class BestFlights:
         NoSolutionError, with the reason, where none was found or the simulation refutes it.
         BadInputError where a given horizon is too short."""
         self.problem.refuse_outside(start)
-        horizon = self._horizon(start) if seconds is None else seconds
+        horizon = self.horizon(start) if seconds is None else seconds
         for _ in range(_EXTENSIONS):
             horizon = self.flights.tick * math.ceil(horizon / self.flights.tick)
             linear = self.flights.linear(start, (1.0 + AFTER) * horizon)
@@ -115,7 +118,7 @@ class BestFlights:
             "still to come"
         )
 
-    def _horizon(self, start: np.ndarray) -> float:
+    def horizon(self, start: np.ndarray) -> float:
         """s, until the linear loop has paid nearly all, and somewhat longer."""
         P = self.problem.P
         slowest = -float(np.linalg.eigvals(self._loop).real.max())

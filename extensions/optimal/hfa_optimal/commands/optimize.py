@@ -1,0 +1,152 @@
+"""The command `hfa optimize`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa.options.argument_types import input_file, positive, quantity, span, whole
+from hfa.options.command import command
+from hfa.options.critics import critic_path
+from hfa.options.games import SeedOption, WeightOptions
+from hfa.options.request import OfModel, option
+from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions, picture_option
+from hfa.output import ProgressLine, show
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from trim.linear.linear_model import linearize
+
+if TYPE_CHECKING:
+    from controller.game.zero_sum import Game
+    from hfa_optimal.pilots import Pilot
+    from hfa_optimal.search import BestFlights
+
+_MOST_STARTS = 10_000
+
+
+def _deviations(model: Model, text: str) -> dict[str, float]:
+    """State -> deviation from the trim, of NAME=VALUE,NAME=VALUE."""
+    values = {}
+    for word in text.split(","):
+        typed, equals, value = word.partition("=")
+        name = model.aliases.get(typed, typed)
+        refuse_unknown("names the unknown state", name, model.linear)
+        if not equals:
+            raise BadInputError(f"has no value of {name}; give NAME=VALUE,NAME=VALUE")
+        values[name] = quantity(model, name, value)
+    return values
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
+    """A start, or many, from which flights to a trim are to cost least."""
+
+    start: None = None
+    limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    deviations: Mapping[str, float] | None = option(
+        "where the flight begins: deviations of states from the trim, degrees for angles",
+        "NAME=VALUE,...",
+        OfModel(_deviations),
+        names="--start",
+    )
+    starts: int | None = option(
+        "a table over so many starts, drawn in the usual box", "N", whole(1, _MOST_STARTS)
+    )
+    weights: Path | None = option(
+        "fly this gain K, critic W or P, or network beside it", "FILE", critic_path
+    )
+    policy: Path | None = option(
+        "fly the policy of this card beside it, as it is deployed", "CARD.toml", input_file(".toml")
+    )
+    seconds: float | None = option(
+        "horizon, s; default: as long as the flight costs anything", "S", positive, rare=True
+    )
+    limits: Mapping[str, tuple[float, float]] = option(
+        "limits of a state in flight, in place of the flight envelope's; repeatable",
+        "NAME=LOW:HIGH",
+        OfModel(span),
+        names="--limit",
+        named=True,
+    )
+    picture: Path | None = picture_option("the best flight found, and those of the policies")
+
+    def search(self) -> tuple[BestFlights, Game]:
+        """The search for the best flights to the trim, and the game of the policies."""
+        from hfa_optimal.problem import flight_problem
+        from hfa_optimal.search import BestFlights
+
+        aircraft = self.flown_aircraft()
+        point = self.operating_point(aircraft)
+        game = self.game_on(linearize(aircraft, point))
+        problem = flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
+        count = 1 if self.starts is None else self.starts
+        return BestFlights(problem, count), game
+
+    def pilots(self, search: BestFlights, game: Game) -> list[Pilot]:
+        """The exact policy of a game with a disturbance, and those of the files."""
+        from controller.critic.critic_file import Reading, critic_in
+        from controller.riccati.gare import solve_game
+        from hfa_optimal.pilots import card_pilot, critic_pilot, gain_pilot
+
+        flights = search.flights
+        pilots = []
+        if np.isfinite(game.delta):
+            pilots.append(gain_pilot(flights, "exact game policy, clipped", solve_game(game).K))
+        if self.weights is not None:
+            with said_of(self.weights):
+                critic = critic_in(self.weights, game, Reading())
+            pilots.append(critic_pilot(flights, f"critic of {self.weights}", critic))
+        if self.policy is not None:
+            pilots.append(card_pilot(flights, self.policy))
+        return pilots
+
+
+@command(OptimizeRequest)
+def optimize(request: OptimizeRequest) -> int:
+    """The best flight found of the nonlinear aircraft to its trim, beside the flights of policies.
+
+    It costs the least x'Qx + u'Ru over time, in deviations from the trim, of the flights within the
+    limits that were found: proposed by collocation, then flown by the simulator, whose cost is the
+    figure. That no flight costs less is not proved. Beside it, from the same start: the linear
+    optimum and the exact game policy, clipped at the limits of the inputs, and those of --weights
+    and --policy. With --starts N a table over many starts. Exit 1: no flight was found, or the
+    simulator refutes it."""
+    if (request.deviations is None) == (request.starts is None):
+        raise BadInputError("name one: --start NAME=VALUE,... or --starts N")
+    if request.starts is not None:
+        request.refuse(("picture", "seconds"), "is of one flight; leave it out with --starts")
+    search, game = request.search()
+    pilots = request.pilots(search, game)
+    if request.starts is not None:
+        return _table(request, search, pilots)
+    return _one(request, search, pilots)
+
+
+def _one(request: OptimizeRequest, search: BestFlights, pilots: list[Pilot]) -> int:
+    """The best flight from one start."""
+    from hfa_optimal.best_flight import BestFlight
+    from hfa_optimal.search import AFTER
+
+    start = search.problem.deviations(request.deviations or {})
+    best = BestFlight(search.problem, search.found(start, request.seconds))
+    seconds = (1.0 + AFTER) * best.seconds
+    others = tuple(pilot.fly(search.flights, start, seconds) for pilot in pilots)
+    best = replace(best, others=others)
+    history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
+    show(best.report(), request, figure=best.figure, only_in_files={"flight": history})
+    return 0
+
+
+def _table(request: OptimizeRequest, search: BestFlights, pilots: list[Pilot]) -> int:
+    """The best flights from many starts; exit 1 where none was found."""
+    from hfa_optimal.starts import drawn_starts, starts_table
+
+    assert request.starts is not None
+    starts = drawn_starts(search.problem, request.starts, request.seed)
+    table = starts_table(search, starts, pilots, ProgressLine("optimize"))
+    show(table.report(), request)
+    return 0 if table.found else 1

@@ -1,0 +1,58 @@
+"""Policies that fly from the same starts as the best flight, as they are deployed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.critic.critic import Critic
+from hfa_flight.policies import Policy, function_policy
+from hfa_flight.scenario import Scenario
+from hfa_flight.simulation import CompiledLoop
+from hfa_optimal.flights import Flights, Flown
+from hfa_policy.flown import flown_card, sampled_scenario
+
+
+class Pilot(NamedTuple):
+    """A policy that is compiled for flights.
+
+    name: what reports call it.
+    loop: its closed loop."""
+
+    name: str
+    loop: CompiledLoop
+
+    def fly(self, flights: Flights, start: np.ndarray, seconds: float) -> Flown:
+        """Its flight from a start z, (k,)."""
+        return flights.fly(self.loop, start, seconds)._replace(name=self.name)
+
+
+def gain_pilot(flights: Flights, name: str, K: np.ndarray) -> Pilot:
+    """v = -K z, within the limits of the inputs."""
+    return Pilot(name, flights.compiled(flights.gain_policy(name, K)))
+
+
+def critic_pilot(flights: Flights, name: str, critic: Critic) -> Pilot:
+    """The policy of a critic, within the limits of the inputs."""
+    if critic.linear:
+        return gain_pilot(flights, name, critic.K)
+    policy = function_policy(name, critic.policy, flights.problem.point)
+    return Pilot(name, flights.compiled(policy))
+
+
+def card_pilot(flights: Flights, path: Path) -> Pilot:
+    """The policy of a card, sampled, held and late as it is deployed."""
+    point = flights.problem.point
+    policy = flown_card(path, flights.problem.model, point)
+    start = np.zeros(len(flights.problem.model.states))
+    scenario = Scenario(flights.tick, flights.step, flights.tick, initial=start)
+    return deployed_pilot(
+        flights, f"policy of {path}", policy, sampled_scenario(policy, scenario, point)
+    )
+
+
+def deployed_pilot(flights: Flights, name: str, policy: Policy, scenario: Scenario) -> Pilot:
+    """A policy with ticks of its own."""
+    return Pilot(name, flights.compiled(policy, scenario))

@@ -1,0 +1,218 @@
+"""Best flights from many starts, and the policies beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_optimal.best_flight import PolicyFlight, limits_table
+from hfa_optimal.pilots import Pilot
+from hfa_optimal.problem import FlightProblem
+from hfa_optimal.search import AFTER, BestFlights
+from hfa_policy.outcomes import start_box
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Matrix, Result
+from hfa_support.reporting.text import Table
+from trim.point.operating_point import OperatingPoint, at_scheduled
+from verification.hfa_box import ordinary_box
+
+#: A box is made so much smaller where it reaches beyond the limits.
+_INSIDE = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class StartFlights(Result):
+    """The flights from one start.
+
+    start: state -> its deviation from the trim.
+    cost: of the best flight found; None where none was.
+    reason: why none was found; None where one was.
+    spread: of meshes and guesses; None where none was found.
+    linear_cost: x'Px, of the linear model without limits.
+    policies: their flights.
+    """
+
+    start: Mapping[str, float]
+    cost: float | None
+    reason: str | None
+    spread: float | None
+    linear_cost: float
+    policies: Sequence[PolicyFlight]
+
+
+@dataclass(frozen=True, eq=False)
+class PolicySummary(Result):
+    """A policy over the starts from which a flight was found.
+
+    policy: its name.
+    lost: flights that left the envelope or do not end in the trim.
+    median, high, worst: its cost over that of the best flight found, of the flights that converge;
+        high is exceeded by 10 %. None where none converges.
+    """
+
+    policy: str
+    lost: int
+    median: float | None
+    high: float | None
+    worst: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StartsTable(Result, Reported):
+    """Best flights from many starts.
+
+    problem: what flies to where, at what price and within which limits.
+    flights: one a start.
+    asked: how many starts were asked for; fewer were flown where the run was interrupted.
+    """
+
+    schema = "hfa.best-flights/1"
+    made_by = "hfa optimize"
+    keys = "operating_point=point Q R starts found refused policies flights"
+
+    problem: FlightProblem
+    flights: tuple[StartFlights, ...]
+    asked: int
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The trim that flights end in."""
+        return self.problem.point
+
+    @property
+    def Q(self) -> Matrix:
+        """(k, k), of the states of the linear model."""
+        return self.problem.Q
+
+    @property
+    def R(self) -> Matrix:
+        """(m, m), of the inputs that move."""
+        return self.problem.R
+
+    @property
+    def starts(self) -> int:
+        """How many starts were flown."""
+        return len(self.flights)
+
+    @property
+    def found(self) -> int:
+        """From how many a flight was found."""
+        return sum(each.cost is not None for each in self.flights)
+
+    @property
+    def refused(self) -> int:
+        """From how many none was found, or the simulator refuted it."""
+        return self.starts - self.found
+
+    @property
+    def policies(self) -> Sequence[PolicySummary]:
+        """Each policy over the starts from which a flight was found."""
+        rows = [each.policies for each in self.flights if each.cost is not None]
+        return [_summary(column) for column in zip(*rows, strict=True)]
+
+    def report(self) -> Report:
+        """How many were found, each policy over the best, and why flights were refused."""
+        place = at_scheduled(self.point)
+        title = (
+            f"Best flights found, {self.problem.model.title} {place}".rstrip()
+            + f": {self.found} of {self.starts} starts"
+        )
+        if self.starts < self.asked:
+            title += f" (interrupted; {self.asked} asked for)"
+        rows = []
+        for each in self.policies:
+            numbers = [_number(value) for value in (each.median, each.high, each.worst)]
+            rows.append((each.policy, f"{each.lost} of {self.found}", *numbers))
+        header = ("cost over the best found", "lost", "median", "90 %", "worst")
+        reasons = [each.reason for each in self.flights if each.reason is not None]
+        refused = [(reason, str(reasons.count(reason))) for reason in dict.fromkeys(reasons)]
+        parts = [Table(header, rows)]
+        if refused:
+            parts.append(Table(("refused", "starts"), refused))
+        parts.append(limits_table(self.problem))
+        return Report(title, parts, data=self.as_data(), records=self._records())
+
+    def _records(self) -> Table:
+        states = self.problem.states
+        policies = [each.policy for each in self.policies]
+        rows = []
+        for each in self.flights:
+            costs = [policy.cost for policy in each.policies] or [None] * len(policies)
+            rows.append(
+                (*(each.start[name] for name in states), each.cost, each.linear_cost, *costs)
+            )
+        return Table((*states, "best", "linear_model", *policies), rows)
+
+
+def _summary(column: Sequence[PolicyFlight]) -> PolicySummary:
+    ratios = [each.over_best for each in column if each.over_best is not None]
+    lost = sum(each.departure is not None or not each.converges for each in column)
+    if not ratios:
+        return PolicySummary(column[0].policy, lost, None, None, None)
+    median, high = np.quantile(ratios, [0.5, 0.9]).tolist()
+    return PolicySummary(column[0].policy, lost, median, high, max(ratios))
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
+
+
+def usual_box(problem: FlightProblem) -> np.ndarray:
+    """(k,), half-widths of the box of starts, inside the limits: the ordinary deviations of the
+    flexible aircraft, of another those of `hfa assess`."""
+    states = problem.states
+    box = ordinary_box(states, tuple(problem.model.inputs), problem.model.units(states))
+    half = start_box(problem.model, problem.point) if box is None else box.half_widths
+    lowest, highest = problem.state_limits
+    return np.minimum(half, _INSIDE * np.minimum(-lowest, highest))
+
+
+def drawn_starts(problem: FlightProblem, count: int, seed: int) -> np.ndarray:
+    """(count, k), starts in the usual box; the first are the same whatever the count."""
+    rng = np.random.default_rng(seed)
+    return usual_box(problem) * rng.uniform(-1.0, 1.0, (count, len(problem.states)))
+
+
+def starts_table(
+    search: BestFlights,
+    starts: np.ndarray,
+    pilots: Sequence[Pilot] = (),
+    progress: Progress | None = None,
+) -> StartsTable:
+    """The best flights from starts (N, k), and those of policies; what an interruption leaves is
+    kept."""
+    done: list[StartFlights] = []
+    try:
+        for start in starts:
+            done.append(flights_from(search, start, pilots))
+            if progress is not None:
+                progress(len(done), len(starts))
+    except KeyboardInterrupt:
+        if not done:
+            raise
+    return StartsTable(search.problem, tuple(done), len(starts))
+
+
+def flights_from(search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot]) -> StartFlights:
+    """The best flight from a start z, (k,), and those of policies; these too where none was
+    found."""
+    problem = search.problem
+    by_name = dict(zip(problem.states, start.tolist(), strict=True))
+    linear_cost = float(start @ problem.P @ start)
+    cost = reason = spread = None
+    seconds = (1.0 + AFTER) * search.horizon(start)
+    try:
+        found = search.found(start)
+        cost, spread = found.flown.cost, found.spread
+        seconds = (1.0 + AFTER) * found.seconds
+        linear = found.linear
+    except NoSolutionError as error:
+        reason = str(error).removeprefix("no flight found: ")
+        linear = search.flights.linear(start, seconds)
+    flown = [linear, *(pilot.fly(search.flights, start, seconds) for pilot in pilots)]
+    policies = [PolicyFlight.of(each, cost) for each in flown]
+    return StartFlights(by_name, cost, reason, spread, linear_cost, policies)

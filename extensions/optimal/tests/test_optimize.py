@@ -1,0 +1,89 @@
+"""The command `hfa optimize`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hfa
+from hfa.main import main
+from hfa_optimal.problem import flight_problem
+from hfa_optimal.search import BestFlights
+from hfa_optimal.starts import drawn_starts, starts_table
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+GTM = f"{EXAMPLES / 'gtm.py'}:GTM"
+
+
+def test_the_exact_policy_loses_the_hfa(capsys: pytest.CaptureFixture[str]) -> None:
+    """From the paper's x(0) at 15 deg, within limits, where another flight exists."""
+    assert main(["optimize", "--dihedral", "15", "--start", "speed=5,alpha=2.8648", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    linear, exact = data["policies"]
+    assert exact["policy"] == "exact game policy, clipped"
+    assert exact["departure"]["state"] == "pitch_rate"
+    assert exact["over_best"] > 4.0
+    assert linear["over_best"] > 4.0
+    assert data["linear_cost"] < 0.5 * data["cost"]
+    assert data["start"] == pytest.approx({"speed": 5.0, "alpha": 0.05}, rel=1e-4)
+
+
+def test_a_card_and_a_critic_beside_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = hfa.load_model(GTM)
+    game = hfa.game(hfa.linearize(model, hfa.find_operating_point(model)))
+    K = tmp_path / "K.npz"
+    np.savez(K, K=1.5 * hfa.solve_game(game).K)
+    card = EXAMPLES / "gtm_policy" / "on_time.toml"
+    picture = tmp_path / "flight.png"
+    page = tmp_path / "flight.html"
+    words = ["optimize", "--aircraft", GTM, "--start", "alpha=4", "--weights", str(K)]
+    words += ["--policy", str(card), "--picture", str(picture), "-o", str(page)]
+    assert main(words) == 0
+    text = capsys.readouterr().out
+    assert f"critic of {K}: " in text
+    assert f"policy of {card}: " in text
+    assert picture.stat().st_size > 10_000
+    assert "<img" in page.read_text()
+
+
+def test_a_table_over_starts(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["optimize", "--aircraft", GTM, "--starts", "2", "--seed", "1", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["starts"] == data["found"] + data["refused"] == 2
+    for each in data["flights"]:
+        assert each["policies"][0]["cost"] >= 0.999 * each["cost"]
+
+
+def test_an_interruption_keeps_what_is_found() -> None:
+    model = hfa.load_model(GTM)
+    search = BestFlights(flight_problem(model, hfa.find_operating_point(model)))
+    starts = drawn_starts(search.problem, 3, 0)
+
+    def stop(done: float, total: float, what: str = "", /) -> None:
+        raise KeyboardInterrupt
+
+    table = starts_table(search, 0.1 * starts, progress=stop)
+    assert table.starts == 1
+    assert "interrupted; 3 asked for" in table.report().text()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([], "name one: --start NAME=VALUE,... or --starts N"),
+        (["--start", "height=3"], "names the unknown state 'height'"),
+        (["--start", "speed"], "has no value of speed"),
+        (["--start", "speed=500"], "begin within the limits"),
+        (["--start", "speed=1", "--limit", "mass=0:1"], "mass"),
+        (["--start", "speed=1", "--seconds", "0.5"], "s are too short"),
+        (["--starts", "2", "--picture", "a.png"], "is of one flight"),
+    ],
+)
+def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["optimize", "--aircraft", GTM, *words]) == 2
+    error = capsys.readouterr().err.strip()
+    assert says in error
+    assert "\n" not in error
