@@ -50,8 +50,10 @@ class PolicySummary(Result):
 
     policy: its name.
     lost: flights that left the envelope or do not end in the trim.
-    median, high, worst: its cost over that of the best flight found, of the flights that converge;
-        high is exceeded by 10 %. None where none converges.
+    median: its cost over that of the best flight found, of the flights that converge; None where
+        none does.
+    high: what 10 % of these exceed.
+    worst: the largest of these.
     """
 
     policy: str
