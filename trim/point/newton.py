@@ -34,7 +34,8 @@ def newton(
     z: (N, k), where the search begins
     c: (N, ..), what differs between the points
     moving: indices of the unknowns that may move; all of them unless given
-    bounded: every trial is moved to the nearest point within the limits
+    bounded: every trial is moved to the nearest point within the limits, angles without limits to
+        90 deg
     """
     if moving is not None or bounded or not system.is_quick:
         return _halving(system, z, c, moving, bounded)
@@ -74,7 +75,8 @@ def _halving(
             break
         trial = best[search.points] + search.share[:, None] * search.step
         if bounded:
-            trial = np.clip(trial, system.lowest, system.highest)
+            lowest = np.maximum(system.lowest, -system.usual)
+            trial = np.clip(trial, lowest, np.minimum(system.highest, system.usual))
         residual, jacobian = _moved(system, trial, c[search.points])
         size = _norm(residual)
         better = size < search.size

@@ -149,6 +149,11 @@ class OperatingPoint(Result, Reported):
             notes += notes_on_degrees(self.model)
         return [*notes, *beyond_range(self.model, self.states._asdict())]
 
+    @property
+    def far_out(self) -> list[str]:
+        """Angles without limits that the search has left beyond 90 deg, in words."""
+        return [] if self.problem is None else self.problem.far_out(self.values)
+
     def refuse_other(self, model: Model) -> None:
         """BadInputError when the point was trimmed with another model, or other dynamics."""
         if (self.model.native is None) != (model.native is None):
@@ -183,8 +188,13 @@ class OperatingPoint(Result, Reported):
 
     @property
     def title(self) -> str:
-        """Which model, and what became of the point."""
-        return f"Trim, {self.called}: {self.status}"
+        """Which model, what became of the point, and where it is not where the search began."""
+        words = [f"Trim, {self.called}: {self.status}"]
+        if self.far_out:
+            words.append(f"far out, {self.far_out[0]}")
+        if self.started:
+            words.append("not from the usual start")
+        return "; ".join(words)
 
     def records(self) -> Table:
         """Rows (kind, name, value, unit), angles in radians."""

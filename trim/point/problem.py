@@ -96,6 +96,23 @@ class TrimProblem:
         unknowns = system.limits.within(z * system.scales)
         return bool(unknowns.all() and system.watched.within(self.at(z).y).all())
 
+    def unwound(self, z: np.ndarray) -> np.ndarray:
+        """A solution (k,), angles far out less whole turns where that is a solution too."""
+        shorter = self.system.wrapped(z)
+        return shorter if self.solved(shorter) else z
+
+    def far_out(self, values: Mapping[str, float]) -> list[str]:
+        """The free angles without limits that lie beyond 90 deg, in words."""
+        far = self.system.far_out(self.unknowns(values))
+        names = [self.free[i] for i in np.flatnonzero(far)]
+        return [f"{name} {self.model.describe(name, values[name])}" for name in names]
+
+    def unlimited(self) -> list[str]:
+        """The free variables without any limit."""
+        limits = self.system.limits
+        free = np.isinf(limits.lowest) & np.isinf(limits.highest)
+        return [self.free[i] for i in np.flatnonzero(free)]
+
     def balanced(self, z: np.ndarray) -> bool:
         """Whether every residual is within `BALANCE`, whatever the limits say; no where the model
         has no values."""
@@ -123,8 +140,9 @@ class TrimProblem:
         if equations > unknowns:
             return
         system = self.system
-        lowest = np.where(np.isfinite(system.lowest), system.lowest, guess - _FAR)
-        highest = np.where(np.isfinite(system.highest), system.highest, guess + _FAR)
+        far = np.minimum(_FAR, system.usual)
+        lowest = np.where(np.isfinite(system.lowest), system.lowest, guess - far)
+        highest = np.where(np.isfinite(system.highest), system.highest, guess + far)
         polynomial = np.concatenate([[1.0], np.zeros(unknowns - 1), [-1.0, -1.0]])
         golden = max(np.roots(polynomial).real) ** -np.arange(1.0, unknowns + 1)
         here = self.at(guess).jacobian

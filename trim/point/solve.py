@@ -99,14 +99,21 @@ def other_trims(
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
-    """The first trim that a search from a guess ends at, or TrimError."""
+    """The first trim that a search from a guess ends at, one with angles beyond 90 deg that have no
+    limits only where there is no other; or TrimError."""
     if not problem.free:  # all is stated, and an equilibrium
         return problem.point(guess, Status.TRIMMED)
     nearest = guess
     number = 0
+    far_out: OperatingPoint | None = None
     for number, z in _searched(problem, guess):
         if problem.solved(z):
-            return problem.point(z, Status.TRIMMED, number)
+            z = problem.unwound(z)
+            point = problem.point(z, Status.TRIMMED, number)
+            if not problem.system.far_out(z).any():
+                return point
+            far_out = far_out or point
+            continue
         if problem.balanced(z):
             nearest = z
             # Inputs alone, in which equations are nearly affine, balance them at one point.
@@ -114,6 +121,8 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
                 break
         elif number == 0 and not problem.balanced(nearest):
             nearest = z
+    if far_out is not None:
+        return far_out
     from trim.point.diagnosis import failure
 
     message = failure(problem, nearest)

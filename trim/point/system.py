@@ -25,6 +25,8 @@ NEARLY = 1e-7
 FULL_STEPS = 4
 FEW = 6
 _UNLIMITED = (-math.inf, math.inf)
+#: Where an angle without limits is looked for, by unit: to either side of 0.
+_USUAL = {"rad": math.pi / 2, "deg": 90.0}
 
 
 class Structure(NamedTuple):
@@ -268,6 +270,7 @@ class TrimSystem:
     start: (k,), the scaled unknowns where a search begins
     limits: of the unknowns, in the units of the model
     lowest, highest: (k,), the same in scaled units
+    usual: (k,), how far from 0 an angle without limits usually is, in scaled units; inf of others
     watched: limits of the states and outputs that are watched
     row_scales: (e,), one scaled unit of each equation
     moved: number of equations that the unknowns can move, the first ones
@@ -295,6 +298,9 @@ class TrimSystem:
         self.limits = condition.limits_on(self.equations.unknowns)
         self.lowest = self.limits.lowest / self.scales
         self.highest = self.limits.highest / self.scales
+        unlimited = np.isinf(self.lowest) & np.isinf(self.highest)
+        largest = [_USUAL.get(model.unit(name), math.inf) for name in self.equations.unknowns]
+        self.usual = np.where(unlimited, largest, math.inf) / self.scales
         self.watched = condition.limits_on([name for name, _ in self.structure.watched])
         self.row_scales = self.equations.row_scales
         self.moved = self.equations.moved
@@ -305,6 +311,15 @@ class TrimSystem:
         """Whether all unknowns are inputs: the equations are then nearly affine, with one
         solution."""
         return set(self.equations.unknowns) <= set(self.model.inputs)
+
+    def far_out(self, z: np.ndarray) -> np.ndarray:
+        """Which of the unknowns z (..., k) are angles without limits beyond 90 deg."""
+        return np.asarray(np.abs(z) > self.usual)
+
+    def wrapped(self, z: np.ndarray) -> np.ndarray:
+        """z (..., k), those that are far out less whole turns."""
+        turn = np.where(np.isfinite(self.usual), 4.0 * self.usual, 1.0)
+        return np.where(self.far_out(z), z - turn * np.round(z / turn), z)
 
     @cached_property
     def point_limits(self) -> Limits:

@@ -225,10 +225,14 @@ def _search(
         if note:
             sentences.append(note)
     if point.started:
-        sentences.append(
-            f"The usual start leads to no trim; start {point.started} of {STARTS} between the "
-            "limits led here"
-        )
+        from trim.point.diagnosis import failure
+
+        usual = failure(problem, problem.newton(problem.clip(problem.system.start)))
+        sentences.append(f"From the usual start {usual}")
+        sentences.append(f"Start {point.started} of {STARTS} between the limits led here")
+    if problem.unlimited():
+        names = ", ".join(problem.unlimited())
+        sentences.append(f"No limits are declared for {names}; check that they can be flown")
     if problem.idle:
         names = ", ".join(problem.idle)
         sentences.append(f"In no equation, and left where the search begins: {names}")

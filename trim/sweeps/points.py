@@ -211,6 +211,7 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     within = system.point_limits.within(point).all(axis=1)
     within &= system.limits.within(z * system.scales).all(axis=1)  # a free output, as gamma
     balanced = (np.abs(residual) <= BALANCE).all(axis=1)
+    within &= ~system.far_out(z).any(axis=1)
     status = np.where(balanced & within, TRIMMED, NO_TRIM)
     if system.only_inputs:
         status[balanced & ~within] = BEYOND_LIMITS

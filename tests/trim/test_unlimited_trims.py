@@ -1,0 +1,89 @@
+"""Trims of an aircraft that declares no limits: the searches stay where people fly."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import hfa
+from hfa import Model, Signal
+
+_MASS = 10.0
+_GRAVITY = 9.81
+
+
+def turning(x, u, p, w):
+    """A point mass that turns: m V turn = L sin phi, m g = L cos phi, m V' = T - D."""
+    lift = u.lift * x.speed**2
+    drag = 0.02 * x.speed**2 + 0.1 * u.lift**2 * x.speed**2
+    rates = {
+        "speed": (u.thrust - drag) / _MASS,
+        "climb": lift * ca.cos(x.bank) / _MASS - _GRAVITY,
+        "bank": u.roll_rate,
+    }
+    return rates, {"turn": lift * ca.sin(x.bank) / (_MASS * x.speed)}
+
+
+TURNING = Model(
+    "turning",
+    {
+        "speed": Signal("m/s", nominal=10.0, start=30.0),
+        "climb": Signal("m/s", nominal=10.0),
+        "bank": Signal("rad"),
+    },
+    {
+        "thrust": Signal("N", nominal=100.0, start=100.0),
+        "lift": Signal("kg/m", start=0.1),
+        "roll_rate": Signal("rad/s"),
+    },
+    turning,
+    outputs={"turn": Signal("rad/s")},
+    trim={"speed": 30.0, "climb": 0.0, "turn": 0.1},
+)
+
+
+@pytest.mark.parametrize(("speed", "turn"), [(30.0, 0.1), (100.0, 1.5), (300.0, 1.5), (1e3, 1.5)])
+def test_a_bank_angle_without_limits_stays_below_a_quarter_turn(speed: float, turn: float) -> None:
+    """tan(bank) = V turn / g: Newton's method alone ends several turns away."""
+    point = hfa.find_operating_point(TURNING, hold={"speed": speed, "turn": turn})
+    assert point["bank"] == pytest.approx(np.arctan(speed * turn / _GRAVITY), rel=1e-9)
+    assert point["lift"] > 0.0
+    assert "No limits are declared for bank, thrust, lift" in repr(point)
+
+
+def test_a_sweep_stays_where_its_points_do() -> None:
+    turns = np.array([0.1, 0.5, 1.5])
+    swept = hfa.sweep(TURNING, {"speed": [300.0], "turn": turns})
+    np.testing.assert_allclose(swept.states[:, 2], np.arctan(300.0 * turns / _GRAVITY), rtol=1e-9)
+
+
+def test_a_trim_far_out_is_noted_in_the_first_line() -> None:
+    """Lift is negative, so that the only trim flies upside down."""
+    inverted = hfa.Model(
+        "inverted",
+        {"bank": Signal("rad", start=3.0)},
+        {"roll_rate": Signal("rad/s")},
+        lambda x, u, p, w: ({"bank": u.roll_rate}, {"lift": -ca.cos(x.bank)}),
+        outputs={"lift": Signal()},
+        trim={"lift": 0.9},
+    )
+    point = hfa.find_operating_point(inverted)
+    first = repr(point).splitlines()[0]
+    assert first == "Trim, inverted: trimmed; far out, bank 154.158 deg"
+    assert abs(point["bank"]) < np.pi
+
+
+def test_a_trim_from_another_start_says_what_failed() -> None:
+    """A drag bucket between the start and the trim stops Newton's method and the least squares."""
+    bumpy = hfa.Model(
+        "bumpy",
+        {"speed": Signal("m/s", min=0.0, max=10.0, start=1.0)},
+        {"thrust": Signal("N", min=0.0, max=1.0)},
+        lambda x, u, p, w: ({"speed": (x.speed - 1.0) ** 2 * (x.speed - 8.0) - 5.0}, {}),
+        trim={"thrust": 0.0},
+    )
+    point = hfa.find_operating_point(bumpy)
+    lines = repr(point).splitlines()
+    assert lines[0] == "Trim, bumpy: trimmed; not from the usual start"
+    assert any(line.startswith("From the usual start no trim: these rates") for line in lines)
