@@ -23,7 +23,8 @@ from hfa_model.atmosphere import density
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import c_compiler
 from trim.hfa.level_flight import level_flight
-from trim.linear.linear_model import level_model, linearize
+from trim.linear.level_model import level_model
+from trim.linear.linear_model import linearize
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.solve import find_operating_point
 from trim.sweeps.mode_tracking import track_modes

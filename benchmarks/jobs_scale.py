@@ -31,7 +31,7 @@ from hfa_model.vectors import STATES
 from hfa_stores.sweep_store import stream_sweep
 from trim.hfa.level_flight import level_flight
 from trim.limits import Limits
-from trim.linear.linear_model import level_model
+from trim.linear.level_model import level_model
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 

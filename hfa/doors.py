@@ -36,11 +36,9 @@ class CommandEntry(NamedTuple):
         """The command."""
         module, _, name = self.command.partition(":")
         from hfa.options.command import Command
-        from hfa.options.request import Request
 
         found = getattr(import_module(module), name)
-        is_command = isinstance(found, Command) and isinstance(found.request, type)
-        if not (is_command and issubclass(found.request, Request)):
+        if not (isinstance(found, Command) and hasattr(found.request, "declared")):
             raise BadInputError(
                 f"{self.command} is no command; write @command(OPTIONS) above the function, "
                 "OPTIONS a dataclass that extends hfa.options.request.Request"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -206,28 +205,9 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
             # CasADi warns of functions of NumPy.
             returned = layout.equations(*arguments)
     except _FAILURES as error:
-        for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
-            if isinstance(error, AttributeError) and error.obj is vector:
-                refuse_unknown(
-                    f"{layout.name}: the equations use an undeclared name of {kind},",
-                    error.name,
-                    names,
-                )
-        said = " ".join(str(error).split())[:200]
-        if not _takes_four(layout.equations):
-            raise BadInputError(
-                f"{layout.name}: the equations do not take (x, u, p, w); declare all four, also "
-                "those that are not used"
-            ) from error
-        if "indices must be integers" in said:
-            raise BadInputError(
-                f"{layout.name}: the equations ask for x['NAME']; write x.NAME ({said})"
-            ) from error
-        reason = f"{type(error).__name__}: {said}"
-        raise BadInputError(
-            f"{layout.name}: the equations fail ({reason}); write ca.if_else for if, and CasADi's "
-            "functions (ca.sin) for those of other packages"
-        ) from error
+        from hfa_aircraft.broken_equations import refused
+
+        raise refused(error, layout, arguments) from error
     is_pair = isinstance(returned, tuple) and len(returned) == 2
     if not (is_pair and all(hasattr(part, "keys") for part in returned)):
         raise BadInputError(
@@ -250,15 +230,6 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
                 f"{layout.name}: the equations return the undeclared {kind}", name, names
             )
     return rates, outputs
-
-
-def _takes_four(equations: Callable[..., Any]) -> bool:
-    """Whether a function can be called with four arguments."""
-    try:
-        inspect.signature(equations).bind(*VECTORS)
-    except TypeError:
-        return False
-    return True
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:

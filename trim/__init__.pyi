@@ -6,9 +6,9 @@ from hfa_flight.export.interpolated import InterpolatedModel as InterpolatedMode
 from .hfa.front_view import trim_figure as trim_figure
 from .hfa.level_flight import level_flight as level_flight, load_condition as load_condition
 from .hfa.printed import compare as compare, entry_bands as entry_bands, regenerate as regenerate
+from .linear.level_model import level_model as level_model
 from .linear.linear_model import (
     LinearModel as LinearModel,
-    level_model as level_model,
     linearize as linearize,
 )
 from .linear.modes import modes_of as modes_of

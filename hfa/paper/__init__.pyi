@@ -3,4 +3,4 @@
 from controller.hfa_game import published_game as published_game
 from hfa_model.parameters import default_parameters as default_parameters
 from trim.hfa.level_flight import level_flight as level_flight
-from trim.linear.linear_model import level_model as level_model
+from trim.linear.level_model import level_model as level_model

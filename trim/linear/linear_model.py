@@ -15,9 +15,7 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from trim.linear.kinks import linearization_at
 from trim.linear.mode import Mode
-from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import find_operating_point
 
 if TYPE_CHECKING:
     import control
@@ -238,20 +236,3 @@ def linearize(
         disturbances=tuple(disturbances),
         kinks=kinks,
     )
-
-
-@checks_arguments
-def level_model(model: Model, scheduled: float) -> LinearModel:
-    """The linear model at the model's own trim, of the HFA the paper's level flight.
-
-    model: the aircraft
-    scheduled: value of its scheduling variable, of the HFA the dihedral, rad
-
-    TrimError when there is no such trim.
-
-    >>> import hfa
-    >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states
-    ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
-    """
-    condition = usual_condition(model).at(hold={model.schedule: scheduled})
-    return linearize(model, find_operating_point(model, condition))

@@ -107,12 +107,6 @@ class TrimProblem:
         names = [self.free[i] for i in np.flatnonzero(far)]
         return [f"{name} {self.model.describe(name, values[name])}" for name in names]
 
-    def unlimited(self) -> list[str]:
-        """The free variables without any limit."""
-        limits = self.system.limits
-        free = np.isinf(limits.lowest) & np.isinf(limits.highest)
-        return [self.free[i] for i in np.flatnonzero(free)]
-
     def balanced(self, z: np.ndarray) -> bool:
         """Whether every residual is within `BALANCE`, whatever the limits say; no where the model
         has no values."""

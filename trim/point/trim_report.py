@@ -230,8 +230,10 @@ def _search(
         usual = failure(problem, problem.newton(problem.clip(problem.system.start)))
         sentences.append(f"From the usual start {usual}")
         sentences.append(f"Start {point.started} of {STARTS} between the limits led here")
-    if problem.unlimited():
-        names = ", ".join(problem.unlimited())
+    limits = problem.system.limits
+    free = np.isinf(limits.lowest) & np.isinf(limits.highest)
+    if free.any():
+        names = ", ".join(problem.free[i] for i in np.flatnonzero(free))
         sentences.append(f"No limits are declared for {names}; check that they can be flown")
     if problem.idle:
         names = ", ".join(problem.idle)

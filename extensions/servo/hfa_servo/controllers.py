@@ -29,7 +29,8 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check
-from trim.linear.linear_model import LinearModel, level_model
+from trim.linear.level_model import level_model
+from trim.linear.linear_model import LinearModel
 
 
 @dataclass(frozen=True, eq=False)

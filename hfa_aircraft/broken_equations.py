@@ -1,0 +1,42 @@
+"""Why the equations of a model fail, in one line; loaded when they do."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from hfa_aircraft.layout import Layout
+from hfa_aircraft.signals import VECTORS
+from hfa_support.errors import BadInputError, refuse_unknown
+
+
+def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
+    """The error of equations that raised this one when called with x, u, p and w."""
+    for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
+        if isinstance(error, AttributeError) and error.obj is vector:
+            refuse_unknown(
+                f"{layout.name}: the equations use an undeclared name of {kind},",
+                error.name,
+                names,
+            )
+    said = " ".join(str(error).split())[:200]
+    if not _takes_four(layout.equations):
+        advice = "do not take (x, u, p, w); declare all four, also those that are not used"
+    elif "indices must be integers" in said:
+        advice = f"ask for x['NAME']; write x.NAME ({said})"
+    else:
+        advice = (
+            f"fail ({type(error).__name__}: {said}); write ca.if_else for if, and CasADi's "
+            "functions (ca.sin) for those of other packages"
+        )
+    return BadInputError(f"{layout.name}: the equations {advice}")
+
+
+def _takes_four(equations: Callable[..., Any]) -> bool:
+    """Whether a function can be called with four arguments."""
+    try:
+        inspect.signature(equations).bind(*VECTORS)
+    except TypeError:
+        return False
+    return True

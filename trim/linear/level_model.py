@@ -1,0 +1,26 @@
+"""The linear model at a model's own trim, in one call."""
+
+from __future__ import annotations
+
+from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
+from trim.linear.linear_model import LinearModel, linearize
+from trim.point.condition import usual_condition
+from trim.point.solve import find_operating_point
+
+
+@checks_arguments
+def level_model(model: Model, scheduled: float) -> LinearModel:
+    """The linear model at the model's own trim, of the HFA the paper's level flight.
+
+    model: the aircraft
+    scheduled: value of its scheduling variable, of the HFA the dihedral, rad
+
+    TrimError when there is no such trim.
+
+    >>> import hfa
+    >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states
+    ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
+    """
+    condition = usual_condition(model).at(hold={model.schedule: scheduled})
+    return linearize(model, find_operating_point(model, condition))

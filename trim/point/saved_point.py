@@ -1,0 +1,62 @@
+"""An operating point read from its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
+from hfa_support.errors import BadInputError, shortened
+from hfa_support.files import read_json
+from hfa_support.schema import NUMBER, checked
+from hfa_support.units import conversion, si_unit
+from trim.point.operating_point import SCHEMA, OperatingPoint, Status
+
+#: What a saved point holds; later versions may add to it.
+_FILE: dict[Any, Any] = {
+    "schema*": (SCHEMA,),
+    "dynamics*": str,
+    "status*": tuple(Status),
+    "states*": {str: NUMBER},
+    "state_units": {str: str},
+    "inputs*": {str: NUMBER},
+    "residuals*": {str: NUMBER},
+    ...: None,
+}
+
+
+def loaded_point(path: Path, model: Model) -> OperatingPoint:
+    """A saved point of a model, alone or inside a saved trim or linear model; BadInputError names
+    the fault."""
+    try:
+        data = read_json(path)
+    except OSError as error:
+        raise BadInputError(
+            f"{path}: cannot be read ({error.strerror}); give a saved operating point"
+        ) from error
+    if isinstance(data, dict):
+        data = data.get("operating_point", data)
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+        raise BadInputError(f"{path}: is not an operating point of schema {SCHEMA}")
+    names = {
+        kind: {f"{name}*": NUMBER for name in getattr(model, kind)} for kind in ("states", "inputs")
+    }
+    found = checked(
+        str(path), data, {**_FILE, "states*": names["states"], "inputs*": names["inputs"]}
+    )
+    stated = found.get("state_units", {})
+    values = found["states"]
+    for name in model.states:
+        unit = model.unit(name)
+        factor = conversion(stated.get(name, unit), unit)
+        if factor is None:
+            known = dict.fromkeys((unit, si_unit(unit)))
+            raise BadInputError(
+                f"{path}: {name} is in {shortened(stated[name])}, not in {' or '.join(known)}"
+            )
+        values[name] = values[name] * factor
+    states, inputs = (
+        record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
+    )
+    return OperatingPoint(states, inputs, found["residuals"], Status(found["status"]), model)
