@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 def assessment_figure(assessment: Assessment) -> Figure:
-    """Left the spectral radius over the delay, a line a trim; right which part of the starts
-    returns, is lost, or is neither, a bar a trim."""
+    """Left the spectral radius over the delay, a line a trim; right which part of the flights
+    converges, leaves the envelope, or does neither, a bar a trim."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
@@ -42,13 +42,13 @@ def assessment_figure(assessment: Assessment) -> Figure:
     flown = [point.flights for point in assessment.points]
     returned = np.array([0.0 if each is None else each.returned / each.starts for each in flown])
     lost = np.array([0.0 if each is None else each.lost / each.starts for each in flown])
-    right.bar(places, 100 * returned, color="C0", label="come back")
-    right.bar(places, 100 * lost, bottom=100 * (1 - lost), color="C3", label="lost")
+    right.bar(places, 100 * returned, color="C0", label="converge")
+    right.bar(places, 100 * lost, bottom=100 * (1 - lost), color="C3", label="leave the envelope")
     right.set_xticks(places, labels, rotation=0 if len(labels) <= 8 else 90)
     model = assessment.deployed.model
     right.set_xlabel(
         f"{model.schedule}, {shown_unit(model.schedule_unit)}" if model.schedule else ""
     )
-    right.set_ylabel("starts, %")
+    right.set_ylabel("flights, %")
     right.legend(fontsize=8)
     return figure

@@ -7,5 +7,5 @@ ASSESS = CommandEntry(
     "whether a policy flies as it is deployed: sampled, normalized, late",
     "hfa_policy.commands.assess:assess",
     example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM --at 48",
-    results=("hfa_policy.assessment_report:Assessment",),
+    results=("hfa_policy.assessment_report:Assessment", "hfa_policy.comparison:Comparison"),
 )

@@ -369,3 +369,30 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
     )
     with pytest.raises(hfa.BadInputError, match="cannot vary 'elevator'; choose from xcg"):
         hfa.assess(model, card, [502.0], samples=0, vary={"elevator": (0.0, 1.0)})
+
+
+def test_several_deployments_are_one_table(capsys, tmp_path):
+    """The same trims and initial conditions; FAIL where one of them does not hold."""
+    np.savez(tmp_path / "K.npz", K=np.zeros((2, 4)))
+    names = ("speed", "alpha", "pitch_rate", "pitch")
+    text = '[policy]\nfile = "K.npz"\n[observation]\n' + "".join(
+        f"{name} = {{}}\n" for name in names
+    )
+    text += "[action]\nelevator = {}\nthrottle = {}\n[timing]\ndt = 0.02\n"
+    for name in ("a.toml", "b.toml"):
+        (tmp_path / name).write_text(text)
+    good = str(FOLDER / "ppo_raw.toml")
+    words = ["--aircraft", GTM, "--at", "45", "--samples", "4"]
+    both = [str(tmp_path / "a.toml"), str(tmp_path / "b.toml")]
+    code = main(["assess", good, *both, *words, "--json"])
+    data = json.loads(capsys.readouterr().out)
+    assert complaints_about(data) == []
+    first, second, third = data["assessments"]
+    assert second["points"][0]["flights"] == third["points"][0]["flights"]
+    assert (code == 0) == data["ok"] == all(each["holds"] for each in (first, second, third))
+    main(["assess", good, *both, *words])
+    lines = capsys.readouterr().out.splitlines()
+    count = sum(each["holds"] for each in (first, second, third))
+    verdict = "PASS" if count == 3 else "FAIL"
+    assert lines[0] == f"{verdict}: {count} of 3 deployments pass"
+    assert sum(line.count("ppo_raw.toml") for line in lines) == 2

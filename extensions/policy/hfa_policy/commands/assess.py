@@ -39,7 +39,7 @@ def _need(name: str, text: str) -> float:
 
 
 def _half_width(model: Model, name: str, text: str) -> float:
-    """Half-width of the box of starts in a linear state."""
+    """Half-width of the box of initial conditions in a linear state."""
     refuse_unknown("names the unknown state", name, model.linear)
     width = quantity(model, name, text)
     if width <= 0.0:
@@ -57,11 +57,13 @@ def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
 class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     """A policy as it is deployed."""
 
-    card: Path = option(
-        "the deployment: what the policy observes, what its actions move, and when",
+    cards: tuple[Path, ...] = option(
+        "deployment files: what a policy observes, what its actions move, and when; of several one "
+        "table, from the same initial conditions",
         "CARD.toml",
         input_file(".toml"),
-        names="card",
+        names="cards",
+        count="+",
     )
     at: Range | None = scheduled(scheduled_range, "RANGE", "start:stop:step, a,b,c or one number")
     samples: int = option(
@@ -74,15 +76,15 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         "decides where the flights start; default 0", "N", whole(0), default=0, rare=True
     )
     box: Mapping[str, float] = option(
-        "half-width of the box of starts in a state; repeatable",
+        "half-width of the box of initial conditions in a state; repeatable",
         "NAME=VALUE",
         OfModel(_half_width),
         named=True,
         rare=True,
     )
     need: Mapping[str, float] = option(
-        "exit 1 unless it stands this delay (s), has this disk margin, costs at most so many "
-        "percent more than the optimum; repeatable",
+        "exit 1 unless it tolerates this delay (s), has this disk margin, has a linear cost of at "
+        "most so many percent above the optimum; repeatable",
         "delay|margin|cost=X",
         _need,
         named=True,
@@ -95,7 +97,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         named=True,
         rare=True,
     )
-    picture: Path | None = picture_option("radius over delay, and what becomes of the starts")
+    picture: Path | None = picture_option("radius over delay, and what becomes of the flights")
 
     def points(self) -> list[OperatingPoint]:
         """The trims to assess at."""
@@ -123,21 +125,34 @@ def assess(request: AssessRequest) -> int:
     --need; 1: it does not, or its files prove a mistake of the deployment file."""
     from hfa_policy.assessment import Assessor
     from hfa_policy.assessment_report import Assessment
+    from hfa_policy.comparison import Comparison
     from hfa_policy.deployment import Deployment
     from hfa_policy.mistakes import mistakes_of
     from hfa_policy.variations import variations
 
-    deployment = Deployment.load(request.card)
-    deployed = deployment.on(request.flown_aircraft())
-    if deployment.actor and "cost" in request.need and deployment.cost is None:
-        raise BadInputError("--need cost: the card has no [cost]; add the Q and R")
-    points = request.points()
-    assessor = Assessor(deployed, tuple(points), request.samples, request.seed, request.box)
-    assessed = assessor.assessed(ProgressLine("fly"))
-    mistakes = mistakes_of(assessor, assessed)
-    changed = variations(assessor, request.vary, ProgressLine("fly changed aircraft"))
-    result = Assessment(
-        deployed, tuple(assessed), tuple(mistakes), request.need, variations=tuple(changed)
-    )
-    show(result.report(), request, figure=result.figure, notes=result.warnings)
-    return 0 if result.ok else 1
+    model = request.flown_aircraft()
+    deployed = [Deployment.load(card).on(model) for card in request.cards]
+    for each in deployed:
+        if each.deployment.actor and "cost" in request.need and each.deployment.cost is None:
+            origin = each.deployment.origin
+            raise BadInputError(f"--need cost: {origin} has no [cost]; add the Q and R")
+    points = tuple(request.points())
+    results = []
+    for each in deployed:
+        assessor = Assessor(each, points, request.samples, request.seed, request.box)
+        assessed = assessor.assessed(ProgressLine("fly"))
+        mistakes = tuple(mistakes_of(assessor, assessed))
+        changed = variations(assessor, request.vary, ProgressLine("fly changed aircraft"))
+        found = Assessment(each, tuple(assessed), mistakes, request.need, tuple(changed))
+        results.append(found)
+    if len(results) == 1:
+        show(results[0].report(), request, figure=results[0].figure, notes=results[0].warnings)
+        return 0 if results[0].ok else 1
+    if request.picture is not None:
+        raise BadInputError("--picture is of one deployment; name one")
+    notes = [
+        f"{one.deployed.deployment.origin}: {note}" for one in results for note in one.warnings
+    ]
+    comparison = Comparison(tuple(results))
+    show(comparison.report(), request, notes=notes)
+    return 0 if comparison.ok else 1

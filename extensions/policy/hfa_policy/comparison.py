@@ -1,0 +1,100 @@
+"""Several deployments of one aircraft at the same trims, from the same initial conditions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from hfa_policy.assessment import AssessedPoint
+from hfa_policy.assessment_report import Assessment
+from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import Table
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Result, Reported):
+    """Assessments of several deployments on one aircraft.
+
+    assessments: one a deployment, in order.
+    """
+
+    schema = "hfa.assessments/1"
+    made_by = "hfa assess"
+    keys = "first_line ok assessments"
+
+    assessments: tuple[Assessment, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every deployment holds and meets every need."""
+        return all(assessment.ok for assessment in self.assessments)
+
+    @property
+    def first_line(self) -> str:
+        """How many deployments pass."""
+        count = sum(assessment.ok for assessment in self.assessments)
+        return f"{verdict_text(self.ok)}: {count} of {len(self.assessments)} deployments pass"
+
+    def report(self) -> Report:
+        """A row a deployment, and the first line of each."""
+        table = Table(_HEADER, [_row(assessment) for assessment in self.assessments])
+        lines = [
+            f"{assessment.deployed.deployment.origin}: {assessment.first_line}"
+            for assessment in self.assessments
+        ]
+        return Report(self.first_line, (table, *lines), data=self.as_data(), records=table)
+
+
+_HEADER = (
+    *("deployment", "verdict", "trims held", "radius", "unstable at ms", "disk margin"),
+    *("linear cost %", "converge", "leave", "disturbed"),
+)
+
+
+def _row(assessment: Assessment) -> tuple[str, ...]:
+    """The worst of each figure over the trims."""
+    points = assessment.points
+    held = sum(point.holds for point in points)
+    limits = [point.delays.limit for point in points if point.delays is not None]
+    delays = [1e3 * limit for limit in limits if limit is not None]
+    disks = [point.margins.disk.disk for point in points if point.margins is not None]
+    costs = [
+        max(point.cost.worst, point.cost.sampled_worst)
+        for point in points
+        if point.cost is not None
+    ]
+    return (
+        assessment.deployed.deployment.origin,
+        verdict_text(assessment.ok),
+        f"{held} of {len(points)}",
+        _worst(max, [point.radius for point in points], ".5f"),
+        _worst(min, delays, ".4g"),
+        _worst(min, disks if len(disks) == len(points) else [], ".3f"),
+        _worst(max, costs, ".4g"),
+        *_flown(points),
+    )
+
+
+def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
+    """The worst of some numbers; "-" without one."""
+    finite = [value for value in values if math.isfinite(value)]
+    if not finite or len(finite) < len(values):
+        return "-"
+    return format(of(finite), form)
+
+
+def _flown(points: Sequence[AssessedPoint]) -> tuple[str, str, str]:
+    """Flights that converge, leave the envelope, and converge after a disturbance pulse."""
+    plain = [point.flights for point in points if point.flights is not None]
+    disturbed = [point.disturbed for point in points if point.disturbed is not None]
+    if not plain:
+        return "-", "-", "-"
+    starts = sum(flights.starts for flights in plain)
+    return (
+        f"{sum(flights.returned for flights in plain)} of {starts}",
+        str(sum(flights.lost for flights in plain)),
+        f"{sum(flights.returned for flights in disturbed)} of {starts}",
+    )
