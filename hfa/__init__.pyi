@@ -14,6 +14,7 @@ from hfa_aircraft import Model as Model, Signal as Signal
 from hfa_aircraft.loading import load_model as load_model
 from hfa_derivatives.aircraft import from_derivatives as from_derivatives
 from hfa_flight.nonlinear_flight import Flight as Flight, fly as fly
+from hfa_identify.identified import identify as identify
 from hfa_model.choice import aircraft as aircraft
 from hfa_networks.files.network import from_network as from_network
 from hfa_optimal.best_flight import BestFlight as BestFlight, best_flight as best_flight

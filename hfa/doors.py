@@ -101,7 +101,6 @@ MOVED = {
     "schedule": "`hfa fly --controller GAINS --command dihedral=TIME:VALUE`",
     "monte-carlo": "`hfa fly --samples N`",
     "lpv": "`hfa prove models`",
-    "identify": "a study, python -m studies.identification,",
     "validate": "a study, python -m studies.validation,",
     "verify --printed": "`hfa printed FILE`",
 }

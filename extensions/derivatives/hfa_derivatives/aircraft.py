@@ -31,6 +31,7 @@ from hfa_aircraft.rigid_body import (
     wind_axes,
 )
 from hfa_aircraft.signals import Signal
+from hfa_derivatives.changed import changed_aircraft
 from hfa_derivatives.names import INDUCED, THRUST_INPUT
 from hfa_derivatives.table import Table, read_table, table_of
 from hfa_support.errors import BadInputError
@@ -50,10 +51,15 @@ _MODES = {
 
 
 def read_model(text: str) -> Model:
-    """The aircraft of a TOML or CSV file of derivatives.
+    """The aircraft of a TOML or CSV file of derivatives, or of a TOML file that names another
+    aircraft and values of its parameters.
 
     BadInputError names the file, the entry and its row.
     """
+    if text.endswith(".toml"):
+        changed = changed_aircraft(text)
+        if changed is not None:
+            return changed
     return _model(read_table(text))
 
 

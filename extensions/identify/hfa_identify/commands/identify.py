@@ -1,0 +1,96 @@
+"""The command `hfa identify`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hfa.options.argument_types import input_file, quantity
+from hfa.options.command import command
+from hfa.options.request import OfModel, option
+from hfa.options.trims import AircraftOptions, OutputOptions, output_option, picture_option
+from hfa.output import ProgressLine, show
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.progress import say_aside
+
+#: Of the file of an identified aircraft.
+AIRCRAFT = ".toml"
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """Names between commas."""
+    names = tuple(name.strip() for name in text.split(","))
+    if not all(names):
+        raise BadInputError(f"is {text!r}; give names between commas")
+    return names
+
+
+def _held(model: Model, name: str, text: str) -> float:
+    """The value of an input, or of a state at the start."""
+    refuse_unknown("names the unknown input or state", name, (*model.inputs, *model.states))
+    return quantity(model, name, text)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IdentifyRequest(AircraftOptions, OutputOptions):
+    """Records of flights whose aircraft is to be identified."""
+
+    records: tuple[Path, ...] = option(
+        "flight records with columns time, inputs, measured states and outputs",
+        "RECORD.csv",
+        input_file(".csv", ".npz", ".mat"),
+        names="records",
+        count="+",
+        required=True,
+    )
+    free: tuple[str, ...] = option(
+        "parameters to identify, as CL_alpha,Cm_q", "NAMES", _names, required=True
+    )
+    hold: Mapping[str, float] = option(
+        "an input without a column, or an unmeasured state at the start; repeatable",
+        "NAME=VALUE",
+        OfModel(_held),
+        named=True,
+    )
+    validate: Path | None = option(
+        "a record that is kept out, for Theil's coefficient",
+        "RECORD.csv",
+        input_file(".csv", ".npz", ".mat"),
+    )
+    output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")
+    picture: Path | None = picture_option("measured and fitted quantities, and residuals")
+
+
+@command(IdentifyRequest)
+def identify(request: IdentifyRequest) -> int:
+    """Identify parameters of an aircraft from flight records, by output error with maximum
+    likelihood.
+
+    Estimates with 95 % bands that are corrected for coloured residuals, correlations, and how well
+    each measured quantity is explained. Exit 0: every parameter is determined; 1: the first line
+    says what is not."""
+    from hfa_identify.aircraft_file import aircraft_text
+    from hfa_identify.identified import identify as identified_of
+    from hfa_identify.records import read_record
+    from hfa_support.files import write_text
+
+    model = request.model
+    records = [read_record(path, model, request.hold) for path in request.records]
+    kept_out = [request.validate] if request.validate else []
+    progress = ProgressLine("identify")
+    found = identified_of(
+        model,
+        records,
+        request.free,
+        hold=request.hold,
+        validate=[read_record(path, model, request.hold) for path in kept_out],
+        progress=progress,
+    )
+    if request.output is not None and request.output.suffix == AIRCRAFT:
+        write_text(request.output, aircraft_text(found))
+        say_aside(f"wrote {request.output}")
+        request = replace(request, output=None)
+    show(found.report(), request, figure=found.figure)
+    return 0 if found.ok else 1

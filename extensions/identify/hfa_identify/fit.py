@@ -1,0 +1,291 @@
+"""Maximum likelihood of output error: parameters, starts and noise of records.
+
+With residuals v = z - y(θ, x₀) and a noise variance r of each measured quantity, the likelihood is
+largest where
+
+    L = ½ Σ N ln(Σ v² / N) + ½ Σ ((x₀ - guess) / (10 nominal))²
+
+is least; the sum over quantities, r = Σ v² / N. The second term keeps starts that no sample
+determines near their guess, here for measured states. Gauss-Newton steps with the exact
+sensitivities are damped by Levenberg's rule where they do not lower L. The starts of each record
+are eliminated from the normal equations.
+
+Source: R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., 2015, chapter 4.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_identify.records import Record
+from hfa_identify.response import Response, Responses
+
+#: Before any sample a measured state's start is known to this many of its nominal sizes, another's
+#: to one, and that of a state that no trim balances (altitude, heading) to this small part.
+_MEASURED = 10.0
+_HELD = 1e-6
+#: Steps end where the parameters move by less than this part of their standard deviations.
+SMALL = 1e-3
+_MOST_STEPS = 30
+_DAMPINGS = (0.0, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4)
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """The normal equations of one record: of the parameters, of the start, and between them.
+
+    M: (p, p). B: (p, n). A: (n, n). g: (p,) and h: (n,), the right-hand sides.
+    """
+
+    M: np.ndarray
+    B: np.ndarray
+    A: np.ndarray
+    g: np.ndarray
+    h: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What the records say of the parameters.
+
+    theta: (p,). starts: (n,) of each record. noise: (k,) variances.
+    residuals: (N, k) of each record, 0 where a sample is missing. present: (N, k) flags.
+    responses: the simulated records.
+    information: (p, p) of the parameters, with unknown starts.
+    projected: (N, k, p) of each record: sensitivities without what another start makes up for.
+    likelihood: L. steps: taken. converged: whether the last step was small.
+    """
+
+    theta: np.ndarray
+    starts: tuple[np.ndarray, ...]
+    noise: np.ndarray
+    residuals: tuple[np.ndarray, ...]
+    present: tuple[np.ndarray, ...]
+    responses: tuple[Response, ...]
+    information: np.ndarray
+    projected: tuple[np.ndarray, ...]
+    likelihood: float
+    steps: int
+    converged: bool
+
+
+class OutputError:
+    """Fits the free parameters of a model to records.
+
+    bounds: (p, 2). guesses: (n,) starts of the records.
+    """
+
+    def __init__(
+        self,
+        responses: Responses,
+        records: Sequence[Record],
+        bounds: np.ndarray,
+        guesses: Sequence[np.ndarray],
+    ) -> None:
+        self.responses = responses
+        self.records = tuple(records)
+        self.bounds = bounds
+        self.guesses = tuple(guesses)
+        self._priors = tuple(_start_weights(responses.model, record) for record in self.records)
+        tables = [
+            np.column_stack(
+                [record.measured.get(name, _none(record)) for name in responses.measured]
+            )
+            for record in self.records
+        ]
+        self._present = tuple(np.isfinite(table) for table in tables)
+        self._measured = tuple(
+            np.where(flags, table, 0.0) for flags, table in zip(self._present, tables, strict=True)
+        )
+        self._counts = sum(flags.sum(axis=0) for flags in self._present)
+        sizes = [responses.model.signals[name].nominal for name in responses.measured]
+        self._least = (1e-9 * np.array(sizes)) ** 2
+
+    def fit(
+        self,
+        theta: np.ndarray,
+        starts: Sequence[np.ndarray],
+        progress: Callable[[float, float], None] | None = None,
+        small: float = SMALL,
+    ) -> Fit:
+        """The parameters and starts of least L, from these.
+
+        small: the search ends where a step is this part of the standard deviations
+
+        FloatingPointError where the simulation diverges from them."""
+        found = self._at(theta, tuple(starts), 0)
+        level = 0
+        for step in range(1, _MOST_STEPS + 1):
+            if progress is not None:
+                progress(step, _MOST_STEPS)
+            normals = self._normals(found)
+            change, _ = self._solved(found, normals, 0.0)
+            is_small = change @ found.information @ change < small**2 * len(change)
+            level = self._lowering(found, normals, max(0, level - 1))
+            if level < len(_DAMPINGS):
+                found = self._at(*self._moved(found, normals, _DAMPINGS[level]), step)
+            if is_small or level == len(_DAMPINGS):
+                return replace(found, converged=bool(is_small))
+        return found
+
+    def _lowering(self, found: Fit, normals: Sequence[Normal], first: int) -> int:
+        """The number of the first damping, from one on, whose step does not raise L; that of all
+        dampings where each does."""
+        for level in range(first, len(_DAMPINGS)):
+            theta, starts = self._moved(found, normals, _DAMPINGS[level])
+            try:
+                simulated = [
+                    self.responses.simulated(record, start, theta)
+                    for record, start in zip(self.records, starts, strict=True)
+                ]
+            except FloatingPointError:
+                continue
+            if self._likelihood(self._residuals(simulated), starts) <= found.likelihood:
+                return level
+        return len(_DAMPINGS)
+
+    def _moved(
+        self, found: Fit, normals: Sequence[Normal], damping: float
+    ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+        """Parameters, within their bounds, and starts after a step."""
+        change, moves = self._solved(found, normals, damping)
+        theta = np.clip(found.theta + change, self.bounds[:, 0], self.bounds[:, 1])
+        return theta, tuple(start + move for start, move in zip(found.starts, moves, strict=True))
+
+    def _at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int) -> Fit:
+        """The fit with these parameters and starts, not known to be converged."""
+        responses = tuple(
+            self.responses.of(record, start, theta)
+            for record, start in zip(self.records, starts, strict=True)
+        )
+        residuals = self._residuals([response.y for response in responses])
+        likelihood = self._likelihood(residuals, starts)
+        if not math.isfinite(likelihood):
+            raise FloatingPointError("the simulation diverges")
+        noise = self._noise(residuals)
+        information, projected = self._information(responses, noise)
+        return Fit(
+            theta, starts, noise, residuals, self._present, responses, information, projected,
+            likelihood, steps, converged=False,
+        )  # fmt: skip
+
+    def _residuals(self, simulated: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
+        """Measured less simulated quantities of each record, 0 where a sample is missing."""
+        return tuple(
+            np.where(flags, table - y, 0.0)
+            for flags, table, y in zip(self._present, self._measured, simulated, strict=True)
+        )
+
+    def _noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
+        """(k,) the likeliest variances."""
+        squares = sum((each**2).sum(axis=0) for each in residuals)
+        return np.asarray(np.maximum(squares / self._counts, self._least))
+
+    def _likelihood(self, residuals: Sequence[np.ndarray], starts: Sequence[np.ndarray]) -> float:
+        """L with the likeliest variances."""
+        total = 0.5 * float(self._counts @ np.log(self._noise(residuals)))
+        for start, guess, prior in zip(starts, self.guesses, self._priors, strict=True):
+            total += 0.5 * float((start - guess) ** 2 @ prior)
+        return total
+
+    def _information(
+        self, responses: Sequence[Response], noise: np.ndarray
+    ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+        """The information of the parameters with unknown starts, and the projected
+        sensitivities."""
+        p = len(self.responses.free)
+        information = np.zeros((p, p))
+        projected = []
+        for response, flags, prior in zip(responses, self._present, self._priors, strict=True):
+            weights = np.where(flags, 1.0 / noise, 0.0)
+            by_start = response.by_start
+            weighted = by_start * weights[:, :, None]
+            A = np.einsum("skn,skm->nm", weighted, by_start) + np.diag(prior)
+            B = np.einsum("skn,skp->np", weighted, response.by_parameters)
+            free = response.by_parameters - by_start @ np.linalg.solve(A, B)
+            information += np.einsum(
+                "skp,sk,skq->pq", response.by_parameters, weights, free, optimize=True
+            )
+            projected.append(free)
+        return 0.5 * (information + information.T), tuple(projected)
+
+    def _normals(self, found: Fit) -> list[Normal]:
+        """The normal equations of all records."""
+        normals = []
+        for number, response in enumerate(found.responses):
+            weights = np.where(self._present[number], 1.0 / found.noise, 0.0)
+            J = response.by_parameters
+            X = response.by_start
+            weighted = X * weights[:, :, None]
+            residual = found.residuals[number] * weights
+            pull = self._priors[number] * (self.guesses[number] - found.starts[number])
+            normals.append(
+                Normal(
+                    np.einsum("skp,sk,skq->pq", J, weights, J, optimize=True),
+                    np.einsum("skp,skn->pn", J, weighted),
+                    np.einsum("skn,skm->nm", weighted, X) + np.diag(self._priors[number]),
+                    np.einsum("skp,sk->p", J, residual),
+                    np.einsum("skn,sk->n", X, residual) + pull,
+                )
+            )
+        return normals
+
+    def _solved(
+        self, found: Fit, normals: Sequence[Normal], damping: float
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """The step of the parameters and those of the starts.
+
+        A parameter at its bound stays there where the step leads outward."""
+        p = len(found.theta)
+        total = np.zeros((p, p))
+        right = np.zeros(p)
+        inverses = []
+        for normal in normals:
+            A = normal.A + damping * np.diag(np.diag(normal.A))
+            inverse = np.linalg.inv(A)
+            inverses.append(inverse)
+            M = normal.M + damping * np.diag(np.diag(normal.M))
+            total += M - normal.B @ inverse @ normal.B.T
+            right += normal.g - normal.B @ inverse @ normal.h
+        low = (found.theta <= self.bounds[:, 0]) & (right < 0.0)
+        high = (found.theta >= self.bounds[:, 1]) & (right > 0.0)
+        inside = ~(low | high)
+        change = np.zeros(p)
+        change[inside] = _solution(total[np.ix_(inside, inside)], right[inside])
+        moves = [
+            inverse @ (normal.h - normal.B.T @ change)
+            for inverse, normal in zip(inverses, normals, strict=True)
+        ]
+        return change, moves
+
+
+def _start_weights(model: Model, record: Record) -> np.ndarray:
+    """(n,) inverse variances of the start of a record before any sample is seen."""
+    sizes = []
+    for name, signal in model.states.items():
+        if name in record.measured:
+            size = _MEASURED
+        elif name in model.steady:
+            size = 1.0
+        else:
+            size = _HELD
+        sizes.append(size * signal.nominal)
+    return 1.0 / np.square(sizes)
+
+
+def _none(record: Record) -> np.ndarray:
+    """The column of a quantity that a record does not have."""
+    return np.full(len(record.time), np.nan)
+
+
+def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The least-squares solution, with rows and columns of the same size."""
+    diagonal = np.diag(matrix)
+    size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaled = matrix / size[:, None] / size
+    return np.linalg.lstsq(scaled, right / size, rcond=1e-13)[0] / size

@@ -1,0 +1,45 @@
+"""The picture of an identification: measured and fitted quantities, and their residuals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hfa_support.reporting.text import shown_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hfa_identify.identified import Identified
+
+
+def identified_figure(identified: Identified) -> Figure:
+    """A row a quantity: measured samples and the fitted response at the left, their difference at
+    the right; records follow one another."""
+    from matplotlib.figure import Figure
+
+    names = list(identified.quantities)
+    figure = Figure(figsize=(10.0, 1.2 + 1.6 * len(names)), layout="constrained")
+    axes = figure.subplots(len(names), 2, sharex=True, squeeze=False)
+    begins = np.cumsum([0.0, *(r.time[-1] - r.time[0] for r, _ in identified.fitted)])
+    for row, name in enumerate(names):
+        unit = identified.model.unit(name)
+        factor = 180.0 / np.pi if unit.startswith("rad") else 1.0
+        left, right = axes[row]
+        for (record, y), begin in zip(identified.fitted, begins, strict=False):
+            if name not in record.measured:
+                continue
+            time = record.time - record.time[0] + begin
+            measured = factor * record.measured[name]
+            fitted = factor * y[:, row]
+            left.plot(time, measured, ".", color="0.6", markersize=2.0)
+            left.plot(time, fitted, color="C0", linewidth=1.2)
+            right.plot(time, measured - fitted, color="C3", linewidth=0.6)
+        left.set_ylabel(f"{name}\n{shown_unit(unit)}")
+    axes[0][0].set_title("measured (dots) and fitted")
+    axes[0][1].set_title("residual")
+    for bottom in axes[-1]:
+        bottom.set_xlabel("time s")
+    figure.suptitle(f"{identified.model.title}: {', '.join(identified.records)}")
+    return figure

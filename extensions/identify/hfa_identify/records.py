@@ -1,0 +1,240 @@
+"""A flight record: time, inputs and measured states or outputs, by name, in the model's units."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.game.array_file import read_arrays
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
+from hfa_support.files import LARGEST, regular_file
+from hfa_support.units import conversion, si_unit
+
+#: A record with fewer samples identifies nothing.
+_FEWEST = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A manoeuvre.
+
+    name: of the record, its file.
+    time: (N,) s, increasing; steps may differ.
+    inputs: (N, m) in the order and units of the model's inputs.
+    measured: state or output -> (N,) in the model's unit, NaN where a sample is missing.
+    """
+
+    name: str
+    time: np.ndarray
+    inputs: np.ndarray
+    measured: Mapping[str, np.ndarray]
+
+    def windows(self, seconds: float) -> list[Record]:
+        """The record cut into parts of at least this duration, s, that share their end samples."""
+        step = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
+        samples = max(_FEWEST, round(seconds / step))
+        starts = range(0, max(1, len(self.time) - samples), samples)
+        ends = [*list(starts)[1:], len(self.time) - 1]
+        return [self.part(first, last + 1) for first, last in zip(starts, ends, strict=True)]
+
+    def part(self, first: int, stop: int) -> Record:
+        """The samples from one number to before another."""
+        rows = slice(first, stop)
+        measured = {name: values[rows] for name, values in self.measured.items()}
+        return replace(self, time=self.time[rows], inputs=self.inputs[rows], measured=measured)
+
+
+def record_of(
+    model: Model, columns: Mapping[str, Any], held: Mapping[str, float], name: str = "record"
+) -> Record:
+    """The record of arrays by name in the model's units: "time" (s), every input, and at least one
+    state or output.
+
+    columns: name -> (N,). held: input without a column -> its constant value.
+
+    BadInputError names the column and what is wrong with it.
+    """
+    for column in columns:
+        known = ("time", *model.inputs, *model.states, *model.outputs)
+        refuse_unknown(f"{name}: unknown column", column, known)
+    if "time" not in columns:
+        raise BadInputError(f"{name}: has no column time; add it, in s")
+    arrays = {column: _numbers(name, column, values) for column, values in columns.items()}
+    time = arrays.pop("time")
+    _check_time(name, time)
+    for column, values in arrays.items():
+        if len(values) != len(time):
+            raise BadInputError(
+                f"{name}: {column} has {len(values)} samples and time {len(time)}; give both alike"
+            )
+    missing = [each for each in model.inputs if each not in arrays and each not in held]
+    if missing:
+        raise BadInputError(
+            f"{name}: has no column {missing[0]}; add it, or hold it (--hold {missing[0]}=VALUE)"
+        )
+    inputs = [arrays.pop(each, np.full(len(time), held.get(each))) for each in model.inputs]
+    _check_inputs(name, list(model.inputs), inputs)
+    measured = {each: values for each, values in arrays.items() if np.isfinite(values).any()}
+    if not measured:
+        raise BadInputError(f"{name}: has no measured state or output; add one")
+    for each, values in measured.items():
+        _check_measured(name, each, values)
+    return Record(name, time, np.column_stack([np.empty((len(time), 0)), *inputs]), measured)
+
+
+def read_record(path: str | Path, model: Model, held: Mapping[str, float]) -> Record:
+    """The record of a CSV, .npz or .mat file.
+
+    A CSV file has a first row of names, each with or without its unit: "alpha [deg]"; an empty cell
+    is a missing sample. Without a unit a column is in the model's, angles in radians.
+    held: input without a column -> its constant value.
+
+    BadInputError names the file and its fault.
+    """
+    try:
+        file = regular_file(path, LARGEST)
+        if file.suffix == ".csv":
+            columns = _csv_columns(file, model)
+        else:
+            arrays = read_arrays(file)
+            columns = {name: np.ravel(values) for name, values in arrays.items()}
+    except OSError as error:
+        raise BadInputError(f"{path} cannot be read ({error.strerror}); give a record") from error
+    return record_of(model, columns, held, Path(path).name)
+
+
+def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
+    """The columns of a CSV file in the model's units."""
+    try:
+        rows = list(csv.reader(io.StringIO(path.read_text("utf-8-sig"))))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise BadInputError(f"{path}: is not a CSV file ({error}); save it as UTF-8") from error
+    rows = [row for row in rows if any(cell.strip() for cell in row)]
+    if not rows:
+        raise BadInputError(f"{path}: is empty; give a first row of names, then samples")
+    heads = [_head(path, cell, model) for cell in rows[0]]
+    names = [name for name, _ in heads]
+    if len(set(names)) < len(names):
+        raise BadInputError(f"{path}: two columns have the same name; leave one out")
+    table = np.empty((len(rows) - 1, len(names)))
+    for number, row in enumerate(rows[1:], start=2):
+        if len(row) != len(names):
+            raise BadInputError(
+                f"{path}, row {number}: has {len(row)} cells, the first row {len(names)}; give one"
+                " a column"
+            )
+        table[number - 2] = [
+            _cell(path, number, name, cell) for name, cell in zip(names, row, strict=True)
+        ]
+    factors = [factor for _, factor in heads]
+    return {name: table[:, place] * factors[place] for place, name in enumerate(names)}
+
+
+def _head(path: Path, cell: str, model: Model) -> tuple[str, float]:
+    """The name of a column, and by what its values are multiplied."""
+    match = re.fullmatch(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*", cell)
+    if match is None:
+        raise BadInputError(
+            f"{path}: the first row has {shown(cell)}; write names with or without units, as"
+            ' "alpha [deg]"'
+        )
+    name, stated = match[1], match[2]
+    known = ("time", *model.inputs, *model.states, *model.outputs)
+    refuse_unknown(f"{path}: unknown column", name, known)
+    unit = "s" if name == "time" else model.unit(name)
+    if not stated:
+        return name, 1.0
+    if (stated, unit) in (("deg", "rad"), ("deg/s", "rad/s")):
+        return name, math.pi / 180.0
+    factor = conversion(stated, unit)
+    if factor is None:
+        known_units = " or ".join(dict.fromkeys((unit, si_unit(unit))))
+        raise BadInputError(f"{path}: {name} is in {shortened(stated)}; give it in {known_units}")
+    return name, factor
+
+
+def _cell(path: Path, number: int, name: str, cell: str) -> float:
+    """The number in a cell, NaN in an empty one."""
+    if not cell.strip():
+        return math.nan
+    try:
+        return float(cell)
+    except ValueError:
+        raise BadInputError(
+            f"{path}, row {number}: {name} is {shown(cell)}; give a number or leave it empty"
+        ) from None
+
+
+def _numbers(record: str, name: str, values: Any) -> np.ndarray:
+    """A column as numbers."""
+    try:
+        column = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise BadInputError(f"{record}: {name} is {shown(values)}; give numbers") from None
+    if column.ndim != 1:
+        raise BadInputError(f"{record}: {name} has {column.ndim} axes; give one column")
+    return column
+
+
+def _check_time(name: str, time: np.ndarray) -> None:
+    """BadInputError unless time increases and has enough samples."""
+    if len(time) < _FEWEST:
+        raise BadInputError(f"{name}: has {len(time)} samples; give at least {_FEWEST}")
+    if not np.isfinite(time).all():
+        first = int(np.flatnonzero(~np.isfinite(time))[0])
+        raise BadInputError(f"{name}: sample {first + 1} has no time; leave that row out")
+    late = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(late):
+        raise BadInputError(
+            f"{name}: time does not increase at sample {late[0] + 2} ({time[late[0] + 1]:g} s);"
+            " sort the record and leave repeated rows out"
+        )
+
+
+def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray]) -> None:
+    """BadInputError where an input has no value: what was commanded must be known."""
+    for each, values in zip(names, inputs, strict=True):
+        gaps = np.flatnonzero(~np.isfinite(values))
+        if len(gaps):
+            raise BadInputError(
+                f"{name}: {each} has no value at sample {gaps[0] + 1}; an input must be known"
+                " throughout"
+            )
+
+
+def _check_measured(name: str, column: str, values: np.ndarray) -> None:
+    """BadInputError where a sensor is infinite, or did not move over the whole record."""
+    if np.isinf(values).any():
+        raise BadInputError(f"{name}: {column} is infinite; leave such samples empty")
+    seen = values[np.isfinite(values)]
+    if len(seen) < _FEWEST:
+        raise BadInputError(
+            f"{name}: {column} has {len(seen)} values; give at least {_FEWEST}, or no such column"
+        )
+    if np.ptp(seen) == 0.0:
+        raise BadInputError(
+            f"{name}: {column} is {seen[0]:g} at every sample, as from a frozen sensor; leave it"
+            " out"
+        )
+    longest = _longest_repeat(seen)
+    if longest > max(_FEWEST, len(seen) // 5) and longest < len(seen):
+        raise BadInputError(
+            f"{name}: {column} repeats one value {longest} times, as from a frozen sensor; leave"
+            " these samples empty"
+        )
+
+
+def _longest_repeat(values: np.ndarray) -> int:
+    """The largest number of equal values in succession."""
+    changes = np.flatnonzero(np.diff(values) != 0.0)
+    edges = np.concatenate([[-1], changes, [len(values) - 1]])
+    return int(np.diff(edges).max())

@@ -1,0 +1,239 @@
+"""Parameters from records that SciPy's integrator flew, and records with planted faults."""
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from project import ROOT
+from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
+
+import hfa
+from hfa.main import main
+from hfa_derivatives.aircraft import from_derivatives
+from hfa_identify.identified import identify
+from hfa_identify.response import Responses
+
+UAV = str(ROOT / "examples" / "uav.toml")
+FREE = ("CL_0", "CL_alpha", "CD_0", "Cm_0", "Cm_alpha", "Cm_q", "Cm_elevator")
+#: Measured state -> standard deviation of its sensor's noise.
+SENSORS = {"speed": 0.3, "alpha": 0.003, "pitch_rate": 0.01, "pitch": 0.003}
+SECONDS = 8.0
+STEP = 0.04
+
+
+def doublets(time):
+    """A 3-2-1-1 of the elevator: 2 deg, 0.4 s a unit, from 0.5 s on."""
+    edges = 0.5 + 0.4 * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
+    levels = np.radians(2.0) * np.array([1.0, -1.0, 1.0, -1.0, 0.0])
+    place = np.searchsorted(edges, time, side="right") - 1
+    return np.where(place < 0, 0.0, levels[np.maximum(place, 0)])
+
+
+@cache
+def flown():
+    """Time, inputs and states of the true aircraft, by SciPy."""
+    model = from_derivatives(UAV)
+    point = hfa.find_operating_point(model)
+    time = np.arange(0.0, SECONDS, STEP)
+    inputs = np.tile(np.array(point.inputs), (len(time), 1))
+    inputs[:, list(model.inputs).index("elevator")] += doublets(time)
+    f = model.functions()
+
+    def rates(at, x):
+        u = [np.interp(at, time, column) for column in inputs.T]
+        return f(x, u, model.p)[0].full().ravel()
+
+    ends = (0.0, time[-1])
+    solved = solve_ivp(
+        rates, ends, list(point.states), t_eval=time, rtol=1e-9, atol=1e-11, max_step=STEP
+    )
+    return time, inputs, solved.y.T
+
+
+def record(seed=0, coloured=False, first=0.0):
+    """A record with noise of the sensors."""
+    model = from_derivatives(UAV)
+    time, inputs, states = flown()
+    generator = np.random.default_rng(seed)
+    columns = {"time": time + first}
+    columns |= {name: inputs[:, place] for place, name in enumerate(model.inputs)}
+    for name, size in SENSORS.items():
+        noise = generator.standard_normal(len(time))
+        if coloured:
+            noise = lfilter([1.0], [1.0, -0.9], noise)
+            noise /= noise.std()
+        columns[name] = states[:, list(model.states).index(name)] + size * noise
+    return columns
+
+
+def begun(factor=1.5):
+    """The aircraft with every free parameter off by a factor."""
+    model = from_derivatives(UAV)
+    return model.with_parameters(**{name: factor * model.parameters[name].start for name in FREE})
+
+
+@cache
+def found(seed=0, coloured=False):
+    return identify(begun(), record(seed, coloured), FREE)
+
+
+def true_value(name):
+    return from_derivatives(UAV).parameters[name].start
+
+
+def test_the_true_parameters_lie_within_the_bands():
+    """From 50 % off, with the covariance that the noise allows: (θ - true)' C⁻¹ (θ - true) is a
+    chi-square of 7, above 24.3 once in 1000."""
+    result = found()
+    assert result.ok
+    assert result.first_line == "PASS: 7 parameters of 1 record"
+    misses = np.array([each.value - true_value(name) for name, each in result.parameters.items()])
+    assert misses @ np.linalg.solve(result.covariance, misses) < 24.3
+    for each in result.parameters.values():
+        assert each.high - each.low < 0.3 * abs(each.value)
+
+
+def test_the_noise_of_the_sensors_is_found():
+    for name, size in SENSORS.items():
+        assert found().quantities[name].noise == pytest.approx(size, rel=0.15)
+        assert found().quantities[name].white > 0.8
+
+
+def test_coloured_residuals_widen_the_bands():
+    assert found().coloured < 1.5
+    assert found(coloured=True).coloured > 2.0
+    assert all(each.white < 0.8 for each in found(coloured=True).quantities.values())
+
+
+def test_sensitivities_agree_with_differences():
+    """Those of outputs by parameters and starts, with several steps between samples."""
+    model = from_derivatives(UAV)
+    from hfa_identify.records import record_of
+
+    coarse = {name: values[::8] for name, values in record().items()}
+    read = record_of(model, coarse, {})
+    responses = Responses(model, FREE[3:5], ("alpha", "load_factor"))
+    theta = np.array([true_value(name) for name in FREE[3:5]])
+    start = np.array([35.0, 0.01, 0.01, 0.0, 0.02, 0.0, 0.1, 0.01, 0.0, 100.0])
+    assert responses.steps_between(read, start, theta) > 1
+    exact = responses.of(read, start, theta)
+    for place in range(2):
+        change = np.eye(2)[place] * 1e-6
+        above = responses.of(read, start, theta + change).y
+        below = responses.of(read, start, theta - change).y
+        slope = (above - below) / 2e-6
+        np.testing.assert_allclose(exact.by_parameters[:, :, place], slope, rtol=1e-5, atol=1e-6)
+    change = np.eye(10)[1] * 1e-6
+    slope = (responses.of(read, start + change, theta).y - exact.y) / 1e-6
+    np.testing.assert_allclose(exact.by_start[:, :, 1], slope, rtol=1e-3, atol=1e-3)
+
+
+def test_missing_samples_and_two_records_count():
+    gaps = record(1)
+    for name in SENSORS:
+        gaps[name][3::4] = math.nan
+    result = identify(begun(), [gaps, record(2, first=100.0)], FREE, validate=[record(3)])
+    assert result.ok
+    assert result.records == ("record 1", "record 2")
+    assert all(each.theil < 0.3 for each in result.quantities.values())
+    assert result.quantities["speed"].theil < 0.01
+
+
+def test_what_the_record_does_not_move_is_named():
+    result = identify(begun(), record(), (*FREE, "Cn_r"))
+    assert not result.ok
+    assert result.undetermined == ("Cn_r",)
+    assert "not determined by the records: Cn_r" in result.first_line
+    with pytest.raises(hfa.NoSolutionError, match="Cn_r not determined"):
+        result.draws(2)
+
+
+def test_a_wrong_sign_of_an_input_is_not_explained():
+    """With the effect of the elevator held at its value the model cannot turn it round."""
+    wrong = record()
+    middle = wrong["elevator"][0]
+    wrong["elevator"] = 2.0 * middle - wrong["elevator"]
+    result = identify(begun(1.0), wrong, ("Cm_q",))
+    assert not result.ok
+    assert "does not explain" in result.first_line
+
+
+def test_drawn_aircraft_trim():
+    """Each draw is an aircraft; their spread is that of the covariance."""
+    result = found()
+    drawn = result.draws(200, seed=1)
+    values = np.array([model.parameters["Cm_alpha"].start for model in drawn])
+    place = list(result.parameters).index("Cm_alpha")
+    assert values.std() == pytest.approx(math.sqrt(result.covariance[place, place]), rel=0.15)
+    assert hfa.find_operating_point(drawn[0]).states.alpha < 0.05
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"time": lambda t: t[::-1]}, "time does not increase at sample 2"),
+        ({"time": lambda t: np.where(t == t[7], t[6], t)}, "time does not increase at sample 8"),
+        ({"elevator": lambda e: np.where(e == e.max(), np.nan, e)}, "elevator has no value"),
+        ({"alpha": lambda a: np.full_like(a, 0.01)}, "as from a frozen sensor"),
+        ({"alpha": lambda a: np.where(np.arange(len(a)) > 100, a[100], a)}, "repeats one value"),
+        ({"alpha": lambda a: np.where(a == a.max(), np.inf, a)}, "alpha is infinite"),
+        ({"alpha": lambda a: a[:-1]}, "alpha has 199 samples and time 200"),
+        ({"alpha": lambda a: np.full_like(a, np.nan)}, ""),
+        ({"rudder": None}, "has no column rudder; add it, or hold it"),
+        ({"time": None}, "has no column time"),
+    ],
+)
+def test_a_faulty_record_is_refused(change, message):
+    columns = record()
+    for name, fault in change.items():
+        if fault is None:
+            del columns[name]
+        else:
+            columns[name] = fault(columns[name])
+    if not message:  # a sensor without any sample is no sensor
+        assert "alpha" not in identify(begun(1.0), columns, ["Cm_q"]).quantities
+        return
+    with pytest.raises(hfa.BadInputError, match=message):
+        identify(begun(), columns, FREE)
+
+
+def test_wrong_names_are_refused():
+    with pytest.raises(hfa.BadInputError, match="has no parameter 'Cm_p'"):
+        identify(begun(), record(), ["Cm_p"])
+    with pytest.raises(hfa.BadInputError, match="unknown column 'aplha'"):
+        identify(begun(), {**record(), "aplha": record()["alpha"]}, FREE)
+    with pytest.raises(hfa.BadInputError, match="no records"):
+        identify(begun(), [], FREE)
+
+
+def written(path, columns, units):
+    """A CSV file, angles in degrees where `units` says so."""
+    heads = [f"{name} [{units[name]}]" if name in units else name for name in columns]
+    table = np.column_stack(
+        [values * (180.0 / math.pi if name in units else 1.0) for name, values in columns.items()]
+    )
+    rows = [",".join(heads), *(",".join(map(repr, row)) for row in table.tolist())]
+    Path(path).write_text("\n".join(rows))
+
+
+def test_the_command_writes_an_aircraft(folder, capsys):
+    """From a CSV file in degrees to an aircraft that trims; the same estimates as in Python."""
+    written("flight.csv", record(), {"alpha": "deg", "elevator": "deg", "pitch_rate": "deg/s"})
+    words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_alpha,Cm_q"]
+    assert main([*words, "-o", "found.toml", "--picture", "fit.png"]) == 0
+    assert "PASS: 2 parameters of 1 record" in capsys.readouterr().out
+    ours = identify(begun(1.0), record(), ["Cm_alpha", "Cm_q"]).parameters["Cm_q"].value
+    model = hfa.load_model("found.toml")
+    assert model.parameters["Cm_q"].start == pytest.approx(ours, rel=1e-4)
+    assert model.parameters["Cm_q"].start != true_value("Cm_q")
+    assert main(["trim", "--aircraft", "found.toml"]) == 0
+
+
+def test_a_wrong_unit_is_refused(folder, capsys):
+    written("flight.csv", record(), {"alpha": "m"})
+    words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]
+    assert main(words) == 2
+    assert "flight.csv: alpha is in m; give it in rad" in capsys.readouterr().err
