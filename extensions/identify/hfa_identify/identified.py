@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_identify.bands import BAND, correlations, covariance, white_covariance, whiteness
 from hfa_identify.fit import Fit, OutputError
-from hfa_identify.records import Record, record_of
+from hfa_identify.records import Record, read_record, record_of
 from hfa_identify.response import Responses
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Matrix, Result
 from hfa_support.reporting.text import Table, shown_unit, shown_value
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: A record, arrays by name, or the path of a file.
+AnyRecord: TypeAlias = Record | Mapping[str, Any] | str | Path
 #: Duration of the windows, s, in which parameters are found before the whole record is simulated.
 _WINDOW = 1.0
 #: The step, in standard deviations, at which the search in windows ends.
@@ -54,7 +57,7 @@ class Estimate(Result):
 
 
 @dataclass(frozen=True)
-class Quantity(Result):
+class FittedQuantity(Result):
     """How well a measured quantity is explained.
 
     fit: 1 - (variance of its residuals) / (its variance).
@@ -100,8 +103,8 @@ class Identified(Result, Reported):
     model: Model
     records: tuple[str, ...]
     parameters: Mapping[str, Estimate]
-    quantities: Mapping[str, Quantity]
-    covariance: np.ndarray
+    quantities: Mapping[str, FittedQuantity]
+    covariance: Matrix
     coloured: float
     correlated: tuple[tuple[str, str, float], ...]
     undetermined: tuple[str, ...]
@@ -206,31 +209,34 @@ class Identified(Result, Reported):
 
 def identify(
     model: Model,
-    records: Record | Mapping[str, Any] | Sequence[Record | Mapping[str, Any]],
+    records: AnyRecord | Sequence[AnyRecord],
     free: Sequence[str],
     *,
     hold: Mapping[str, float] | None = None,
-    validate: Sequence[Record | Mapping[str, Any]] = (),
+    validate: Sequence[AnyRecord] = (),
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
     """The parameters of a model that make its response to the inputs of flight records most likely
     (output error, maximum likelihood, white Gaussian noise of unknown variance).
 
     model: with the values at which the search begins.
-    records: of one or more manoeuvres; a dictionary has arrays by name in the model's units: time
-        (s), every input, measured states or outputs, NaN where a sample is missing.
+    records: of one or more manoeuvres, each a path or a dictionary of arrays by name in the model's
+        units: time (s), every input, measured states or outputs, NaN where a sample is missing.
     free: names of parameters.
     hold: inputs without a column, and unmeasured states at the start -> value.
     validate: records that are kept out, on which Theil's coefficient is computed.
 
     BadInputError where a record or a name is wrong. NoSolutionError where the simulation diverges.
+
+    >>> import hfa
+    >>> found = hfa.identify(model, "flight.csv", ["Cm_q"])  # doctest: +SKIP
     """
     held = dict(hold or {})
     for name in held:
         refuse_unknown(
             "hold names the unknown input or state", name, (*model.inputs, *model.states)
         )
-    given = [records] if isinstance(records, Record | Mapping) else list(records)
+    given = [records] if isinstance(records, Record | Mapping | str | Path) else list(records)
     if not given:
         raise BadInputError("identify has no records; give at least one")
     read = _as_records(model, given, held)
@@ -253,10 +259,14 @@ def identify(
 
 def _as_records(model: Model, given: Sequence[Any], held: Mapping[str, float]) -> list[Record]:
     """Records of what a caller gave."""
-    return [
-        each if isinstance(each, Record) else record_of(model, each, held, f"record {number}")
-        for number, each in enumerate(given, start=1)
-    ]
+    read = []
+    for number, each in enumerate(given, start=1):
+        if isinstance(each, str | Path):
+            each = read_record(each, model, held)
+        elif not isinstance(each, Record):
+            each = record_of(model, each, held, f"record {number}")
+        read.append(each)
+    return read
 
 
 def _free_names(model: Model, free: Sequence[str]) -> tuple[str, ...]:
@@ -395,7 +405,7 @@ def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str,
                 yield one, names[j], float(table[i, j])
 
 
-def _quantity(responses: Responses, fit: Fit, place: int, theil: float | None) -> Quantity:
+def _quantity(responses: Responses, fit: Fit, place: int, theil: float | None) -> FittedQuantity:
     """How well a measured quantity is explained."""
     explained = 0.0
     varied = 0.0
@@ -409,7 +419,7 @@ def _quantity(responses: Responses, fit: Fit, place: int, theil: float | None) -
         varied += float(((seen - seen.mean()) ** 2).sum())
         whites.append(whiteness(residual[:, place], flags))
     name = responses.measured[place]
-    return Quantity(
+    return FittedQuantity(
         1.0 - explained / varied,
         float(np.sqrt(fit.noise[place])),
         float(np.mean(whites)),
