@@ -130,8 +130,10 @@ def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[
         except BadInputError as error:
             if not error.options or not hasattr(request, "reading"):
                 raise
-            answered = shlex.join(_with_options(program, options, error.options))
-            raise BadInputError(f"{error}; type {answered}") from error
+            from hfa.options.answers import with_options
+
+            typed = shlex.join(with_options(program, options, error.options))
+            raise BadInputError(f"{error}; type {typed}") from error
         except SystemExit as error:
             raise BadInputError(
                 f"the equations of {request.model.name} end the program (sys.exit); raise a "
@@ -143,16 +145,6 @@ def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[
             raise BadInputError(
                 f"{program} needs {error.name}; install it with `pip install {command.install}`"
             ) from error
-
-
-def _with_options(program: str, words: list[str], options: tuple[str, ...]) -> list[str]:
-    """The words of a command with one more option, in place of what it said of the same."""
-    kept = list(words)
-    name = options[0]
-    if name in kept and name != "--set":
-        place = kept.index(name)
-        del kept[place : place + 2]
-    return [*program.split(), *kept, *options]
 
 
 def _refuse_small_address_space() -> None:

@@ -10,7 +10,8 @@ import numpy as np
 
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure
-from verification.critic.verdict import COLUMNS, Verdict
+from verification.critic.error_table import COLUMNS
+from verification.critic.verdict import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,8 +21,9 @@ from hfa_support.reporting.checks import Check, at_least, at_most
 from hfa_support.reporting.text import Table
 from verification.critic.critic_check import check_critic
 from verification.critic.critic_errors import critic_errors, relative_error
+from verification.critic.error_table import COLUMNS, ErrorTable
 from verification.critic.scope import LIMIT, Scope
-from verification.critic.verdict import COLUMNS, Details, ErrorTable, Section, Verdict, shown_number
+from verification.critic.verdict import Details, Section, Verdict, shown_number
 
 if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun

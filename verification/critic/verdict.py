@@ -5,26 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.settling import settled_at
 from controller.riccati.cost import FlightCost
 from hfa_support.reporting.checks import Check, Checked, checks_block, verdict_text
 from hfa_support.reporting.report import Part, Report, Reported
-from hfa_support.reporting.results import Result, Vector, plain
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Cell, Table, entry_rows
 from verification.critic.critic_errors import Box, Exact
 
-#: What is computed for each row of a table of critics, and the head of its column and curve.
-COLUMNS = {
-    "P_rel_error": "error of P",
-    "K_rel_error": "error of K",
-    "riccati_residual": "Riccati residual",
-    "largest_error": "largest error",
-}
+if TYPE_CHECKING:
+    from verification.critic.error_table import ErrorTable
+    from verification.critic.proved import Proved
+
 #: Entries of P and K in a report; in that of a critic that fails fewer. Files have all.
 _ENTRIES = 12
 _ENTRIES_OF_A_FAILURE = 3
@@ -43,71 +39,6 @@ _PROVED = "proved as simplified"
 Grade = Literal["exact", "near", "fail"]
 #: Columns of the first line of a report.
 _FIRST_LINE = 100
-
-
-class Proved(Protocol):
-    """What is proved of the errors of a critic that is no matrix.
-
-    error: none is larger, relative, ...
-    fraction: ... at any state of the box times this; 0 where nothing is proved.
-    is_of_all: whether it is of all errors that are compared.
-    where: the part of the box, in words."""
-
-    @property
-    def error(self) -> float: ...  # noqa: D102
-    @property
-    def fraction(self) -> float: ...  # noqa: D102
-    @property
-    def is_of_all(self) -> bool: ...  # noqa: D102
-    @property
-    def where(self) -> str: ...  # noqa: D102
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorTable(Result):
-    """Errors of a critic at each time of its history.
-
-    times: (N,), s.
-    errors: by the names of `COLUMNS`, (N,) each; nan where P is not known.
-    decides: whose column must settle.
-    limit: of that column.
-    predefined_time: T_w, s; None when none is promised.
-    """
-
-    keys = "time=times limit settling_time predefined_time predefined_time_kept"
-
-    times: Vector
-    errors: Mapping[str, np.ndarray]
-    decides: str
-    limit: float
-    predefined_time: float | None = None
-
-    @property
-    def settling_time(self) -> float:
-        """First time from which the deciding column stays within the limit, s; inf when it does
-        not."""
-        return settled_at(self.times, self.errors[self.decides], self.limit)
-
-    @property
-    def predefined_time_kept(self) -> bool | None:
-        """Whether it settles in the time that is promised."""
-        if self.predefined_time is None:
-            return None
-        return self.settling_time <= self.predefined_time
-
-    def as_data(self) -> dict[str, Any]:
-        """The errors by their names, among the entries."""
-        data = super().as_data()
-        return {"time": data.pop("time"), **plain(self.errors), **data}
-
-    @property
-    def sentence(self) -> str:
-        """When it settles, in words."""
-        what = f"the {COLUMNS[self.decides]}"
-        if math.isfinite(self.settling_time):
-            return f"{what} stays within {self.limit:g} from {self.settling_time:.4g} s on"
-        last = self.errors[self.decides][-1]
-        return f"{what} ends at {last:.3g} and does not settle within {self.limit:g}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,23 @@
+"""What a verdict takes of a proof, for type checkers alone."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+
+class Proved(Protocol):
+    """What is proved of the errors of a critic that is no matrix.
+
+    error: none is larger, relative, ...
+    fraction: ... at any state of the box times this; 0 where nothing is proved.
+    is_of_all: whether it is of all errors that are compared.
+    where: the part of the box, in words."""
+
+    @property
+    def error(self) -> float: ...  # noqa: D102
+    @property
+    def fraction(self) -> float: ...  # noqa: D102
+    @property
+    def is_of_all(self) -> bool: ...  # noqa: D102
+    @property
+    def where(self) -> str: ...  # noqa: D102
