@@ -15,13 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.riccati.balancing import spectrum
-from controller.riccati.derivations import (
-    by_eigenvectors,
-    by_iteration,
-    by_schur,
-    by_sign,
-    largest,
-)
+from controller.riccati.derivations import by_eigenvectors, by_sign, largest
 from controller.riccati.normal_form import MODERATE, NormalForm
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import RELATIONS, Check, Checked, checked
@@ -155,6 +149,8 @@ def carefully_certified(form: NormalForm) -> Certified:
 
 def _certified_in(form: NormalForm, given: NormalForm | None = None) -> Certified:
     """`carefully_certified` in these coordinates; given: see `hamiltonian_checks`."""
+    from controller.riccati.careful_derivations import by_iteration, by_schur
+
     checks = hamiltonian_checks(form, given)
     refuse_failures(checks)
     X = by_schur(form)

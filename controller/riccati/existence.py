@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.riccati.balancing import spectrum
+from controller.riccati.careful_derivations import by_schur
 from controller.riccati.certificate import (
     AXIS_DISTANCE,
     hamiltonian_checks,
     solution_checks,
 )
 from controller.riccati.delta_search import Answer
-from controller.riccati.derivations import by_schur
 from controller.riccati.normal_form import BACKWARD, NormalForm, ordered_basis
 from hfa_support.errors import NoSolutionError
 

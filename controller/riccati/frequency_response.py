@@ -21,12 +21,11 @@ TOLERANCE = 1e-9
 #: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not reach the
 #: output.
 ZERO = 1e-12
-#: An eigenvalue of the bounded-real Hamiltonian with |Re λ| up to this part of |λ| may lie on the
-#: imaginary axis.
-MAYBE_ON_AXIS = 1e-3
 #: The sweep can only miss a peak, never exceed it; this is how much it may miss.
 SWEEP_TOLERANCE = 1e-6
 GRID_PER_DECADE = 60
+#: About a resonance the steps grow with the distance from its pole, up to a hundred of its widths.
+RESONANCE = np.linspace(-5.3, 5.3, 45)
 #: Finer grids, each of so many points over two steps of the last: ten times finer, the last a
 #: billionth of the peak.
 REFINEMENTS = 8
@@ -42,39 +41,36 @@ class SweptGain(NamedTuple):
     frequency: float
 
 
-def without_feedthrough(
-    A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
-) -> Triple:
-    """A, E and Q = C'C of the system without D that has gain below δ exactly when x' = A x + E w, z
-    = C x + D w has."""
-    if not D.any() or math.isinf(delta):
-        return A, E, C.T @ C
-    free = np.eye(D.shape[1]) - D.T @ D / delta**2
-    root = np.linalg.cholesky(free)
-    Q = C.T @ np.linalg.solve(np.eye(len(D)) - D @ D.T / delta**2, C)
-    return A + E @ np.linalg.solve(free, D.T @ C) / delta**2, np.linalg.solve(root, E.T).T, Q
+def level_crossings(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float
+) -> np.ndarray:
+    """The only frequencies, rad/s, ascending, at which a singular value of C (jω I - A)⁻¹ B + D may
+    pass the level, which is none of D.
+
+    |Im λ| of every eigenvalue λ of the bounded-real Hamiltonian: how far rounding moves one off the
+    axis is not asked. Source: Zhou, Doyle and Glover, Section 4.7."""
+    free = level**2 * np.eye(D.shape[1]) - D.T @ D
+    by_output = np.linalg.solve(free, D.T @ C)
+    into = B @ np.linalg.solve(free, B.T)
+    out = C.T @ (C + D @ by_output)
+    # The same eigenvalues for every `ratio`; with this one neither block dwarfs the loop when B is
+    # of another unit.
+    ratio = math.sqrt((np.linalg.norm(into) or 1.0) / (np.linalg.norm(out) or 1.0))
+    loop = A + B @ by_output
+    H = np.block([[loop, into / ratio], [-out * ratio, -loop.T]])
+    return np.unique(np.abs(spectrum(H).eigenvalues.imag))
 
 
 def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> float:
     """A gain that T = C (sI - A)⁻¹ B + D, A Hurwitz, has at some frequency; above the level if any
     is.
 
-    |T(jω)| passes the level only where jω is an eigenvalue of the bounded-real Hamiltonian. So T is
-    evaluated at each eigenvalue that rounding may have moved off the axis, between each two, below
-    and above. (How far the Hamiltonian is from an eigenvalue on the axis says little here: near
-    δ_min |T| is nearly δ at every frequency.) Source: Bruinsma and Steinbuch, Systems and Control
-    Letters 14 (1990), 287-293."""
+    T is evaluated at each of `level_crossings`, between each two, below and above. Source: Bruinsma
+    and Steinbuch, Systems and Control Letters 14 (1990), 287-293."""
     through = float(np.linalg.norm(D, 2)) if D.size else 0.0
     if not through < level:
         return through
-    loop, into, Q = without_feedthrough(A, B, C, D, level)
-    # The same eigenvalues for every `ratio`; with this one neither block dwarfs the loop when B is
-    # of another unit.
-    ratio = math.sqrt((np.linalg.norm(into @ into.T) or 1.0) / (np.linalg.norm(Q) or 1.0))
-    H = np.block([[loop, into @ into.T / (level * ratio)], [-Q * (ratio / level), -loop.T]])
-    eigenvalues = spectrum(H).eigenvalues
-    maybe_on_axis = np.abs(eigenvalues.real) <= MAYBE_ON_AXIS * np.abs(eigenvalues)
-    near = np.unique(np.abs(eigenvalues.imag[maybe_on_axis]))
+    near = level_crossings(A, B, C, D, level)
     poles = np.linalg.eigvals(A)
     points = [
         [0.0],
@@ -159,14 +155,16 @@ def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
 
 
 def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -> np.ndarray:
-    """0, a logarithmic grid over the moduli of the eigenvalues (two decades beyond), and their
-    resonances."""
+    """0, a logarithmic grid over the moduli of the eigenvalues (two decades beyond), and finer ones
+    about each resonance, from its width on."""
     moduli = np.abs(eigenvalues)
     slowest = float(moduli[moduli > 0.0].min(initial=1.0))
     fastest = float(moduli.max(initial=1.0))
     decades = math.log10(fastest / slowest) + 4.0
     grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * per_decade))
-    return np.unique(np.concatenate([[0.0], grid, np.abs(eigenvalues.imag)]))
+    around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
+    resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
+    return np.unique(np.concatenate([[0.0], grid, resonances]))
 
 
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:

@@ -10,13 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.margins import DISK_AT_INFINITY, Response, response_of
+from controller.riccati.frequency_response import frequency_grid
+from controller.riccati.margins import ClosedLoop, disk_of, loop_at_inputs
 
 #: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding
 #: moved.
 ROUNDING = 1e-9
 #: Secants, and halves of what is left between them, until a crossover has all its digits.
 _ROUNDS = 17
+
+#: ω, (N,) -> M of k loops, (N, k).
+Loci = Callable[[np.ndarray], np.ndarray]
 
 
 class LoopMargin(NamedTuple):
@@ -46,18 +50,44 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
 
     Raises NoSolutionError when A - B K is not Hurwitz.
     """
-    M, grid = response_of(game, K)
-    return tuple(single_margin(M, i, grid) for i in range(game.B.shape[1]))
+    loop = loop_at_inputs(game, K)
+    return tuple(single_margin(loop, i) for i in range(game.B.shape[1]))
 
 
-def single_margin(M: Response, i: int, grid: np.ndarray) -> LoopMargin:
+def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     """Margin of loop i, the others closed."""
-    return margin_of(lambda frequencies: M(frequencies, i)[:, 0], grid)
+    only = loop.only(i)
+    candidates = np.concatenate([_crossings(only, sign) for sign in (-1.0, 1.0)])
+    grid = np.union1d(candidates, frequency_grid(np.linalg.eigvals(loop.A)))
+    grid = np.union1d(grid, (grid[1:] + grid[:-1]) / 2.0)
+    margin = margin_of(lambda omega: only.at(omega)[:, 0], grid, only)
+    return margin._replace(disk=disk_of(only).disk)
 
 
-def margin_of(loci: Response, grid: np.ndarray) -> LoopMargin:
-    """Margin of k loops that change alike; loci: their M, (N, k), in any order. grid: has every
-    resonance, and 0.
+def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
+    """Frequencies, rad/s, at which Re M (sign 1) or Im M (sign -1) of one loop may be 0.
+
+    |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a pencil."""
+    from scipy.linalg import eig
+
+    n = len(loop.A)
+    unit = float(np.linalg.norm(loop.A)) or 1.0
+    B = loop.B / (float(np.linalg.norm(loop.B)) or 1.0)
+    C = loop.C * ((float(np.linalg.norm(loop.B)) or 1.0) / unit)
+    zero = np.zeros((n, n))
+    A = loop.A / unit
+    system = np.block([[A, zero, B], [zero, -A, -sign * B], [C, C, loop.D * (1.0 + sign)]])
+    mass = np.diag(np.repeat([1.0, 0.0], [2 * n, 1]))
+    zeros = eig(system, mass, right=False)
+    return unit * np.abs(zeros[np.isfinite(zeros)].imag)
+
+
+def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> LoopMargin:
+    """Margin of k loops that change alike.
+
+    loci: M of the loops, (N, k), in any order
+    grid: rad/s, fine enough for every resonance, with 0; the disk is that of its frequencies
+    loop: where the loci come from, of a sampled loop
 
     Frequencies at which Im M or Re M is 0 are sought where it changes its sign between those of the
     grid. Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994)."""
@@ -85,20 +115,24 @@ def margin_of(loci: Response, grid: np.ndarray) -> LoopMargin:
             last = np.where(before, last, value)
         return point, value
 
-    real = np.append(seen[0].real, crossing(np.imag)[1].real)
+    real = np.concatenate([seen[0].real, crossing(np.imag)[1].real])
+    if loop is not None:
+        real = np.append(real, loop.D)
     with np.errstate(divide="ignore"):
         gains = (real + 0.5) / (real - 0.5)  # -1 / l
     gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
     frequencies, values = crossing(np.real)
     angles = np.angle((values - 0.5) / (values + 0.5))  # of -l
     phases = np.degrees(np.abs(angles))
+    if loop is not None:
+        frequencies = loop.rate(frequencies)
     return LoopMargin(
         gain_low=float(gains[gains < 1.0].max(initial=0.0)),
         gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
         phase=float(phases.min(initial=math.inf)),
         crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
         delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
-        disk=min(1.0 / float(np.abs(seen).max()), DISK_AT_INFINITY),
+        disk=min(1.0 / float(np.abs(seen).max()), 2.0),
     )
 
 

@@ -1,29 +1,29 @@
 """Margins of a closed loop, all inputs at once within disks.
 
-S = (I + L)⁻¹ = I + C (jω I - A)⁻¹ B of a closed loop with the matrix A that is broken where B
-enters and C leaves; M = S - I/2. A loop l = (1/2 - M) / (1/2 + M) is real where M is, and of size 1
-where M is imaginary. Margins are factors (not dB), phases degrees, frequencies rad/s."""
+M = S - I/2 of the sensitivity S = (I + L)⁻¹ of a loop. A loop l = (1/2 - M) / (1/2 + M) is real
+where M is, and of size 1 where M is imaginary. Margins are factors (not dB), phases degrees,
+frequencies rad/s."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import spectrum
-from controller.riccati.frequency_response import TOLERANCE, frequency_grid, responses
+from controller.riccati.balancing import balanced, spectrum
+from controller.riccati.frequency_response import TOLERANCE, level_crossings, responses
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 
-#: Peaks whose scaling is optimised one after another until none is left above; a loop has far
-#: fewer.
-MAX_PEAKS = 200
-#: L vanishes at infinite frequency, where S - I/2 = I/2; no grid reaches that far.
-DISK_AT_INFINITY = 2.0
-#: Rounds of balancing all rows and columns: a start, which the search at each peak betters.
+#: A level above the largest bound, relative: what is below it everywhere is proved,
+ABOVE = 1e-8
+#: ten times as much after each so many frequencies; twenty are usual.
+MANY = 200
+#: Rounds of balancing all rows and columns: a start, which the search at each frequency betters.
 SWEEPS = 20
 #: Most steps of that search, and most trials of the length of one: at a kink no length is left in
 #: the end.
@@ -32,21 +32,20 @@ MAX_TRIALS = 40
 #: Longest step of log D, which is best at infinity for a triangular M: there exp(log D) must not
 #: overflow on the way.
 FARTHEST = 5.0
-#: Condition of the modes up to which responses keep ten digits when summed over them.
-WELL_CONDITIONED = 1e6
 
-#: ω, (N,) -> M, (N, m, m), where an index follows only of this loop; or (N, k) of k loops.
-Response = Callable[..., np.ndarray]
+
+#: A part of the axis of frequencies, rad/s.
+Piece = tuple[float, float]
 
 
 class DiskMargin(NamedTuple):
     """All inputs at once: each may be multiplied by its own factor f = (2 + αε)/(2 - αε), |ε| < 1
     complex.
 
-    disk: α, a lower bound: the true margin may be a little larger
+    disk: α, a lower bound: of more than three inputs the true margin may be a little larger
     gain: (2 + α)/(2 - α); a real f lies in (1/gain, gain)
     phase: 2 arctan(α/2), deg, for f of pure phase
-    frequency: rad/s, where the margin is smallest
+    frequency: rad/s, where the margin is smallest; inf where that is beyond every frequency
     """
 
     disk: float
@@ -55,72 +54,125 @@ class DiskMargin(NamedTuple):
     frequency: float
 
 
-def shifted_sensitivity(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> Response:
-    """M = I/2 + leaves (jω I - closed)⁻¹ enters: summed over the modes where these are well
-    conditioned."""
-    half = 0.5 * np.eye(len(leaves))
-    poles, modes = np.linalg.eig(closed)
-    well = np.linalg.cond(modes) < WELL_CONDITIONED
-    if well:
-        leaves = leaves @ modes
-        enters = np.linalg.solve(modes, enters)
+class ClosedLoop(NamedTuple):
+    """M(s) = D + C (s I - A)⁻¹ B of a stable closed loop, (m, m).
 
-    def response(frequencies: np.ndarray, loop: int | None = None) -> np.ndarray:
-        loops = slice(None) if loop is None else slice(loop, loop + 1)
-        if well:
-            scaled = leaves[loops] / (1j * frequencies[:, None, None] - poles)
-            return half[loops, loops] + scaled @ enters[:, loops]
-        return half[loops, loops] + leaves[loops] @ responses(closed, enters[:, loops], frequencies)
+    A: (n, n), stable
+    B: (n, m), where signals enter
+    C: (m, n), where they leave
+    D: (m, m), M at infinite frequency
+    dt: s, of a sampled loop, s = (z - 1) / (z + 1); 0 in continuous time
+    """
 
-    return response
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    dt: float = 0.0
+
+    def only(self, i: int) -> ClosedLoop:
+        """M of loop i, the others closed."""
+        one = slice(i, i + 1)
+        return self._replace(B=self.B[:, one], C=self.C[one], D=self.D[one, one])
+
+    def at(self, frequencies: np.ndarray) -> np.ndarray:
+        """M(jω), (N, m, m), of finite ω, (N,)."""
+        return self.D + self.C @ responses(self.A, self.B, frequencies)
+
+    def rate(self, frequencies: np.ndarray) -> np.ndarray:
+        """ω in rad/s of the loop's own time: in a sampled one z = exp(jω dt)."""
+        return 2.0 * np.arctan(frequencies) / self.dt if self.dt else frequencies
 
 
-def stable_poles(closed: np.ndarray) -> np.ndarray:
-    """The poles of a closed loop. NoSolutionError where one is not stable."""
-    poles = spectrum(closed)
-    if poles.abscissa >= 0.0:
+def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> ClosedLoop:
+    """M = I/2 + leaves (s I - closed)⁻¹ enters, in balanced units.
+
+    NoSolutionError where a pole is not stable.
+    """
+    abscissa = spectrum(closed).abscissa
+    if abscissa >= 0.0:
         raise NoSolutionError(
-            f"the loop has a pole at {poles.abscissa:+.4g} 1/s: an unstable loop has no margins"
+            f"the loop has a pole at {abscissa:+.4g} 1/s: an unstable loop has no margins"
         )
-    return poles.eigenvalues
+    A, units = balanced(closed)
+    return ClosedLoop(A, enters / units[:, None], leaves * units, 0.5 * np.eye(len(leaves)))
 
 
-def response_of(game: Game, K: np.ndarray) -> tuple[Response, np.ndarray]:
-    """M of all inputs of u = -K z, and a grid."""
-    closed = game.A - game.B @ game.checked_gain(K)
-    grid = frequency_grid(np.concatenate([stable_poles(closed), np.linalg.eigvals(game.A)]))
-    return shifted_sensitivity(closed, game.B, -K), grid
+def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
+    """M at all inputs of u = -K z."""
+    K = game.checked_gain(K)
+    return closed_at(game.A - game.B @ K, game.B, -K)
 
 
 @checks_arguments
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
-    """α = 1 / max_ω μ(S(jω) - I/2), μ over independent complex factors, bounded above by D-scaling.
+    """α = 1 / sup_ω μ(S(jω) - I/2), μ over independent complex factors, bounded above by D-scaling.
 
     game: the plant
     K: (m, n)
 
-    μ(M) <= min_D σ_max(D M D⁻¹), D diagonal: convex in log D, minimised at each peak of
-    a frequency grid until the highest peak has been minimised.  Raises NoSolutionError when A - B K
-    is not Hurwitz. Source: Seiler, Packard and Gahinet, IEEE Control Systems Magazine 40 (2020),
-    78-95."""
-    return disk_of(*response_of(game, K))
+    μ(M) <= min_D σ_max(D M D⁻¹), D diagonal, by level sets over all frequencies. Raises
+    NoSolutionError when A - B K is not Hurwitz. Source: Seiler, Packard and Gahinet, IEEE Control
+    Systems Magazine 40 (2020), 78-95."""
+    return disk_of(loop_at_inputs(game, K))
 
 
-def disk_of(M: Response, grid: np.ndarray) -> DiskMargin:
-    """The margin of `disk_margin` of any loop. M: of all inputs. grid: has every resonance."""
-    shifted = M(grid)
-    bounds = scaled_norm(shifted, _osborne_scaling(shifted))
-    minimised = np.zeros(len(grid), dtype=bool)
-    for _ in range(MAX_PEAKS):
-        peak = int(np.argmax(bounds))
-        if minimised[peak]:
-            break
-        # The scaling found at a peak serves its neighbours too: a flat top is done at once.
-        bounds = np.minimum(bounds, scaled_norm(shifted, best_scaling(shifted[peak])))
-        minimised[peak] = True
-    peak = int(np.argmax(bounds))
-    alpha = min(1.0 / float(bounds[peak]), DISK_AT_INFINITY)
-    return DiskMargin(alpha, *disk_sizes(alpha), float(grid[peak]))
+def disk_of(loop: ClosedLoop) -> DiskMargin:
+    """The margin of `disk_margin` of any loop.
+
+    σ_max(D M D⁻¹) passes a level only at `level_crossings`. So the D that is best in the middle of
+    a piece of the axis shows that other parts of it are below the level; what is left is divided
+    again, at a level above all bounds met, until nothing is. Source: Lawrence, Tits and Van Dooren,
+    Automatica 36 (2000), 449-456."""
+    poles = np.linalg.eigvals(loop.A)
+    ends = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)])).tolist()
+    pieces = list(pairwise([*ends, math.inf]))
+    frequency = math.inf
+    highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
+    level = highest
+    looked = 0
+    while pieces:
+        looked += 1
+        there = ends.pop() if ends else _between(*pieces[-1])
+        if not any(low <= there <= high for low, high in pieces):
+            continue
+        M = loop.at(np.array([there]))[0]
+        scaling = best_scaling(M)
+        bound = float(scaled_norm(M, scaling))
+        if bound > highest:
+            highest = bound
+            frequency = there
+        level = highest * (1.0 + ABOVE * 10.0 ** (looked // MANY))
+        pieces = list(_above(loop, scaling, level, pieces, there))
+    alpha = 1.0 / level
+    return DiskMargin(alpha, *disk_sizes(alpha), float(loop.rate(np.array(frequency))))
+
+
+def _between(low: float, high: float) -> float:
+    """A frequency between two, of which the second may be infinite."""
+    if math.isinf(high):
+        return 4.0 * low or 1.0
+    return math.sqrt(low * high) if 0.0 < 4.0 * low < high else 0.5 * (low + high)
+
+
+def _above(
+    loop: ClosedLoop, scaling: np.ndarray, level: float, pieces: list[Piece], cut: float
+) -> Iterator[Piece]:
+    """The parts of pieces of the axis where σ_max(D M D⁻¹) is above a level; cut: where it is
+    not."""
+    D = np.exp(scaling)
+    C = D[:, None] * loop.C
+    through = D[:, None] * loop.D / D
+    crossings = np.append(level_crossings(loop.A, loop.B / D, C, through, level), cut)
+    for low, high in pieces:
+        inside = crossings[(crossings > low) & (crossings < high)].tolist()
+        ends = np.unique([low, *inside, high]).tolist()
+        parts = list(pairwise(ends))
+        inner = np.array([_between(*part) for part in parts])
+        bounds = scaled_norm(loop.at(inner), scaling)
+        for part, bound, point in zip(parts, bounds, inner, strict=True):
+            if bound > level and part[0] < point < part[1]:
+                yield part
 
 
 def best_scaling(M: np.ndarray) -> np.ndarray:

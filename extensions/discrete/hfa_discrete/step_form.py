@@ -13,9 +13,11 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from controller.riccati.balancing import units_of
-from controller.riccati.derivations import ROUNDING, largest
+from controller.riccati.careful_derivations import ROUNDING
+from controller.riccati.derivations import largest
 from controller.riccati.double_double import add, exact, product, transposed
-from controller.riccati.frequency_response import square_root, without_feedthrough
+from controller.riccati.feedthrough import without_feedthrough
+from controller.riccati.frequency_response import square_root
 from controller.riccati.normal_form import NormalForm, similar
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_support.errors import NoSolutionError

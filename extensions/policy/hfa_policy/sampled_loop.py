@@ -16,16 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.riccati.frequency_response import frequency_grid
-from controller.riccati.loop_margins import LoopMargin, margin_of
-from controller.riccati.margins import (
-    DiskMargin,
-    Response,
-    best_scaling,
-    disk_of,
-    disk_sizes,
-    scaled_norm,
-)
+from controller.riccati.loop_margins import LoopMargin, single_margin
+from controller.riccati.margins import ClosedLoop, DiskMargin, disk_of
 from hfa_policy.deployment import MOST_SAMPLES
 from hfa_policy.equilibrium import Equilibrium
 
@@ -159,83 +151,22 @@ class Margins(NamedTuple):
 
 def margins(chain: Chain) -> Margins:
     """Margins of a stable loop: z = exp(jω dt), ω up to half the sampling rate."""
-    M = _shifted_sensitivity(chain)
-    grid = _grid(chain)
-    count = len(chain.C)
-    loops = tuple(
-        _with_peak(margin_of(lambda w, i=i: M(w, i)[:, 0], grid), M, grid, i) for i in range(count)
-    )
-    coarse = disk_of(M, grid)
-    if count == 1:
-        disk = DiskMargin(loops[0].disk, *disk_sizes(loops[0].disk), coarse.frequency)
-    else:
-        disk = _refined(coarse, M, grid)
-    return Margins(loops, disk)
+    loop = _closed_loop(chain)
+    loops = tuple(single_margin(loop, i) for i in range(len(chain.C)))
+    return Margins(loops, disk_of(loop))
 
 
-def _shifted_sensitivity(chain: Chain) -> Response:
-    """M = S - I/2 = I/2 + C (z I - closed)⁻¹ G."""
+def _closed_loop(chain: Chain) -> ClosedLoop:
+    """M = I/2 + C (z I - closed)⁻¹ G, with z = (1 + s) / (1 - s)."""
     closed = chain.closed
-    half = 0.5 * np.eye(len(chain.C))
-
-    def response(frequencies: np.ndarray, loop: int | None = None) -> np.ndarray:
-        loops = slice(None) if loop is None else slice(loop, loop + 1)
-        z = np.exp(1j * np.asarray(frequencies) * chain.dt)
-        resolvent = z[:, None, None] * np.eye(len(closed)) - closed
-        enters = np.broadcast_to(chain.G[:, loops], (len(z), *chain.G[:, loops].shape))
-        return half[loops, loops] + chain.C[loops] @ np.linalg.solve(resolvent, enters)
-
-    return response
-
-
-def _grid(chain: Chain) -> np.ndarray:
-    """Frequencies from 0 to a little beyond half the sampling rate, where the loci cross the real
-    axis, with every resonance."""
-    highest = math.pi / chain.dt
-    open_poles = np.linalg.eigvals(chain.F)
-    poles = np.concatenate([np.linalg.eigvals(chain.closed), open_poles])
-    poles = poles[np.abs(poles) > 1e-6]
-    rates = np.log(poles.astype(complex)) / chain.dt
-    grid = frequency_grid(rates[np.abs(rates) > 0.0])
-    even = np.linspace(0.0, highest, 400)
-    inside = np.concatenate([grid[grid < highest], even[:-1]])
-    return np.append(np.unique(inside), [highest * (1.0 - 1e-7), highest * (1.0 + 1e-7)])
-
-
-def _peak(size: object, grid: np.ndarray, sizes: np.ndarray) -> tuple[float, float]:
-    """The highest value near the highest one of a grid, and where it is."""
-    from scipy.optimize import minimize_scalar
-
-    top = int(np.argmax(sizes))
-    ends = (grid[max(top - 1, 0)], grid[min(top + 1, len(grid) - 1)])
-    found = minimize_scalar(
-        lambda frequency: -size(frequency),  # type: ignore[operator]
-        bounds=ends,
-        method="bounded",
-        options={"xatol": 1e-7 * max(ends[1], 1e-12)},
+    one = np.eye(len(closed))
+    total = closed + one
+    enters = np.linalg.solve(total, chain.G)
+    leaves = np.linalg.solve(total.T, chain.C.T).T
+    return ClosedLoop(
+        A=np.linalg.solve(total, closed - one),
+        B=math.sqrt(2.0) * enters,
+        C=math.sqrt(2.0) * leaves,
+        D=0.5 * np.eye(len(chain.C)) - chain.C @ enters,
+        dt=chain.dt,
     )
-    if -found.fun > sizes[top]:
-        return float(-found.fun), float(found.x)
-    return float(sizes[top]), float(grid[top])
-
-
-def _with_peak(margin: LoopMargin, M: Response, grid: np.ndarray, loop: int) -> LoopMargin:
-    """The margin of one loop with the disk of its peak between the frequencies of the grid."""
-    sizes = np.abs(M(grid, loop)[:, 0, 0])
-    peak, _ = _peak(lambda w: abs(M(np.array([w]), loop)[0, 0, 0]), grid, sizes)
-    return margin._replace(disk=min(1.0 / peak, 2.0))
-
-
-def _refined(coarse: DiskMargin, M: Response, grid: np.ndarray) -> DiskMargin:
-    """The disk of the peak between the frequencies of the grid."""
-
-    def size(frequency: float) -> float:
-        matrix = M(np.array([frequency]))[0]
-        return float(scaled_norm(matrix, best_scaling(matrix)))
-
-    near = int(np.argmin(np.abs(grid - coarse.frequency)))
-    sizes = np.zeros(len(grid))
-    sizes[near] = 1.0 / coarse.disk
-    peak, frequency = _peak(size, grid, sizes)
-    alpha = min(1.0 / peak, 2.0)
-    return DiskMargin(alpha, *disk_sizes(alpha), frequency)

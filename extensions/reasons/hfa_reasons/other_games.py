@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.derivations import quick_solution
+from controller.riccati.careful_derivations import quick_solution
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_discrete.discrete_game import DiscreteGame

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.frequency_response import without_feedthrough
+from controller.riccati.feedthrough import without_feedthrough
 from controller.riccati.normal_form import RANK, NormalForm, Sizes
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from controller.riccati.balancing import spectrum
 from controller.riccati.frequency_response import frequency_grid
 from controller.riccati.loop_margins import LoopMargin, margin_of, single_margin
-from controller.riccati.margins import shifted_sensitivity, stable_poles
+from controller.riccati.margins import closed_at
 from hfa_aircraft.model import Model
 from hfa_servo.design import Actuator, Design
 from hfa_servo.design_model import DesignModel, design_model
@@ -106,22 +106,22 @@ def servo_margins(
     """Of every input and every sensor while all other loops stay closed, and of all inputs: the
     same factor, phase or delay in each. NoSolutionError when the loop is unstable."""
     closed = loop.closed
-    own_modes = [np.linalg.eigvals(loop.A), np.linalg.eigvals(loop.Ak)]
-    poles = np.concatenate([stable_poles(closed), *own_modes])
+    matrices = (closed, loop.A, loop.Ak)
+    poles = np.concatenate([np.linalg.eigvals(matrix) for matrix in matrices])
     grid = frequency_grid(poles[np.abs(poles) > SLOWEST], PER_DECADE)
     nk = len(loop.Ak)
     commands_of = np.hstack([loop.Dk @ loop.C, loop.Ck])
     by_commands = np.vstack([loop.B, np.zeros((nk, loop.B.shape[1]))])
     outputs_of = np.hstack([loop.C, np.zeros((len(loop.C), nk))])
     by_outputs = np.vstack([loop.B @ loop.Dk, loop.Bk])
-    at_inputs = shifted_sensitivity(closed, by_commands, commands_of)
-    at_sensors = shifted_sensitivity(closed, by_outputs, outputs_of)
+    at_inputs = closed_at(closed, by_commands, commands_of)
+    at_sensors = closed_at(closed, by_outputs, outputs_of)
     margins = {}
     for index, name in enumerate(inputs):
-        margins[name] = single_margin(at_inputs, index, grid)
+        margins[name] = single_margin(at_inputs, index)
     for index, name in enumerate(sensors):
-        margins[name] = single_margin(at_sensors, index, grid)
-    margins[TOGETHER] = margin_of(lambda omega: np.linalg.eigvals(at_inputs(omega)), grid)
+        margins[name] = single_margin(at_sensors, index)
+    margins[TOGETHER] = margin_of(lambda omega: np.linalg.eigvals(at_inputs.at(omega)), grid)
     return margins
 
 

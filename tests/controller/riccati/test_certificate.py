@@ -17,13 +17,13 @@ from tolerances import SAME_SOLUTION
 
 from controller import Game
 from controller.riccati.balancing import FEW, is_hurwitz, spectrum
+from controller.riccati.careful_derivations import by_iteration, schur_solution
 from controller.riccati.certificate import (
     Certificate,
     agreement_checks,
     hamiltonian_checks,
     solution_checks,
 )
-from controller.riccati.derivations import by_iteration, schur_solution
 from controller.riccati.normal_form import NormalForm, relative_residual
 from hfa.main import FAILED
 from hfa_support import Check, NoSolutionError

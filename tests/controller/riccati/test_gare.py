@@ -16,7 +16,7 @@ from reference_riccati import reference_solution, relative_error
 from tolerances import FEW_ROUNDINGS, SAME_FORMULA
 
 from controller import Game
-from controller.riccati.derivations import by_iteration
+from controller.riccati.careful_derivations import by_iteration
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin

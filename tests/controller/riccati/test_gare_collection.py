@@ -18,8 +18,8 @@ from reference_riccati import reference_solution, relative_error
 from scipy.linalg import LinAlgError, block_diag, solve_continuous_are
 
 from controller import Game
+from controller.riccati.careful_derivations import by_iteration
 from controller.riccati.certificate import certified_solution
-from controller.riccati.derivations import by_iteration
 from controller.riccati.normal_form import NormalForm, relative_residual
 from controller.riccati.smallest_delta import lqr_obstacle
 from hfa_support import NoSolutionError

@@ -115,6 +115,58 @@ def test_weak_gain_has_smaller_margins_and_unstable_loops_none(game: Game) -> No
             margins(game, -K)
 
 
+def _light_modes() -> tuple[Game, np.ndarray]:
+    """Two modes of 2.00 and 2.03 rad/s with a damping of 3e-5, of one input, and their LQR gain
+    with an entry that is wrong."""
+    A = np.zeros((4, 4))
+    for first, omega in ((0, 2.0), (2, 2.03)):
+        A[first : first + 2, first : first + 2] = [[0.0, 1.0], [-(omega**2), -6e-5 * omega]]
+    game = Game(A, [[0.0], [1.0], [0.0], [0.7]], np.eye(4), np.eye(4), [[100.0]], 1e6)
+    return game, solve_game(game).K * [[1.0, 1.0, 0.5, 1.0]]
+
+
+def test_margins_of_light_and_close_modes_are_attained() -> None:
+    """The factor at the edge of the disk puts a pole on the axis, as does that of the phase; the
+    disk's phase does not exceed the loop's."""
+    game, K = _light_modes()
+    disk = disk_margin(game, K)
+    (loop,) = loop_margins(game, K)
+    closed = 1j * disk.frequency * np.eye(4) - game.A + game.B @ K
+    M = 0.5 - (K @ np.linalg.solve(closed, game.B)).item()
+    factor = (1.0 + 0.5 / M) / (1.0 - 0.5 / M)
+    assert abs(1.0 / M) == pytest.approx(disk.disk, rel=1e-7)
+    assert min(abs(np.linalg.eigvals(game.A - factor * game.B @ K).real)) < 1e-11
+    assert disk.disk == pytest.approx(loop.disk, rel=1e-12)
+    assert disk.phase < loop.phase
+    turned = [np.exp(side * 1j * math.radians(loop.phase)) for side in (-1.0, 1.0)]
+    edges = [np.linalg.eigvals(game.A - turn * game.B @ K).real.max() for turn in turned]
+    assert max(edges) == pytest.approx(0.0, abs=1e-11)
+
+
+def test_a_level_set_that_ends_too_early_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the search the disk is that of the poles' frequencies, above a margin that is
+    attained."""
+    game, K = _light_modes()
+    right = disk_margin(game, K).disk
+    monkeypatch.setattr("controller.riccati.margins._above", lambda *_: ())
+    assert disk_margin(game, K).disk > right * (1.0 + 1e-6)
+
+
+def test_several_inputs_have_the_largest_bound_of_all_frequencies() -> None:
+    """At no frequency of a fine grid is the bound of a perturbation above the disk."""
+    A = [[-0.6, 2.5], [-1.2, 1.1]]
+    game = Game(A, [[-1.3, -0.8], [1.7, -0.5]], np.eye(2), np.eye(2), np.eye(2), 1e6)
+    K = solve_game(game).K
+    disk = disk_margin(game, K)
+    bounds = []
+    for omega in [*np.geomspace(0.03, 30.0, 400), disk.frequency]:
+        closed = 1j * omega * np.eye(2) - game.A + game.B @ K
+        bounds.append(_structured_bound(0.5 * np.eye(2) - K @ np.linalg.solve(closed, game.B)))
+    assert max(bounds) * disk.disk == pytest.approx(1.0, abs=1e-7)
+    assert max(bounds) * disk.disk <= 1.0
+    assert bounds[-1] == max(bounds)
+
+
 def _structured_bound(M: np.ndarray) -> float:
     return float(scaled_norm(M, best_scaling(M)))
 
@@ -131,7 +183,8 @@ def test_speeds_in_metres_leave_what_has_no_unit_alone(game: Game) -> None:
     here = solve_game(game)
     there = solve_game(si)
     exact = [(there.K, here.K * units), (loop_margins(si, there.K), loop_margins(game, here.K))]
-    exact += [(disk_margin(si, there.K), disk_margin(game, here.K))]
+    disks = (disk_margin(si, there.K), disk_margin(game, here.K))
+    np.testing.assert_allclose(disks[0], disks[1], rtol=1e-6)  # the search for the peak
     exact += [
         (
             np.sort_complex(there.closed_loop_eigenvalues),

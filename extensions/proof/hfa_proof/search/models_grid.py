@@ -17,7 +17,7 @@ from flint import arb, arb_mat
 
 from controller.game.zero_sum import Game
 from controller.hfa_game import usual_game
-from controller.riccati.derivations import schur_solution
+from controller.riccati.careful_derivations import schur_solution
 from controller.riccati.normal_form import NormalForm
 from hfa_proof.arithmetic.balls import TaylorModel, doubles, matrix, norm
 from hfa_proof.checker.checker import interpolation_errors

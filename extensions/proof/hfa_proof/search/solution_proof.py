@@ -14,7 +14,7 @@ from flint import acb, acb_mat, arb, arb_mat
 
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
-from controller.riccati.derivations import schur_solution
+from controller.riccati.careful_derivations import schur_solution
 from controller.riccati.gare import solve_game
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta

@@ -1,0 +1,22 @@
+"""A system without feedthrough that has a gain below δ exactly when one with it has."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from controller.riccati.frequency_response import Triple
+
+
+def without_feedthrough(
+    A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
+) -> Triple:
+    """A, E and Q = C'C of the system without D that has gain below δ exactly when x' = A x + E w, z
+    = C x + D w has."""
+    if not D.any() or math.isinf(delta):
+        return A, E, C.T @ C
+    free = np.eye(D.shape[1]) - D.T @ D / delta**2
+    root = np.linalg.cholesky(free)
+    Q = C.T @ np.linalg.solve(np.eye(len(D)) - D @ D.T / delta**2, C)
+    return A + E @ np.linalg.solve(free, D.T @ C) / delta**2, np.linalg.solve(root, E.T).T, Q
