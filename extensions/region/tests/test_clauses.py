@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from flint import arb
 from pendulum_regions import read_and_check
 
 from hfa_aircraft.model import Model, Signal
-from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.reading import Malformed, Rejected
+from hfa_region.check.loop import HIGHEST, LOWEST, Equilibrium, RegionLoop
+from hfa_region.check.polynomial import Polynomial
+from hfa_region.check.positivity import Evidence, Square, check_positive
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
+from hfa_region.check.taylor import Taylor
+from hfa_support.errors import BadInputError
 
 Content = dict[str, Any]
 
@@ -62,3 +71,240 @@ def test_a_center_does_not_converge(smallest: float) -> None:
     """A coefficient of V' = 0 that is a ball about 0 does not count as 0."""
     with pytest.raises(Rejected, match="no such term"):
         read_and_check(circle(smallest), OSCILLATOR)
+
+
+# A sink, by hand: x' = -x, y' = -y, V = x² + y² <= 3.
+
+
+def _sink(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"x": -x.x, "y": -x.y, "z": 0.0 * x.z}, {"sum": x.x + x.y}
+
+
+SINK = Model(
+    "sink",
+    {"x": Signal(), "y": Signal(), "z": Signal(min=-1.0, max=1.0)},
+    {},
+    _sink,
+    outputs={"sum": Signal()},
+    linear=("x", "y"),
+    trim={"z": 0.5},
+)
+SCALE = 1.7322
+
+
+def _end(side: str) -> Content:
+    """1.735 ± SCALE y_1 > 0 where V <= 3: 0.87 times 1 - V/3, and the rest."""
+    gram = np.diag([1.735 - 0.87, 0.87 * SCALE**2 / 3.0, 0.87 * SCALE**2 / 3.0])
+    gram[0, 1] = gram[1, 0] = (SCALE if side == "low" else -SCALE) / 2.0
+    return {
+        "degrees": [0, 1],
+        "gram": gram.tolist(),
+        "multipliers": {"level": _square(0, 0, [0.87])},
+    }
+
+
+def sink() -> Content:
+    """The true certificate."""
+    inside = _square(0, 1, [5e-5, 5e-5, 5e-5]) | {
+        "multipliers": {"outside": _square(0, 0, [1.0001])}
+    }
+    decrease = _square(1, 1, [2.0 * SCALE**2 / 3.0] * 2) | {"multipliers": {}}
+    limits = {"z": (-1.0, 1.0)}
+    loop = SaturatedLoop(SINK, {}, {"x": 0.0, "y": 0.0}, {}, {"z": 0.5}, np.zeros((0, 2)), limits)
+    terms = ((1.0, (2, 0)), (1.0, (0, 2)))
+    ends = {"x": (-1.735, 1.735), "y": (-2.0, 2.0)}
+    witness = {
+        "T": [[SCALE, 0.0], [0.0, SCALE]],
+        "order": 3,
+        "inside": inside,
+        "parts": [{"inputs": [], "evidence": decrease}],
+        "empty": [],
+        "extents": {"x": {"low": _end("low"), "high": _end("high")}},
+    }
+    statement = RegionStatement(loop, terms, 3.0, ends).content()
+    return {"kind": "region", "statement": statement, "witness": witness}
+
+
+def test_the_sink_is_proved() -> None:
+    assert read_and_check(sink(), SINK) == 1
+
+
+def _low_by_the_evidence_of_high(content: Content) -> None:
+    content["statement"]["extents"]["x"] = [-1.0, 1.735]
+    pair = content["witness"]["extents"]["x"]
+    pair["low"] = pair["high"]
+
+
+def _high_by_the_evidence_of_low(content: Content) -> None:
+    content["statement"]["extents"]["x"] = [-1.735, 1.0]
+    pair = content["witness"]["extents"]["x"]
+    pair["high"] = pair["low"]
+
+
+def _small_ball(content: Content) -> None:
+    """V' < 0 is proved in a ball that does not hold the set."""
+    content["witness"]["T"] = [[0.5, 0.0], [0.0, 0.5]]
+    gram = [[0.5 / 3.0, 0.0], [0.0, 0.5 / 3.0]]
+    content["witness"]["parts"][0]["evidence"]["gram"] = gram
+
+
+def _put(value: Any, *path: Any) -> Callable[[Content], None]:
+    def change(content: Content) -> None:
+        holder: Any = content
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value
+
+    return change
+
+
+def _lower_order(content: Content) -> None:
+    """Taylor polynomials of order 1 of V of degree 2."""
+    content["witness"]["order"] = 1
+
+
+#: What is wrong -> how, and the message of the clause that refuses it.
+FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
+    "low end": (_low_by_the_evidence_of_high, "x low"),
+    "high end": (_high_by_the_evidence_of_low, "x high"),
+    "an end without evidence": (
+        _put([-1.0, 1.0], "statement", "extents", "y"),
+        "may be larger in y",
+    ),
+    "ball too small": (_small_ball, "inside"),
+    "lower limit of a state": (_put([-1.0, 9.0], "statement", "limits", "x"), "x may leave"),
+    "upper limit of a state": (_put([-9.0, 1.0], "statement", "limits", "x"), "x may leave"),
+    "held above its limits": (_put({"z": 1.5}, "statement", "held"), "z is held beyond"),
+    "held below its limits": (_put({"z": -1.5}, "statement", "held"), "z is held beyond"),
+    "lower limit of an output": (_put([-1.0, 9.0], "statement", "limits", "sum"), "sum may"),
+    "upper limit of an output": (_put([-9.0, 1.0], "statement", "limits", "sum"), "sum may"),
+    "a limit wider than the model's": (_put([-2.0, 1.0], "statement", "limits", "z"), "limits: z"),
+    "another trim": (_put({"x": 1e-5, "y": 0.0}, "statement", "trim"), "another x than"),
+    "coordinates in a plane": (
+        _put([[SCALE, SCALE], [SCALE, SCALE]], "witness", "T"),
+        "not proved invertible",
+    ),
+    "no part": (_put([], "witness", "parts"), "do not cover"),
+    "an order below V": (_lower_order, "order"),
+    "V of degree 1": (_put([[1.0, [1, 0]], [1.0, [0, 2]]], "statement", "terms"), "terms"),
+    "a monomial twice": (
+        _put([[2.0, [2, 0]], [-1.0, [2, 0]], [1.0, [0, 2]]], "statement", "terms"),
+        "terms",
+    ),
+    "rho of 0": (_put(0.0, "statement", "rho"), "rho"),
+    "ends that do not hold 0": (_put([0.5, 2.0], "statement", "extents", "y"), "extents"),
+    "another unit": (_put(["rad", "1"], "statement", "state_units"), "state_units"),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_each_clause_refuses_its_forgery(name: str) -> None:
+    change, message = FORGED[name]
+    made = copy.deepcopy(sink())
+    change(made)
+    with pytest.raises((Rejected, Malformed), match=message):
+        read_and_check(made, SINK)
+
+
+# Sums of squares of one variable.
+
+
+def _polynomial(*coefficients: float) -> Polynomial:
+    """c_0 + c_1 y + c_2 y² .."""
+    return Polynomial([{power: arb(c)} for power, c in enumerate(coefficients)])
+
+
+def _gram(low: int, high: int, rows: list[list[float]]) -> Square:
+    return Square(low, high, np.array(rows))
+
+
+def test_a_multiplier_that_is_not_positive_is_refused() -> None:
+    """y² - 0.5 = -1 (1 - y²) + 0.5 is not positive where 1 - y² >= 0."""
+    evidence = Evidence(_gram(0, 0, [[0.5]]), {"ball": _gram(0, 0, [[-1.0]])})
+    with pytest.raises(Rejected, match="Gram matrix"):
+        check_positive("a test", _polynomial(-0.5, 0.0, 1.0), BALL_OF_ONE, evidence, 1)
+
+
+def test_what_the_identity_lacks_is_shared_by_its_places() -> None:
+    """y of 1, y, y² has two places: 1 + 1.5 y + y² + y⁴ is positive, 1 + 2.2 y + y² + y⁴ is not."""
+    evidence = Evidence(_gram(0, 2, np.eye(3).tolist()), {})
+    check_positive("a test", _polynomial(1.0, 1.5, 1.0, 0.0, 1.0), {}, evidence, 1)
+    with pytest.raises(Rejected, match="not proved positive"):
+        check_positive("a test", _polynomial(1.0, 2.2, 1.0, 0.0, 1.0), {}, evidence, 1)
+
+
+BALL_OF_ONE = {"ball": _polynomial(1.0, 0.0, -1.0)}
+
+
+def test_what_is_left_out_is_below_the_lower_bound() -> None:
+    """Of y² - 3 y⁴ + remainder 2 |y|⁵ what is above degree 2 is taken off with its whole norm."""
+    taylor = Taylor(4, _polynomial(0.0, 0.0, 1.0, 0.0, -3.0), arb(2))
+    (_, _, square) = taylor.lowest(1, 2).parts
+    assert square[2] <= 1.0 - 3.0 - 2.0
+
+
+# The loop.
+
+
+def _driven(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """x' = x - u + w; the output is beyond its limit between the ends of w only."""
+    return {"x": x.x - u.u + w.w}, {"bump": 0.1 * x.x + 1.0 - w.w**2}
+
+
+DRIVEN = Model(
+    "driven",
+    {"x": Signal()},
+    {"u": Signal(min=-1.0, max=1.0)},
+    _driven,
+    disturbances={"w": Signal()},
+    outputs={"bump": Signal(max=0.5)},
+    trim={},
+)
+
+
+def _loop(K: float = 2.0, u: float = 0.0, sizes: dict[str, float] | None = None) -> SaturatedLoop:
+    limits = {"u": (-1.0, 1.0), "bump": (-9.0, 0.5)}
+    at = {"x": u}
+    return SaturatedLoop(
+        DRIVEN, {}, at, {"u": u}, {}, np.array([[-K]]), limits, disturbances=sizes or {}
+    )
+
+
+def test_an_equilibrium_at_a_limit_of_an_input_is_refused() -> None:
+    for u in (-1.0, 1.0):
+        with pytest.raises(Rejected, match="u may be at its limit"):
+            Equilibrium(_loop(u=u))
+
+
+def test_equilibria_that_are_not_isolated_are_refused() -> None:
+    """x' = x - u with u = x: every x is one, though that of the open loop is alone."""
+    with pytest.raises((Rejected, ZeroDivisionError)):
+        Equilibrium(_loop(K=1.0))
+
+
+def test_an_output_is_within_its_limits_between_the_ends_of_a_disturbance() -> None:
+    statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
+    loop = RegionLoop(statement, np.array([[1.0]]), 3)
+    with pytest.raises(Rejected, match="bump may leave"):
+        loop.rates({"u": "free", "w": HIGHEST})
+
+
+def test_a_saturated_rate_keeps_its_center() -> None:
+    """Where u is at its limit x' is not 0 at y = 0."""
+    loop = replace(_loop(), limits={"u": (-1.0, 1.0)})
+    ball = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+    for side, rate in ((LOWEST, 1.0), (HIGHEST, -1.0)):
+        assert ball.rates({"u": side})[0].center.contains(arb(rate))
+    assert ball.rates({"u": "free"})[0].center == 0
+
+
+def test_rates_that_are_curved_in_a_disturbance_are_refused() -> None:
+    """Their ends need not be the worst."""
+
+    def curved(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"x": -x.x + 1.0 - w.w**2}, {}
+
+    model = Model("curved", {"x": Signal()}, {}, curved, disturbances={"w": Signal()}, trim={})
+    loop = SaturatedLoop(model, {}, {"x": 1.0}, {}, {}, np.zeros((0, 1)), {}, {}, {"w": 1.0})
+    with pytest.raises(BadInputError, match="not affine in w"):
+        RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)

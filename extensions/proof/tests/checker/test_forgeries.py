@@ -7,7 +7,6 @@ one of the true statement, damaged, exaggerated, or made by the prover for anoth
 from __future__ import annotations
 
 import copy
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -35,14 +34,12 @@ from proof_cases import (
     forge,
     game_at,
     model_of,
-    two_trims,
+    of_the_other_trim,
 )
 
-from controller import Game
 from hfa_proof.checker.reading import Malformed, Rejected
-from hfa_proof.search.loops import loop_of_gains
 from hfa_support import BadInputError
-from verification import Family, check_certificate, prove_schedule, prove_solution
+from verification import check_certificate, prove_schedule, prove_solution
 
 
 def assert_refused(made: Content, kind: str, path: Path) -> None:
@@ -69,17 +66,6 @@ def test_no_forgery_is_accepted(kind: str, tmp_path: Path) -> None:
 
 
 # Forgeries that an earlier checker accepted.
-
-
-@cache
-def of_the_other_trim(kind: str) -> Content:
-    """A certificate of the model with two trims, about the unstable one."""
-    other = two_trims(start=-1.0)
-    if kind == "one of two":
-        game = Game(A=[[2 * np.sqrt(2.0)]], B=[[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=20.0)
-        return content(prove_solution(game, Family(other), 1.0))
-    loop = loop_of_gains(other, [1.0, 2.0], np.array([[[9.0]], [[9.0]]]))
-    return content(prove_schedule(Family(other), loop, 1.0, 1.5, moving=True))
 
 
 def _witness_of_the_other_trim(kind: str) -> Change:

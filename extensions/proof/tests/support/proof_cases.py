@@ -296,3 +296,14 @@ def content(proof: Proof) -> dict[str, Any]:
 def certificate(kind: str) -> dict[str, Any]:
     """The content of a certificate; not to be changed."""
     return content(proved(kind))
+
+
+@cache
+def of_the_other_trim(kind: str) -> dict[str, Any]:
+    """A certificate of the model with two trims, about the unstable one."""
+    other = two_trims(start=-1.0)
+    if kind == "one of two":
+        game = Game(A=[[2 * np.sqrt(2.0)]], B=[[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=20.0)
+        return content(prove_solution(game, Family(other), 1.0))
+    loop = loop_of_gains(other, [1.0, 2.0], np.array([[[9.0]], [[9.0]]]))
+    return content(prove_schedule(Family(other), loop, 1.0, 1.5, moving=True))

@@ -4,8 +4,7 @@
 
 with Q, Q_k positive definite and m, m_k vectors of monomials: wherever every g_k >= 0 and some
 monomial of m is not 0, target > 0. The numbers of Q are doubles of a solver, for which the identity
-holds about; what is missing is added to entries of Q, as balls, and Q is positive definite with it
-and without.
+holds about; what is missing is added to entries of Q, as balls, and Q is positive definite with it.
 """
 
 from __future__ import annotations
@@ -107,7 +106,6 @@ def check_positive(
     variables: n
 
     Where the monomials of `main` begin at degree 0 it is proved at y = 0 too."""
-    evidence.main.check_definite(what)
     residual = target
     for name, square in evidence.multipliers.items():
         square.check_definite(what)

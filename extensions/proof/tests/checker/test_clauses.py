@@ -1,0 +1,180 @@
+"""One quick forgery for each clause of the checker that no other test needs."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from flint import arb, arb_mat
+from forged_certificates import CLAIM, FLIGHT, Change, put, several
+from proof_cases import certificate, forge, model_of, of_the_other_trim, two_trims
+
+from hfa_proof.arithmetic.balls import TaylorModel
+from hfa_proof.checker.checker import check_certificate
+from hfa_proof.checker.modes import check_motion, least_and_most
+from hfa_proof.checker.reading import Fields, Malformed, Rejected
+from hfa_proof.checker.riccati import check_axis, distance_bounds
+from hfa_proof.checker.statement import Weights, read_statement
+from hfa_proof.checker.trims import check_branches, linear_model_on, root_offsets
+from hfa_proof.checker.witness import Line, TrimBox
+
+_NO_SOLUTION = "a root|eigenvalue|Hurwitz"
+
+
+def _one(*parts: float) -> TaylorModel:
+    return TaylorModel(*(arb_mat([[arb(part)]]) for part in parts))
+
+
+def _distance_too_large(made: Any) -> None:
+    """A lower bound above the distance, the upper one above that."""
+    _, most = made["statement"]["distances"]["K"]
+    made["statement"]["distances"]["K"] = [1.5 * most, 2.0 * most]
+
+
+def _distance_too_small(made: Any) -> None:
+    least, _ = made["statement"]["distances"]["K"]
+    made["statement"]["distances"]["K"] = [0.0, 0.5 * least]
+
+
+def _delta_min(share: float) -> Callable[[Any], Any]:
+    """A bracket of delta_min whose lower or upper end is moved over it."""
+    return lambda ends: [ends[0], ends[1] * share] if share < 1.0 else [ends[0] * share, ends[1]]
+
+
+def _faster(made: Any) -> None:
+    """Actuators of any bandwidth above, with the evidence of the slow ones."""
+    made["statement"]["uncertain_actuators"]["bandwidth"][1] = 1e6
+    for box in made["witness"]["loop"]:
+        box["pieces"][-1]["bandwidth"][1] = 1e6
+
+
+def _slower(made: Any) -> None:
+    made["statement"]["uncertain_actuators"]["bandwidth"][0] = 1e-3
+    for box in made["witness"]["loop"]:
+        box["pieces"][0]["bandwidth"][0] = 1e-3
+
+
+#: What is wrong -> kind of certificate, how, and the message of the clause that refuses it.
+FORGED: dict[str, tuple[str, Change, str]] = {
+    "a trim above a limit": ("two trims", put([-9.0, 1.0], *FLIGHT, "limits", "x"), "x may lie"),
+    "a trim below a limit": ("two trims", put([1.7, 9.0], *FLIGHT, "limits", "x"), "x may lie"),
+    "a limit wider than the model's": (
+        "rate",
+        put([0.0, 300.0], *FLIGHT, "limits", "throttle"),
+        "throttle beyond the model's",
+    ),
+    "a lower limit wider than the model's": (
+        "rate",
+        put([-1.0, 200.0], *FLIGHT, "limits", "throttle"),
+        "throttle beyond the model's",
+    ),
+    "a distance too large": ("plant", _distance_too_large, "distance of K"),
+    "a distance too small": ("plant", _distance_too_small, "distance of K"),
+    "K that does not follow": ("plant", put(True, *CLAIM, "gain_of_value"), "K is not the gain"),
+    "delta_min too large": (
+        "scalar",
+        put(_delta_min(1.0 - 1e-9), *CLAIM, "delta_min"),
+        _NO_SOLUTION,
+    ),
+    "value below delta_min": (
+        "scalar",
+        put(lambda ends: [0.5 * ends[0], 0.9 * ends[0]], *CLAIM, "delta_min"),
+        _NO_SOLUTION,
+    ),
+    "no value above delta_min": (
+        "scalar",
+        put(lambda ends: [1.1 * ends[1], 1.2 * ends[1]], *CLAIM, "delta_min"),
+        _NO_SOLUTION,
+    ),
+    "other modes": ("scalar", put([1, 1], *CLAIM, "modes"), "modes"),
+    "actuators too slow": ("actuators", _slower, "not positive definite"),
+    "actuators too fast": ("actuators", _faster, "not positive definite"),
+    "a decay that no box has": (
+        "two trims",
+        put(lambda rate: 1.01 * rate, *CLAIM, "decay_rate"),
+        "do not cover",
+    ),
+    "another stated trim within a box": (
+        "two trims",
+        several(
+            put(
+                lambda trims: [*trims, trims[0] | {"breakpoint": 1.25}],
+                *FLIGHT,
+                "trims",
+            )
+        ),
+        "branch",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_each_clause_refuses_its_forgery(name: str, tmp_path: Any) -> None:
+    kind, change, message = FORGED[name]
+    made = copy.deepcopy(certificate(kind))
+    change(made)
+    with pytest.raises((Rejected, Malformed), match=message):
+        check_certificate(forge(tmp_path / "forged.json", made), model=model_of(kind))
+
+
+def test_bounds_of_a_distance_hold_all_of_a_box() -> None:
+    least, most = distance_bounds(_one(3.0, 0.5, 0.0, 0.0), None)
+    assert least <= 2.5
+    assert most >= 3.5
+
+
+def test_motion_in_both_directions_is_checked() -> None:
+    """x' = -x with P = 1: the decrease 2 outweighs a growth of 1 and not one of ±3."""
+    loop, P = _one(-1.0), _one(1.0)
+    check_motion(loop, P, arb_mat([[1.0]]), np.eye(1))
+    for growth in (3.0, -3.0):
+        with pytest.raises(Rejected):
+            check_motion(loop, P, arb_mat([[growth]]), np.eye(1))
+
+
+def test_a_line_beside_the_axis_bounds_one_side() -> None:
+    """Of x' = -x a line at -2 counts a mode that is stable, one at +1 none."""
+    A = _one(-1.0)
+    left = Line(np.array([[-1.0]]), np.eye(1), 2.0)
+    right = Line(np.array([[1.0]]), np.eye(1), -1.0)
+    assert least_and_most(A, left) == (0, 1)
+    assert least_and_most(A, right) == (0, 1)
+
+
+def test_a_root_must_be_within_its_radius() -> None:
+    """x - 1 at 0 with radius 0.5: the slope is exact, the root is not there."""
+    residual = TaylorModel(arb_mat([[arb(-1)]]))
+    with pytest.raises(Rejected, match="a root"):
+        root_offsets(residual, _one(1.0), [arb(0.5)])
+    root_offsets(residual, _one(1.0), [arb(2)])
+
+
+def test_boxes_of_another_branch_are_refused() -> None:
+    """The trims -sqrt(1 + p) are no boxes of the branch that is stated at +sqrt(2)."""
+    made = certificate("two trims")
+    flight = read_statement("schedule", copy.deepcopy(made["statement"]), two_trims()).flight  # type: ignore[union-attr]
+    models = []
+    for box in of_the_other_trim("two trims")["witness"]["modes"]:
+        entries = Fields("box", {"range": box["range"], "trim": box["trim"]})
+        models.append(linear_model_on(flight, TrimBox.read(entries, flight)))
+    with pytest.raises(Rejected, match="branch"):
+        check_branches(flight, models)
+
+
+def test_weights_that_are_no_cost_are_refused() -> None:
+    good = {"Q": [[1.0]], "R": [[1.0]], "E": [[1.0]], "delta": 2.0}
+    Weights.read(Fields("weights", good), 1, 1)
+    for name, value in (("Q", -1e-300), ("R", 0.0), ("R", -1.0)):
+        with pytest.raises(Malformed, match=f"{name} is not positive"):
+            Weights.read(Fields("weights", good | {name: [[value]]}), 1, 1)
+
+
+def test_a_determinant_of_one_sign_proves_no_axis() -> None:
+    """x' = -x + u without disturbance has a solution: H has no eigenvalue on the axis."""
+    one = np.eye(1)
+    weights = Weights(one, one, one, 1e6)
+    with pytest.raises(Rejected, match="axis"):
+        check_axis(weights, _one(-1.0), _one(1.0), [0.0, 1.0, 10.0])
