@@ -59,6 +59,7 @@ def classes_of(text: str) -> list[type[Result]]:
 @cache
 def formats() -> dict[str, Any]:
     """The schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
+    import_module("verification.critic.error_table")  # a part of verdicts over time
     results = {_name(classes_of(text)[0]): _joined(text) for text in written()}
     kinds: set[type[Result]] = {Stamp, *(kind for text in written() for kind in classes_of(text))}
     parts = {part.__name__: json_schema(part) for kind in kinds for part in parts_of(kind)}

@@ -62,9 +62,18 @@ def _annotation(kind: Any, name: str) -> Any:
         text = vars(ancestor).get("__annotations__", {}).get(name)
         if text is not None:
             alone = types.SimpleNamespace(__annotations__={name: text})
-            known = vars(sys.modules[ancestor.__module__])
+            known = _results(Result) | vars(sys.modules[ancestor.__module__])
             return typing.get_type_hints(alone, known, include_extras=True)[name]
     raise KeyError(f"{kind.__name__} has no entry {name}")
+
+
+def _results(kind: type) -> dict[str, Any]:
+    """The loaded classes below one by their names: modules may name them for type checkers
+    alone."""
+    found: dict[str, Any] = {kind.__name__: kind}
+    for below in kind.__subclasses__():
+        found |= _results(below)
+    return found
 
 
 def json_schema(kind: type[Result]) -> dict[str, Any]:
