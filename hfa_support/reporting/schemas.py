@@ -71,6 +71,7 @@ def _results(kind: type) -> dict[str, Any]:
     """The loaded classes below one by their names: modules may name them for type checkers
     alone."""
     found: dict[str, Any] = {kind.__name__: kind}
+    below: type
     for below in kind.__subclasses__():
         found |= _results(below)
     return found

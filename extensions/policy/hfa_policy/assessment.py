@@ -25,6 +25,7 @@ from hfa_policy.outcomes import Outcome, Place, ends_from_trim, fly_places, star
 from hfa_policy.reach import HORIZON, Reach, reach_of, seconds_to_converge
 from hfa_policy.sampled_loop import Chain, Delays, Margins, chain_of, delays, margins
 from hfa_policy.trims import trims_of
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
@@ -370,6 +371,7 @@ def cycle_text(cycle: LimitCycle) -> str:
     return f"{cycle.name} ±{size}{unit} at {cycle.frequency:.3g} rad/s"
 
 
+@checks_arguments
 def assess(
     model: Model,
     deployment: Deployment,

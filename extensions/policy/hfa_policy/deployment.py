@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ import numpy as np
 
 from hfa_policy.actor import NONE as NONE, Actor, read_actor
 from hfa_policy.normalizer import Normalizer, normalizer_of, read_normalizer
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shown
 from hfa_support.files import read_toml
 from hfa_support.reporting.fields import Shown
@@ -52,6 +53,7 @@ _NORMALIZER: dict[Any, Any] = {
 }
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Deployment(Shown):
     """What a policy observes, what its actions move, and when.
@@ -106,7 +108,12 @@ class Deployment(Shown):
             self._check_action()
             self._check_timing()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the tables; files are read again where a copy is used, as in another process."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
     @staticmethod
+    @checks_arguments
     def load(path: str | Path) -> Deployment:
         """The deployment of a TOML file; BadInputError names the file, the entry and what to
         give."""

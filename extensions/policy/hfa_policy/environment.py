@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -10,16 +10,18 @@ from hfa_aircraft.model import Model
 from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.trims import trims_of
-from hfa_support.errors import BadInputError
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError, refuse_unless_whole
 
 if TYPE_CHECKING:
     import gymnasium
 
 
+@checks_arguments
 def environment(
     model: Model,
     deployment: Deployment,
-    points: Sequence[Any] | None = None,
+    points: Iterable[Any] | None = None,
     *,
     seconds: float = SECONDS,
     render_mode: str | None = None,
@@ -55,10 +57,11 @@ def environment(
     return made
 
 
+@checks_arguments
 def vector_environment(
     model: Model,
     deployment: Deployment,
-    points: Sequence[Any] | None = None,
+    points: Iterable[Any] | None = None,
     *,
     count: int = 8,
     seconds: float = SECONDS,
@@ -79,10 +82,11 @@ def vector_environment(
 def _episodes(
     model: Model,
     deployment: Deployment,
-    points: Sequence[Any] | None,
+    points: Iterable[Any] | None,
     count: int,
     seconds: float,
 ) -> Episodes:
+    refuse_unless_whole("count", count, 1)
     trims = trims_of(model, points)
     if all("box" in entry for entry in deployment.action.values()):
         deployment = deployment.changed(policy={})  # its file may be what is trained here

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_networks.files.tensors import refuse_pickle_bomb
+from hfa_networks.files.tensors import refuse_pickle_bomb, refuse_shared
 from hfa_support.errors import BadInputError, shortened
 
 #: Packages whose objects are kept as bare attributes; their code is never imported.
@@ -42,6 +42,7 @@ class Inert:
             state = {**(state[0] or {}), **state[1]}
         if isinstance(state, dict):
             self.__dict__.update(state)
+            self.__dict__.pop("made_of", None)  # it is of the class, not of the file
 
     def __setitem__(self, key: Any, value: Any) -> None:
         """Entries of a container are not kept."""
@@ -61,8 +62,9 @@ class _Kind:
     """What numpy.dtype is in a pickle: a kind of number and its byte order."""
 
     def __init__(self, kind: str, *_: Any) -> None:
-        if kind not in _KINDS:
-            raise BadInputError(f"it has an array of {shortened(repr(kind))}, which is no number")
+        if not isinstance(kind, str) or kind not in _KINDS:
+            named = shortened(kind) if isinstance(kind, str) else type(kind).__name__
+            raise BadInputError(f"it has an array of {named}, which is no number")
         self.kind = kind
         self.order = "="
 
@@ -138,7 +140,9 @@ def inert(content: bytes) -> Any:
     """
     try:
         refuse_pickle_bomb(content)
-        return _Restricted(io.BytesIO(content)).load()
+        stored = _Restricted(io.BytesIO(content)).load()
+        refuse_shared(stored)
+        return stored
     except BadInputError:
         raise
     except Exception as error:  # a damaged pickle makes the reader raise nearly anything

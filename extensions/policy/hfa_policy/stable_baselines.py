@@ -106,9 +106,9 @@ def read_zip(path: str | Path) -> Zip:
                 tensors, _ = checked_tensors(tensors_in(_member(archive, "policy.pth"), ".pth"))
         except OSError as error:
             raise BadInputError(f"cannot be read ({error.strerror or error})") from error
-        except (zipfile.BadZipFile, ValueError, RecursionError) as error:
-            if isinstance(error, BadInputError):
-                raise
+        except BadInputError:
+            raise
+        except Exception as error:  # a damaged member makes the readers raise nearly anything
             raise BadInputError(f"it is no zip of Stable-Baselines3 ({error})") from error
         return _described(data, tensors)
 

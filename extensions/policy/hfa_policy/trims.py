@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 from hfa_aircraft.model import Model
@@ -12,7 +12,7 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
 
-def trims_of(model: Model, points: Sequence[Any] | None) -> tuple[OperatingPoint, ...]:
+def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint, ...]:
     """Operating points: as they are, or found at values of the scheduling variable; the model's own
     trim for None.
 

@@ -15,7 +15,10 @@ from policy_cases import FOLDER, GTM, aircraft, card, gtm_card
 from tolerances import FEW_ROUNDINGS
 
 from hfa_aircraft.loading import load_model
+from hfa_policy.assessment import assess
 from hfa_policy.deployment import Deployment
+from hfa_policy.environment import environment, vector_environment
+from hfa_policy.inert_pickle import inert
 from hfa_policy.normalizer import read_normalizer
 from hfa_policy.stable_baselines import read_zip
 from hfa_support.errors import BadInputError
@@ -349,3 +352,51 @@ def test_a_card_in_python_is_that_of_the_file():
     )
     assert again.box[0].tolist() == loaded.box[0].tolist()
     assert again.dt == loaded.dt
+
+
+def test_a_deployment_that_was_read_is_pickled(folder):
+    """As the processes of SubprocVecEnv need it."""
+    read = card("ppo_gtm")
+    assert read.actor
+    assert pickle.loads(pickle.dumps(read)).actor.chain == read.actor.chain
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Deployment({}, ["alpha"], {"elevator": {}}, {"dt": 0.02}),
+        lambda: Deployment({}, {"alpha": {}}, {"elevator": {}}, None),
+        lambda: Deployment.load(5),
+        lambda: environment(aircraft("ppo_gtm"), "card.toml"),
+        lambda: environment(None, card("ppo_gtm")),
+        lambda: environment(aircraft("ppo_gtm"), card("ppo_gtm"), seconds="long"),
+        lambda: vector_environment(aircraft("ppo_gtm"), card("ppo_gtm"), count=2.5),
+        lambda: assess(aircraft("ppo_gtm"), None),
+        lambda: assess(aircraft("ppo_gtm"), card("ppo_gtm"), samples="many"),
+    ],
+)
+def test_a_wrong_argument_is_one_line(make):
+    with pytest.raises(BadInputError, match=r"(is|give)"):
+        make()
+
+
+def shared(times):
+    """Lists that each hold the next one twice."""
+    inner = [1]
+    for _ in range(times):
+        inner = [inner, inner]
+    return inner
+
+
+def test_a_pickle_of_shared_lists_is_refused_at_once(folder):
+    """Walked by identity, its 2^32 leaves are counted and not visited."""
+    content = pickle.dumps({"obs_rms": shared(32)}, 2)
+    with pytest.raises(BadInputError, match="hold each other too many times"):
+        inert(content)
+    assert inert(pickle.dumps({"obs_rms": shared(8)}, 2))
+
+
+def test_a_file_does_not_name_its_own_class(folder):
+    """Entries of a pickle cannot pass an object off as another class."""
+    stored = inert(b"\x80\x02cgymnasium.spaces.box\nBox\n)\x81}X\x07\0\0\0made_ofX\x01\0\0\0ysb.")
+    assert stored.made_of == "gymnasium.spaces.box.Box"

@@ -98,10 +98,13 @@ def _dtype(kind: str) -> str:
     return _TYPES[kind]
 
 
-def _view(
-    storage: np.ndarray, offset: int, size: tuple[int, ...], stride: tuple[int, ...], *_: Any
-) -> np.ndarray:
+def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndarray:
     """torch._utils._rebuild_tensor_v2: the numbers of a storage at offset + Σ index stride."""
+    numbers = (offset, *size, *stride) if isinstance(size, tuple) else (None,)
+    if not isinstance(stride, tuple) or any(type(number) is not int for number in numbers):
+        raise BadInputError("it is damaged: the shape of a tensor is not of whole numbers")
+    if any(abs(number) > LARGEST_FILE for number in numbers):
+        raise BadInputError("it is damaged: a tensor is larger than a file may be")
     steps = zip(size, stride, strict=True)
     last = offset + sum((count - 1) * step for count, step in steps)
     is_inside = 0 <= offset <= last < storage.size and min(stride, default=0) >= 0
@@ -130,6 +133,35 @@ def refuse_pickle_bomb(content: bytes) -> None:
             raise BadInputError(f"its pickle has more than {_MOST_STEPS} steps; save weights alone")
 
 
+def refuse_shared(stored: Any) -> None:
+    """BadInputError where what a pickle holds has more leaves than `_MOST_STEPS`, shared ones
+    counted where they are used: 32 lists that each hold the next one twice have 2^32."""
+    counts: dict[int, int] = {}
+    waiting = [stored]
+    while waiting:
+        value = waiting[-1]
+        inside = [each for each in _inside(value) if id(each) not in counts]
+        if id(value) not in counts and inside and len(waiting) <= _MOST_STEPS:
+            counts[id(value)] = 0  # until its parts are counted: a circle has no more of them
+            waiting += inside
+            continue
+        waiting.pop()
+        counts[id(value)] = max(1, sum(counts.get(id(each), 0) for each in _inside(value)))
+        if counts[id(value)] > _MOST_STEPS or len(waiting) > _MOST_STEPS:
+            raise BadInputError("it is damaged: its parts hold each other too many times")
+
+
+def _inside(value: Any) -> list[Any]:
+    """What a container of a pickle holds."""
+    if isinstance(value, dict):
+        return [*value, *value.values()]
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return list(value)
+    if isinstance(value, (np.ndarray, type)):
+        return []
+    return list(getattr(value, "__dict__", {}).values())
+
+
 class _Restricted(pickle.Unpickler):
     """Builds dictionaries and arrays; every other class or function is refused by its name before
     it is made."""
@@ -150,6 +182,8 @@ class _Restricted(pickle.Unpickler):
         return _ALLOWED[module, name]
 
     def persistent_load(self, pid: Any) -> np.ndarray:
+        if not (isinstance(pid, tuple) and len(pid) == 5 and isinstance(pid[2], str)):
+            raise BadInputError("it is damaged: a storage has no name")
         return np.frombuffer(self.storages[f"data/{pid[2]}"], pid[1])
 
 
@@ -186,7 +220,9 @@ def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
                 "it is TorchScript, a program; save state_dict() instead, or export to ONNX"
             )
         members = {name.partition("/")[2]: unpacked(archive, name) for name in names}
-    return _flattened("", _Restricted(members["data.pkl"], members).load())
+    stored = _Restricted(members["data.pkl"], members).load()
+    refuse_shared(stored)
+    return _flattened("", stored)
 
 
 def _flattened(prefix: str, stored: Any, depth: int = 0) -> dict[str, np.ndarray]:
