@@ -2,14 +2,16 @@
 solution."""
 
 from controller.critic.critic import (
+    Critic as Critic,
     from_gain as from_gain,
     from_value as from_value,
     from_weights as from_weights,
 )
+from controller.critic.critic_file import read_critic as read_critic
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.learning.certified import learn as learn
-from controller.riccati.gare import solve_game as solve_game
+from controller.riccati.gare import Solution as Solution, solve_game as solve_game
 from hfa_aircraft import Model as Model, Signal as Signal
 from hfa_aircraft.loading import load_model as load_model
 from hfa_derivatives.aircraft import from_derivatives as from_derivatives
@@ -19,17 +21,20 @@ from hfa_model.choice import aircraft as aircraft
 from hfa_networks.files.network import from_network as from_network
 from hfa_optimal.best_flight import BestFlight as BestFlight, best_flight as best_flight
 from hfa_policy.assessment import assess as assess
+from hfa_policy.assessment_report import Assessment as Assessment
 from hfa_policy.deployment import Deployment as Deployment
 from hfa_policy.environment import (
     environment as environment,
     vector_environment as vector_environment,
 )
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
-from trim.linear.linear_model import linearize as linearize
+from trim.linear.linear_model import LinearModel as LinearModel, linearize as linearize
 from trim.point.condition import TrimCondition as TrimCondition
+from trim.point.operating_point import OperatingPoint as OperatingPoint
 from trim.point.solve import find_operating_point as find_operating_point
 from trim.sweeps.sweep import sweep as sweep
 from verification.critic.critic_check import check_critic as check_critic
+from verification.critic.verdict import Verdict as Verdict
 
 from . import paper as paper
 

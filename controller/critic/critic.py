@@ -46,6 +46,12 @@ class Critic(Shown):
     variants: what may have been read wrongly -> the critic that is read otherwise.
     implies_policy: whether the policy of the network follows from its V or ∂V/∂z.
     is_layer: whether it is the one layer of a network that acts on a basis.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
+    >>> critic = hfa.from_gain(game, [[2.5]])
+    >>> type(critic) is hfa.Critic, critic.K.tolist()
+    (True, [[2.5]])
     """
 
     how_to_make: ClassVar[str] = (

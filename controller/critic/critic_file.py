@@ -99,6 +99,33 @@ def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> C
     return critics_in(path, game, reading)[-1]
 
 
+@checks_arguments
+def read_critic(
+    path: str | Path,
+    game: Game,
+    *,
+    basis: str | None = None,
+    network: str = "",
+    activation: str | None = None,
+    scale: Any = None,
+) -> Critic:
+    """The critic of a file of matrices or weights, or of a network; of a history the last row.
+
+    path: .npz, .mat, .json, .csv, or a suffix that an installed package reads (.pt, .onnx, .zip).
+    game: whose states and inputs the critic has.
+    basis: of weights: a name, or a list of functions; as the file says, else "quadratic".
+    network: which part of a network's file is what, as `from_network` takes it.
+    activation: between the layers of a state dict, and after a comma at its output.
+    scale: (n,), the network takes state i times scale[i].
+
+    BadInputError, one line that names the file.
+
+    >>> import hfa
+    >>> critic = hfa.read_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
+    """
+    return critic_in(path, game, Reading(basis, network, activation, scale))
+
+
 def stored_parts(
     path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None
 ) -> dict[str, np.ndarray]:

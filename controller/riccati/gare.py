@@ -40,6 +40,12 @@ class Solution(Result, Reported):
     abscissa_error: by which rounding of A, B and K may move the abscissa of A - B K, 1/s, to first
         order
     names: of the states and inputs
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
+    >>> solution = hfa.solve_game(game)
+    >>> type(solution) is hfa.Solution, solution.K.shape
+    (True, (1, 1))
     """
 
     keys = (

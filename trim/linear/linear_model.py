@@ -38,6 +38,12 @@ class LinearModel(ByValue, Result, Reported):
     output_offsets: Y0, (k,).
     disturbances: names of w, where the model has some.
     kinks: notes on entries of A and B that are means of two slopes, or of rates that jump.
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> linear = hfa.linearize(model, hfa.find_operating_point(model))
+    >>> type(linear) is hfa.LinearModel, linear.A.shape, linear.B.shape
+    (True, (6, 6), (6, 5))
     """
 
     how_to_make: ClassVar[str] = "linearize(model, point)"

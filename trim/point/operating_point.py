@@ -49,6 +49,11 @@ class OperatingPoint(Result, Reported):
     started: 0 when the search began at the usual point, else the number of the other point
         (`STARTS`) that led here.
     problem: that which the search solved; None of a point that was read or computed otherwise.
+
+    >>> import hfa
+    >>> point = hfa.find_operating_point(hfa.aircraft())
+    >>> type(point) is hfa.OperatingPoint, point.status.value
+    (True, 'trimmed')
     """
 
     how_to_make: ClassVar[str] = "find_operating_point(model)"

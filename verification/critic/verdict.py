@@ -98,6 +98,12 @@ class Verdict(Checked, Result, Reported):
     weights: Q, R and delta of the game, and whose they are, in words.
     sections: what else was found.
     table: errors over time, of a history or a training run; else None.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
+    >>> verdict = hfa.check_critic(game, hfa.solve_game(game).K)
+    >>> type(verdict) is hfa.Verdict, verdict.ok
+    (True, True)
     """
 
     schema = "hfa.critic-check/1"

@@ -49,6 +49,9 @@ class Assessment(Result, Reported):
     mistakes: of its deployment, proved or likely.
     needs: delay, s, margin or cost, percent -> what is asked for.
     variations: what it does on changed aircraft.
+
+    >>> import hfa
+    >>> assessment = hfa.assess(deployment, points)  # doctest: +SKIP
     """
 
     schema = "hfa.assessment/1"
