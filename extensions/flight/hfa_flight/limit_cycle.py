@@ -19,6 +19,14 @@ LASTING = 0.9
 VISIBLE = 0.01
 
 
+#: A decay is even if its rate in the last quarter is at least this part of that before ...
+_EVEN = 0.5
+#: ... and the amplitude falls by more than this part in a quarter of the flight.
+_NO_DECAY = 2e-3
+#: How often line and frequency are found in turn.
+_ROUNDS = 4
+
+
 class LimitCycle(NamedTuple):
     """What oscillates most, in nominal sizes.
 
@@ -44,8 +52,36 @@ class LimitCycle(NamedTuple):
         return f"limit cycle: {self.motion()}; the flight has not settled"
 
 
+class Decay(NamedTuple):
+    """What oscillates most, in nominal sizes, and becomes smaller at an even rate.
+
+    name: of an input or state
+    time_to_half: s
+    frequency: rad/s
+    """
+
+    name: str
+    time_to_half: float
+    frequency: float
+
+    def text(self) -> str:
+        """A sentence."""
+        return (
+            f"{self.name} oscillates at {self.frequency:.3g} rad/s and decays: half in "
+            f"{self.time_to_half:.3g} s"
+        )
+
+
 def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | None:
-    """The largest oscillation in the second half of a flight, None without one.
+    """The largest oscillation in the second half of a flight that does not decay, None without
+    one."""
+    found = oscillation(model, flight, driven_until)
+    return found if isinstance(found, LimitCycle) else None
+
+
+def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | Decay | None:
+    """The largest oscillation in the second half of a flight, a limit cycle before a decay; None
+    without one.
 
     driven_until: s, when the last signal that drives the flight comes to rest. None also where that
     is in the second half, or the flight has too few steps.
@@ -56,24 +92,66 @@ def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitC
         return None
     third = (times >= middle) & (times < 1.5 * middle)
     fourth = times >= 1.5 * middle
-    largest = None
-    largest_share = VISIBLE
+    cycle: LimitCycle | None = None
+    decay: Decay | None = None
+    shares = {LimitCycle: VISIBLE, Decay: VISIBLE}
     columns = np.hstack([flight.inputs, flight.states]).T
     for name, column in zip((*model.inputs, *model.states), columns, strict=True):
-        amplitude_before, crossings_before = _oscillation(times[third], column[third])
-        amplitude, crossings = _oscillation(times[fourth], column[fourth])
-        share = amplitude / model.signals[name].nominal
-        lasts = amplitude >= LASTING * amplitude_before
-        if min(crossings_before, crossings) >= CROSSINGS and lasts and share >= largest_share:
-            frequency = float(np.pi * crossings / (times[-1] / 4))
-            largest = LimitCycle(name, amplitude, frequency, model.unit(name))
-            largest_share = share
-    return largest
+        before = _swings(times[third], column[third])
+        after = _swings(times[fourth], column[fourth])
+        if before is None or after is None or after.amplitude < LASTING * before.amplitude:
+            continue
+        share = after.amplitude / model.signals[name].nominal
+        is_even = after.rate > max(_EVEN * before.rate, _NO_DECAY / (middle / 2))
+        if is_even and share >= shares[Decay]:
+            decay = Decay(name, float(np.log(2.0) / after.rate), after.frequency)
+            shares[Decay] = share
+        elif not is_even and share >= shares[LimitCycle]:
+            cycle = LimitCycle(name, after.amplitude, after.frequency, model.unit(name))
+            shares[LimitCycle] = share
+    return cycle or decay
 
 
-def _oscillation(times: np.ndarray, values: np.ndarray) -> tuple[float, int]:
-    """Half of peak to peak about the line of least squares, and the number of its sign changes."""
+class _Swings(NamedTuple):
+    """An oscillation in whole half-periods.
+
+    amplitude: half of peak to peak, mean
+    frequency: rad/s, between the first and the last crossing of the line
+    rate: 1/s, at which the amplitude decays, by least squares of its logarithm; negative: it grows
+    """
+
+    amplitude: float
+    frequency: float
+    rate: float
+
+
+def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
+    """The oscillation about its line of least squares; None where it crosses that line fewer than
+    `CROSSINGS` times."""
+    off_line = values - values.mean()
+    off_line = off_line - np.polyval(np.polyfit(times, off_line, 1), times)
+    for _ in range(_ROUNDS):
+        crossings = np.flatnonzero(np.diff(np.signbit(off_line)))
+        if len(crossings) < CROSSINGS:
+            return None
+        before = off_line[crossings]
+        step = times[crossings + 1] - times[crossings]
+        when = times[crossings] + step * before / (before - off_line[crossings + 1])
+        frequency = float(np.pi * (len(when) - 1) / (when[-1] - when[0]))
+        off_line = values - _line(times, values, frequency)
+    parts = [np.abs(part) for part in np.split(off_line, crossings + 1)[1:-1]]
+    peaks = np.array([part.max() for part in parts])
+    places = [begin + 1 + part.argmax() for begin, part in zip(crossings, parts, strict=False)]
+    even = len(peaks) - len(peaks) % 2
+    pairs = peaks[:even].reshape(-1, 2).mean(axis=1)  # one up, one down: no level is left
+    middles = times[places][:even].reshape(-1, 2).mean(axis=1)
+    rate = -np.polyfit(middles, np.log(pairs), 1)[0] if len(pairs) > 1 else 0.0
+    return _Swings(float(pairs.mean()), frequency, float(rate))
+
+
+def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:
+    """The line of the least squares of a line and a harmonic, at the times."""
     t = times - times.mean()
-    level = values - values.mean()
-    off_line = level - t * (t @ level) / (t @ t)
-    return float(np.ptp(off_line)) / 2, int(np.count_nonzero(np.diff(np.signbit(off_line))))
+    terms = [np.ones_like(t), t, np.cos(frequency * t), np.sin(frequency * t)]
+    level, slope = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)[0][:2]
+    return np.asarray(level + slope * t)

@@ -26,7 +26,7 @@ from hfa_flight.envelope import (
 )
 from hfa_flight.flight_history import Deviations
 from hfa_flight.flown_policy import flown_policy
-from hfa_flight.limit_cycle import LimitCycle, limit_cycle
+from hfa_flight.limit_cycle import Decay, LimitCycle, oscillation
 from hfa_flight.policies import GainPolicy, OpenLoop
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
@@ -151,10 +151,12 @@ def fly_within(
 
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
     left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
-    cycle = None
+    found: LimitCycle | Decay | None = None
     if left_at is None and not isinstance(loop.policy, OpenLoop):
-        cycle = limit_cycle(loop.plant.point.model, flight, loop.scenario.driven_until)
-    return Flight(envelope, loop, flight, left_at, cycle)
+        found = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
+    cycle = found if isinstance(found, LimitCycle) else None
+    decay = found if isinstance(found, Decay) else None
+    return Flight(envelope, loop, flight, left_at, cycle, decay=decay)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,6 +181,8 @@ class Flight(StatesAndInputs, Result, Reported):
     cycle: what oscillates to the end: name, amplitude, frequency in rad/s, unit; null when nothing
         does.
     predicted: the same flight of the linear model, None when none was asked for
+    decay: what oscillates to the end and becomes smaller: name, time to half in s, frequency in
+        rad/s; None when nothing does.
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -192,7 +196,7 @@ class Flight(StatesAndInputs, Result, Reported):
     keys = (
         "dynamics=point.dynamics states=state_names state_units inputs=input_names input_units "
         "operating_point=point scenario envelope=envelope_limits within_limits held departure "
-        "limit_cycle=cycle exceeded flown final largest_deviation rms_error "
+        "limit_cycle=cycle decay? exceeded flown final largest_deviation rms_error "
         "share_beyond_control_limits checks policy largest_difference_from_linear? commanded? "
         "warnings?"
     )
@@ -203,6 +207,7 @@ class Flight(StatesAndInputs, Result, Reported):
     departure: Departure | None
     cycle: LimitCycle | None
     predicted: Deviations | None = None
+    decay: Decay | None = None
 
     @property
     def point(self) -> OperatingPoint:
@@ -361,6 +366,8 @@ class Flight(StatesAndInputs, Result, Reported):
         else:
             outcome = f"stayed within limits: {duration} inside the envelope and the control limits"
         lines = [flight, outcome]
+        if self.decay is not None:
+            lines.append(self.decay.text())
         if exceeded:
             lines.append(f"exceeded control limits: {exceeded}")
         return "\n".join(lines)

@@ -29,7 +29,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, Plant
 from hfa_flight.flight_history import Deviations
-from hfa_flight.limit_cycle import limit_cycle
+from hfa_flight.limit_cycle import Decay, LimitCycle, limit_cycle, oscillation
 from hfa_flight.monte_carlo import fly_members
 from hfa_flight.nonlinear_flight import Flight, fly_within
 from hfa_flight.policies import OpenLoop, open_loop
@@ -236,6 +236,27 @@ def test_a_delay_is_a_delay(delay: float) -> None:
     np.testing.assert_allclose(flight.inputs[-1, 0], -np.interp(t[-1] - delay, t, exact), atol=1e-4)
 
 
+def test_a_slow_decay_is_no_limit_cycle() -> None:
+    """0.5 % in a second is a decay, with its time to half; an approach to a lasting one is none."""
+    t = np.arange(0.0, 20.0005, 0.001)
+    wave = np.sin(5.477 * t + 0.7)[:, None]
+    none = np.zeros((len(t), 1))
+    cart = Model(
+        "cart", {"a": Declared()}, {"u": Declared()}, lambda x, u, p, w: ({"a": u.u - x.a}, {})
+    )
+
+    def found(size: np.ndarray) -> LimitCycle | Decay | None:
+        x = 0.3 * size[:, None] * wave + 0.02
+        return oscillation(cart, Deviations(t, x, x, none, none, x, {}), 0.0)
+
+    decay = found(np.exp(-0.005 * t))
+    assert isinstance(decay, Decay)
+    assert decay.time_to_half == pytest.approx(np.log(2.0) / 0.005, rel=5e-3)
+    assert decay.frequency == pytest.approx(5.477, rel=1e-3)
+    assert isinstance(found(1.0 + 0.5 * np.exp(-0.4 * t)), LimitCycle)
+    assert isinstance(found(np.exp(0.005 * t)), LimitCycle)
+
+
 def test_what_still_oscillates_is_a_limit_cycle() -> None:
     """Planted: a sine that lasts, one that decays, one that something drives, one that is too small
     to be seen."""
@@ -255,8 +276,8 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
     cycle = found(lasting)
     assert cycle is not None
     assert (cycle.name, cycle.unit) == ("elevator", "rad")
-    assert cycle.amplitude == pytest.approx(0.05, rel=0.05)
-    assert cycle.frequency == pytest.approx(3.0, rel=0.1)
+    assert cycle.amplitude == pytest.approx(0.05, rel=2e-3)
+    assert cycle.frequency == pytest.approx(3.0, rel=2e-3)
     assert found(lasting * np.exp(-0.1 * t)) is None
     assert found(1e-3 * lasting) is None
     wave = Waveform(np.zeros(8), np.zeros(8), (Harmonic(3.0, np.ones(8), np.zeros(8)),))
