@@ -30,7 +30,12 @@ def main() -> int:
             file=sys.stderr,
         )
         return 2
-    return run()
+    code = run()
+    for name in _ENDING:  # the work is done: a signal no longer changes how it ended
+        number = getattr(signal, name, None)
+        if number is not None:
+            signal.signal(number, signal.SIG_IGN)
+    return code
 
 
 def _end(number: int, _: object) -> None:

@@ -45,6 +45,7 @@ class Stamp(Result):
 
 def written() -> tuple[str, ...]:
     """The results that commands write, as in `RESULTS`: of the core and of what is installed."""
+    import_module("verification.critic.error_table")  # verdicts name it for type checkers alone
     of_commands = [text for entry in commands().values() for text in entry.results]
     of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("results.")]
     return (*RESULTS, *of_commands, *(text for entry in of_parts for text in loaded(entry)))
@@ -59,7 +60,6 @@ def classes_of(text: str) -> list[type[Result]]:
 @cache
 def formats() -> dict[str, Any]:
     """The schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
-    import_module("verification.critic.error_table")  # a part of verdicts over time
     results = {_name(classes_of(text)[0]): _joined(text) for text in written()}
     kinds: set[type[Result]] = {Stamp, *(kind for text in written() for kind in classes_of(text))}
     parts = {part.__name__: json_schema(part) for kind in kinds for part in parts_of(kind)}

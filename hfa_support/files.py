@@ -9,6 +9,7 @@ import os
 import shutil
 import stat
 import tempfile
+import time
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -24,6 +25,8 @@ LARGEST_TEXT = 2**28
 #: Suffixes of the files that `controller/game/array_file.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
+#: How often a folder is removed into which threads may still write.
+_REMOVALS = 20
 
 
 #: Temporary files and folders of this process that are still there.
@@ -121,10 +124,14 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
 def remove_unfinished() -> None:
     """Remove the temporary files and folders of this process, for a process that ends inside their
     blocks."""
-    for path in _UNFINISHED:
-        shutil.rmtree(path, ignore_errors=True)
-        with suppress(OSError):
-            path.unlink()
+    for path in tuple(_UNFINISHED):
+        for _ in range(_REMOVALS):
+            shutil.rmtree(path, ignore_errors=True)
+            with suppress(OSError):
+                path.unlink()
+            if not path.exists():
+                break
+            time.sleep(0.02)
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import stat
 import subprocess
 from collections.abc import Callable
 from functools import cache
@@ -47,9 +48,9 @@ def compiled(
     optimize: how the compiler optimizes
 
     The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its
-    flags, and of its own content, which is checked before it is loaded. Its symbol carries the
-    first, because two libraries of one name cannot live in one process. A library that cannot be
-    loaded is not kept."""
+    flags, and of that and its own content, which is checked before it is loaded, as its owner is.
+    Its symbol carries the first, because two libraries of one name cannot live in one process. A
+    library that cannot be loaded is not kept."""
     compiler = c_compiler()
     if compiler is None:
         _say("no C compiler found; running without machine code")
@@ -60,7 +61,7 @@ def compiled(
     library = None
     try:
         folder = _own_folder(cache_folder())
-        kept = [path for path in folder.glob(f"{symbol}-*.so") if path.stem.endswith(_digest(path))]
+        kept = [path for path in folder.glob(f"{symbol}-*.so") if _is_own(path, symbol)]
         library = kept[0] if kept else _compile(command, text(symbol), folder, symbol)
         return load(symbol, library)
     except (OSError, RuntimeError, AttributeError, subprocess.CalledProcessError) as error:
@@ -92,6 +93,8 @@ def _own_folder(folder: Path) -> Path:
     """The folder, made if need be, which only its owner can write; RuntimeError when that is
     somebody else."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if folder.is_symlink():
+        raise RuntimeError(f"{folder} is a link; make it a folder")
     if os.name == "posix" and folder.stat().st_uid != os.geteuid():
         raise RuntimeError(f"{folder} belongs to another user")
     folder.chmod(0o700)
@@ -108,11 +111,21 @@ def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
             words, env={**os.environ, "TMPDIR": str(temporary)}, check=True, capture_output=True
         )
         made.chmod(0o700)
-        return made.replace(folder / f"{symbol}-{_digest(made)}.so")
+        return made.replace(folder / f"{symbol}-{_digest(made, symbol)}.so")
 
 
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()[:24]
+def _is_own(file: Path, symbol: str) -> bool:
+    """Whether a library is this user's file, and was made of the C text that the symbol names."""
+    status = file.lstat()
+    if not stat.S_ISREG(status.st_mode):
+        return False
+    if os.name == "posix" and status.st_uid != os.geteuid():
+        return False
+    return file.stem.endswith(_digest(file, symbol))
+
+
+def _digest(file: Path, symbol: str) -> str:
+    return hashlib.sha256(symbol.encode() + file.read_bytes()).hexdigest()[:24]
 
 
 @cache

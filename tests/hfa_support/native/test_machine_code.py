@@ -125,3 +125,31 @@ def test_the_cache_is_closed_to_others(cache: Path) -> None:
         os.umask(before)
     (library,) = cache.glob("*.so")
     assert [path.stat().st_mode & 0o777 for path in (cache, library)] == [0o700, 0o700]
+
+
+@needs_compiler
+def test_a_linked_cache_is_left_alone(cache: Path, tmp_path: Path) -> None:
+    """Neither is anything written where the link leads, nor is its mode changed."""
+    target = tmp_path / "target"
+    target.mkdir(mode=0o755)
+    cache.parent.mkdir(parents=True)
+    cache.symlink_to(target)
+    assert float(generated.machine_code(cube())(2.0)) == 8.0
+    assert target.stat().st_mode & 0o777 == 0o755
+    assert not list(target.iterdir())
+
+
+@needs_compiler
+def test_a_library_of_another_text_is_compiled_again(cache: Path) -> None:
+    x = ca.SX.sym("x")
+    generated.machine_code(ca.Function("square", [x], [x**2]))
+    (square,) = cache.glob("*.so")
+    generated.machine_code(cube())
+    (right,) = set(cache.glob("*.so")) - {square}
+    symbol = right.stem.partition("-")[0]
+    assert generated._is_own(right, symbol)
+    right.write_bytes(square.read_bytes())
+    assert not generated._is_own(right, symbol)
+    square.unlink()
+    square.symlink_to(right)
+    assert not generated._is_own(square, square.stem.partition("-")[0])
