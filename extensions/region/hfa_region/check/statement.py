@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_boxes.check.statement import model_limits
 from hfa_proof.checker.reading import Fields, require
 from hfa_proof.checker.statement import SAME_TRIM as SAME_TRIM, model_of
 
@@ -133,26 +134,6 @@ class RegionStatement:
             "rho": self.rho,
             "extents": {name: list(pair) for name, pair in self.extents.items()},
         }
-
-
-def model_limits(
-    model: Model, states: Mapping[str, float], parameters: Mapping[str, float]
-) -> dict[str, tuple[float, float]]:
-    """Lowest and highest value of every state, input and output that has one: min and max of its
-    declaration, and within what the model says of flights about this trim.
-
-    states: all of them, at the trim
-    parameters: name -> value
-    """
-    limits = {}
-    for name in (*model.states, *model.inputs, *model.outputs):
-        signal = model.signals[name]
-        limits[name] = (signal.min, signal.max)
-    if model.envelope is not None:
-        x = model.layout.record("x", [states[name] for name in model.states])
-        p = model.layout.record("p", [parameters[name] for name in model.parameters])
-        limits |= model.envelope(x, p)
-    return {name: pair for name, pair in limits.items() if np.isfinite(pair).any()}
 
 
 def facts_of(model: Model) -> dict[str, Any]:

@@ -10,18 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.critic.critic_file import is_network
 from hfa.options.argument_types import input_file, one_of, positive, quantity
 from hfa.options.command import command
-from hfa.options.games import PlantOptions
+from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
+from hfa.options.games import PlantOptions, setting_option
 from hfa.options.request import OfModel, option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, print_report, show
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, said_of
-from hfa_support.files import MATRIX_FILES, forget_read
+from hfa_support.files import forget_read
 from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
+    from controller.critic.critic import Critic
+    from controller.game.zero_sum import Game
     from hfa_proof.commands.check import CheckRequest
     from hfa_region.check.statement import SaturatedLoop, Terms
     from hfa_region.search.function import PolynomialFunction
@@ -38,19 +42,17 @@ def _size(model: Model, name: str, text: str) -> float:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RegionRequest(PlantOptions, OutputOptions):
+class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
     """A loop whose region is to be proved, or a certificate to be checked."""
 
     weights: Path | None = option(
-        f"the policy: K, or P or W it follows from ({' '.join(MATRIX_FILES)}); default: the exact "
-        "game's",
+        "the policy: K, P, W, or a network, which is proved on boxes; default: the exact game's",
         "FILE",
-        input_file(*MATRIX_FILES),
+        critic_path,
     )
-    basis: str | None = option(
-        "of W: a name (default quadratic), or a list of polynomials 'x1**2, x1*x2, x1**4'",
-        "BASIS",
-        rare=True,
+    set: Mapping[str, Any] = setting_option(
+        "of a network: scale=a,b,... (times each state) and of a state dict activation=tanh|...",
+        READING_SETTINGS,
     )
     check: Path | None = option(
         "verify a certificate instead of proving", "FILE", input_file(".json")
@@ -91,19 +93,22 @@ def region(request: RegionRequest) -> int:
     game or of --weights, where the policy may also be a polynomial. With --disturbance a set that
     no trajectory leaves, whatever that does within its size; that it converges is not claimed.
     Printed beside it: where V' >= 0 was found, a start that was lost, the limits that bind. -o
-    FILE.json writes a certificate; --check FILE verifies one. Exit 0: proved. Not covered: tables
-    and kinks, networks, sampling, actuators, delays, and a linearization that is not Hurwitz. Needs
-    `pip install .[proof]`."""
+    FILE.json writes a certificate; --check FILE verifies one. Exit 0: proved. A
+    network is proved on boxes, with V quadratic; --check needs it by --weights again. Not covered:
+    tables and kinks of the model, sampling, actuators, delays, and a linearization that is not
+    Hurwitz. Needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
     request.refuse(("plant",), "is linear: its region has no edge; name an --aircraft")
     if request.check is not None:
-        return check(request, request.check)
+        return _checked(request, request.check)
     if request.output is not None and request.output.suffix.lower() != ".json":
         raise BadInputError(f"{request.output}: a certificate is a .json file; name one")
     if request.resume and request.output is None:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
+    if request.weights is not None and is_network(request.weights):
+        return _prove_on_boxes(request)
     return _prove(request)
 
 
@@ -123,6 +128,51 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     given = given_for(verified.statement, request)
     show(checked_report(verified, compare(verified.statement.content(), FIELDS, given)), request)
     return 0
+
+
+def _checked(request: RegionRequest, certificate: Path) -> int:
+    from hfa_boxes.check.checker import KIND
+    from hfa_proof.checker.checker import kind_of
+
+    if kind_of(certificate) == KIND:
+        return check_on_boxes(request, certificate)
+    return check(request, certificate)
+
+
+def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
+    """Verify the certificate of a region whose policy is a network; the exit code."""
+    from hfa_boxes.commands.region import check
+
+    if not isinstance(request, RegionRequest) or request.weights is None:
+        raise BadInputError(
+            f"{certificate}: is about a network; give it by `hfa prove region --weights NETWORK "
+            "--check FILE` with the options of its proof"
+        )
+    linear, critic, _ = _network(request)
+    return check(request, certificate, linear, critic, request.model if request.own else None)
+
+
+def _network(request: RegionRequest) -> tuple[LinearModel, Critic, Game]:
+    """The linear model at the trim, the critic of --weights, and the game."""
+    from controller.critic.critic_file import critic_in
+
+    named = request.game()
+    assert named.linear is not None
+    assert request.weights is not None
+    with said_of(request.weights):
+        critic = critic_in(request.weights, named.game, request.reading())
+    return named.linear, critic, named.game
+
+
+def _prove_on_boxes(request: RegionRequest) -> int:
+    """Exit code of a proof about a network."""
+    from controller.riccati.gare import solve_game
+    from hfa_boxes.commands.region import prove
+
+    others = sorted(request.typed & {"degree", "disturbance", "resume", "picture"})
+    request.refuse(others, "does not go with a network; leave it out")
+    linear, critic, game = _network(request)
+    return prove(request, linear, critic, solve_game(game).P, request.seconds)
 
 
 def _prove(request: RegionRequest) -> int:
@@ -181,11 +231,11 @@ def loop_of(
     named = request.game()
     assert named.linear is not None
     if request.weights is not None:
-        from controller.critic.critic_file import Reading, critic_in
+        from controller.critic.critic_file import critic_in
         from hfa_region.commands.policy import policy_terms
 
         with said_of(request.weights):
-            critic = critic_in(request.weights, named.game, Reading(request.basis))
+            critic = critic_in(request.weights, named.game, request.reading())
             policy = policy_terms(critic, named.linear.inputs)
         return named.linear, critic.K, critic.P, policy
     from controller.riccati.gare import solve_game

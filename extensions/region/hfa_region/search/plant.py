@@ -12,7 +12,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_region.check.statement import SaturatedLoop, Terms, model_limits
+from hfa_boxes.check.statement import model_limits
+from hfa_region.check.statement import SaturatedLoop, Terms
 from trim.linear.linear_model import LinearModel
 
 #: Steps of a simulation in the time constant of the fastest mode.

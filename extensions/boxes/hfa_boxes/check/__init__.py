@@ -1,0 +1,1 @@
+"""What decides whether an inequality holds; it takes nothing of the search but numbers."""

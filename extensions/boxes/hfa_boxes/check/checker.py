@@ -1,0 +1,148 @@
+"""Checks a region: reads what is claimed, and proves it by repeating the subdivision.
+
+The theorem. S = {z'P z <= rho} lies in the unit ball of y, z = T y. In S, V' < 0 but at the
+equilibrium: about that by the enclosed Jacobian, elsewhere on boxes that cover the ball. All limits
+hold in S. A trajectory exists while it is in S, V falls along it, so that it never leaves; and it
+converges to the only point of S where V' = 0 (LaSalle). Where the equations switch, trajectories
+are those of Filippov. The search is not trusted: of it the checker takes T, a choice of
+coordinates, and the number of boxes after which it gives up.
+
+    loop.py       equilibrium, V', the hole     cover.py    branch and bound
+    statement.py  what is claimed               ../enclosure/  Taylor models"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_boxes.check.cover import OpenBoxError, cover, rejected
+from hfa_boxes.check.loop import Decrease, equilibrium_near
+from hfa_boxes.check.statement import SAME_EQUILIBRIUM, BoxStatement
+from hfa_proof.checker.checker import SCHEMA, claims_of, read_sealed, sealed
+from hfa_proof.checker.reading import Rejected, naming
+from hfa_support.files import write_text
+from hfa_support.jsonable import jsonable
+from hfa_support.progress import Progress
+from hfa_support.version import VERSION
+
+#: What kind of certificate it is, beside those of `hfa prove`.
+KIND = "region-boxes"
+_MOST_BOXES = 100_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class BoxWitness:
+    """What the checker is told beside the claim.
+
+    T: (n, n), coordinates
+    boxes: after so many it gives up
+    """
+
+    T: np.ndarray
+    boxes: int
+
+
+@dataclass(frozen=True, eq=False)
+class VerifiedBoxes:
+    """A region that is proved.
+
+    statement: what is proved, every field of which the checker has interpreted
+    boxes: on how many boxes V' < 0 is proved
+    written: version, command and date in the file, which nothing verifies
+    """
+
+    statement: BoxStatement
+    boxes: int
+    written: dict[str, str]
+
+
+def check_region(
+    statement: BoxStatement, witness: BoxWitness, progress: Progress | None = None
+) -> int:
+    """Number of boxes on which it is proved; Rejected unless the statement is proved."""
+    loop = statement.loop
+    stated = np.array(list(statement.equilibrium.values()))
+    equilibrium = equilibrium_near(loop, stated)
+    nominal = np.array([loop.model.signals[name].nominal for name in loop.states])
+    distance = np.abs(equilibrium.x - stated) + equilibrium.radius
+    if not np.all(distance <= SAME_EQUILIBRIUM * nominal):
+        raise Rejected("the equilibrium is another than is stated")
+    decrease = Decrease(loop, equilibrium, statement.P, witness.T)
+    decrease.check_level(statement.rho)
+    _check_extents(statement, decrease)
+    try:
+        return cover(decrease.inequality, witness.boxes, progress)
+    except OpenBoxError as error:
+        raise rejected(error) from error
+
+
+def _check_extents(statement: BoxStatement, decrease: Decrease) -> None:
+    """Rejected unless every state stays within its extent, and with it within its limits."""
+    loop = statement.loop
+    at = decrease.equilibrium
+    for index, (name, reach) in enumerate(zip(loop.states, decrease.reach(), strict=True)):
+        if not reach <= statement.extents[name]:
+            raise Rejected(f"the set may be larger in {name} than is claimed")
+        low, high = loop.limits.get(name, (-np.inf, np.inf))
+        room = (reach + at.radius[index]) * (1.0 + 1e-12) + 1e-15 * abs(at.x[index])
+        if not (low <= at.x[index] - room and at.x[index] + room <= high):
+            raise Rejected(f"{name} may leave its limits in the set")
+    for name, value in loop.held.items():
+        low, high = loop.limits.get(name, (-np.inf, np.inf))
+        if not low <= value <= high:
+            raise Rejected(f"{name} is held beyond its limits")
+
+
+def check_certificate(
+    path: Path, policy: ca.Function, progress: Progress | None = None, model: Model | None = None
+) -> VerifiedBoxes:
+    """What the file proves of a policy.
+
+    path: the certificate
+    policy: the user's; deviations of the states -> those of the inputs
+    progress: told of the boxes
+    model: that of a certificate about a user's own aircraft
+
+    BadInputError when the file is none or was edited, or is about another model or policy; Rejected
+    when its entries are not understood or do not prove what it states.
+    """
+    content, written = read_sealed(path)
+    with naming(path):
+        statement, witness = read_content(content, model, policy)
+        boxes = check_region(statement, witness, progress)
+    return VerifiedBoxes(statement, boxes, written)
+
+
+def read_content(
+    content: dict[str, Any], model: Model | None, policy: ca.Function
+) -> tuple[BoxStatement, BoxWitness]:
+    """Statement and witness of a certificate's content; Malformed names what it cannot hold."""
+    entries = claims_of(content)
+    entries.same("kind", KIND)
+    statement = BoxStatement.read(entries.value("statement", lambda value: True), model, policy)
+    found = entries.fields("witness")
+    n = len(statement.loop.states)
+    witness = BoxWitness(found.array("T", n, n), found.count("boxes", _MOST_BOXES))
+    found.close()
+    entries.close()
+    return statement, witness
+
+
+def write_certificate(
+    path: Path, statement: BoxStatement, witness: BoxWitness, origin: dict[str, Any]
+) -> None:
+    """Write a certificate; of which run it is is not in its digest."""
+    content = {
+        "schema": SCHEMA,
+        "kind": KIND,
+        "toolchain": VERSION,
+        "statement": statement.content(),
+        "witness": {"T": witness.T.tolist(), "boxes": witness.boxes},
+    }
+    write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))

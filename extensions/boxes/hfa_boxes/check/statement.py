@@ -1,0 +1,188 @@
+"""What is claimed of a region whose policy is a function: every field is interpreted by the checker
+or refused; all of it is in the digest, and a report shows it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_boxes.check.loop import Loop
+from hfa_boxes.enclosure.program import LARGEST
+from hfa_proof.checker.reading import Fields, require
+from hfa_proof.checker.statement import model_of
+from hfa_support.errors import BadInputError
+
+#: By how much the stated equilibrium may be off the enclosed one, in nominal values.
+SAME_EQUILIBRIUM = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class BoxStatement:
+    """Every trajectory of the loop that begins in {z'P z <= rho} exists for all time, stays there
+    and within all limits, and converges to the equilibrium; z: deviations from that.
+
+    loop: the model with its policy and saturated inputs
+    digest: of the policy
+    equilibrium: moving state -> value, within `SAME_EQUILIBRIUM` nominal values
+    P: (n, n), symmetric
+    rho: level
+    extents: moving state -> the set reaches no farther from the equilibrium
+    """
+
+    loop: Loop
+    digest: str
+    equilibrium: Mapping[str, float]
+    P: np.ndarray
+    rho: float
+    extents: Mapping[str, float]
+
+    @classmethod
+    def read(cls, content: Any, own: Model | None, policy: ca.Function) -> BoxStatement:
+        """The statement of a certificate.
+
+        content: of its entry `statement`
+        own: the user's model, where it is about one
+        policy: the user's; deviations of the states -> those of the inputs
+
+        Malformed names the first entry that cannot be; BadInputError another model or policy.
+        """
+        entries = Fields("statement", content)
+        model = model_of(content.get("dynamics"), content.get("source"), own)
+        for name, fact in facts(model).items():
+            entries.same(name, fact)
+        states = tuple(model.linear)
+        held = tuple(name for name in model.states if name not in states)
+        loop = Loop(
+            model,
+            _numbers(entries, "parameters", tuple(model.parameters)),
+            _numbers(entries, "trim", states),
+            _numbers(entries, "inputs", tuple(model.inputs)),
+            _numbers(entries, "held", held),
+            _limits(entries, model),
+            policy,
+        )
+        digest = entries.value("policy", lambda value: isinstance(value, str))
+        if digest != digest_of(policy):
+            raise BadInputError("is about another policy; give that one's --weights and options")
+        equilibrium = _numbers(entries, "equilibrium", states)
+        P = entries.symmetric("P", len(states))
+        rho = entries.number("rho", above=0.0)
+        extents = _numbers(entries, "extents", states)
+        require(all(extent > 0.0 for extent in extents.values()), "extents", extents)
+        entries.close()
+        _check_limits(loop)
+        return cls(loop, digest, equilibrium, P, rho, extents)
+
+    def content(self) -> dict[str, Any]:
+        """The statement as a file has it; `read` reads it back."""
+        loop = self.loop
+        return {
+            **facts(loop.model),
+            "parameters": dict(loop.parameters),
+            "trim": dict(loop.trim),
+            "inputs": dict(loop.inputs),
+            "held": dict(loop.held),
+            "limits": {name: _pair(pair) for name, pair in loop.limits.items()},
+            "policy": self.digest,
+            "equilibrium": dict(self.equilibrium),
+            "P": self.P.tolist(),
+            "rho": self.rho,
+            "extents": dict(self.extents),
+        }
+
+
+def digest_of(policy: ca.Function) -> str:
+    """SHA-256 of what a policy computes: its instructions and all digits of its numbers.
+
+    BadInputError where it is too large to be proved."""
+    function = policy.expand() if policy.is_a("MXFunction") else policy
+    if function.n_instructions() > LARGEST:
+        raise BadInputError(
+            f"the policy has {function.n_instructions()} operations; at most {LARGEST} are proved"
+        )
+    hashed = hashlib.sha256()
+    for index in range(function.n_instructions()):
+        code = function.instruction_id(index)
+        places = (*function.instruction_input(index), -1, *function.instruction_output(index))
+        number = float(function.instruction_constant(index)).hex() if code == ca.OP_CONST else ""
+        hashed.update(f"{code} {places} {number};".encode())
+    return hashed.hexdigest()
+
+
+def model_limits(
+    model: Model, states: Mapping[str, float], parameters: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of every state, input and output that has one: min and max of its
+    declaration, and within what the model says of flights about this trim.
+
+    states: all of them, at the trim
+    parameters: name -> value
+    """
+    limits = {}
+    for name in (*model.states, *model.inputs, *model.outputs):
+        signal = model.signals[name]
+        limits[name] = (signal.min, signal.max)
+    if model.envelope is not None:
+        x = model.layout.record("x", [states[name] for name in model.states])
+        p = model.layout.record("p", [parameters[name] for name in model.parameters])
+        limits |= model.envelope(x, p)
+    return {name: pair for name, pair in limits.items() if np.isfinite(pair).any()}
+
+
+def facts(model: Model) -> dict[str, Any]:
+    """Which model it is, the order of its states and inputs, and the units of all numbers."""
+    return {
+        "dynamics": model.name,
+        "source": model.source[1],
+        "states": list(model.linear),
+        "state_units": list(model.units(model.linear)),
+        "input_units": list(model.units(tuple(model.inputs))),
+    }
+
+
+def _numbers(entries: Fields, name: str, names: tuple[str, ...]) -> dict[str, float]:
+    """A number for each of the names, in their order."""
+    numbers = entries.numbers(name, names)
+    require(set(numbers) == set(names), name, sorted(numbers))
+    return {each: numbers[each] for each in names}
+
+
+def _limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
+    """The limits by signal; a limit that is not there is null."""
+    stated = entries.value("limits", lambda value: isinstance(value, dict))
+    limits = {}
+    for name, pair in stated.items():
+        where = f"limits: {name}"
+        require(name in (*model.states, *model.inputs, *model.outputs), where)
+        require(isinstance(pair, list) and len(pair) == 2, where, pair)
+        ends = Fields(where, {"low": pair[0], "high": pair[1]})
+        low = -np.inf if pair[0] is None else ends.number("low")
+        high = np.inf if pair[1] is None else ends.number("high")
+        require(low < high, where, pair)
+        limits[name] = (low, high)
+    return limits
+
+
+def _pair(limits: tuple[float, float]) -> list[float | None]:
+    """As a file has it."""
+    return [end if np.isfinite(end) else None for end in limits]
+
+
+def _check_limits(loop: Loop) -> None:
+    """Malformed where a limit of the model is missing or another: between those of an input it is
+    saturated, neither sooner nor later."""
+    states = {**loop.trim, **loop.held}
+    of_model = model_limits(loop.model, states, loop.parameters)
+    for name in (*of_model, *loop.limits):
+        least, most = of_model.get(name, (-np.inf, np.inf))
+        require(name in loop.limits, f"limits: {name}: missing entry")
+        low, high = loop.limits[name]
+        if name in loop.inputs:
+            require((low, high) == (least, most), f"limits: {name} not the model's", [low, high])
+        require(least <= low and high <= most, f"limits: {name} beyond the model's", [low, high])

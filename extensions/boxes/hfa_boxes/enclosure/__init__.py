@@ -1,0 +1,1 @@
+"""Enclosures of functions over many boxes at once, in doubles, rounding included."""

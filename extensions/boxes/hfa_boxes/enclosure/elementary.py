@@ -1,0 +1,78 @@
+"""Elementary functions within proved distances, of operations that IEEE 754 rounds correctly.
+
+Each returns values of which none is farther from the exact one than its constant states; where an
+argument is too large the value is nan, so that nothing is claimed of it. u = 2⁻⁵³."""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: exp(r), |r| <= 5/8, by 16 terms of Taylor's series is within 5 u and its six squarings multiply
+#: that by 64 and add 6 u: within 4e-14 of the value, relative.
+EXP_ERROR = 1e-13
+_LARGEST_EXP = 40.0
+#: (1 - E) / (1 + E) has at most half the relative error of E and 3 u.
+TANH_ERROR = 1e-13
+#: Beyond it tanh is 1 within 1e-17.
+_SATURATED = 20.0
+#: sin(r) and cos(r), |r| <= 2, by 16 terms are within 20 u; three doublings of the angle multiply
+#: that by 4 and add 4 u each: within 1.6e-13.
+SIN_ERROR = 1e-12
+_LARGEST_ANGLE = 16.0
+#: A few roundings of one number, relative.
+ROUNDING = 1e-15
+
+
+def exp(t: np.ndarray) -> np.ndarray:
+    """e^t within `EXP_ERROR` of itself, relative; nan beyond |t| = 40."""
+    r = t / 64.0
+    value = np.ones_like(r)
+    for k in range(16, 0, -1):
+        value = 1.0 + r / k * value
+    for _ in range(6):
+        value = value * value
+    return np.asarray(np.where(np.abs(t) <= _LARGEST_EXP, value, np.nan))
+
+
+def tanh(t: np.ndarray) -> np.ndarray:
+    """Hyperbolic tangent within `TANH_ERROR`, absolute."""
+    power = exp(-2.0 * np.minimum(np.abs(t), _SATURATED))
+    value = np.copysign((1.0 - power) / (1.0 + power), t)
+    return np.asarray(np.where(np.isnan(t), np.nan, value))
+
+
+def sin_cos(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sine and cosine within `SIN_ERROR`, absolute; nan beyond |t| = 16."""
+    r = t / 8.0
+    square = r * r
+    sine = np.ones_like(r)
+    cosine = np.ones_like(r)
+    for k in range(16, 0, -1):
+        sine = 1.0 - square / ((2 * k) * (2 * k + 1)) * sine
+        cosine = 1.0 - square / ((2 * k - 1) * (2 * k)) * cosine
+    sine = r * sine
+    for _ in range(3):
+        sine, cosine = 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
+    within = np.abs(t) <= _LARGEST_ANGLE
+    return np.where(within, sine, np.nan), np.where(within, cosine, np.nan)
+
+
+def log(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A value near log t, and a bound of its distance, from exp of it; nan unless t > 0.
+
+    log t = y + log(t e^-y), and |log(1 + e)| <= |e| / (1 - |e|)."""
+    y = np.log(np.where(t > 0.0, t, np.nan))
+    e = np.abs(t * exp(-y) - 1.0) + 2.0 * EXP_ERROR
+    return y, np.where(e < 0.5, e / (1.0 - e), np.nan) * (1.0 + 4.0 * ROUNDING)
+
+
+def atan(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A value near atan t, and a bound of its distance, from the tangent of it.
+
+    tan(atan t - y) = (t cos y - sin y) / (cos y + t sin y), and |atan e| <= |e|."""
+    y = np.arctan(t)
+    sine, cosine = sin_cos(y)
+    size = 1.0 + np.abs(t)
+    above = np.abs(t * cosine - sine) + 2.0 * SIN_ERROR * size
+    below = cosine + t * sine - 2.0 * SIN_ERROR * size
+    return y, np.where(below > 0.0, above / below, np.nan) * (1.0 + 4.0 * ROUNDING)

@@ -1,0 +1,294 @@
+"""A CasADi function as affine rows between nodes that are not affine.
+
+A row is a sum of coefficients, rational and therefore without rounding, times variables. Variable 0
+is the constant 1, then come the inputs and the nodes. Layers of a network become rows, which are
+evaluated by products of matrices."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_support.errors import BadInputError
+
+Row = Mapping[int, Fraction]
+#: Larger functions are refused.
+LARGEST = 40_000
+MOST_NODES = 4_000
+_ONE = Fraction(1)
+_LINEAR = {
+    ca.OP_ASSIGN: (1, 0),
+    ca.OP_ADD: (1, 1),
+    ca.OP_SUB: (1, -1),
+    ca.OP_NEG: (-1, 0),
+    ca.OP_TWICE: (2, 0),
+}
+_UNIVARIATE = {
+    ca.OP_SQ: "square",
+    ca.OP_TANH: "tanh",
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "log",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_INV: "inverse",
+    ca.OP_ATAN: "atan",
+}
+_LARGEST_POWER = 12
+
+
+class Node(NamedTuple):
+    """What is not affine.
+
+    kind: "product", "square", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), or a function of
+        one variable.
+    rows: of its one or two arguments.
+    level: 1 more than the highest of the nodes in its rows.
+    """
+
+    kind: str
+    rows: tuple[Row, ...]
+    level: int
+
+
+class Argument(NamedTuple):
+    """Rows of the nodes of a group, in doubles.
+
+    blocks: earlier group -> coefficients (rows, variables of the group).
+    """
+
+    blocks: Mapping[int, np.ndarray]
+
+
+class Group(NamedTuple):
+    """Nodes of one kind and level, with the rows of each argument."""
+
+    kind: str
+    arguments: tuple[Argument, ...]
+
+
+class Program:
+    """Groups of nodes in the order of evaluation, and the rows of the outputs.
+
+    function: SX or MX, of one vector.
+
+    Group 0 holds the constant 1 and the inputs. A coefficient is the double nearest to a rational:
+    within 2⁻⁵³ of itself.
+
+    BadInputError names an operation that is not enclosed, or the size of a function too large.
+    """
+
+    def __init__(self, function: ca.Function, name: str) -> None:
+        if function.is_a("MXFunction"):
+            function = function.expand()
+        if function.n_instructions() > LARGEST:
+            raise BadInputError(
+                f"{name}: {function.n_instructions()} operations; at most {LARGEST} are proved"
+            )
+        self.inputs = function.numel_in(0)
+        self.name = name
+        reader = _Reader(self.inputs, name)
+        rows = reader.read(function)
+        first = 1 + self.inputs
+        self._places = {variable: (0, variable) for variable in range(first)}
+        self.widths = [first]
+        self.groups: list[Group] = []
+        nodes = reader.nodes
+        order = sorted(range(len(nodes)), key=lambda k: (nodes[k].level, nodes[k].kind))
+        for (_, kind), members in groupby(order, lambda k: (nodes[k].level, nodes[k].kind)):
+            indices = list(members)
+            arguments = zip(*(nodes[k].rows for k in indices), strict=True)
+            self.groups.append(Group(kind, tuple(self._argument(rows) for rows in arguments)))
+            number = len(self.widths)
+            self._places |= {first + k: (number, column) for column, k in enumerate(indices)}
+            self.widths.append(len(indices))
+        self.outputs = self._argument(rows)
+
+    def _argument(self, rows: Sequence[Row]) -> Argument:
+        blocks: dict[int, np.ndarray] = {}
+        for index, row in enumerate(rows):
+            for variable, coefficient in row.items():
+                group, column = self._places[variable]
+                if group not in blocks:
+                    blocks[group] = np.zeros((len(rows), self.widths[group]))
+                blocks[group][index, column] = float(coefficient)
+        return Argument(blocks)
+
+
+class _Reader:
+    """Makes rows of rows, and nodes where they are not affine."""
+
+    def __init__(self, inputs: int, name: str) -> None:
+        self.nodes: list[Node] = []
+        self._name = name
+        self._first = 1 + inputs
+        self._known: dict[tuple[Any, ...], int] = {}
+
+    def read(self, function: ca.Function) -> list[Row]:
+        """The row of each output."""
+        work: dict[int, Row] = {}
+        outputs: dict[int, Row] = {}
+        for index in range(function.n_instructions()):
+            operation = function.instruction_id(index)
+            sources = function.instruction_input(index)
+            target, *entry = function.instruction_output(index)
+            if operation == ca.OP_CONST:
+                work[target] = self._constant(function.instruction_constant(index))
+            elif operation == ca.OP_INPUT:
+                work[target] = {1 + sources[1]: _ONE}
+            elif operation == ca.OP_OUTPUT:
+                outputs[entry[0]] = work[sources[0]]
+            else:
+                work[target] = self._result(operation, work[sources[0]], work[sources[-1]])
+        return [outputs[index] for index in sorted(outputs)]
+
+    def _constant(self, value: float) -> Row:
+        if not math.isfinite(value):
+            raise BadInputError(f"{self._name}: holds {value}; give it finite numbers")
+        return {0: Fraction(value)} if value else {}
+
+    def _result(self, operation: int, first: Row, last: Row) -> Row:
+        if operation in _LINEAR:
+            of_first, of_last = _LINEAR[operation]
+            scaled = first if of_first == 1 else _plus({}, first, Fraction(of_first))
+            return _plus(scaled, last, Fraction(of_last)) if of_last else scaled
+        if operation in _UNIVARIATE:
+            return self._node(_UNIVARIATE[operation], first)
+        if operation in _SPECIAL:
+            return _SPECIAL[operation](self, first, last)
+        raise BadInputError(
+            f"{self._name}: uses {_called(operation)}, which is not enclosed; proofs on boxes take"
+            " sums, products, quotients, powers, roots, exp, log, tanh, sin, cos, tan, atan, min,"
+            " max and abs"
+        )
+
+    def _maximum(self, first: Row, last: Row) -> Row:
+        """b + max(a - b, 0)."""
+        return _plus(last, self._relu(_plus(first, last, -_ONE)))
+
+    def _minimum(self, first: Row, last: Row) -> Row:
+        """b - max(b - a, 0)."""
+        return _plus(last, self._relu(_plus(last, first, -_ONE)), -_ONE)
+
+    def _absolute(self, first: Row, _: Row) -> Row:
+        """2 max(t, 0) - t."""
+        return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
+
+    def _relu(self, row: Row) -> Row:
+        """max(t, 0), as t + max(-t, 0) where that is a node already."""
+        opposite = self._known.get(_key("relu", (_plus({}, row, -_ONE),)))
+        if opposite is not None:
+            return _plus(row, {opposite: _ONE})
+        return self._node("relu", row)
+
+    def _product(self, first: Row, last: Row) -> Row:
+        for row, other in ((first, last), (last, first)):
+            if set(row) <= {0}:
+                return _plus({}, other, row.get(0, Fraction(0)))
+        if first == last:
+            return self._node("square", first)
+        return self._node("product", first, last)
+
+    def _quotient(self, first: Row, last: Row) -> Row:
+        return self._product(first, self._node("inverse", last))
+
+    def _power(self, first: Row, last: Row) -> Row:
+        power = last.get(0, Fraction(0))
+        if set(last) <= {0} and power.denominator == 1 and 0 < power <= _LARGEST_POWER:
+            return self._whole_power(first, int(power))
+        exponent = self._product(last, self._node("log", first))
+        return self._node("exp", exponent)
+
+    def _whole_power(self, row: Row, power: int) -> Row:
+        if power == 1:
+            return row
+        half = self._whole_power(row, power // 2)
+        square = self._product(half, half)
+        return self._product(square, row) if power % 2 else square
+
+    def _tangent(self, first: Row, _: Row) -> Row:
+        return self._quotient(self._node("sin", first), self._node("cos", first))
+
+    def _less(self, first: Row, last: Row) -> Row:
+        """1 where a < b; where a = b either value is allowed."""
+        return self._node("step", _plus(last, first, -_ONE))
+
+    def _not(self, first: Row, _: Row) -> Row:
+        return _plus({0: _ONE}, first, -_ONE)
+
+    def _less_one(self, first: Row, _: Row) -> Row:
+        """exp(t) - 1."""
+        return _plus(self._node("exp", first), {0: _ONE}, -_ONE)
+
+    def _of_one_more(self, first: Row, _: Row) -> Row:
+        """log(1 + t)."""
+        return self._node("log", _plus(first, {0: _ONE}))
+
+    def _node(self, kind: str, *rows: Row) -> Row:
+        """The variable of a node, which may be there already; a constant where that is exact."""
+        if all(not row for row in rows) and kind in ("sin", "tanh", "atan", "square", "relu"):
+            return {}
+        key = _key(kind, rows)
+        if key not in self._known:
+            if len(self.nodes) == MOST_NODES:
+                raise BadInputError(f"{self._name}: more than {MOST_NODES} nonlinear operations")
+            levels = [
+                self.nodes[variable - self._first].level
+                for row in rows
+                for variable in row
+                if variable >= self._first
+            ]
+            self._known[key] = self._first + len(self.nodes)
+            self.nodes.append(Node(kind, rows, 1 + max(levels, default=0)))
+        return {self._known[key]: _ONE}
+
+
+_SPECIAL: Mapping[int, Callable[[_Reader, Row, Row], Row]] = {
+    ca.OP_MUL: _Reader._product,
+    ca.OP_DIV: _Reader._quotient,
+    ca.OP_FMAX: _Reader._maximum,
+    ca.OP_FMIN: _Reader._minimum,
+    ca.OP_FABS: _Reader._absolute,
+    ca.OP_POW: _Reader._power,
+    ca.OP_CONSTPOW: _Reader._power,
+    ca.OP_TAN: _Reader._tangent,
+    ca.OP_LT: _Reader._less,
+    ca.OP_LE: _Reader._less,
+    ca.OP_NOT: _Reader._not,
+    ca.OP_IF_ELSE_ZERO: _Reader._product,
+    ca.OP_EXPM1: _Reader._less_one,
+    ca.OP_LOG1P: _Reader._of_one_more,
+}
+
+
+def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
+    """a + factor b."""
+    total = dict(a)
+    if not factor:
+        return total
+    for variable, coefficient in b.items():
+        change = factor * coefficient
+        new = total[variable] + change if variable in total else change
+        if new:
+            total[variable] = new
+        else:
+            del total[variable]
+    return total
+
+
+def _key(kind: str, rows: Sequence[Row]) -> tuple[Any, ...]:
+    return (kind, *(frozenset(row.items()) for row in rows))
+
+
+def _called(operation: int) -> str:
+    """The name of one of CasADi's codes."""
+    for name in dir(ca):
+        if name.startswith("OP_") and getattr(ca, name) == operation:
+            return name.removeprefix("OP_").lower()
+    return str(operation)

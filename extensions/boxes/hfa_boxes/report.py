@@ -1,0 +1,102 @@
+"""A region that is proved on boxes, in words, tables and data."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfa_boxes.check.checker import VerifiedBoxes
+from hfa_boxes.check.statement import BoxStatement
+from hfa_boxes.results import CheckedBoxes, FoundBoxes
+from hfa_boxes.search.region import BoxRegion
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
+
+NOT_COVERED = "sampling, delay, actuators, disturbances not covered"
+
+
+def found_report(region: BoxRegion, policy: str, flight: str | None) -> Report:
+    """What is proved, and what bounds it.
+
+    policy: what it is, in words
+    flight: where a flight from the state with V' >= 0 ends; None without
+    """
+    statement = region.statement
+    level, place = region.rises
+    fails = None
+    lines = [f"V is {region.origin}; V' < 0 is proved on {region.boxes} boxes."]
+    if place is None:
+        lines.append("No state with V' >= 0 was found within the limits.")
+    else:
+        fails = dict(zip(statement.loop.states, place.tolist(), strict=True))
+        share = np.sqrt(statement.rho / level)
+        lines.append(
+            f"V' >= 0 at V = {level:.6g}, {_described(statement, place)}: the proved set reaches "
+            f"{share:.3g} of that level, linearly."
+        )
+        if flight is not None:
+            lines.append(f"A flight from that state {flight}.")
+    lines.append(f"No larger level is proved: {region.stopped}.")
+    found = FoundBoxes(statement, region.boxes, region.origin, fails, region.stopped)
+    parts: tuple[str | Table, ...] = (_sentence(statement, policy), _extents(statement), *lines)
+    return Report(_title(statement), parts, data=found.as_data())
+
+
+def checked_report(verified: VerifiedBoxes, policy: str) -> Report:
+    """What a certificate proves, as the checker has read it."""
+    statement = verified.statement
+    checked = CheckedBoxes(statement, verified.boxes, verified.written)
+    inputs = Table(
+        ("input", "trim", "lowest", "highest"),
+        [
+            (name, statement.loop.model.describe(name, value), *_limits(statement, name))
+            for name, value in {**statement.loop.inputs, **statement.loop.held}.items()
+        ],
+    )
+    parts: tuple[str | Table, ...] = (
+        _sentence(statement, policy),
+        _extents(statement),
+        inputs,
+        f"V' < 0 is proved on {verified.boxes} boxes.",
+    )
+    return Report(f"{_title(statement)}, checked", parts, data=checked.as_data())
+
+
+def _title(statement: BoxStatement) -> str:
+    title = statement.loop.model.title
+    return f"Region of attraction of {title}: proved; {NOT_COVERED}"
+
+
+def _sentence(statement: BoxStatement, policy: str) -> str:
+    saturated = ", ".join(statement.loop.inputs) or "no input"
+    held = statement.loop.held
+    kept = f" {', '.join(held)} held at the trim's." if held else ""
+    return (
+        f"Every trajectory that begins in V(z) = z'P z <= {statement.rho:.6g} stays there and "
+        "within all limits, and converges to the equilibrium of the loop; z: deviation from that. "
+        f"Policy: {policy}. Inputs saturated: {saturated}.{kept}"
+    )
+
+
+def _extents(statement: BoxStatement) -> Table:
+    model = statement.loop.model
+    rows = []
+    for name, extent in statement.extents.items():
+        at = statement.equilibrium[name]
+        described = [model.describe(name, value) for value in (extent, at)]
+        trim = model.describe(name, statement.loop.trim[name])
+        rows.append((name, *described, trim, *_limits(statement, name)))
+    header = ("the set reaches", "by", "about", "trim", "lowest", "highest")
+    return Table(header, rows)
+
+
+def _limits(statement: BoxStatement, name: str) -> list[str]:
+    """Lowest and highest value of a signal, in words."""
+    ends = statement.loop.limits.get(name, (-np.inf, np.inf))
+    model = statement.loop.model
+    return [model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
+
+
+def _described(statement: BoxStatement, place: np.ndarray) -> str:
+    model = statement.loop.model
+    pairs = zip(statement.loop.states, place.tolist(), strict=True)
+    return ", ".join(f"{name} {model.describe(name, value)}" for name, value in pairs)

@@ -1,0 +1,119 @@
+"""Enclosures hold every value, rounding included."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import casadi as ca
+import numpy as np
+import pytest
+from flint import arb
+
+from hfa_boxes.enclosure.elementary import (
+    EXP_ERROR,
+    SIN_ERROR,
+    TANH_ERROR,
+    atan,
+    exp,
+    log,
+    sin_cos,
+    tanh,
+)
+from hfa_boxes.enclosure.program import Program
+from hfa_boxes.enclosure.slopes import Intervals, jacobian
+from hfa_boxes.enclosure.taylor import TaylorProgram, highest, lowest
+from hfa_support.errors import BadInputError
+
+
+def every_operation() -> ca.Function:
+    y = ca.SX.sym("y", 3)
+    a, b = 2 + 0.3 * y[0] + 0.1 * y[1], 0.3 * y[0] - 0.2 * y[1] + 0.5 * y[2]
+    expressions = [
+        *(ca.sqrt(a) / (a + b**2), ca.sin(b) * ca.cos(a), ca.exp(b) - ca.log(a), ca.tan(b) * a**3),
+        *(ca.atan(b) - 1 / a, a**1.5, ca.tanh(3 * b) * b, ca.fmax(b, 0.1 * b) + ca.fmin(b, 0.2)),
+        *(ca.fabs(b) * a, ca.expm1(ca.fmin(b, 0)) + ca.log1p(a), y[0] * y[1] * y[2] ** 3),
+    ]
+    return ca.Function("f", [y], [ca.vertcat(*expressions)])
+
+
+@pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
+def test_taylor_models_hold_every_operation(half_width: float) -> None:
+    generator = np.random.default_rng(0)
+    function = every_operation()
+    centres = generator.uniform(-0.5, 0.5, (100, 3))
+    half_widths = half_width * generator.uniform(0.2, 1.0, centres.shape)
+    models = TaylorProgram(Program(function, "f")).over(centres, half_widths)
+    low = lowest(models, 3)
+    high = highest(models, 3)
+    for _ in range(20):
+        shares = np.clip(generator.uniform(-1.3, 1.3, centres.shape), -1.0, 1.0)
+        values = np.array(function((centres + half_widths * shares).T))
+        assert np.all((low <= values) & (values <= high))
+
+
+def test_the_chain_rule_holds_every_slope() -> None:
+    generator = np.random.default_rng(1)
+    function = every_operation()
+    y = ca.SX.sym("y", 3)
+    slopes = ca.Function("J", [y], [ca.jacobian(function(y), y)])
+    centre = np.array([0.1, -0.3, 0.2])
+    found = jacobian(Program(function, "f"), Intervals(centre, np.full(3, 0.3)))
+    for _ in range(100):
+        place = centre + generator.uniform(-0.3, 0.3, 3)
+        values = np.array(slopes(place))
+        assert np.all(found.slopes.low - 1e-13 <= values)
+        assert np.all(values <= found.slopes.high + 1e-13)
+
+
+def test_elementary_functions_are_as_near_as_stated() -> None:
+    generator = np.random.default_rng(2)
+    angles = generator.uniform(-16.0, 16.0, 300)
+    positive = 10.0 ** generator.uniform(-6.0, 6.0, 300)
+    sine, cosine = sin_cos(angles)
+    logarithm, of_log = log(positive)
+    arc, of_arc = atan(angles)
+    for index, angle in enumerate(angles.tolist()):
+        t = arb(angle)
+        assert abs(arb(sine[index]) - t.sin()) < SIN_ERROR
+        assert abs(arb(cosine[index]) - t.cos()) < SIN_ERROR
+        assert abs(arb(tanh(angles)[index]) - t.tanh()) < TANH_ERROR
+        assert abs(arb(exp(angles)[index]) - t.exp()) < EXP_ERROR * t.exp()
+        assert abs(arb(arc[index]) - t.atan()) < of_arc[index]
+        assert abs(arb(logarithm[index]) - arb(positive[index]).log()) < of_log[index]
+
+
+@pytest.mark.parametrize("margin", [1e-13, -1e-13])
+def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
+    """(1 + y)² - 4 y + margin is (1 - y)² + margin: at y = 1 the margin alone is left."""
+    y = ca.SX.sym("y")
+    function = ca.Function("f", [y], [(1 + y) ** 2 - 4 * y + margin])
+    models = TaylorProgram(Program(function, "f")).over(np.array([[1.0]]), np.array([[1e-8]]))
+    exact = Fraction(margin)
+    assert Fraction(float(lowest(models, 1)[0, 0])) <= exact
+    assert (lowest(models, 1)[0, 0] > 0.0) == (margin > 0.0)
+    assert Fraction(float(highest(models, 1)[0, 0])) >= exact
+
+
+def test_rounding_of_a_long_sum_is_covered() -> None:
+    """Σ 0.1 k y less its rational value: doubles lose digits that the radius holds."""
+    y = ca.SX.sym("y", 2)
+    total = sum(0.1 * k * y[0] + 1e8 * y[1] - 1e8 * y[1] * (1 + 2.0**-30) for k in range(50))
+    models = TaylorProgram(Program(ca.Function("f", [y], [total]), "f")).over(
+        np.array([[0.3, 0.7]]), np.full((1, 2), 2.0**-40)
+    )
+    exact = sum(
+        Fraction(0.1 * k) * Fraction(0.3)
+        + Fraction(1e8) * Fraction(0.7) * (1 - Fraction(1 + 2.0**-30))
+        for k in range(50)
+    )
+    assert (
+        Fraction(float(lowest(models, 2)[0, 0]))
+        <= exact
+        <= Fraction(float(highest(models, 2)[0, 0]))
+    )
+
+
+def test_an_operation_without_enclosure_is_named() -> None:
+    y = ca.SX.sym("y")
+    with pytest.raises(BadInputError, match="uses erf, which is not enclosed"):
+        Program(ca.Function("f", [y], [ca.erf(y)]), "policy")
