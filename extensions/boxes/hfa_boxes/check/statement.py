@@ -88,7 +88,7 @@ class BoxStatement:
             "trim": dict(loop.trim),
             "inputs": dict(loop.inputs),
             "held": dict(loop.held),
-            "limits": {name: _pair(pair) for name, pair in loop.limits.items()},
+            "limits": {name: pair_of(pair) for name, pair in loop.limits.items()},
             "policy": self.digest,
             "equilibrium": dict(self.equilibrium),
             "P": self.P.tolist(),
@@ -169,7 +169,7 @@ def _limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
     return limits
 
 
-def _pair(limits: tuple[float, float]) -> list[float | None]:
+def pair_of(limits: tuple[float, float]) -> list[float | None]:
     """As a file has it."""
     return [end if np.isfinite(end) else None for end in limits]
 

@@ -12,9 +12,11 @@ from hfa.options.trims import OutputOptions
 from hfa.output import ProgressLine, print_report, show
 from hfa_boxes.check.checker import check_certificate, write_certificate
 from hfa_boxes.check.loop import Loop
-from hfa_boxes.check.statement import model_limits
+from hfa_boxes.check.statement import digest_of, facts, model_limits, pair_of
+from hfa_boxes.fields import FIELDS
 from hfa_boxes.report import checked_report, found_report
 from hfa_boxes.search.region import BoxRegion, RegionSearch, Samples, flown
+from hfa_proof.subject import Given, compare, within
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
@@ -88,19 +90,20 @@ def check(
 ) -> int:
     """Verify a certificate against the user's policy; the exit code."""
     verified = check_certificate(path, scalars(critic.policy), ProgressLine("check"), own)
-    _require_same_trim(verified.statement.loop, loop_of(linear, critic), path)
+    content = verified.statement.content()
+    compare(content, FIELDS, _given(loop_of(linear, critic), "the user"))
     show(checked_report(verified, critic.origin), request)
     return 0
 
 
-def _require_same_trim(stated: Loop, of_user: Loop, path: Path) -> None:
-    """BadInputError unless parameters, trim, inputs and held states are those of the user."""
-    for what in ("parameters", "trim", "inputs", "held"):
-        theirs = getattr(stated, what)
-        for name, value in getattr(of_user, what).items():
-            size = of_user.model.signals[name].nominal if name in of_user.model.signals else 1.0
-            if not abs(theirs[name] - value) <= 1e-6 * max(abs(size), abs(value)):
-                raise BadInputError(
-                    f"{path}: is about {name} {theirs[name]:.9g}, not {value:.9g}; give the trim "
-                    "that it was proved at"
-                )
+def _given(loop: Loop, option: str) -> dict[str, Given]:
+    """Path of every entry that is no claim -> the user's own."""
+    widths = {name: 1e-6 * signal.nominal for name, signal in loop.model.signals.items()}
+    limits = {name: pair_of(ends) for name, ends in loop.limits.items()}
+    given = {name: Given(fact, option) for name, fact in facts(loop.model).items()}
+    given["parameters"] = Given(dict(loop.parameters), option)
+    given["limits"] = Given(limits, option, lambda stated, own: bool(stated == own))
+    given["policy"] = Given(digest_of(loop.policy), option)
+    for name in ("trim", "inputs", "held"):
+        given[name] = Given(dict(getattr(loop, name)), option, within(widths))
+    return given

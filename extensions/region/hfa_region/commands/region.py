@@ -231,11 +231,11 @@ def loop_of(
     named = request.game()
     assert named.linear is not None
     if request.weights is not None:
-        from controller.critic.critic_file import critic_in
+        from controller.critic.critic_file import Reading, critic_in
         from hfa_region.commands.policy import policy_terms
 
         with said_of(request.weights):
-            critic = critic_in(request.weights, named.game, request.reading())
+            critic = critic_in(request.weights, named.game, Reading(request.basis))
             policy = policy_terms(critic, named.linear.inputs)
         return named.linear, critic.K, critic.P, policy
     from controller.riccati.gare import solve_game
