@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from controller.critic.critic import from_weights
 from controller.critic.critic_file import critic_suffixes, critics_in, is_network
 from controller.game.zero_sum import Game
-from hfa.options.argument_types import positive
+from hfa.options.argument_types import positive, whole
 from hfa.options.command import command
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
 from hfa.options.games import IN_STEPS, GameOptions, LearningOptions, NamedGame, setting_option
@@ -104,6 +104,9 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
     region: float | None = option(
         "add from where the saturated nonlinear loop returns, searched for so long", "S", positive
     )
+    flights: int | None = option(
+        "add so many flights of the nonlinear aircraft, beside the best found", "N", whole(1)
+    )
     picture: Path | None = picture_option(
         "P learned, exact, difference, and errors over time; of several critics their errors"
     )
@@ -146,9 +149,11 @@ def verify(request: VerifyRequest) -> int:
 
         report = verdicts_report(verdicts, origin, cost)
     report = report.with_data(**named.as_data(), **named.weights.as_data())
-    if request.region is not None:
-        with_region = part(PARTS, "verify.region", "--region")
-        report = with_region(report, list(verdicts.values()), named, request.region)
+    for section in ("region", "flights"):
+        amount = getattr(request, section)
+        if amount is not None:
+            with_section = part(PARTS, f"verify.{section}", f"--{section}")
+            report = with_section(report, list(verdicts.values()), named, amount)
     show(report, request, figure=partial(_figure, verdicts, origin), notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
 

@@ -27,8 +27,9 @@ _STEP = 0.0025
 _TICKS = 500
 #: Largest product of a step and the fastest mode of the linear loop.
 _FASTEST = 0.1
-#: A flight has ended in the trim where the linear cost of its end is below this part of its cost.
-SETTLED = 0.01
+#: A flight has ended in the trim where the linear cost of its end is below this part of its cost: a
+#: policy may hold an equilibrium off the trim.
+SETTLED = 0.05
 #: An input nearer to its limit than this part of its nominal size is saturated.
 _AT_LIMIT = 1e-3
 #: A state so many nominal sizes off the trim has left every bound.

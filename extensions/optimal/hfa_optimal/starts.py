@@ -169,14 +169,25 @@ def usual_box(problem: FlightProblem) -> np.ndarray:
     states = problem.states
     box = ordinary_box(states, tuple(problem.model.inputs), problem.model.units(states))
     half = start_box(problem.model, problem.point) if box is None else box.half_widths
+    return _inside(problem, half)
+
+
+def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
+    """Half-widths inside the limits."""
     lowest, highest = problem.state_limits
     return np.minimum(half, _INSIDE * np.minimum(-lowest, highest))
 
 
-def drawn_starts(problem: FlightProblem, count: int, seed: int) -> np.ndarray:
-    """(count, k), starts in the usual box; the first are the same whatever the count."""
+def drawn_starts(
+    problem: FlightProblem, count: int, seed: int, box: np.ndarray | None = None
+) -> np.ndarray:
+    """(count, k), starts in a box; the first are the same whatever the count.
+
+    box: (k,), half-widths, made smaller where it reaches beyond the limits; the usual box unless
+        given"""
     rng = np.random.default_rng(seed)
-    return usual_box(problem) * rng.uniform(-1.0, 1.0, (count, len(problem.states)))
+    half = usual_box(problem) if box is None else _inside(problem, box)
+    return half * rng.uniform(-1.0, 1.0, (count, len(problem.states)))
 
 
 def starts_table(

@@ -87,3 +87,31 @@ def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[st
     error = capsys.readouterr().err.strip()
     assert says in error
     assert "\n" not in error
+
+
+def test_verify_flies_the_critic(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = hfa.load_model(GTM)
+    game = hfa.game(hfa.linearize(model, hfa.find_operating_point(model)))
+    K = tmp_path / "K.npz"
+    np.savez(K, K=2.0 * hfa.solve_game(game).K)
+    words = ["verify", "--aircraft", GTM, "--weights", str(K), "--flights", "1", "--json"]
+    assert main(words) == 1
+    linear, critic = json.loads(capsys.readouterr().out)["flights"]["policies"]
+    assert critic["policy"] == "this critic, clipped"
+    assert critic["median"] > linear["median"] > 0.999
+
+
+def test_assess_orders_two_policies_by_their_flights(capsys: pytest.CaptureFixture[str]) -> None:
+    """The linear cost has them in the opposite order."""
+    best = {}
+    for name in ("on_time", "late"):
+        card = str(EXAMPLES / "gtm_policy" / f"{name}.toml")
+        words = ["assess", card, "--aircraft", GTM, "--at", "48", "--samples", "0"]
+        assert main([*words, "--best", "2", "--json"]) == 0
+        (point,) = json.loads(capsys.readouterr().out)["points"]
+        best[name] = point["best"] | {"linear": point["cost_lost"]["worst"]}
+    on_time, late = best["on_time"], best["late"]
+    assert on_time["linear"] < late["linear"]
+    assert on_time["policy_over_best"]["median"] > late["policy_over_best"]["median"] > 1.0
+    assert on_time["offset_rate"] == pytest.approx(0.001, rel=0.1)
+    assert late["lqr_over_best"]["worst"] == pytest.approx(1.0, abs=0.05)

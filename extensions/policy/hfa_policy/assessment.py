@@ -13,6 +13,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.limit_cycle import LimitCycle
+from hfa_policy.best_costs import BestCosts
 from hfa_policy.cost_lost import CostLost, cost_lost
 from hfa_policy.departures import departure_text, refuse_edges
 from hfa_policy.deployed import Deployed
@@ -58,13 +59,14 @@ class AssessedPoint(Result):
     flights: what becomes of the seeded starts; None where none were asked for.
     disturbed: the same with pushes.
     findings: what to know, a sentence each.
+    best: flights beside the best that were found; None where none were asked for.
     """
 
     keys = (
         "holds spectral_radius=radius delay_limit=delays.limit delay_limit_fine=delays.fine "
         "delay_searched=delays.searched radii disk_margin=margins.disk.disk input_margins "
         "rest=equilibrium_states rest_inputs=equilibrium_inputs K=equilibrium.K cost_lost=cost "
-        "nonlinearity flights disturbed findings"
+        "nonlinearity flights disturbed findings best?"
     )
 
     point: OperatingPoint
@@ -77,6 +79,7 @@ class AssessedPoint(Result):
     flights: Outcome | None
     disturbed: Outcome | None
     findings: tuple[str, ...]
+    best: BestCosts | None = None
 
     @property
     def equilibrium(self) -> Equilibrium | None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_policy.assessment import AssessedPoint, cycle_text, scheduled_value
+from hfa_policy.best_costs import BestCosts
 from hfa_policy.departures import departure_text
 from hfa_policy.deployed import Deployed
 from hfa_policy.mistake import Mistake
@@ -38,6 +39,11 @@ _LINEAR = 0.01
 _SAME_COST = 1e-6
 #: An equilibrium off trim by less than this part of the box of initial conditions is at the trim.
 _AT_TRIM = 0.01
+
+
+def _median(best: BestCosts) -> float:
+    """Of the policy over the best; inf where no flight ends at the trim."""
+    return math.inf if best.policy_over_best is None else best.policy_over_best.median
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,7 +118,8 @@ class Assessment(Result, Reported):
         holding = self._holding()
         bad = [self._mistaken(), holding, *self.unmet, self._changed()]
         flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
-        loop = [self._saturating(), self._delaying(), self._offset(), self._costing()]
+        costs = [self._flown_costs(), self._costing()]
+        loop = [self._saturating(), self._delaying(), self._offset(), *costs]
         if not self.ok:
             return [*filter(None, [*bad, *flown, *loop])]
         return [*filter(None, [holding, loop[1], *flown, loop[0], *loop[2:]])]
@@ -285,6 +292,15 @@ class Assessment(Result, Reported):
         part = f"{high} %" if low == high else f"{low} to {high} %"
         seconds = max(flights.seconds for flights in flown)
         return f"{part} of the flights do not converge within {seconds:.3g} s"
+
+    def _flown_costs(self) -> str:
+        """What flights cost over the best found, at the trim where the median is worst."""
+        flown = [point.best for point in self.points if point.best is not None]
+        if not flown:
+            return ""
+        worst = max(flown, key=_median)
+        rate = worst.offset_rate or 0.0
+        return f"{worst.sentence()}; off the trim {rate:.2g} a second"
 
     def _costing(self) -> str:
         """The linear cost where it holds; elsewhere that of the linear loop means nothing."""

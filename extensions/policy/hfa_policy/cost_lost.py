@@ -18,6 +18,7 @@ from hfa_policy.equilibrium import Equilibrium
 from hfa_policy.sampled_loop import Chain
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.results import Result
+from trim.point.operating_point import OperatingPoint
 
 #: An eigenvalue of the optimal cost below this part of the largest is that of a state that costs
 #: nothing.
@@ -57,11 +58,23 @@ def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> Cos
 def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
     """The LQR of the card's Q and R on the aircraft at the equilibrium, its commanded inputs
     alone."""
+    Q, R = weights_at(deployed, equilibrium)
+    if equilibrium.basis is not None:
+        Q = equilibrium.basis.T @ Q @ equilibrium.basis
+    E = np.eye(len(equilibrium.A))
+    return Game(equilibrium.A, equilibrium.B, E, Q, R, math.inf)
+
+
+def weights_at(
+    deployed: Deployed, place: Equilibrium | OperatingPoint
+) -> tuple[np.ndarray, np.ndarray]:
+    """Q of the linear states, its outputs as they are to first order there, and R of the commanded
+    inputs, of the card."""
     cost: Mapping[str, Any] | None = deployed.deployment.cost
     assert cost is not None
     linear = deployed.model.linear
     outputs = tuple(name for name in cost["Q"] if name not in linear)
-    slopes = deployed.model.at(equilibrium.states, equilibrium.inputs, outputs)
+    slopes = deployed.model.at(place.states, place.inputs, outputs)
     if np.any(slopes.D):
         wrong = [name for name, row in zip(outputs, slopes.D, strict=True) if row.any()]
         raise BadInputError(
@@ -72,9 +85,7 @@ def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
     for name, row in zip(outputs, slopes.C[:, rows], strict=True):
         Q += float(cost["Q"][name]) * np.outer(row, row)
     R = np.diag([float(cost["R"][name]) for name in deployed.commanded])
-    if equilibrium.basis is not None:
-        Q = equilibrium.basis.T @ Q @ equilibrium.basis
-    return Game(equilibrium.A, equilibrium.B, np.eye(len(equilibrium.A)), Q, R, math.inf)
+    return Q, R
 
 
 def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hfa.options.argument_types import input_file, number, quantity, span, whole
@@ -19,6 +19,7 @@ from hfa.options.trims import (
 )
 from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
@@ -97,6 +98,12 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         named=True,
         rare=True,
     )
+    best: int = option(
+        "compare flights of so many starts at each trim with the best found; default 0",
+        "K",
+        whole(0, _MOST_SAMPLES),
+        default=0,
+    )
     picture: Path | None = picture_option("radius over delay, and what becomes of the flights")
 
     def points(self) -> list[OperatingPoint]:
@@ -136,11 +143,18 @@ def assess(request: AssessRequest) -> int:
         if each.deployment.actor and "cost" in request.need and each.deployment.cost is None:
             origin = each.deployment.origin
             raise BadInputError(f"--need cost: {origin} has no [cost]; add the Q and R")
+        if request.best and each.deployment.cost is None:
+            origin = each.deployment.origin
+            raise BadInputError(f"--best: {origin} has no [cost]; add the Q and R")
     points = tuple(request.points())
     results = []
     for each in deployed:
         assessor = Assessor(each, points, request.samples, request.seed, request.box)
         assessed = assessor.assessed(ProgressLine("fly"))
+        if request.best:
+            costs = part(PARTS, "assess.best", "--best")
+            asked = (request.best, request.seed, ProgressLine("optimize"))
+            assessed = [replace(at, best=costs(each, at, *asked)) for at in assessed]
         mistakes = tuple(mistakes_of(assessor, assessed))
         changed = variations(assessor, request.vary, ProgressLine("fly changed aircraft"))
         found = Assessment(each, tuple(assessed), mistakes, request.need, tuple(changed))

@@ -1,0 +1,65 @@
+"""Flights of a deployed policy beside the best ones, for `hfa assess --best`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hfa_flight.scenario import Scenario
+from hfa_optimal.best_flight import PolicyFlight
+from hfa_optimal.pilots import Pilot
+from hfa_optimal.problem import flight_problem
+from hfa_optimal.search import BestFlights
+from hfa_optimal.starts import drawn_starts, starts_table
+from hfa_policy.assessment import AssessedPoint
+from hfa_policy.best_costs import BestCosts, Ratios
+from hfa_policy.cost_lost import weights_at
+from hfa_policy.deployed import Deployed
+from hfa_policy.flown import flown_deployment, sampled_scenario
+from hfa_support.progress import Progress
+
+
+def best_costs(
+    deployed: Deployed, assessed: AssessedPoint, count: int, seed: int, progress: Progress
+) -> BestCosts:
+    """The flights from `count` seeded starts in the box of an assessed trim, by the policy as it is
+    deployed and by the linear optimum, over the best that were found.
+
+    deployed: with the cost that it was trained for"""
+    point = assessed.point
+    model = point.model
+    Q, R = weights_at(deployed, point)
+    problem = flight_problem(model, point, Q, R, inputs=deployed.commanded)
+    search = BestFlights(problem, count)
+    flights = search.flights
+    policy = flown_deployment(deployed.deployment, point)
+    start = np.zeros(len(model.states))
+    calm = Scenario(flights.tick, flights.step, flights.tick, initial=start)
+    loop = flights.compiled(policy, sampled_scenario(policy, calm, point))
+    starts = drawn_starts(problem, count, seed, assessed.place.box)
+    table = starts_table(search, starts, [Pilot("policy", loop)], progress)
+    rows = [each.policies for each in table.flights if each.cost is not None]
+    linear, flown = ([row[index] for row in rows] for index in range(2))
+    offset = None
+    if assessed.equilibrium is not None:
+        z = assessed.offset
+        v = (assessed.equilibrium.inputs - np.array(point.inputs))[problem.moved]
+        offset = float(z @ Q @ z + v @ R @ v)
+    return BestCosts(
+        starts=table.starts,
+        found=table.found,
+        refused=table.refused,
+        lost=sum(each.departure is not None or not each.converges for each in flown),
+        policy_over_best=_ratios(flown),
+        lqr_over_best=_ratios(linear),
+        offset_rate=offset,
+    )
+
+
+def _ratios(flights: Sequence[PolicyFlight]) -> Ratios | None:
+    """Of the flights that end at the trim; None where none does."""
+    over = [each.over_best for each in flights if each.over_best is not None]
+    if not over:
+        return None
+    return Ratios(min(over), float(np.median(over)), max(over))

@@ -1,0 +1,56 @@
+"""What `hfa verify --flights` adds: the critic and the exact policy on the nonlinear aircraft."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from controller.riccati.gare import solve_game
+from hfa.options.games import NamedGame
+from hfa.output import ProgressLine
+from hfa_optimal.pilots import critic_pilot, gain_pilot
+from hfa_optimal.problem import flight_problem
+from hfa_optimal.search import BestFlights
+from hfa_optimal.starts import drawn_starts, starts_table
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.report import Report
+from verification.critic.verdict import Verdict
+
+#: Of the starts.
+_SEED = 0
+
+
+def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, count: int) -> Report:
+    """The report with a section on flights of the nonlinear aircraft within its limits, by the
+    policy of the critic and by the exact one, beside the best found.
+
+    verdicts: of one critic
+    named: the game, of the linear model of an aircraft
+    count: how many starts"""
+    if named.linear is None:
+        raise BadInputError("--flights needs the nonlinear equations of an aircraft; name one")
+    if len(verdicts) != 1:
+        raise BadInputError("--flights needs one critic; leave it out")
+    point = named.linear.point
+    game = named.game
+    problem = flight_problem(point.model, point, game.Q, game.R)
+    search = BestFlights(problem, count)
+    pilots = [critic_pilot(search.flights, "this critic, clipped", verdicts[0].critic)]
+    if np.isfinite(game.delta):
+        exact = solve_game(game).K
+        pilots.append(gain_pilot(search.flights, "exact game policy, clipped", exact))
+    starts = drawn_starts(problem, count, _SEED)
+    table = starts_table(search, starts, pilots, ProgressLine("flights"))
+    section = table.report()
+    lost = [f"{each.policy.removesuffix(', clipped')} loses {each.lost}" for each in table.policies]
+    line = f"flights of the nonlinear aircraft, {table.found} of {table.starts} starts found: "
+    title = f"{report.title}\n{line}{', '.join(_of_critic(lost))}"
+    parts = (*report.parts, section)
+    return replace(report, title=title, parts=parts).with_data(flights=section.data)
+
+
+def _of_critic(sentences: Sequence[str]) -> list[str]:
+    """Without the linear optimum, where a game's own policies are beside it."""
+    return list(sentences[1:])
