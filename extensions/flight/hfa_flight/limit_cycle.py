@@ -22,7 +22,7 @@ VISIBLE = 0.01
 #: A decay is even if its rate in the last quarter is at least this part of that before ...
 _EVEN = 0.5
 #: ... and the amplitude falls by more than this part in a quarter of the flight.
-_NO_DECAY = 2e-3
+_NO_DECAY = 5e-3
 #: How often line and frequency are found in turn.
 _ROUNDS = 4
 
