@@ -23,7 +23,7 @@ from controller.riccati.derivations import largest
 from controller.riccati.double_double import add, exact
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import RANK
-from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, dependence
+from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, dependence, is_dependent
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.step_form import NoValueError, StepForm
 from hfa_support.arguments import checks_arguments
@@ -35,6 +35,8 @@ from hfa_support.reporting.results import Matrix
 
 #: δ² I - E'P E, relative to δ², must exceed this.
 SADDLE = 1e-12
+#: An unstable mode of a game with cross weights must be reached by more than this part.
+FAINT_REACH = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,23 +121,25 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
     search calls `progress`. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 3.7,
     for √α A, √α B, √α E."""
     form = StepForm.of_problem(problem)
+    _refuse_unreached(problem, form)
+    _, feed = problem.without_cross_weights()
     try:
         X, accurate, certificate = _certified(form)
+        K = accurate.gain(X) + feed
+        radius = _radius(problem.step.A - problem.step.B @ K)
+        handed_out = _gain_check(math.sqrt(problem.discount) * radius)
+        refuse_failures((handed_out,))
     except NoSolutionError as failure:
         prefix = "no certified value of the game in discrete time"
         smallest = _smallest_delta(form, progress)  # raises by itself when no delta would do
         advice = smallest.advice(form.delta)
         raise NoSolutionError(f"{prefix}: {failure}; {advice}") from failure
-    P = accurate.value(X)
-    _, feed = problem.without_cross_weights()
-    K = accurate.gain(X) + feed
-    radius = _radius(problem.step.A - problem.step.B @ K)
     return DiscreteSolution(
-        P=P,
+        P=accurate.value(X),
         K=K,
         disturbance_gain=accurate.disturbance_gain(X),
         problem=problem,
-        certificate=certificate,
+        certificate=Certificate((*certificate.checks, handed_out)),
         radius=radius,
         discounted_radius=math.sqrt(problem.discount) * radius,
     )
@@ -144,7 +148,9 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
 def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DeltaMin:
     """The smallest δ of a game in discrete time, by bisection on the tests of P; its own plays no
     part."""
-    return _smallest_delta(StepForm.of_problem(problem), progress)
+    form = StepForm.of_problem(problem)
+    _refuse_unreached(problem, form)
+    return _smallest_delta(form, progress)
 
 
 def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
@@ -227,6 +233,44 @@ def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
     )
 
 
+def _gain_check(radius: float) -> Check:
+    """Whether the K that is handed out, in the user's coordinates, stabilizes; radius: of
+    sqrt(discount) (A - B K)."""
+    reason = f"sqrt(discount) (A - B K) of the K that is handed out has radius {radius:.6g}"
+    return below("gain_radius", radius, 1.0, reason)
+
+
+def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
+    """NoSolutionError where no input reaches a mode of sqrt(discount) A that does not decay.
+
+    Asked of the user's A and B: in A - B R⁻¹ N' rounding reaches every mode. Where N is not 0 a
+    reach of `FAINT_REACH` is no reach: less leaves P no digits."""
+    root = math.sqrt(problem.discount)
+    A = form.T @ (root * problem.step.A) @ np.linalg.inv(form.T)
+    B = form.T @ problem.step.B
+    size = float(np.linalg.norm(A, 2)) or 1.0
+    for value in np.linalg.eigvals(A):
+        if abs(value) < 1.0 - RANK:
+            continue
+        is_faint = problem.N.any() and dependence(A, value, B.T, size) <= FAINT_REACH
+        if is_faint or is_dependent(A, value, B.T, size):
+            raise NoSolutionError(_unreached(value))
+
+
+def _unreached(value: complex) -> str:
+    """That no input reaches the mode of this eigenvalue."""
+    return (
+        f"no input reaches the {_mode_text(value)} of sqrt(discount) A, which does not decay;"
+        " change B or lower the discount"
+    )
+
+
+def _mode_text(value: complex) -> str:
+    """Mode with eigenvalue 1.1 ± 0.2i."""
+    text = f"mode with eigenvalue {value.real:.4g}"
+    return f"{text} ± {abs(value.imag):.4g}i" if value.imag else text
+
+
 def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
     """By bisection of log δ on `_existence`."""
     without = form.with_delta(math.inf)
@@ -271,21 +315,15 @@ def _obstacle(form: StepForm, failure: str) -> str:
     """One line on why there is no solution without disturbance; failure: of its certificate."""
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     for value in np.linalg.eigvals(form.A):
-        mode = f"mode with eigenvalue {value.real:.4g}"
-        if value.imag:
-            mode += f" ± {abs(value.imag):.4g}i"
         if abs(value) < 1.0 - RANK:
             continue
         if dependence(form.A, value, form.B.T, size) <= RANK:
-            return (
-                f"no input reaches the {mode} of sqrt(discount) A, which does not decay; change B"
-                " or lower the discount"
-            )
+            return _unreached(value)
         is_undamped = abs(value) <= 1.0 + RANK
         if is_undamped and dependence(form.A.T, value, form.Q, size) <= RANK:
             return (
-                f"the {mode} of sqrt(discount) A neither decays nor grows and costs nothing: no P"
-                " stabilizes it; give Q weight on it"
+                f"the {_mode_text(value)} of sqrt(discount) A neither decays nor grows and"
+                " costs nothing: no P stabilizes it; give Q weight on it"
             )
     return (
         f"the game without disturbance (delta = inf) is not certified: {failure}; check the"

@@ -18,6 +18,7 @@ from hfa_discrete.solution import (
     solve_discrete,
     value_checks,
 )
+from hfa_discrete.step_form import StepForm
 from hfa_support import BadInputError, NoSolutionError
 from verification import minimum_delta, solve_discounted, solve_game
 
@@ -368,3 +369,25 @@ def test_sampling_keeps_the_digits_of_a_short_step():
     smallest = minimum_delta_discrete(sampled(game, 1e-6))
     assert not smallest.uncertain
     assert smallest.value == pytest.approx(1e-3 * minimum_delta(game).value, rel=1e-5)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_cross_weights_reach_no_mode_by_rounding(turn: float) -> None:
+    """The mode 5.3 is reached by no input; A - B R^-1 N' reaches it by rounding."""
+    cosine = np.cos(turn)
+    sine = np.sin(turn)
+    T = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    A = T @ np.array([[5.3, 0.0, 0.0], [0.4, 1.2, 0.3], [0.1, -0.2, 0.7]]) @ T.T
+    B = T @ np.array([[0.0], [1.0], [0.6]])
+    step = Game(A, B, np.zeros((3, 1)), np.eye(3), [[1.3]], 1e6)
+    problem = DiscreteGame(step, N=np.array([[0.3], [0.1], [-0.2]]))
+    with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 5\.3 "):
+        solve_discrete(problem)
+
+
+def test_a_gain_that_does_not_stabilize_is_not_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    step = Game([[1.5]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 1e6)
+    assert solve_discrete(DiscreteGame(step)).certificate.checks[-1].name == "gain_radius"
+    monkeypatch.setattr(StepForm, "gain", lambda *_: np.zeros((1, 1)))
+    with pytest.raises(NoSolutionError, match=r"K that is handed out has radius 1\.5"):
+        solve_discrete(DiscreteGame(step))
