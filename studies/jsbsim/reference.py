@@ -367,7 +367,7 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     _fail(simulator, commands)
     values = _unsettled(simulator)
     steady = 0
-    for second in range(_LONGEST):
+    for second in range(point.get("longest", _LONGEST)):
         for _ in range(_RATE):
             _run(simulator.run, simulator)
         before = values

@@ -139,7 +139,8 @@ class Properties:
 
     def leave_out(self, component: Element, what: str) -> None:
         """Note that the memory of a component is left out."""
-        self.left_out.setdefault(component.where, (component, what))
+        key = f"{component.where} {component.attributes.get('name', '')}"
+        self.left_out.setdefault(key, (component, what))
 
     def replace(self, name: str, value: Any) -> None:
         """Set a property, whatever else sets it."""

@@ -1,5 +1,8 @@
 """All constructs, or those whose names hold a text: each agrees with JSBSim, or is refused, or is
-named in a note. Exit 1 where one differs in silence."""
+named in a note. Exit 1 where one differs in silence.
+
+`--drawn N [SEED]` draws N constructs in their place, of the seeds from SEED on.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +11,19 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
+from studies.jsbsim.constructs.drawn import drawn
 from studies.jsbsim.constructs.judge import ALL, judge
 
 
 def main(words: list[str]) -> int:
     """0: none differs in silence."""
-    names = [name for name in ALL if not words or any(word in name for word in words)]
+    constructs = ALL
+    if words[:1] == ["--drawn"]:
+        constructs = drawn(int(words[1]), int(words[2]) if len(words) > 2 else 0)
+        words = []
+    names = [name for name in constructs if not words or any(word in name for word in words)]
     with tempfile.TemporaryDirectory() as folder:
-        judgements = judge(names, Path(folder))
+        judgements = judge(names, Path(folder), constructs)
     for judgement in judgements:
         print(f"{judgement.verdict:9} {judgement.name}: {judgement.why}")
     counts = Counter(judgement.verdict for judgement in judgements)

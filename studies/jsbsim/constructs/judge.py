@@ -36,6 +36,8 @@ TOLERANCE = 1e-9
 _BURNING = 1e-6
 #: JSBSim settles for so many seconds.
 _SECONDS = 8
+#: For so long at most with a drawn construct, many of which never settle.
+_LONGEST_DRAWN = 20
 
 
 @dataclass(frozen=True)
@@ -50,14 +52,16 @@ class Judgement:
     why: str
 
 
-def judge(names: list[str], folder: Path) -> list[Judgement]:
+def judge(
+    names: list[str], folder: Path, constructs: Mapping[str, dict[str, str]] = ALL
+) -> list[Judgement]:
     """The judgement of each construct, whose files are written into a folder."""
     models: dict[str, Model | str] = {}
     items = []
     for number, name in enumerate(names):
         key = f"c{number}"
         try:
-            models[name] = _model(folder, key, ALL[name])
+            models[name] = _model(folder, key, constructs[name])
         except BadInputError as error:
             models[name] = str(error)
         except Exception as error:  # a bug of the reader is a verdict here
@@ -65,6 +69,8 @@ def judge(names: list[str], folder: Path) -> list[Judgement]:
         rng = np.random.default_rng(number)
         for _ in range(2):
             point = _point(rng) | {"burn": "rocket" in name}
+            if name.startswith("drawn"):
+                point["longest"] = _LONGEST_DRAWN
             items.append({"aircraft": key, "root": str(folder), "point": point})
     answers = answered(items)
     judgements = []
