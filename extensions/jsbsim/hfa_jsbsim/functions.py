@@ -32,6 +32,11 @@ def _integer(value: Any) -> Any:
     return ca.if_else(value < 0, ca.ceil(value), ca.floor(value))
 
 
+def _fraction(value: Any) -> Any:
+    """The part behind the point; 0 of infinity, as C has it."""
+    return ca.if_else(ca.fabs(value) == math.inf, 0.0, value - _integer(value))
+
+
 def _rounded(value: Any) -> Any:
     """The nearest whole number, a half away from zero."""
     whole = ca.floor(ca.fabs(value) + 0.5)
@@ -134,7 +139,7 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "floor": (ca.floor, 1, 1),
     "ceil": (ca.ceil, 1, 1),
     "integer": (_integer, 1, 1),
-    "fraction": (lambda value: value - _integer(value), 1, 1),
+    "fraction": (_fraction, 1, 1),
     "roundmultiple": (lambda value, size=1.0: _rounded(value / size) * size, 1, 2),
     "sign": (lambda value: ca.if_else(value < 0, -1.0, 1.0), 1, 1),  # 0 counts as positive
     "toradians": (lambda value: value * (math.pi / 180.0), 1, 1),
