@@ -88,6 +88,12 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
                 f"policy.{name} is {shown(entries[name])} and {path} says {shown(value)}; leave "
                 "it out"
             )
+    if stored.observations > observations and stored.observations % observations == 0:
+        frames = stored.observations // observations
+        raise BadInputError(
+            f"{path} takes {stored.observations} observations, {frames} times those of the card: "
+            "stacks of frames are not read; train without VecFrameStack, or list all observations"
+        )
     if stored.observations != observations:
         raise BadInputError(
             f"{path} takes {stored.observations} observations and the card has {observations}; "

@@ -183,6 +183,11 @@ def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
         raise BadInputError(
             "it has a features extractor with weights of its own; export the policy to ONNX"
         )
+    if any(name.startswith("actor.") and "running_mean" in name for name in tensors):
+        raise BadInputError(
+            "its actor normalizes batches, as that of CrossQ does, which is not read from a zip; "
+            "export the policy to ONNX"
+        )
     if "lstm" in names:
         raise BadInputError("it is recurrent, which is not read; only feed-forward policies are")
     if "action_net.weight" in tensors:

@@ -400,3 +400,14 @@ def test_a_file_does_not_name_its_own_class(folder):
     """Entries of a pickle cannot pass an object off as another class."""
     stored = inert(b"\x80\x02cgymnasium.spaces.box\nBox\n)\x81}X\x07\0\0\0made_ofX\x01\0\0\0ysb.")
     assert stored.made_of == "gymnasium.spaces.box.Box"
+
+
+def test_stacks_of_frames_and_actors_of_crossq_are_refused_in_words():
+    from hfa_policy.stable_baselines import _algorithm
+
+    one = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})
+    with pytest.raises(BadInputError, match="4 times those of the card: stacks of frames"):
+        _ = one.actor
+    tensors = {"actor.latent_pi.0.running_mean": np.zeros(4), "actor.mu.weight": np.zeros((2, 4))}
+    with pytest.raises(BadInputError, match="as that of CrossQ does"):
+        _algorithm(tensors)
