@@ -33,7 +33,8 @@ _FIRST_TAIL = 3e-4
 _LONGER = 1.6
 _EXTENSIONS = 5
 _NONE_WITHIN = (
-    "IPOPT finds none that stays within the limits, from any guess; that none exists is not proved"
+    "IPOPT finds none that satisfies the equations within the limits, from any guess (tables and "
+    "kinks can stop it too); that none exists is not proved"
 )
 #: A flight goes on after the horizon, by the linear policy, for this part of it.
 AFTER = 0.25

@@ -113,7 +113,9 @@ def test_no_flight_at_the_lowest_speed_falling() -> None:
     model = hfa.load_model(GTM)
     point = hfa.find_operating_point(model)
     start = {"speed": -20.0, "pitch": 0.9, "alpha": 0.3}
-    with pytest.raises(hfa.NoSolutionError, match="none that stays within the limits"):
+    with pytest.raises(
+        hfa.NoSolutionError, match="none that satisfies the equations within the limits"
+    ):
         hfa.best_flight(model, point, start)
 
 
