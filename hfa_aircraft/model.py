@@ -46,7 +46,8 @@ class Model:
     schedule: the state, input or parameter that sweeps, gain schedules and proofs run over.
     names_schedule: whether options and data call it by its own name, --dihedral and dihedral_deg,
         and not --at and scheduled.
-    modes: name of a mode -> the states that take part most.
+    modes: name of a mode -> the states that take part most; unless given, those of states that are
+        named as in textbooks (`usual_modes`).
     replaced: state -> the output, affine in it, that people name in its place in a trim:
         pitch -> gamma.
     parts: ending -> linear states. OUTPUT_ending names the part of an output that these states, the
@@ -123,6 +124,10 @@ class Model:
             names = _names(f"{self.name}: {kind}", getattr(self, kind))
             object.__setattr__(self, kind, names or tuple(self.states))
         self._check_names()
+        if not self.modes:
+            from hfa_aircraft.usual_modes import usual_modes
+
+            object.__setattr__(self, "modes", usual_modes(self.states))
         for name, value in self.trim.items():
             refuse_unknown(f"{self.name}: trim imposes the unknown variable", name, self.holdable)
             if not is_finite(value):

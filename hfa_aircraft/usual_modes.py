@@ -1,0 +1,52 @@
+"""Names of modes for models that declare none, from the names and units of their states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hfa_aircraft.signals import Signal
+
+_ANGLE = ("rad", "deg")
+_RATE = ("rad/s", "deg/s")
+_SPEED = ("ft/s", "m/s", "kt", "kts", "knot", "km/h")
+#: State -> the names, in lower case, and the units by which it is recognized.
+_RECOGNIZED = {
+    "alpha": (("alpha", "aoa", "angle_of_attack"), _ANGLE),
+    "q": (("q", "pitch_rate"), _RATE),
+    "speed": (("v", "vt", "u", "va", "tas", "speed", "airspeed", "velocity"), _SPEED),
+    "theta": (("theta", "pitch", "pitch_angle"), _ANGLE),
+    "beta": (("beta", "sideslip"), _ANGLE),
+    "p": (("p", "roll_rate"), _RATE),
+    "r": (("r", "yaw_rate"), _RATE),
+    "phi": (("phi", "roll", "bank", "roll_angle", "bank_angle"), _ANGLE),
+}
+#: Mode -> the states that take part most, and the mode that must be there beside it.
+_MODES = {
+    "short period": (("alpha", "q"), "short period"),
+    "phugoid": (("speed", "theta"), "short period"),
+    "dutch roll": (("beta", "r"), "dutch roll"),
+    "roll": (("p",), "dutch roll"),
+    "spiral": (("phi",), "dutch roll"),
+}
+
+
+def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
+    """Return name of a mode -> the states that take part most, for the states of an aircraft.
+
+    Short period (alpha, q), phugoid (speed, theta), Dutch roll (beta, r), roll (p), spiral (phi).
+    A mode is left out where one of its states is not recognized; the phugoid also without alpha
+    and q, roll and spiral without beta and r, since then it may be no aircraft.
+
+    states: name -> signal.
+    """
+    found = {}
+    for role, (names, units) in _RECOGNIZED.items():
+        for name, signal in states.items():
+            if name.lower() in names and signal.unit in units:
+                found.setdefault(role, name)
+    modes: dict[str, tuple[str, ...]] = {}
+    for mode, (roles, beside) in _MODES.items():
+        needed = (*roles, *_MODES[beside][0])
+        if all(role in found for role in needed):
+            modes[mode] = tuple(found[role] for role in roles)
+    return modes

@@ -1,0 +1,72 @@
+"""Names of the modes of an aircraft that declares none: by the names and units of its states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from hfa_support import Model, Signal
+from trim import find_operating_point, linearize, sweep
+
+_UNITS = {
+    "V": "ft/s",
+    "alpha": "rad",
+    "q": "rad/s",
+    "theta": "rad",
+    "beta": "rad",
+    "p": "rad/s",
+    "r": "rad/s",
+    "phi": "rad",
+}
+
+
+def _rates(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Textbook motions of a light jet; all derivatives but those of the speed grow with it."""
+    k = x.V / 500.0
+    rates = {
+        "V": 20.0 * u.throttle - 10.0 * k**2 - 32.2 * (x.theta - x.alpha),
+        "alpha": x.q - 0.8 * k * x.alpha - 0.064 * (k - 1.0),
+        "q": -5.0 * k**2 * x.alpha - 1.2 * k * x.q - 8.0 * u.elevator,
+        "theta": x.q,
+        "beta": -0.2 * k * x.beta - x.r + 0.064 * x.phi,
+        "p": -20.0 * k * x.beta - 3.0 * k * x.p + 0.5 * x.r,
+        "r": 4.0 * k * x.beta - 0.4 * k * x.r,
+        "phi": x.p,
+    }
+    return rates, {}
+
+
+def _jet(units: dict[str, str]) -> Model:
+    held = {"V": 500.0, "beta": 0.0, "p": 0.0, "r": 0.0, "phi": 0.0, "q": 0.0}
+    states = {name: Signal(unit) for name, unit in units.items()}
+    inputs = {"throttle": Signal("1"), "elevator": Signal("rad")}
+    steady = ("V", "alpha", "q")
+    return Model("jet", states, inputs, _rates, trim=held, steady=steady, schedule="V")
+
+
+def test_linearize_and_sweep_give_one_name() -> None:
+    model = _jet(_UNITS)
+    speeds = [400.0, 500.0, 600.0]
+    swept = sweep(model, {"V": speeds})
+    for speed, eigenvalues in zip(speeds, swept.eigenvalues, strict=True):
+        modes = linearize(model, find_operating_point(model, hold={"V": speed})).modes
+        named = {mode.name: mode.eigenvalue for mode in modes}
+        assert set(named) == {"short period", "phugoid", "dutch roll", "roll", "spiral"}
+        for name, value in zip(swept.mode_names, eigenvalues, strict=True):
+            assert value in (
+                pytest.approx(named[name]),
+                pytest.approx(named[name].conjugate()),
+            )
+
+
+def test_other_units_and_states_stay_unnamed() -> None:
+    """A body rate in 1/h, an aircraft without sideslip, declared modes: none is overruled."""
+    assert set(_jet({**_UNITS, "q": "1/h"}).modes) == {"dutch roll", "roll", "spiral"}
+    spinning = {name: Signal("rad/s") for name in ("p", "q", "r")}
+    rates = dict.fromkeys(spinning, 0.0)
+    satellite = Model("satellite", spinning, {}, lambda x, u, p, w: (rates, {}))
+    assert not satellite.modes
+    declared = {"spin": ("p",)}
+    satellite = Model("satellite", spinning, {}, lambda x, u, p, w: (rates, {}), modes=declared)
+    assert satellite.modes == declared
