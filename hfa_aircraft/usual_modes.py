@@ -39,7 +39,7 @@ def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
 
     states: name -> signal.
     """
-    found = {}
+    found: dict[str, str] = {}
     for role, (names, units) in _RECOGNIZED.items():
         for name, signal in states.items():
             if name.lower() in names and signal.unit in units:
