@@ -1,30 +1,50 @@
-"""The F-16 of Stevens and Lewis, with tables and engine: hfa trim --aircraft examples/f16.py:F16 --hold speed=502
+"""The F-16 of Stevens and Lewis, with tables and engine: hfa trim --aircraft examples/f16.py:F16
 
-B. L. Stevens, F. L. Lewis, E. N. Johnson, Aircraft Control and Simulation, 3rd ed., 2016, Section 3.5, Appendix A.
-Feet, slugs, pounds, radians; control surfaces in degrees and the throttle from 0 to 1, as in the book."""
+B. L. Stevens, F. L. Lewis, E. N. Johnson, Aircraft Control and Simulation, 3rd ed., 2016,
+Section 3.5 and Appendix A. Feet, slugs, pounds and radians. As in the book, control surfaces are in
+degrees and the throttle runs from 0 to 1.
+"""
 
 import casadi as ca
 import numpy as np
 
 from hfa import Model, Signal
 
-AREA, SPAN, CHORD, GRAVITY, MASS, SPIN = 300.0, 30.0, 11.32, 32.17, 1 / 1.57e-3, 160.0
-#: Of I_xx 9496, I_yy 55814, I_zz 63100, I_xz 982 slug ft^2, rounded as the printed results take them (Section 1.7).
-C1, C2, C3, C4, C5, C6, C7, C8, C9 = (
-    -0.770,
-    0.02755,
-    1.055e-4,
-    1.642e-6,
-    0.9604,
-    0.01759,
-    1.792e-5,
-    -0.7336,
-    1.587e-5,
-)
-#: A row an angle of attack from -10 to 45 deg: axial force, pitching by elevator; rolling, yawing by sideslip from 0 to
-#: 30 deg; rolling by aileron, by rudder, yawing by aileron, by rudder by sideslip from -30 to 30 deg. A column an angle
-#: of attack: normal force; X by q; Y by r, p; Z by q; rolling by r, p; pitching by q; yawing by r, p. Thrust, lbf:
-#: idle, military, maximum; a row an altitude from 0 to 50000 ft, a column a Mach number from 0 to 1.
+GRAVITY = 32.17  # ft/s^2
+SEA_LEVEL_DENSITY = 2.377e-3  # slug/ft^3
+GAS_CONSTANT = 1716.3  # ft lbf/(slug R)
+STRATOSPHERE_TEMPERATURE = 390.0  # R
+DEGREES = 57.29578  # per radian, as in the book
+
+MASS = 1 / 1.57e-3  # slug
+AREA = 300.0  # ft^2
+SPAN = 30.0  # ft
+CHORD = 11.32  # ft
+REFERENCE_XCG = 0.35  # of the chord; the tables hold for it
+ENGINE_MOMENTUM = 160.0  # slug ft^2/s
+
+# Coefficients of the moment equations for I_xx 9496, I_yy 55814, I_zz 63100, I_xz 982 slug ft^2.
+# They are rounded as in the printed results (Section 1.7).
+C1 = -0.770
+C2 = 0.02755
+C3 = 1.055e-4
+C4 = 1.642e-6
+C5 = 0.9604
+C6 = 0.01759
+C7 = 1.792e-5
+C8 = -0.7336
+C9 = 1.587e-5
+
+# Twelve tables, separated by an empty line:
+#   1 axial force, 2 pitching moment: a row for each alpha, a column for each elevator
+#   3 rolling moment, 4 yawing moment: a row for each alpha, a column for beta from 0 to 30 deg
+#   5 rolling moment by aileron, 6 by rudder, 7 yawing moment by aileron, 8 by rudder:
+#     a row for each alpha, a column for beta from -30 to 30 deg
+#   9 by alpha alone, a column for each alpha. Rows: normal force; X by pitch rate; Y by yaw rate,
+#     by roll rate; Z by pitch rate; rolling by yaw rate, by roll rate; pitching by pitch rate;
+#     yawing by yaw rate, by roll rate
+#   10 idle, 11 military, 12 maximum thrust, lbf: a row for each altitude, a column for each Mach
+# Breakpoints: alpha -10 to 45 deg, elevator -24 to 24 deg, altitude 0 to 50000 ft, Mach 0 to 1.
 TABLES = """
 -0.099 -0.048 -0.022 -0.04 -0.083
 -0.081 -0.038 -0.02 -0.038 -0.073
@@ -162,120 +182,268 @@ TABLES = """
 4000 4435 5000 5700 6860 8642
 2500 2600 2835 3215 3950 5057
 """
-AXIAL, PITCHING, ROLLING, YAWING, *SURFACES, BY_ALPHA, IDLE, MILITARY, MAXIMUM = (
-    np.array([line.split() for line in each.split("\n")], dtype=float)
-    for each in TABLES.strip().split("\n\n")
-)
-ROLLING, YAWING = (
-    np.hstack([-each[:, :0:-1], each]) for each in (ROLLING, YAWING)
-)  # odd, with no kink at 0
+
+
+def read_tables(text):
+    """Return the tables of a text as a list of matrices."""
+    return [
+        np.array([row.split() for row in table.split("\n")], dtype=float)
+        for table in text.strip().split("\n\n")
+    ]
+
+
+def odd_in_sideslip(half):
+    """Return the table from -30 to 30 deg of sideslip; it is odd, without a kink at 0."""
+    return np.hstack([-half[:, :0:-1], half])
+
+
+TABLE = read_tables(TABLES)
+AXIAL_FORCE = TABLE[0]
+PITCHING_MOMENT = TABLE[1]
+ROLLING_MOMENT = odd_in_sideslip(TABLE[2])
+YAWING_MOMENT = odd_in_sideslip(TABLE[3])
+ROLLING_BY_AILERON = TABLE[4]
+ROLLING_BY_RUDDER = TABLE[5]
+YAWING_BY_AILERON = TABLE[6]
+YAWING_BY_RUDDER = TABLE[7]
+BY_ALPHA = TABLE[8]
+IDLE_THRUST = TABLE[9]
+MILITARY_THRUST = TABLE[10]
+MAXIMUM_THRUST = TABLE[11]
 
 
 def weights(x, first, last, count):
-    """The share of each knot in a linear interpolation at x, continued beyond both ends."""
+    """Return the weight of each of `count` evenly spaced knots in a linear interpolation at x.
+
+    The interpolation continues with the outermost slopes beyond both ends.
+    """
     knots = np.linspace(first, last, count)
-    parts = [
-        ca.vertcat(1.0, at - first, *(ca.fmax(0, at - knot) for knot in knots[1:-1]))
-        for at in (x, *knots)
-    ]
-    return ca.mtimes(
-        np.linalg.inv([part.full().ravel() for part in parts[1:]]).T.round(12), parts[0]
+
+    def basis(at):
+        """Return the constant, the line and a ramp from each inner knot."""
+        ramps = [ca.fmax(0, at - knot) for knot in knots[1:-1]]
+        return ca.vertcat(1.0, at - first, *ramps)
+
+    at_knots = [basis(knot).full().ravel() for knot in knots]
+    return ca.mtimes(np.linalg.inv(at_knots).T.round(12), basis(x))
+
+
+def engine(x, throttle, mach):
+    """Return the thrust in lbf and the rate of the power in percent per second."""
+    below_military = 64.94 * throttle
+    above_military = 217.38 * throttle - 117.38
+    commanded = ca.if_else(throttle <= 0.77, below_military, above_military)
+    afterburner = x.power >= 50
+    target_with_afterburner = ca.if_else(commanded >= 50, commanded, 40.0)
+    target_without = ca.if_else(commanded >= 50, 60.0, commanded)
+    gap = ca.if_else(afterburner, target_with_afterburner, target_without) - x.power
+    slow_rate = ca.if_else(gap <= 25, 1.0, ca.if_else(gap >= 50, 0.1, 1.9 - 0.036 * gap))
+    power_rate = ca.if_else(afterburner, 5.0, slow_rate) * gap
+
+    at_altitude = weights(x.altitude, 0, 50000, 6)
+    at_mach = weights(mach, 0, 1, 6)
+    idle = ca.bilin(IDLE_THRUST, at_altitude, at_mach)
+    military = ca.bilin(MILITARY_THRUST, at_altitude, at_mach)
+    maximum = ca.bilin(MAXIMUM_THRUST, at_altitude, at_mach)
+    dry = idle + (military - idle) * x.power / 50
+    wet = military + (maximum - military) * (x.power - 50) / 50
+    return ca.if_else(x.power < 50, dry, wet), power_rate
+
+
+def aerodynamic_coefficients(x, u, xcg):
+    """Return the coefficients of the forces X, Y, Z and of the moments about the same axes."""
+    alpha = DEGREES * x.alpha
+    beta = DEGREES * x.beta
+    aileron = u.aileron / 20
+    rudder = u.rudder / 30
+    at_alpha = weights(alpha, -10, 45, 12)
+    at_elevator = weights(u.elevator, -24, 24, 5)
+    at_beta = weights(beta, -30, 30, 7)
+    at_beta_fine = weights(beta, -30, 30, 13)
+
+    roll_rate = SPAN * x.roll_rate / (2 * x.speed)
+    pitch_rate = CHORD * x.pitch_rate / (2 * x.speed)
+    yaw_rate = SPAN * x.yaw_rate / (2 * x.speed)
+
+    by_alpha = ca.vertsplit(ca.mtimes(BY_ALPHA, at_alpha))
+    normal, x_q, y_r, y_p, z_q, l_r, l_p, m_q, n_r, n_p = by_alpha
+    l_aileron = ca.bilin(ROLLING_BY_AILERON, at_alpha, at_beta)
+    l_rudder = ca.bilin(ROLLING_BY_RUDDER, at_alpha, at_beta)
+    n_aileron = ca.bilin(YAWING_BY_AILERON, at_alpha, at_beta)
+    n_rudder = ca.bilin(YAWING_BY_RUDDER, at_alpha, at_beta)
+
+    c_x = ca.bilin(AXIAL_FORCE, at_alpha, at_elevator) + x_q * pitch_rate
+    c_y = -0.02 * beta + 0.021 * aileron + 0.086 * rudder + y_r * yaw_rate + y_p * roll_rate
+    c_z = normal * (1 - x.beta**2) - 0.19 * u.elevator / 25 + z_q * pitch_rate
+    c_l = (
+        ca.bilin(ROLLING_MOMENT, at_alpha, at_beta_fine)
+        + l_aileron * aileron
+        + l_rudder * rudder
+        + l_r * yaw_rate
+        + l_p * roll_rate
     )
+    c_m = (
+        ca.bilin(PITCHING_MOMENT, at_alpha, at_elevator)
+        + m_q * pitch_rate
+        + c_z * (REFERENCE_XCG - xcg)
+    )
+    c_n = (
+        ca.bilin(YAWING_MOMENT, at_alpha, at_beta_fine)
+        + n_aileron * aileron
+        + n_rudder * rudder
+        + n_r * yaw_rate
+        + n_p * roll_rate
+        - c_y * (REFERENCE_XCG - xcg) * CHORD / SPAN
+    )
+    return (c_x, c_y, c_z), (c_l, c_m, c_n)
 
 
 def equations(x, u, p, w):
-    """Rates and outputs."""
-    alpha, beta, air = 57.29578 * x.alpha, 57.29578 * x.beta, 1 - 7.03e-6 * x.altitude
-    mach = x.speed / ca.sqrt(1.4 * 1716.3 * ca.if_else(x.altitude >= 35000, 390.0, 519.0 * air))
-    by_alpha, by_elevator = weights(alpha, -10, 45, 12), weights(u.elevator, -24, 24, 5)
+    """Return the rates of the states and the outputs."""
+    temperature_ratio = 1 - 7.03e-6 * x.altitude
+    temperature = ca.if_else(
+        x.altitude >= 35000, STRATOSPHERE_TEMPERATURE, 519.0 * temperature_ratio
+    )
+    mach = x.speed / ca.sqrt(1.4 * GAS_CONSTANT * temperature)
+    density = SEA_LEVEL_DENSITY * temperature_ratio**4.14
+    pressure_area = 0.5 * density * x.speed**2 * AREA
 
-    commanded = ca.if_else(u.throttle <= 0.77, 64.94 * u.throttle, 217.38 * u.throttle - 117.38)
-    above, below = (
-        ca.if_else(commanded >= 50, *each) for each in ((commanded, 40.0), (60.0, commanded))
-    )
-    gap = ca.if_else(x.power >= 50, above, below) - x.power
-    lag = ca.if_else(gap <= 25, 1.0, ca.if_else(gap >= 50, 0.1, 1.9 - 0.036 * gap))
-    at = weights(x.altitude, 0, 50000, 6), weights(mach, 0, 1, 6)
-    idle, military, maximum = (ca.bilin(each, *at) for each in (IDLE, MILITARY, MAXIMUM))
-    dry, wet = (
-        idle + (military - idle) * x.power / 50,
-        military + (maximum - military) * (x.power - 50) / 50,
-    )
+    thrust, power_rate = engine(x, u.throttle, mach)
+    (c_x, c_y, c_z), (c_l, c_m, c_n) = aerodynamic_coefficients(x, u, p.xcg)
+    force = ca.vertcat(pressure_area * c_x + thrust, pressure_area * c_y, pressure_area * c_z)
+    roll_moment = pressure_area * SPAN * c_l
+    pitch_moment = pressure_area * CHORD * c_m
+    yaw_moment = pressure_area * SPAN * c_n
 
-    z_0, x_q, y_r, y_p, z_q, l_r, l_p, m_q, n_r, n_p = ca.vertsplit(ca.mtimes(BY_ALPHA, by_alpha))
-    l_0, n_0 = (ca.bilin(each, by_alpha, weights(beta, -30, 30, 13)) for each in (ROLLING, YAWING))
-    l_a, l_d, n_a, n_d = (ca.bilin(each, by_alpha, weights(beta, -30, 30, 7)) for each in SURFACES)
-    p_, q_, r_ = (
-        each / (2 * x.speed)
-        for each in (SPAN * x.roll_rate, CHORD * x.pitch_rate, SPAN * x.yaw_rate)
-    )
-    c_x = ca.bilin(AXIAL, by_alpha, by_elevator) + x_q * q_
-    c_y = -0.02 * beta + 0.021 * u.aileron / 20 + 0.086 * u.rudder / 30 + y_r * r_ + y_p * p_
-    c_z = z_0 * (1 - x.beta**2) - 0.19 * u.elevator / 25 + z_q * q_
-    c_l = l_0 + l_a * u.aileron / 20 + l_d * u.rudder / 30 + l_r * r_ + l_p * p_
-    c_m = ca.bilin(PITCHING, by_alpha, by_elevator) + m_q * q_ + c_z * (0.35 - p.xcg)
-    c_n = (
-        n_0
-        + n_a * u.aileron / 20
-        + n_d * u.rudder / 30
-        + n_r * r_
-        + n_p * p_
-        - c_y * (0.35 - p.xcg) * CHORD / SPAN
-    )
+    sin_roll = ca.sin(x.roll)
+    cos_roll = ca.cos(x.roll)
+    sin_pitch = ca.sin(x.pitch)
+    cos_pitch = ca.cos(x.pitch)
+    sin_yaw = ca.sin(x.yaw)
+    cos_yaw = ca.cos(x.yaw)
+    down = ca.vertcat(-sin_pitch, cos_pitch * sin_roll, cos_pitch * cos_roll)
 
-    force = 0.5 * 2.377e-3 * air**4.14 * x.speed**2 * AREA
-    pushed = (
-        ca.vertcat(force * c_x + ca.if_else(x.power < 50, dry, wet), force * c_y, force * c_z)
-        / MASS
-    )
-    (s_roll, s_pitch, s_yaw), (c_roll, c_pitch, c_yaw) = (
-        map(of, (x.roll, x.pitch, x.yaw)) for of in (ca.sin, ca.cos)
-    )
-    down = ca.vertcat(-s_pitch, c_pitch * s_roll, c_pitch * c_roll)
-    v = x.speed * ca.vertcat(
+    # Motion of the centre of gravity, in body axes.
+    velocity = x.speed * ca.vertcat(
         ca.cos(x.alpha) * ca.cos(x.beta), ca.sin(x.beta), ca.sin(x.alpha) * ca.cos(x.beta)
     )
-    v_rate = (
-        pushed + GRAVITY * down - ca.cross(ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate), v)
+    angular_velocity = ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate)
+    specific_force = force / MASS
+    velocity_rate = specific_force + GRAVITY * down - ca.cross(angular_velocity, velocity)
+    forward, sideward, downward = ca.vertsplit(velocity)
+    forward_rate, sideward_rate, downward_rate = ca.vertsplit(velocity_rate)
+    in_plane_squared = forward**2 + downward**2
+    speed_rate = ca.dot(velocity, velocity_rate) / x.speed
+    alpha_rate = (forward * downward_rate - downward * forward_rate) / in_plane_squared
+    beta_rate = (
+        (x.speed * sideward_rate - sideward * speed_rate) * ca.cos(x.beta) / in_plane_squared
     )
-    speed_rate, in_plane, climb_rate = (
-        ca.dot(v, v_rate) / x.speed,
-        v[0] ** 2 + v[2] ** 2,
-        -ca.dot(down, v),
+
+    # Motion over the ground.
+    climb_rate = -ca.dot(down, velocity)
+    ahead = forward * cos_pitch + (sideward * sin_roll + downward * cos_roll) * sin_pitch
+    aside = sideward * cos_roll - downward * sin_roll
+
+    # Rotation.
+    turning = x.pitch_rate * sin_roll + x.yaw_rate * cos_roll
+    yaw_angle_rate = turning / cos_pitch
+    roll_acceleration = (
+        (C2 * x.roll_rate + C1 * x.yaw_rate + C4 * ENGINE_MOMENTUM) * x.pitch_rate
+        + C3 * roll_moment
+        + C4 * yaw_moment
     )
-    ahead, aside = (
-        v[0] * c_pitch + (v[1] * s_roll + v[2] * c_roll) * s_pitch,
-        v[1] * c_roll - v[2] * s_roll,
+    pitch_acceleration = (
+        (C5 * x.roll_rate - C7 * ENGINE_MOMENTUM) * x.yaw_rate
+        + C6 * (x.yaw_rate**2 - x.roll_rate**2)
+        + C7 * pitch_moment
     )
-    turning = x.pitch_rate * s_roll + x.yaw_rate * c_roll
-    roll, pitch, yaw = force * SPAN * c_l, force * CHORD * c_m, force * SPAN * c_n
-    rates = {"speed": speed_rate, "alpha": (v[0] * v_rate[2] - v[2] * v_rate[0]) / in_plane, "altitude": climb_rate,
-             "beta": (x.speed * v_rate[1] - v[1] * speed_rate) * ca.cos(x.beta) / in_plane, "yaw": turning / c_pitch,
-             "roll": x.roll_rate + s_pitch / c_pitch * turning, "pitch": x.pitch_rate * c_roll - x.yaw_rate * s_roll,
-             "roll_rate": (C2 * x.roll_rate + C1 * x.yaw_rate + C4 * SPIN) * x.pitch_rate + C3 * roll + C4 * yaw,
-             "pitch_rate": (C5 * x.roll_rate - C7 * SPIN) * x.yaw_rate + C6 * (x.yaw_rate**2 - x.roll_rate**2)
-             + C7 * pitch, "north": ahead * c_yaw - aside * s_yaw, "east": ahead * s_yaw + aside * c_yaw,
-             "yaw_rate": (C8 * x.roll_rate - C2 * x.yaw_rate + C9 * SPIN) * x.pitch_rate + C4 * roll + C9 * yaw,
-             "power": ca.if_else(x.power >= 50, 5.0, lag) * gap}  # fmt: skip
-    return rates, {"gamma": ca.asin(climb_rate / x.speed), "climb_rate": climb_rate, "turn_rate": rates["yaw"],
-                   "side_acceleration": pushed[1], "load_factor": -pushed[2] / GRAVITY}  # fmt: skip
+    yaw_acceleration = (
+        (C8 * x.roll_rate - C2 * x.yaw_rate + C9 * ENGINE_MOMENTUM) * x.pitch_rate
+        + C4 * roll_moment
+        + C9 * yaw_moment
+    )
+
+    rates = {
+        "speed": speed_rate,
+        "alpha": alpha_rate,
+        "beta": beta_rate,
+        "roll": x.roll_rate + sin_pitch / cos_pitch * turning,
+        "pitch": x.pitch_rate * cos_roll - x.yaw_rate * sin_roll,
+        "yaw": yaw_angle_rate,
+        "roll_rate": roll_acceleration,
+        "pitch_rate": pitch_acceleration,
+        "yaw_rate": yaw_acceleration,
+        "north": ahead * cos_yaw - aside * sin_yaw,
+        "east": ahead * sin_yaw + aside * cos_yaw,
+        "altitude": climb_rate,
+        "power": power_rate,
+    }
+    outputs = {
+        "gamma": ca.asin(climb_rate / x.speed),
+        "climb_rate": climb_rate,
+        "turn_rate": yaw_angle_rate,
+        "side_acceleration": specific_force[1],
+        "load_factor": -specific_force[2] / GRAVITY,
+    }
+    return rates, outputs
 
 
-ANGLE, RATE, PLACE = Signal("rad", 0.1), Signal("rad/s", 0.1, rate=1.0), Signal("ft", 1000.0)
+ANGLE = Signal("rad", nominal=0.1)
+ANGULAR_RATE = Signal("rad/s", nominal=0.1, rate=1.0)
+POSITION = Signal("ft", nominal=1000.0)
 STEADY = ("speed", "alpha", "beta", "roll", "pitch", "roll_rate", "pitch_rate", "yaw_rate", "power")
+
 F16 = Model(
-    "F-16",
-    {"speed": Signal("ft/s", 500.0, 100.0, 1000.0, 500.0, rate=32.0), "alpha": Signal("rad", 0.1, -0.17, 0.80, 0.05),
-     "beta": Signal("rad", 0.1, -0.52, 0.52), "roll": Signal("rad", 0.1, -3.1, 3.1),
-     "pitch": Signal("rad", 0.1, -1.55, 1.55), "yaw": ANGLE, "roll_rate": RATE, "pitch_rate": RATE, "yaw_rate": RATE,
-     "north": PLACE, "east": PLACE, "altitude": Signal("ft", 1000.0, -1000.0, 50000.0),
-     "power": Signal("1", 10.0, 0.0, 100.0, 10.0)},
-    {"throttle": Signal("1", 0.1, 0.0, 1.0, 0.2), "elevator": Signal("deg", 5.0, -25.0, 25.0),
-     "aileron": Signal("deg", 5.0, -21.5, 21.5), "rudder": Signal("deg", 5.0, -30.0, 30.0)},
-    equations, parameters={"xcg": Signal(start=0.35)}, steady=STEADY, linear=STEADY, schedule="speed",
-    outputs={"gamma": ANGLE, "climb_rate": Signal("ft/s", 10.0), "turn_rate": Signal("rad/s", 0.1),
-             "side_acceleration": Signal("ft/s^2"), "load_factor": Signal()},
-    trim={"speed": 502.0, "altitude": 0.0, "north": 0.0, "east": 0.0, "yaw": 0.0, "gamma": 0.0, "turn_rate": 0.0,
-          "side_acceleration": 0.0},
-    modes={"short period": ("alpha", "pitch_rate"), "phugoid": ("speed", "pitch"), "dutch roll": ("beta", "yaw_rate"),
-           "roll": ("roll_rate",), "spiral": ("roll",), "engine": ("power",)})  # fmt: skip
+    name="F-16",
+    states={
+        "speed": Signal("ft/s", nominal=500.0, min=100.0, max=1000.0, start=500.0, rate=32.0),
+        "alpha": Signal("rad", nominal=0.1, min=-0.17, max=0.80, start=0.05),
+        "beta": Signal("rad", nominal=0.1, min=-0.52, max=0.52),
+        "roll": Signal("rad", nominal=0.1, min=-3.1, max=3.1),
+        "pitch": Signal("rad", nominal=0.1, min=-1.55, max=1.55),
+        "yaw": ANGLE,
+        "roll_rate": ANGULAR_RATE,
+        "pitch_rate": ANGULAR_RATE,
+        "yaw_rate": ANGULAR_RATE,
+        "north": POSITION,
+        "east": POSITION,
+        "altitude": Signal("ft", nominal=1000.0, min=-1000.0, max=50000.0),
+        "power": Signal("1", nominal=10.0, min=0.0, max=100.0, start=10.0),
+    },
+    inputs={
+        "throttle": Signal("1", nominal=0.1, min=0.0, max=1.0, start=0.2),
+        "elevator": Signal("deg", nominal=5.0, min=-25.0, max=25.0),
+        "aileron": Signal("deg", nominal=5.0, min=-21.5, max=21.5),
+        "rudder": Signal("deg", nominal=5.0, min=-30.0, max=30.0),
+    },
+    parameters={"xcg": Signal(start=0.35)},
+    outputs={
+        "gamma": ANGLE,
+        "climb_rate": Signal("ft/s", nominal=10.0),
+        "turn_rate": Signal("rad/s", nominal=0.1),
+        "side_acceleration": Signal("ft/s^2"),
+        "load_factor": Signal(),
+    },
+    equations=equations,
+    steady=STEADY,
+    linear=STEADY,
+    schedule="speed",
+    trim={
+        "speed": 502.0,
+        "altitude": 0.0,
+        "north": 0.0,
+        "east": 0.0,
+        "yaw": 0.0,
+        "gamma": 0.0,
+        "turn_rate": 0.0,
+        "side_acceleration": 0.0,
+    },
+    modes={
+        "short period": ("alpha", "pitch_rate"),
+        "phugoid": ("speed", "pitch"),
+        "dutch roll": ("beta", "yaw_rate"),
+        "roll": ("roll_rate",),
+        "spiral": ("roll",),
+        "engine": ("power",),
+    },
+)

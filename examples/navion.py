@@ -1,60 +1,124 @@
-"""The Navion from published derivatives (ft, slug, rad): hfa linearize --aircraft examples/navion.py:NAVION
+"""The Navion from published derivatives: hfa linearize --aircraft examples/navion.py:NAVION
 
-R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1 at 176 ft/s; compared with navion_aero.c
-of NASA's LaRCSim (1994), whose C_l of the rudder is 0.0118 (0.107 is that of the yaw rate). Nelson's examples leave
-C_Lq out and take C_nbeta 0.0701: so their modes come out within 0.5 %. Here the spiral is 7 % off, the others 1 %."""
+Feet, slugs, pounds and radians. R. C. Nelson, Flight Stability and Automatic Control, 2nd ed.,
+1998, Table B.1 at 176 ft/s. The derivatives were compared with navion_aero.c of NASA's LaRCSim
+(1994). Its C_l of the rudder is 0.0118; 0.107 is C_l of the yaw rate. Nelson's examples omit C_Lq
+and use C_nbeta 0.0701. With these two values the modes agree within 0.5 %. With the values below
+the spiral differs by 7 % and the other modes by 1 %.
+"""
 
 import casadi as ca
 
 from hfa import Model, Signal
 
-AREA, SPAN, CHORD, MASS, GRAVITY, DENSITY = 184.0, 33.4, 5.7, 2750 / 32.2, 32.2, 2.3769e-3
-I_XX, I_YY, I_ZZ, C_LQ, C_NBETA = 1048.0, 3000.0, 3530.0, 3.8, 0.071
+GRAVITY = 32.2  # ft/s^2
+DENSITY = 2.3769e-3  # slug/ft^3, at sea level
+MASS = 2750 / 32.2  # slug
+I_XX = 1048.0  # slug ft^2
+I_YY = 3000.0
+I_ZZ = 3530.0
+AREA = 184.0  # ft^2
+SPAN = 33.4  # ft
+CHORD = 5.7  # ft
+C_LQ = 3.8  # lift by the pitch rate
+C_NBETA = 0.071  # weathercock stability
 
 
 def equations(x, u, p, w):
-    """Forces and moments linear in the derivatives of the table; alpha from its value in level flight."""
-    pressure, b, c = DENSITY * x.speed**2 / 2 * AREA, SPAN / (2 * x.speed), CHORD / (2 * x.speed)
-    lift = pressure * (0.41 + 4.44 * x.alpha + C_LQ * c * x.pitch_rate + 0.355 * u.elevator)
-    drag, gamma, side = (
-        pressure * (0.05 + 0.33 * x.alpha),
-        x.pitch - x.alpha,
-        -0.564 * x.beta + 0.157 * u.rudder,
+    """Return the rates of the states and the outputs.
+
+    Forces and moments are linear in the derivatives of the table. Alpha is measured from its value
+    in level flight.
+    """
+    pressure_area = DENSITY * x.speed**2 / 2 * AREA
+    half_span_time = SPAN / (2 * x.speed)
+    half_chord_time = CHORD / (2 * x.speed)
+    gamma = x.pitch - x.alpha
+
+    lift_coefficient = (
+        0.41 + 4.44 * x.alpha + C_LQ * half_chord_time * x.pitch_rate + 0.355 * u.elevator
     )
-    alpha_rate = (
-        x.pitch_rate
-        + (GRAVITY * ca.cos(gamma) - (lift + u.thrust * ca.sin(x.alpha)) / MASS) / x.speed
-    )
-    pitching = -0.683 * x.alpha - c * (9.96 * x.pitch_rate + 4.36 * alpha_rate) - 0.923 * u.elevator
-    rolling = (
+    drag_coefficient = 0.05 + 0.33 * x.alpha
+    side_coefficient = -0.564 * x.beta + 0.157 * u.rudder
+    lift = pressure_area * lift_coefficient
+    drag = pressure_area * drag_coefficient
+    side_force = pressure_area * side_coefficient
+
+    speed_rate = (u.thrust * ca.cos(x.alpha) - drag) / MASS - GRAVITY * ca.sin(gamma)
+    lift_acceleration = (lift + u.thrust * ca.sin(x.alpha)) / MASS
+    alpha_rate = x.pitch_rate + (GRAVITY * ca.cos(gamma) - lift_acceleration) / x.speed
+    beta_rate = (side_force / MASS + GRAVITY * ca.sin(x.roll)) / x.speed - x.yaw_rate
+
+    roll_coefficient = (
         -0.074 * x.beta
-        + b * (-0.410 * x.roll_rate + 0.107 * x.yaw_rate)
+        + half_span_time * (-0.410 * x.roll_rate + 0.107 * x.yaw_rate)
         - 0.134 * u.aileron
         + 0.0118 * u.rudder
     )
-    yawing = (
+    pitch_coefficient = (
+        -0.683 * x.alpha
+        - half_chord_time * (9.96 * x.pitch_rate + 4.36 * alpha_rate)
+        - 0.923 * u.elevator
+    )
+    yaw_coefficient = (
         C_NBETA * x.beta
-        - b * (0.0575 * x.roll_rate + 0.125 * x.yaw_rate)
+        - half_span_time * (0.0575 * x.roll_rate + 0.125 * x.yaw_rate)
         + 0.0035 * u.aileron
         - 0.072 * u.rudder
     )
-    rates = {"speed": (u.thrust * ca.cos(x.alpha) - drag) / MASS - GRAVITY * ca.sin(gamma), "alpha": alpha_rate,
-             "beta": (pressure * side / MASS + GRAVITY * ca.sin(x.roll)) / x.speed - x.yaw_rate, "pitch": x.pitch_rate,
-             "roll": x.roll_rate, "roll_rate": pressure * SPAN * rolling / I_XX,
-             "pitch_rate": pressure * CHORD * pitching / I_YY, "yaw_rate": pressure * SPAN * yawing / I_ZZ}  # fmt: skip
-    return rates, {"gamma": gamma, "load_factor": lift / (MASS * GRAVITY)}
+    rates = {
+        "speed": speed_rate,
+        "alpha": alpha_rate,
+        "beta": beta_rate,
+        "roll": x.roll_rate,
+        "pitch": x.pitch_rate,
+        "roll_rate": pressure_area * SPAN * roll_coefficient / I_XX,
+        "pitch_rate": pressure_area * CHORD * pitch_coefficient / I_YY,
+        "yaw_rate": pressure_area * SPAN * yaw_coefficient / I_ZZ,
+    }
+    outputs = {"gamma": gamma, "load_factor": lift / (MASS * GRAVITY)}
+    return rates, outputs
 
 
-ANGLE, RATE, SURFACE = (
-    Signal("rad", 0.1, -0.5, 0.5),
-    Signal("rad/s", 0.1, rate=1.0),
-    Signal("rad", 0.1, -0.4, 0.4),
-)
+ANGLE = Signal("rad", nominal=0.1, min=-0.5, max=0.5)
+ANGULAR_RATE = Signal("rad/s", nominal=0.1, rate=1.0)
+SURFACE = Signal("rad", nominal=0.1, min=-0.4, max=0.4)
+
 NAVION = Model(
-    "Navion", {"speed": Signal("ft/s", 176.0, 80.0, 300.0, 176.0, rate=32.2), "alpha": ANGLE, "pitch": ANGLE,
-               "pitch_rate": RATE, "beta": ANGLE, "roll": ANGLE, "roll_rate": RATE, "yaw_rate": RATE},
-    {"thrust": Signal("lbf", 100.0, 0.0, 1500.0, 300.0), **dict.fromkeys(("elevator", "aileron", "rudder"), SURFACE)},
-    equations, outputs={"gamma": ANGLE, "load_factor": Signal()}, replaced={"pitch": "gamma"}, schedule="speed",
-    trim={"speed": 176.0, "gamma": 0.0, "pitch_rate": 0.0, "roll": 0.0, "roll_rate": 0.0, "yaw_rate": 0.0},
-    modes={"short period": ("alpha", "pitch_rate"), "phugoid": ("speed", "pitch"), "dutch roll": ("beta", "yaw_rate"),
-           "roll": ("roll_rate",), "spiral": ("roll",)})  # fmt: skip
+    name="Navion",
+    states={
+        "speed": Signal("ft/s", nominal=176.0, min=80.0, max=300.0, start=176.0, rate=32.2),
+        "alpha": ANGLE,
+        "pitch": ANGLE,
+        "pitch_rate": ANGULAR_RATE,
+        "beta": ANGLE,
+        "roll": ANGLE,
+        "roll_rate": ANGULAR_RATE,
+        "yaw_rate": ANGULAR_RATE,
+    },
+    inputs={
+        "thrust": Signal("lbf", nominal=100.0, min=0.0, max=1500.0, start=300.0),
+        "elevator": SURFACE,
+        "aileron": SURFACE,
+        "rudder": SURFACE,
+    },
+    outputs={"gamma": ANGLE, "load_factor": Signal()},
+    equations=equations,
+    trim={
+        "speed": 176.0,
+        "gamma": 0.0,
+        "pitch_rate": 0.0,
+        "roll": 0.0,
+        "roll_rate": 0.0,
+        "yaw_rate": 0.0,
+    },
+    replaced={"pitch": "gamma"},
+    schedule="speed",
+    modes={
+        "short period": ("alpha", "pitch_rate"),
+        "phugoid": ("speed", "pitch"),
+        "dutch roll": ("beta", "yaw_rate"),
+        "roll": ("roll_rate",),
+        "spiral": ("roll",),
+    },
+)
