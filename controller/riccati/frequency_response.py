@@ -26,6 +26,8 @@ SWEEP_TOLERANCE = 1e-6
 GRID_PER_DECADE = 60
 #: About a resonance the steps grow with the distance from its pole, up to a hundred of its widths.
 RESONANCE = np.linspace(-5.3, 5.3, 45)
+#: Frequencies that differ by a smaller part are one.
+_SAME = 1e-9
 #: Finer grids, each of so many points over two steps of the last: ten times finer, the last a
 #: billionth of the peak.
 REFINEMENTS = 8
@@ -164,7 +166,9 @@ def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -
     grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * per_decade))
     around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
     resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
-    return np.unique(np.concatenate([[0.0], grid, resonances]))
+    found = np.unique(np.concatenate([[0.0], grid, resonances]))
+    # Of frequencies that are equal but for rounding one stays: a peak lies between neighbours.
+    return found[np.append(True, np.diff(found) > _SAME * found[1:])]
 
 
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:

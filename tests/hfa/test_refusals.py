@@ -152,7 +152,7 @@ def test_bad_requests(command: str, words: str, named: str) -> None:
         ("--frobnicate", "unknown option --frobnicate (see `hfa --help`)"),
         ("--dihedral 10 trim", "the command comes first: hfa trim --dihedral"),
         ("map --dihedral 10", "`hfa map` is `hfa fly --initial NAME=VALUE` now"),
-        ("identify", "`hfa identify` is a study, python -m studies.identification, now"),
+        ("validate", "`hfa validate` is a study, python -m studies.validation, now"),
         ("trim --at 10 --dihedral 12", "--dihedral is given twice, 10 and 12; give it once"),
         ("trim --hold speed=70 --hold speed=71", "speed is given twice, 70 and 71; give it once"),
         ("frobnicate", "unknown command 'frobnicate' (see `hfa --help`)"),

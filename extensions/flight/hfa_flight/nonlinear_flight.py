@@ -198,7 +198,7 @@ class Flight(StatesAndInputs, Result, Reported):
         "operating_point=point scenario envelope=envelope_limits within_limits held departure "
         "limit_cycle=cycle decay? exceeded flown final largest_deviation rms_error "
         "share_beyond_control_limits checks policy largest_difference_from_linear? commanded? "
-        "warnings?"
+        "warnings"
     )
 
     envelope: Limits

@@ -8,5 +8,10 @@ REGION = CommandEntry(
     "hfa_region.commands.region:region",
     example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
     install=".[proof]",
-    results=("hfa_region.results:FoundSet", "hfa_region.results:CheckedSet"),
+    results=(
+        "hfa_region.results:FoundSet",
+        "hfa_region.results:CheckedSet",
+        "hfa_boxes.results:FoundBoxes",
+        "hfa_boxes.results:CheckedBoxes",
+    ),
 )
