@@ -62,7 +62,7 @@ def formats() -> dict[str, Any]:
     """The schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
     results = {_name(classes_of(text)[0]): _joined(text) for text in written()}
     kinds: set[type[Result]] = {Stamp, *(kind for text in written() for kind in classes_of(text))}
-    parts = {part.__name__: json_schema(part) for kind in kinds for part in parts_of(kind)}
+    parts = {part.__name__: _part(part) for kind in kinds for part in parts_of(kind)}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": "hfa.formats/1",
@@ -79,6 +79,11 @@ def formats() -> dict[str, Any]:
 def _name(result: type[Result]) -> str:
     """trim of hfa.trim/1."""
     return result.schema.removeprefix("hfa.").partition("/")[0]
+
+
+def _part(result: type[Result]) -> dict[str, Any]:
+    """The schema of a result within another one: it is no output there, which the title marks."""
+    return {key: value for key, value in json_schema(result).items() if key != "title"}
 
 
 def _joined(text: str) -> dict[str, Any]:
