@@ -14,6 +14,7 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.linear_model import LinearModel
+from trim.linear.modes import spectrum
 from trim.linear.transfer import (
     ROUNDING,
     StateSpace,
@@ -45,7 +46,7 @@ class Responses(Result):
 def transfers(model: LinearModel) -> list[Transfer]:
     """The transfer function of each output and input, outputs first."""
     system = scaled(model)
-    poles = np.linalg.eigvals(system.A)
+    poles = spectrum(system.A)
     signals = model.point.model.signals
     functions = []
     for i, output in enumerate(model.outputs):

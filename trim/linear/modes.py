@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +15,24 @@ from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.mode import Mode
 
-#: An eigenvalue that is no larger than this many times its error by rounding counts as 0.
+#: An eigenvalue, or its real part, that is no larger than this many times its error by rounding
+#: counts as 0.
 _ZERO = 10.0
+
+
+class Spectrum(NamedTuple):
+    """Eigenvalues of a matrix (n, n) and how far rounding may have moved them.
+
+    values: (n,), with 0 in place of an eigenvalue, or a real part, that is within `errors`.
+    errors: (n,), absolute.
+    right: (n, n), an eigenvector a column.
+    left: (n, n), its inverse.
+    """
+
+    values: np.ndarray
+    errors: np.ndarray
+    right: np.ndarray
+    left: np.ndarray
 
 
 @checks_arguments
@@ -46,10 +63,8 @@ def modes_of(
             f"A is of shape {A.shape}, with {len(states)} states; give a square matrix of finite "
             "numbers with a row a state"
         )
-    eigenvalues, right = np.linalg.eig(A)
-    inverse = np.linalg.pinv(right)
-    eigenvalues = _without_rounding(eigenvalues, A, right, inverse)
-    weights = np.abs(right * inverse.T)
+    eigenvalues, _, right, left = spectrum(A)
+    weights = np.abs(right * left.T)
     shares = weights / weights.sum(axis=0)
     in_families = {state for members in families.values() for state in members}
     alone = {state: (state,) for state in states if state not in in_families}
@@ -73,16 +88,21 @@ def modes_of(
     return tuple(map(_mode, _told_apart(family_names), values, participations))
 
 
-def _without_rounding(
-    eigenvalues: np.ndarray, A: np.ndarray, right: np.ndarray, left: np.ndarray
-) -> np.ndarray:
-    """The eigenvalues with 0 in place of those that differ from it by rounding only.
+def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
+    """Eigenvalues and eigenvectors of A, with the errors of the eigenvalues.
 
     The error of an eigenvalue is the rounding error of A times |v| |w|, with w'v = 1 (Wilkinson).
+
+    size: norm of the numbers that A was computed from, where it exceeds the norm of A.
     """
+    values, right = np.linalg.eig(A)
+    left = np.linalg.pinv(right)
     condition = np.linalg.norm(right, axis=0) * np.linalg.norm(left, axis=1)
-    error = np.finfo(float).eps * np.linalg.norm(A) * condition
-    return np.where(np.abs(eigenvalues) <= _ZERO * error, 0.0, eigenvalues)
+    size = max(size, float(np.linalg.norm(A)))
+    errors = _ZERO * np.finfo(float).eps * size * condition
+    values = np.where(np.abs(values) <= errors, 0.0, values).astype(complex)
+    values.real[np.abs(values.real) <= errors] = 0.0
+    return Spectrum(values, errors, right, left)
 
 
 def _told_apart(names: list[str]) -> list[str]:
@@ -103,7 +123,7 @@ def _told_apart(names: list[str]) -> list[str]:
 
 def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
     frequency = abs(value)
-    decay = -value.real
+    decay = 0.0 - value.real
     return Mode(
         name=name,
         eigenvalue=value,

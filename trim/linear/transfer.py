@@ -9,14 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_support.reporting.results import Result, Roots
-from trim.linear.modes import fastest_first
+from trim.linear.modes import Spectrum, fastest_first, order_fastest_first, spectrum
 
 #: Of the largest entry of the system: what is smaller is rounding where a rank is decided.
 ROUNDING = 1e-12
-#: A zero and a pole that are as close, relative to 0.01 + |zero|, cancel.
-_CANCELS = 1e-7
-#: A zero or a pole that is slower, 1/s, is at 0.
-_SLOW = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,24 +51,24 @@ class StateSpace(NamedTuple):
 
 
 def gain_and_roots(
-    system: StateSpace, poles: np.ndarray, size: float
+    system: StateSpace, modes: Spectrum, size: float
 ) -> tuple[float, float, np.ndarray, np.ndarray]:
     """Gain, static gain, zeros and poles of a system of one input and one output, whose A has these
-    eigenvalues; gains are multiplied by `size`."""
-    zeros, rank = transmission_zeros(*system)
+    modes; gains are multiplied by `size`."""
+    of_zeros, rank = _zeros_with_errors(system)
     if rank == 0:
         nothing = np.zeros(0, dtype=complex)
         return 0.0, 0.0, nothing, nothing
-    zeros, poles = _without_common(zeros, poles)
+    zeros, poles = _without_common(of_zeros, modes)
     # The gain is the first of D, C B, C A B, C A² B, ... that is not 0.
     order = len(poles) - len(zeros)
     first = system.D
     if order > 0:
         first = system.C @ np.linalg.matrix_power(system.A, order - 1) @ system.B
     gain = first.item() * size
-    if np.abs(zeros).min(initial=np.inf) <= _SLOW:
+    if np.any(zeros == 0.0):
         static = 0.0
-    elif np.abs(poles).min(initial=np.inf) <= _SLOW:
+    elif np.any(poles == 0.0):
         static = math.inf
     else:
         static = float(np.real(gain * np.prod(-zeros) / np.prod(-poles)))
@@ -83,19 +79,26 @@ def transmission_zeros(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
 ) -> tuple[np.ndarray, int]:
     """The invariant zeros of x' = A x + B u, y = C x + D u, 1/s, and the normal rank of its
-    transfer matrix.
+    transfer matrix."""
+    zeros, rank = _zeros_with_errors(StateSpace(A, B, C, D))
+    return fastest_first(zeros.values), rank
+
+
+def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
+    """The invariant zeros with their errors by rounding, and the normal rank.
 
     The system is reduced to one of the same zeros whose D is square and invertible (A.
     Emami-Naeini, P. Van Dooren, Automatica 18, 1982); they are the eigenvalues of A - B D⁻¹ C.
     """
-    small = ROUNDING * float(np.linalg.norm(np.block([[A, B], [C, D]])))
-    rows_reduced = _with_full_rows(StateSpace(A, B, C, D), small)
+    size = float(np.linalg.norm(np.block([[system.A, system.B], [system.C, system.D]])))
+    small = ROUNDING * size
+    rows_reduced = _with_full_rows(system, small)
     reduced = _with_full_rows(rows_reduced.transposed(), small).transposed()
     rank = len(reduced.D)
     A_of_zeros = reduced.A
     if rank:
         A_of_zeros = reduced.A - reduced.B @ np.linalg.solve(reduced.D, reduced.C)
-    return fastest_first(np.linalg.eigvals(A_of_zeros)), rank
+    return spectrum(A_of_zeros, size), rank
 
 
 def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
@@ -125,14 +128,15 @@ def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
     return StateSpace(A, B, C, D)
 
 
-def _without_common(zeros: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Both without the pairs that cancel."""
+def _without_common(zeros: Spectrum, poles: Spectrum) -> tuple[np.ndarray, np.ndarray]:
+    """The values of both, fastest first, without the pairs that agree within their errors."""
     kept_zeros = []
-    kept_poles = [*fastest_first(poles)]
-    for zero in zeros:
-        nearest = min(kept_poles, key=lambda pole: abs(pole - zero), default=np.inf)
-        if abs(nearest - zero) <= _CANCELS * (0.01 + abs(zero)):
-            kept_poles.remove(nearest)
+    kept_poles = order_fastest_first(poles.values).tolist()
+    for zero in order_fastest_first(zeros.values):
+        distances = np.abs(poles.values[kept_poles] - zeros.values[zero])
+        excess = distances - poles.errors[kept_poles] - zeros.errors[zero]
+        if excess.min(initial=np.inf) <= 0.0:
+            del kept_poles[int(np.argmin(distances))]
         else:
             kept_zeros.append(zero)
-    return np.array(kept_zeros, dtype=complex), np.array(kept_poles, dtype=complex)
+    return zeros.values[kept_zeros], poles.values[kept_poles]

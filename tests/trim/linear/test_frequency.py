@@ -15,7 +15,8 @@ import hfa_model
 from hfa_support import BadInputError
 from trim import LinearModel, level_model, linearize
 from trim.linear.frequency import bode_figure, transfers
-from trim.linear.transfer import Transfer, transmission_zeros
+from trim.linear.modes import spectrum
+from trim.linear.transfer import StateSpace, Transfer, gain_and_roots, transmission_zeros
 
 OMEGA = np.logspace(-3, 2, 40)
 
@@ -78,6 +79,30 @@ def test_a_known_zero_is_found_and_cancels() -> None:
     np.testing.assert_allclose(np.sort(zeros), [-5.0, 3.0], atol=1e-12)
     assert rank == 1
     assert transmission_zeros(A, np.zeros((3, 1)), C, D)[1] == 0
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("slow", [0.0, -1e-3])
+def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
+    """Position and speed of a body with a lag of 0.5 s, in coordinates in which each entry is
+    rounded: a constant force moves it without end, unless a spring (`slow`) holds it."""
+    rng = np.random.default_rng(seed)
+    T = rng.normal(size=(3, 3))
+    A = T @ np.array([[0.0, 1.0, 0.0], [slow, slow, 1.0], [0.0, 0.0, -2.0]]) @ np.linalg.inv(T)
+    B = T @ np.array([[0.0], [0.0], [1.0]])
+    for row, held in (([1.0, 0.0, 0.0], 500.0), ([0.0, 1.0, 0.0], 0.0)):
+        C = np.array([row]) @ np.linalg.inv(T)
+        system = StateSpace(A, B, C, np.zeros((1, 1)))
+        static = gain_and_roots(system, spectrum(A), 1.0)[1]
+        assert static == pytest.approx(held if slow else np.inf, rel=1e-6)
+
+
+def test_a_slow_zero_does_not_cancel_an_integrator() -> None:
+    """(s + 5e-10) / (s (s + 1)) has no static gain; the static gain was 1."""
+    A = np.array([[0.0, 1.0], [0.0, -1.0]])
+    system = StateSpace(A, np.array([[0.0], [1.0]]), np.array([[5e-10, 1.0]]), np.zeros((1, 1)))
+    _, static, zeros, poles = gain_and_roots(system, spectrum(A), 1.0)
+    assert (static, len(zeros), len(poles)) == (np.inf, 1, 2)
 
 
 # Models of fewer states.

@@ -68,6 +68,20 @@ def test_an_eigenvalue_that_is_zero_up_to_rounding_is_zero(block: np.ndarray, se
         assert row[1:6] == ("0.0000", "0.0000", "0.0000", "-", "-")
 
 
+@pytest.mark.parametrize("damping", [0.0, 1e-9])
+@pytest.mark.parametrize("seed", range(5))
+def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
+    """The table said "30762968672889800 (half)"; a damper of 1e-9 is no rounding."""
+    basis = np.random.default_rng(seed).normal(size=(4, 4))
+    spring = np.array([[-7.0, 7.0], [14.0, -14.0]])
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [spring, damping * spring]])
+    modes = modes_of(basis @ A @ np.linalg.inv(basis), ("a", "b", "c", "d"))
+    assert modes[0].frequency == pytest.approx(21.0**0.5)
+    assert [mode.stable for mode in modes] == [damping > 0.0, False, False]
+    expected = math.log(2) / (10.5 * damping) if damping else math.inf
+    assert modes[0].time_to_half == pytest.approx(expected, rel=1e-3)
+
+
 @pytest.mark.parametrize("slow", [-1e-9, 1e-6])
 def test_a_slow_eigenvalue_is_none_that_is_zero(slow: float) -> None:
     basis = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
