@@ -61,10 +61,11 @@ def matrix_table(
     column_names: tuple[str, ...],
     matrix: Any,
 ) -> Table:
-    """A matrix with its row and column names, four decimals like the paper's, with exponents where
-    these would hide all of it or fill the line."""
+    """A matrix with its row and column names, four decimals like the paper's; with exponents the
+    matrix where these would hide all of it or fill the line, and an entry that would look like 0.
+    """
     largest = float(np.abs(matrix).max(initial=0.0))
-    form = four_decimals if _LEAST <= largest < _MOST or largest == 0.0 else "{:.4e}".format
+    form = _entry_text if _LEAST <= largest < _MOST or largest == 0.0 else "{:.4e}".format
     body = [(row, *map(form, matrix[i].tolist())) for i, row in enumerate(rows)]
     return Table((name, *column_names), body)
 
@@ -148,6 +149,13 @@ def short_number(value: float, unit: str) -> str:
 def eigenvalue_text(value: complex) -> str:
     """An eigenvalue, or a conjugate pair by either of its members: -0.0144 ± 0.7458i."""
     return f"{value.real:.4f}" + (f" ± {abs(value.imag):.4f}i" if value.imag else "")
+
+
+def _entry_text(value: float) -> str:
+    """Return an entry with four decimals; -2.6e-05 where it would look like 0 and is no rounding
+    error."""
+    text = four_decimals(value)
+    return f"{value:.1e}" if text == "0.0000" and abs(value) > ROUNDING else text
 
 
 def four_decimals(value: float) -> str:

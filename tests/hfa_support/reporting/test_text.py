@@ -41,6 +41,14 @@ def test_a_matrix_is_not_hidden_by_its_decimals(largest: float, cells: tuple[str
     assert table.rows == [("u1", *cells)]
 
 
+def test_a_small_entry_does_not_look_like_zero() -> None:
+    """Rounding errors, such as cos(pi/2), and 0 itself do."""
+    entries = np.array([[155.6092, -2.6e-5, 4.9e-5, 5.1e-5, 1e-17, -0.0, 0.0]])
+    table = matrix_table("B", ("alpha",), ("a", "b", "c", "d", "e", "f", "g"), entries)
+    small = ("-2.6e-05", "4.9e-05", "0.0001")
+    assert table.rows == [("alpha", "155.6092", *small, "0.0000", "0.0000", "0.0000")]
+
+
 def test_columns_that_do_not_fit_follow_below_with_the_first_one_again() -> None:
     header = ("mode", "eigenvalue", "damping")
     rows = [("phugoid", "-69.4807 ± 10.2273i", "0.4125")]
