@@ -161,10 +161,8 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
     cause = obstacle(form, unreached, hidden)
     if cause.sentence:
         return cause.sentence
-    advice = "check the scaling of A, B, Q, R"
-    if cause.reach <= BARELY:
-        part = f"only {cause.reach:.2g}" if cause.reach > RANK else f"less than {RANK:g}"
-        advice = f"the inputs reach the {cause.mode} by {part} of their size; change B"
+    faint = cause.faint("the inputs reach", "Q shows")
+    advice = f"{faint}; change B or Q" if faint else "check the scaling of A, B, Q, R"
     return f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
 
 
@@ -175,11 +173,32 @@ class Obstacle(NamedTuple):
     reach: by which part of their size the inputs reach the mode that is not stable, the least of
         all
     mode: the name of that mode
+    shown: the least change of A and Q^½, a part of their size, that leaves some frequency of an
+        eigenvalue on the axis and free of cost
+    undamped: the name of that mode
     """
 
     sentence: str
     reach: float
     mode: str
+    shown: float
+    undamped: str
+
+    def faint(self, reach: str, show: str) -> str:
+        """Which mode is reached or shown least, where that is too little; "" where none is.
+
+        reach, show: "the inputs reach" and "Q shows", or others.
+        """
+        candidates = [
+            (self.reach, BARELY, f"{reach} the {self.mode}"),
+            (self.shown, RANK, f"{show} the {self.undamped}"),
+        ]
+        faint = [(part, text) for part, limit, text in candidates if part <= limit]
+        if not faint:
+            return ""
+        part, text = min(faint)
+        size = f"only {part:.2g}" if part > RANK else f"less than {RANK:g}"
+        return f"{text} by {size} of the size of the matrices"
 
 
 def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
@@ -196,10 +215,18 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
     sentence = ""
     least_reach = 1.0
     least_mode = ""
+    least_shown = 1.0
+    undamped = ""
+    paid = square_root(form.Q)
     for eigenvalue, error in _eigenvalues(form.A, size):
+        on_axis = 1j * eigenvalue.imag
+        shown = dependence(form.A.T, on_axis, paid, size)
+        if shown < least_shown:
+            least_shown = shown
+            undamped = _mode_text(on_axis, error)
         candidates = {eigenvalue}
         if abs(eigenvalue.real) <= error:
-            candidates.add(1j * eigenvalue.imag)
+            candidates.add(on_axis)
         for value in candidates:
             mode = _mode_text(value, error)
             if value.real >= 0.0:
@@ -212,7 +239,7 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
             is_undamped = value.real == 0.0
             if is_undamped and not sentence and is_dependent(form.A.T, value, form.Q, size):
                 sentence = hidden.format(mode)
-    return Obstacle(sentence, least_reach, least_mode)
+    return Obstacle(sentence, least_reach, least_mode, least_shown, undamped)
 
 
 def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:

@@ -251,9 +251,8 @@ class GeneralizedPlant(Shown):
         without = conditions(self, math.inf)
         if not without.exists:
             raise NoSolutionError(
-                f"rounding hides the solution of the {without.condition} without disturbance: some"
-                " costs in D12 or noises in D21 are too small beside the rest; make them larger or"
-                " check the scaling"
+                f"rounding hides the solution of the {without.condition} without disturbance:"
+                f" {_hidden_by(self, without.condition)}"
             )
         begin = max(1.0, 2.0 * self.floor)
         gain = _gain_of_optimal_loop(self.apart)
@@ -555,6 +554,15 @@ def check_modes(plant: GeneralizedPlant) -> None:
         sentence = obstacle(NormalForm.of(side.game(math.inf)), *sentences).sentence
         if sentence:
             raise NoSolutionError(sentence)
+
+
+def _hidden_by(plant: GeneralizedPlant, condition: str) -> str:
+    """The mode of this condition that is reached or shown by rounding only; without one, advice."""
+    which = int(condition.startswith("filter"))
+    verbs = (("u reaches", "z shows"), ("the sensors see", "the disturbance reaches"))[which]
+    side = plant.sides[which]
+    faint = obstacle(NormalForm.of(side.game(math.inf)), *_OBSTACLES[which]).faint(*verbs)
+    return faint or "check the scaling"
 
 
 def _response_difference(one: Controller, other: Controller) -> float:

@@ -259,6 +259,33 @@ def test_the_plants_of_public_issues_are_refused_by_name() -> None:
         with_noise(octave_13(), 0.1).minimum_delta()
 
 
+@pytest.mark.parametrize("reach", [0.0, 0.1])
+def test_an_integrator_without_disturbance_is_named_through_dust(reach: float) -> None:
+    """1.6 / (s (s² + 4.8 s + 1.7)) with weights of S and K S, and dust of 1e-16 to 1e-15 in A, as
+    `augw` leaves it. The message blamed D12 and D21."""
+    plant = GeneralizedPlant(
+        A=[
+            [-7e-4, 0.0, -3.9, -1.6],
+            [0.0, -4.8, 1.7, -1.1e-15],
+            [0.0, -1.0, 5.7e-16, -4.6e-16],
+            [0.0, 0.0, 1.0, -5.8e-16],
+        ],
+        B1=[[1.0], [reach], [0.0], [0.0]],
+        B2=[[0.0], [1.0], [0.0], [0.0]],
+        C1=[[0.5, 0.0, -1.6, -0.6], [0.0, 0.0, 0.0, 0.0]],
+        D11=[[0.4], [0.0]],
+        D12=[[0.0], [0.1]],
+        C2=[[0.0, 0.0, -3.9, -1.6]],
+        D21=[[1.0]],
+    )
+    if reach:
+        assert 0.4 < plant.minimum_delta().value < 100.0
+        return
+    words = "the disturbance reaches the mode with eigenvalue 0 by less than 1e-13 of the size"
+    with pytest.raises(NoSolutionError, match=words):
+        plant.minimum_delta()
+
+
 @pytest.mark.parametrize("size", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("system", [python_control_367, octave_14, lambda: octave_14(False)])
 def test_the_plants_of_public_issues_with_noise_agree_with_slycot(system: Any, size: float) -> None:
