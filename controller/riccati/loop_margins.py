@@ -60,7 +60,8 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     candidates = np.concatenate([_crossings(only, sign) for sign in (-1.0, 1.0)])
     grid = np.union1d(candidates, frequency_grid(np.linalg.eigvals(loop.A)))
     grid = np.union1d(grid, (grid[1:] + grid[:-1]) / 2.0)
-    margin = margin_of(lambda omega: only.at(omega)[:, 0], grid, only)
+    response = only.response()
+    margin = margin_of(lambda omega: response(omega)[:, 0], grid, only)
     return margin._replace(disk=disk_of(only).disk)
 
 

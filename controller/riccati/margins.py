@@ -7,7 +7,7 @@ frequencies rad/s."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -79,6 +79,25 @@ class ClosedLoop(NamedTuple):
         """M(jω), (N, m, m), of finite ω, (N,)."""
         return self.D + self.C @ responses(self.A, self.B, frequencies)
 
+    def response(self) -> Callable[[np.ndarray], np.ndarray]:
+        """The function ω -> M(jω), as `at`, for many frequencies: A is made triangular once, by its
+        complex Schur form, so that each of them takes n² operations and not n³."""
+        from scipy.linalg import schur
+
+        T, U = schur(self.A, output="complex")
+        enters = U.conj().T @ self.B
+        leaves = self.C @ U
+
+        def at(frequencies: np.ndarray) -> np.ndarray:
+            states = np.empty((len(frequencies), *enters.shape), dtype=complex)
+            for row in reversed(range(len(T))):
+                known = np.tensordot(states[:, row + 1 :], T[row, row + 1 :], axes=(1, 0))
+                pole = 1j * frequencies - T[row, row]
+                states[:, row] = (enters[row] + known) / pole[:, None]
+            return np.asarray(self.D + leaves @ states)
+
+        return at
+
     def rate(self, frequencies: np.ndarray) -> np.ndarray:
         """ω in rad/s of the loop's own time: in a sampled one z = exp(jω dt)."""
         return 2.0 * np.arctan(frequencies) / self.dt if self.dt else frequencies
@@ -125,25 +144,28 @@ def disk_of(loop: ClosedLoop) -> DiskMargin:
     again, at a level above all bounds met, until nothing is. Source: Lawrence, Tits and Van Dooren,
     Automatica 36 (2000), 449-456."""
     poles = np.linalg.eigvals(loop.A)
-    ends = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)])).tolist()
-    pieces = list(pairwise([*ends, math.inf]))
+    ends = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)]))
+    pieces = list(pairwise([*ends.tolist(), math.inf]))
+    # The largest bound first: then most pieces are below the level at once.
+    there = loop.at(ends)
+    first = ends[np.argsort(scaled_norm(there, _osborne_scaling(there)))].tolist()
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
     level = highest
     looked = 0
     while pieces:
         looked += 1
-        there = ends.pop() if ends else _between(*pieces[-1])
-        if not any(low <= there <= high for low, high in pieces):
+        point = first.pop() if first else _between(*pieces[-1])
+        if not any(low <= point <= high for low, high in pieces):
             continue
-        M = loop.at(np.array([there]))[0]
+        M = loop.at(np.array([point]))[0]
         scaling = best_scaling(M)
         bound = float(scaled_norm(M, scaling))
         if bound > highest:
             highest = bound
-            frequency = there
+            frequency = point
         level = highest * (1.0 + ABOVE * 10.0 ** (looked // MANY))
-        pieces = list(_above(loop, scaling, level, pieces, there))
+        pieces = list(_above(loop, scaling, level, pieces, point))
     alpha = 1.0 / level
     return DiskMargin(alpha, *disk_sizes(alpha), float(loop.rate(np.array(frequency))))
 
@@ -164,15 +186,15 @@ def _above(
     C = D[:, None] * loop.C
     through = D[:, None] * loop.D / D
     crossings = np.append(level_crossings(loop.A, loop.B / D, C, through, level), cut)
+    parts: list[Piece] = []
     for low, high in pieces:
         inside = crossings[(crossings > low) & (crossings < high)].tolist()
-        ends = np.unique([low, *inside, high]).tolist()
-        parts = list(pairwise(ends))
-        inner = np.array([_between(*part) for part in parts])
-        bounds = scaled_norm(loop.at(inner), scaling)
-        for part, bound, point in zip(parts, bounds, inner, strict=True):
-            if bound > level and part[0] < point < part[1]:
-                yield part
+        parts += pairwise(np.unique([low, *inside, high]).tolist())
+    inner = np.array([_between(*part) for part in parts])
+    bounds = scaled_norm(loop.at(inner), scaling)
+    for part, bound, point in zip(parts, bounds, inner, strict=True):
+        if bound > level and part[0] < point < part[1]:
+            yield part
 
 
 def best_scaling(M: np.ndarray) -> np.ndarray:

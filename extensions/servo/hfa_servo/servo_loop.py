@@ -121,7 +121,8 @@ def servo_margins(
         margins[name] = single_margin(at_inputs, index)
     for index, name in enumerate(sensors):
         margins[name] = single_margin(at_sensors, index)
-    margins[TOGETHER] = margin_of(lambda omega: np.linalg.eigvals(at_inputs.at(omega)), grid)
+    response = at_inputs.response()
+    margins[TOGETHER] = margin_of(lambda omega: np.linalg.eigvals(response(omega)), grid)
     return margins
 
 
