@@ -25,13 +25,13 @@ STUDIES := $(patsubst studies/%/__main__.py,%,$(wildcard studies/*/__main__.py))
 	@touch $@
 
 report: .venv/report
-	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json
+	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results
 
 # Every stored picture of the documents anew; page.png needs the browser Chromium. docs/pictures/NAME has those that the
 # commands of docs/NAME.md draw.
 ILLUSTRATE = import sys; sys.path[:0] = ['tests/support', 'tests/project', '.']; import test_docs; test_docs.illustrate()
 pictures: .venv/ready
-	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json
+	$(BIN)/hfa report -o report --claims studies/section5/results/claims.json --flights studies/best_flights/results
 	cp report/regeneration.png report/root_locus.png docs/pictures
 	$(BIN)/python -c "$(ILLUSTRATE)"
 	$(BIN)/python -c "from benchmarks.report import draw, stored; draw(stored())"

@@ -16,6 +16,7 @@ from typing import Any
 from controller.riccati.solution_report import solution_report
 from hfa_page.beside_the_print import matrices_beside_the_print
 from hfa_page.claims import claims_section
+from hfa_page.flights import flights_section
 from hfa_page.main_job import Angle, MainJob
 from hfa_page.plots import front_view, locus_plot
 from hfa_page.results import MainJobData
@@ -85,6 +86,7 @@ def main_report(job: MainJob) -> Report:
             critics=critics,
             angles=[report.data for report in angles],
             claims=claims.data or None,
+            flights=None if job.flights is None else job.flights.data,
         ).as_data(),
     )
 
@@ -115,6 +117,18 @@ def verdicts(job: MainJob) -> Table:
     if job.claims is not None:
         rows.append(("claims of Section 5 of the paper", Cell(job.claims.not_confirmed, "near")))
     return Table(("check", "verdict"), rows)
+
+
+def flown_angles(job: MainJob) -> Report | None:
+    """The stored flights from the paper's x(0); None where none were given."""
+    if job.flights is None:
+        return None
+    linear = {
+        point.dihedral_deg: (point.model.A, point.model.B)
+        for point in job.points
+        if point.model is not None
+    }
+    return flights_section(job.flights, linear)
 
 
 def angle_report(job: MainJob, angle: Angle) -> Report:
@@ -250,12 +264,14 @@ def any_angle(job: MainJob, drawn: Report) -> str:
     aircraft = "".join(pictures[:1])
     locus = "".join(pictures[1:])
     checks = Report("Verdicts", (verdicts(job),)).html(3)
+    flown = flown_angles(job)
+    flights = "" if flown is None else flown.html(3)
     points = "\n".join(sections)
     return f"""<div id="any-angle"><h2>{drawn.title}</h2>
 <p class="slider"><label for="dihedral">Dihedral angle</label>
 <input type="range" id="dihedral" min="0" max="{len(labels) - 1}" value="{first}" aria-valuetext="{labels[first]}">
 <output for="dihedral" id="angle">{labels[first]}</output> <span class="noscript">The slider needs scripts.</span></p>
-<div class="first"><div>{aircraft}</div><section>{checks}<p class="paper">The paper: {_PAPER}.</p></section></div>
+<div class="first"><div>{aircraft}</div><section>{checks}{flights}<p class="paper">The paper: {_PAPER}.</p></section></div>
 {locus}
 {points}</div>"""
 

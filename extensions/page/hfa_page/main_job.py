@@ -18,6 +18,7 @@ from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import published_models
 from hfa_model.variants import variant_named
 from hfa_page.claims import Claims
+from hfa_page.flights import StoredFlights
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.text import angle_text, in_degrees
@@ -105,7 +106,7 @@ class MainJob:
     """One aircraft: both pairs regenerated, trims and models over the dihedral angle, asked angles
     in full.
 
-    points: one for each angle of the sweep. claims: None where none were given.
+    points: one for each angle of the sweep. claims, flights: None where none were given.
     """
 
     aircraft: Model
@@ -115,6 +116,7 @@ class MainJob:
     points: tuple[Angle, ...]
     angles: tuple[Angle, ...]
     claims: Claims | None = None
+    flights: StoredFlights | None = None
 
     @property
     def learned(self) -> bool:

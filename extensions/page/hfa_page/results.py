@@ -20,6 +20,7 @@ class MainJobData(Result):
     angles: dihedral_deg; reason, empty where all was found; trim, model, solution and critic as of
         hfa trim, linearize, solve and verify.
     claims: of studies.section5, read from --claims.
+    flights: of studies.best_flights, read from --flights.
     """
 
     schema = "hfa.report/1"
@@ -31,6 +32,7 @@ class MainJobData(Result):
     critics: Sequence[Mapping[str, Any]]
     angles: Sequence[Mapping[str, Any]]
     claims: Mapping[str, Any] | None
+    flights: Mapping[str, Any] | None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,3 +58,24 @@ class ClaimsData(Result):
     own_failures: Sequence[str]
     claims: Sequence[Mapping[str, Any]]
     experiments: Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightsData(Result):
+    """Flights of the nonlinear HFA from the paper's x(0), best_flights.json of `python -m
+    studies.best_flights`.
+
+    start: state -> its deviation from the trim at the begin.
+    limits: set of limits -> state or input -> lowest and highest value.
+    models: dihedral_deg, A and B of each linear model.
+    flights: dihedral_deg; within, the set of limits; best, exact_policy and exact_lqr with costs of
+        flights on the nonlinear aircraft.
+    """
+
+    schema = "hfa.paper-flights/1"
+    made_by = "studies.best_flights: best_flights.json, for hfa report --flights"
+
+    start: Mapping[str, float]
+    limits: Mapping[str, Mapping[str, Sequence[float]]]
+    models: Sequence[Mapping[str, Any]]
+    flights: Sequence[Mapping[str, Any]]

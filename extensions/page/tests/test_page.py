@@ -22,10 +22,12 @@ import hfa_model
 from hfa_aircraft.model import Model
 from hfa_model.parameters import ParameterSet
 from hfa_page.claims import Claims, claims_section, load_claims
-from hfa_page.job_report import angle_report, glosses, verdict_sentence, verdicts
+from hfa_page.flights import flights_section, load_flights
+from hfa_page.job_report import angle_report, any_angle, glosses, verdict_sentence, verdicts
 from hfa_page.main_job import MainJob, main_job, with_game
 from hfa_page.plots import front_view, in_script, locus_plot
 from hfa_support import BadInputError, NoSolutionError
+from hfa_support.reporting.report import Report
 from trim import modes_of, sweep
 from verification import analyse_game
 from verification.critic.critic_check import check_critic
@@ -88,6 +90,38 @@ def test_a_row_each_with_the_verdict_that_is_stored(job: MainJob, claims: Claims
     with_claims = replace(job, claims=claims)
     assert verdicts(with_claims).rows[-1][1] == "28 of 55 claims not confirmed"
     assert "28 of 55 claims not confirmed" in verdict_sentence(with_claims)
+
+
+FLIGHTS = ROOT / "studies" / "best_flights" / "results"
+
+
+def test_stored_flights_are_beside_the_verdicts(job: MainJob) -> None:
+    """Costs, limits and the aircraft that flew; another aircraft is noticed."""
+    flights = load_flights(FLIGHTS)
+    drawn = any_angle(replace(job, flights=flights), Report("Any dihedral angle", ()))
+    best = flights.data["flights"][-1]["best"]["cost"]
+    assert f"{best:,.0f}" in drawn
+    assert "does not return" in drawn
+    assert "pitch_rate -39.39 to 39.39 deg/s" in drawn
+    assert "of this page's aircraft" in flights_section(flights, flown_pairs(job)).text()
+    for changed in ({}, {angle: (A, 1.01 * B) for angle, (A, B) in flown_pairs(job).items()}):
+        assert "ANOTHER aircraft" in flights_section(flights, changed).text()
+
+
+def flown_pairs(job: MainJob) -> dict[float, tuple[np.ndarray, np.ndarray]]:
+    return {
+        point.dihedral_deg: (point.model.A, point.model.B)
+        for point in job.points
+        if point.model is not None
+    }
+
+
+def test_damaged_flights_are_refused(tmp_path: Path) -> None:
+    data = json.loads((FLIGHTS / "best_flights.json").read_text(encoding="utf-8"))
+    del data["flights"][0]["best"]["cost"]
+    (tmp_path / "best_flights.json").write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(BadInputError, match="is damaged"):
+        load_flights(tmp_path)
 
 
 def checks_in(data: Any) -> set[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from hfa.output import ProgressLine, stated
 from hfa_model.outputs import OUTPUTS
 from hfa_model.vectors import STATES
 from hfa_page.claims import load_claims
+from hfa_page.flights import load_flights
 from hfa_page.job_report import main_report, page, plotly_script
 from hfa_page.main_job import ASKED, MOST_ASKED, MOST_SWEPT, SWEEP, MainJob, main_job
 from hfa_support.errors import BadInputError
@@ -33,6 +34,10 @@ if TYPE_CHECKING:
 
 def _claims(text: str) -> Any:
     return load_claims(Path(text))
+
+
+def _flights(text: str) -> Any:
+    return load_flights(Path(text))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,6 +63,12 @@ class ReportRequest(UnitsOption, TrimOptions):
         "wrote, or its folder",
         "FILE",
         _claims,
+    )
+    flights: Any = option(
+        "flights from the paper's x(0) to show: the best_flights.json that `python -m "
+        "studies.best_flights` wrote, or its folder",
+        "FILE",
+        _flights,
     )
     output: Path | None = option(
         "one self-contained .html file, or a folder for the page, its pictures and its "
@@ -102,6 +113,7 @@ def report(request: ReportRequest) -> int:
         start=request.start_point,
         progress=ProgressLine("report"),
     )
+    job = replace(job, flights=request.flights)
     whole = stated(main_report(job), request)
     lines = []
     if request.output is not None:

@@ -1,0 +1,120 @@
+"""Flights from the paper's x(0), as `python -m studies.best_flights` stored them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import hfa_model
+from hfa_flight.envelope import limits_text
+from hfa_page.results import FlightsData
+from hfa_support.errors import BadInputError
+from hfa_support.files import read_json
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Cell, Table, shown_unit
+
+_STUDY = "`python -m studies.best_flights`"
+_TITLE = "Flights of the nonlinear aircraft from the paper's x(0)"
+#: Entries of the flown linear models and of the page's own that differ by less are equal.
+_SAME = 1e-9
+
+
+class StoredFlights(NamedTuple):
+    """best_flights.json: all of it, its table, its limits in words, and dihedral (rad), A and B at
+    each trim."""
+
+    data: dict[str, Any]
+    table: Table
+    limits: str
+    models: list[tuple[float, np.ndarray, np.ndarray]]
+
+    def flew(self, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
+        """Whether the linear models of the page, by their dihedral angle in deg, are those of the
+        aircraft that flew; at least one angle is compared."""
+        shared = [model for model in self.models if model[0] in A_and_B]
+        return bool(shared) and all(
+            np.allclose(mine, theirs, rtol=_SAME, atol=_SAME)
+            for degrees, *pair in shared
+            for mine, theirs in zip(A_and_B[degrees], pair, strict=True)
+        )
+
+
+def flights_section(
+    flights: StoredFlights, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]
+) -> Report:
+    """The costs of the flights, the limits, and whether this aircraft flew."""
+    same = "this page's aircraft" if flights.flew(A_and_B) else "ANOTHER aircraft than this page's"
+    about = (
+        "The cost of x'Qx + u'Ru, the paper's Q and R. The policies are exact for the linear game; "
+        f"their inputs are clipped. {flights.limits} Stored by {_STUDY}, of {same}."
+    )
+    return Report(_TITLE, (flights.table, about), data=flights.data)
+
+
+def load_flights(path: Path) -> StoredFlights:
+    """best_flights.json, or the folder that holds it; BadInputError where it is not what the study
+    writes."""
+    file = path / "best_flights.json" if path.is_dir() else path
+    try:
+        data = read_json(file)
+    except OSError as error:
+        raise BadInputError(
+            f"{file}: cannot be read ({error.strerror}); give what {_STUDY} wrote"
+        ) from error
+    try:
+        if data["schema"] != FlightsData.schema:
+            raise ValueError(data["schema"])
+        models = [
+            (float(model["dihedral_deg"]), np.array(model["A"]), np.array(model["B"]))
+            for model in data["models"]
+        ]
+        table = flights_table(data["flights"])
+        return StoredFlights(data, table, limits_in_words(data["limits"]), models)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise BadInputError(f"{file}: is damaged ({error!r}); give what {_STUDY} wrote") from error
+
+
+def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
+    """A row for each angle and set of limits: what each flight costs and what it leaves."""
+    header = ("dihedral, limits", "exact game policy", "exact LQR", "best flight found")
+    rows = [
+        (
+            f"{flight['dihedral_deg']:g} deg, {flight['within']}",
+            _policy(flight["exact_policy"]),
+            _policy(flight["exact_lqr"]),
+            Cell(f"{flight['best']['cost']:,.0f}", "good"),
+        )
+        for flight in flights
+    ]
+    return Table(header, rows)
+
+
+def _policy(flight: Mapping[str, Any]) -> Cell:
+    """The cost of a policy's flight, and the state that leaves its limits."""
+    left = flight["departure"]
+    says = [] if left is None else [f"{left['state']} out at {left['time']:.2g} s"]
+    if flight["cost"] is None:
+        return Cell(", ".join(["does not return", *says]), "bad")
+    ratio = f"{flight['over_best']:.1f}x"
+    return Cell(", ".join([f"{flight['cost']:,.0f} ({ratio})", *says]), "bad" if says else "near")
+
+
+def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
+    """Each set of limits; of all but the first, those that differ from it."""
+    sentences = []
+    first: Mapping[str, Sequence[float]] = {}
+    for name, pairs in limits.items():
+        changed = {key: pair for key, pair in pairs.items() if pair != first.get(key)}
+        listed = ", ".join(_limit(key, *pair) for key, pair in changed.items())
+        sentences.append(f"{name}: {listed}.")
+        first = first or pairs
+    return f"Limits, assumed, since the paper prints none: {' '.join(sentences)}"
+
+
+def _limit(name: str, lowest: float, highest: float) -> str:
+    unit = hfa_model.aircraft().unit(name)
+    text = f"{name} {limits_text(lowest, highest, unit)}"
+    return text if unit == "1" else f"{text} {shown_unit(unit)}"

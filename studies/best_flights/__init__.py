@@ -1,0 +1,1 @@
+"""Flights of the nonlinear HFA from the paper's x(0): policies beside the best flight found."""

@@ -1,0 +1,168 @@
+"""Cost of flights of the nonlinear HFA from the paper's x(0) at 5, 10 and 15 deg, within two sets
+of limits: exact game policy, exact LQR, best flight found.
+
+Writes FOLDER/best_flights.json, which `hfa report --flights` shows, and FOLDER/best_flights.png.
+Takes half a minute of computing."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import hfa
+from hfa_optimal.best_flight import BestFlight
+from hfa_optimal.pilots import gain_pilot
+from hfa_optimal.problem import FlightProblem, flight_problem
+from hfa_optimal.search import AFTER, BestFlights
+from hfa_page.flights import flights_table, limits_in_words
+from hfa_page.results import FlightsData
+from hfa_support.files import write_text
+from hfa_support.jsonable import json_text
+from hfa_support.reporting.figure import new_figure, save
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import shown_unit, shown_values
+from trim.linear.linear_model import LinearModel
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DEGREES = (5.0, 10.0, 15.0)
+#: x(0) of Section 5: deviations from the trim, ft/s and rad.
+START = {"speed": 5.0, "alpha": 0.05}
+_FAST = float(np.radians(600.0))
+#: Set of limits -> limits in place of those of the flight envelope.
+LIMITS: dict[str, dict[str, tuple[float, float]]] = {
+    "flight envelope": {},
+    "rates of 600 deg/s": {
+        "pitch_rate": (-_FAST, _FAST),
+        "dihedral_rate": (-_FAST, _FAST),
+    },
+}
+#: What is drawn, and for how long, s.
+_SECONDS = 2.5
+_DRAWN = ("speed", "alpha", "pitch_rate", "elevator_center")
+
+
+def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, float]]) -> BestFlight:
+    """The best flight found from x(0), beside the exact game policy and the exact LQR."""
+    game = hfa.paper.published_game(linear)
+    problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
+    search = BestFlights(problem)
+    found = search.found(problem.deviations(START))
+    exact = gain_pilot(search.flights, "exact game policy, clipped", hfa.solve_game(game).K)
+    flown = exact.fly(search.flights, found.proposal.start, (1.0 + AFTER) * found.seconds)
+    return BestFlight(problem, found, (flown,))
+
+
+def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
+    """A row of the table."""
+    linear, exact = best.policies
+    return {
+        "dihedral_deg": degrees,
+        "within": name,
+        "best": {
+            "cost": best.cost,
+            "proposed_cost": best.proposed_cost,
+            "spread": best.spread,
+            "saturated": best.saturated,
+        },
+        "exact_policy": exact.as_data(),
+        "exact_lqr": linear.as_data(),
+    }
+
+
+def limits_of(problem: FlightProblem) -> dict[str, list[float]]:
+    """State or moved input -> its lowest and highest value."""
+    envelope = problem.envelope
+    pairs = zip(envelope.lowest.tolist(), envelope.highest.tolist(), strict=True)
+    limits = {name: list(pair) for name, pair in zip(envelope.names, pairs, strict=True)}
+    for name in problem.inputs:
+        signal = problem.model.inputs[name]
+        limits[name] = [signal.min, signal.max]
+    return limits
+
+
+def study() -> tuple[FlightsData, list[BestFlight]]:
+    """All flights, and what is stored of them."""
+    aircraft = hfa.aircraft()
+    models = [hfa.paper.level_model(aircraft, np.radians(degrees)) for degrees in DEGREES]
+    flown = []
+    rows = []
+    within = {}
+    for name, limits in LIMITS.items():
+        for degrees, linear in zip(DEGREES, models, strict=True):
+            best = best_beside_policies(linear, limits)
+            flown.append(best)
+            rows.append(flight_data(degrees, name, best))
+        within[name] = limits_of(best.problem)
+    stored = [
+        {"dihedral_deg": degrees, "A": linear.A, "B": linear.B}
+        for degrees, linear in zip(DEGREES, models, strict=True)
+    ]
+    return FlightsData(start=START, limits=within, models=stored, flights=rows), flown
+
+
+def drawn(flights: Sequence[BestFlight]) -> Figure:
+    """A column for each angle: the best flight found and that of the exact game policy."""
+    figure = new_figure(10.0, 7.0)
+    panels = figure.subplots(len(_DRAWN), len(flights), sharex=True, sharey="row", squeeze=False)
+    for column, (degrees, best) in enumerate(zip(DEGREES, flights, strict=True)):
+        panels[0, column].set_title(f"{degrees:g} deg: best flight found {best.cost:,.0f}")
+        for name, axes in zip(_DRAWN, panels[:, column], strict=True):
+            _draw(axes, best, name)
+        panels[-1, column].set_xlabel("time, s")
+    for name, axes in zip(_DRAWN, panels[:, 0], strict=True):
+        axes.set_ylabel(f"{name}, {shown_unit(flights[0].model.unit(name))}")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    return figure
+
+
+def _draw(axes: Axes, best: BestFlight, name: str) -> None:
+    """A signal of both flights, with its limits; the view is that of the limits, or of the best."""
+    unit = best.model.unit(name)
+    limits = shown_values(np.array(limits_of(best.problem)[name]), unit)
+    exact = best.compared[-1]
+    rows = exact.times <= _SECONDS
+    names = [*best.state_names, *best.input_names]
+    of_best = np.column_stack([best.states, best.inputs])[:, names.index(name)]
+    of_exact = np.column_stack([exact.states, exact.inputs])[rows, names.index(name)]
+    axes.plot(best.time, shown_values(of_best, unit), label="best flight found")
+    axes.plot(exact.times[rows], shown_values(of_exact, unit), "--", label=exact.name)
+    for limit in limits:
+        axes.axhline(float(limit), color="black", linestyle=":", linewidth=0.8)
+    room = 0.1 * (limits[1] - limits[0])
+    axes.set_ylim(limits[0] - room, limits[1] + room)
+    axes.set_xlim(0.0, _SECONDS)
+    axes.grid(alpha=0.3)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Compute, store and print the table."""
+    parser = argparse.ArgumentParser("python -m studies.best_flights", description=__doc__)
+    parser.add_argument(
+        "-o",
+        type=Path,
+        default=Path("out/best_flights"),
+        metavar="FOLDER",
+        help="default: %(default)s",
+    )
+    folder = parser.parse_args(argv).o
+    result, flown = study()
+    data = result.to_dict()
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(folder / "best_flights.json", json_text(data))
+    save(drawn(flown[: len(DEGREES)]), folder / "best_flights.png")
+    parts = (flights_table(data["flights"]), limits_in_words(data["limits"]))
+    print(Report("Flights of the nonlinear HFA from the paper's x(0)", parts).text())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
