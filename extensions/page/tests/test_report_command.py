@@ -25,6 +25,7 @@ def _in_a_folder(folder: Path) -> None:
 
 
 CLAIMS = ROOT / "studies" / "section5" / "results" / "claims.json"
+FLIGHTS = ROOT / "studies" / "best_flights" / "results"
 MEGABYTE = 1_000_000
 
 
@@ -42,6 +43,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
         "load_factor",
         "--claims",
         str(CLAIMS),
+        "--flights",
+        str(FLIGHTS),
     )
     return hfa("report", *words), folder
 
@@ -78,6 +81,8 @@ def test_a_folder_holds_the_page_its_pictures_and_its_numbers(made: tuple[Result
     assert '<tr><th scope="row">load_factor</th>' in html
     assert "the same matrices as those of this page" in html
     assert f"Read from {CLAIMS}" in html
+    assert "Flights of the nonlinear aircraft from the paper" in html.partition("<details")[0]
+    assert data["flights"]["schema"] == "hfa.paper-flights/1"
 
 
 def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> None:
@@ -86,8 +91,8 @@ def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> Non
     folder = ROOT / "docs" / "pictures"
     drawn = ["regeneration.png", "root_locus.png"]
     # `make bench` draws benchmarks.png anew on every machine, a browser page.png; test_docs.py
-    # looks at the folders.
-    others = ["benchmarks.png", "page.png"]
+    # looks at the folders, studies.best_flights draws best_flights.png.
+    others = ["benchmarks.png", "best_flights.png", "page.png"]
     assert sorted(path.name for path in folder.glob("*.png")) == sorted([*drawn, *others])
     for name in drawn:
         one = imread(folder / name)
