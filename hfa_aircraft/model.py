@@ -187,6 +187,12 @@ class Model:
         )
         return f"<Model {self.title}: {counts}>"
 
+    def _repr_html_(self) -> str:
+        """Names, units, limits and trim, for a notebook."""
+        from hfa_aircraft.signals_table import signals_report
+
+        return signals_report(self)._repr_html_()
+
     def __reduce__(self) -> Any:
         """How another process makes it again: what was loaded from a file is loaded there."""
         if self.made_by is None:

@@ -144,16 +144,46 @@ class LinearModel(ByValue, Result, Reported):
 
         return np.asarray(fastest_first(np.linalg.eigvals(self.A)))
 
-    def bode(self) -> np.ndarray:
-        """Draw the Bode plots of the inputs in a figure of pyplot; returns its Axes.
+    def zeros(self) -> np.ndarray:
+        """The transmission zeros from all inputs to all outputs, complex, 1/s."""
+        from trim.linear.frequency import zeros_of
+
+        return zeros_of(self)
+
+    def step(self, time: Any = None) -> control.TimeResponseData:
+        """Outputs after a unit step of each input, (outputs, inputs, N), as deviations; time: (N,)
+        or the last, s. python-control chooses it unless given."""
+        from trim.linear.responses import step
+
+        return step(self, time)
+
+    def simulate(self, u: Any, time: Any) -> control.TimeResponseData:
+        """Outputs over time (N,), (outputs, N), as deviations from rest; u: (m, N), or input ->
+        number or N values."""
+        from trim.linear.responses import simulated
+
+        return simulated(self, u, time)
+
+    def bode(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
+        """Draw the Bode plots of the named inputs and outputs in a figure of pyplot; returns its
+        Axes.
 
         BadInputError where no input reaches an output.
         """
         from matplotlib import pyplot
 
         from trim.linear.frequency import draw_bode
+        from trim.linear.responses import chosen
 
-        return np.array(draw_bode(self, pyplot.figure(layout="constrained")).axes)
+        figure = pyplot.figure(layout="constrained")
+        return np.array(draw_bode(chosen(self, inputs, outputs), figure).axes)
+
+    def nyquist(self, inputs: Any = None, outputs: Any = None) -> Any:
+        """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its
+        Axes."""
+        from trim.linear.responses import nyquist
+
+        return nyquist(self, inputs, outputs)
 
     def report(self) -> Report:
         """A, B, offsets and modes."""

@@ -18,6 +18,8 @@ from hfa_support.reporting.results import Record, Result
 from hfa_support.reporting.text import Table, degrees, in_degrees
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from trim.point.problem import TrimProblem
 
 SCHEMA = "hfa.operating-point/1"
@@ -212,6 +214,12 @@ class OperatingPoint(Result, Reported):
         return Report(
             self.title, [Table(records.header, rows)], self.warnings, self.as_data(), records
         )
+
+    def plot(self) -> Axes:
+        """Draw every variable between its limits in a figure of pyplot; returns its Axes."""
+        from trim.point.point_figure import draw_point
+
+        return draw_point(self)
 
     def save(self, path: Path) -> None:
         """Write the point as JSON that `load` reads back bit for bit."""

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from trim.linear.linear_model import LinearModel
+
 #: Of a sweep in memory.
 MOST_POINTS = 1_000_000
 #: Points of a chunk in which kinks are looked for where the sweep runs as machine code.
@@ -378,6 +380,21 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             return *self.values[i], str(status), self.reasons[i], *np.concatenate(numbers)
 
         return Table(tuple(header), RowsMade(len(self.reasons), row))
+
+    def __len__(self) -> int:
+        return len(self.reasons)
+
+    def __getitem__(self, index: int) -> LinearModel:
+        """The linear model of a point; NoSolutionError with its reason where it has no trim."""
+        from trim.sweeps.sweep_points import linear_model_at
+
+        return linear_model_at(self, index)
+
+    def to_pandas(self) -> Any:
+        """`records` as a `pandas.DataFrame`, a row a point. Needs pandas."""
+        from trim.sweeps.sweep_points import frame
+
+        return frame(self)
 
     def to_xarray(self) -> Any:
         """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of

@@ -1,0 +1,34 @@
+"""The named quantities of a model as a table."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, shown_unit, shown_value
+
+if TYPE_CHECKING:
+    from hfa_aircraft.model import Model
+
+_KINDS = ("states", "inputs", "outputs", "parameters", "disturbances")
+
+
+def signals_report(model: Model) -> Report:
+    """Return a table a kind: names, units, limits, and the value that a trim imposes, or of a
+    parameter its own; angles in degrees."""
+    parts = []
+    for kind in _KINDS:
+        rows = []
+        for name, signal in getattr(model, kind).items():
+            imposed = signal.start if kind == "parameters" else model.trim.get(name, math.nan)
+            numbers = (signal.min, signal.max, imposed)
+            shown = [
+                shown_value(number, signal.unit) if math.isfinite(number) else ""
+                for number in numbers
+            ]
+            rows.append((name, shown_unit(signal.unit), *shown))
+        value = "value" if kind == "parameters" else "trim"
+        if rows:
+            parts.append(Table((kind, "unit", "lowest", "highest", value), rows))
+    return Report(model.title, parts, model.notes)

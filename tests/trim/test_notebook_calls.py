@@ -1,0 +1,95 @@
+"""Calls that a notebook makes of linear models, sweeps, points and models."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import control
+import numpy as np
+import pytest
+from matplotlib import pyplot
+
+import hfa_model
+from hfa_support import BadInputError, NoSolutionError
+from trim import LinearModel, find_operating_point, linearize, sweep
+
+MODEL = hfa_model.aircraft()
+
+
+@cache
+def _linear() -> LinearModel:
+    return linearize(MODEL, find_operating_point(MODEL))
+
+
+def test_step_and_simulate_agree_with_exponentials() -> None:
+    """After a step x = A⁻¹ (e^At - 1) B, here by d/dt x = A x + B at an instant."""
+    linear = _linear()
+    time = np.linspace(0.0, 2.0, 2001)
+    stepped = linear.step(time)
+    assert isinstance(stepped, control.TimeResponseData)
+    assert stepped.outputs.shape == (6, 5, 2001)
+    x = stepped.outputs[:, 3]
+    slope = (x[:, 1001] - x[:, 999]) / (time[1001] - time[999])
+    assert slope == pytest.approx(linear.A @ x[:, 1000] + linear.B[:, 3], rel=1e-3, abs=1e-3)
+    for u in ({"elevator_center": 1.0}, np.eye(5)[3][:, None] * np.ones(2001)):
+        assert linear.simulate(u, time).outputs == pytest.approx(x, rel=1e-9, abs=1e-9)
+    with pytest.raises(BadInputError, match="unknown input"):
+        linear.simulate({"elevator_centre": 1.0}, time)
+    with pytest.raises(BadInputError, match="give one an instant"):
+        linear.simulate({"throttle": [1.0, 2.0]}, time)
+    with pytest.raises(BadInputError, match=r"give \(5, 2001\)"):
+        linear.simulate(np.ones(2001), time)
+
+
+def test_zeros_lower_the_rank_of_the_system() -> None:
+    linear = _linear().select(inputs=("elevator_center",))
+    pitch = linearize(MODEL, linear.point, outputs=("pitch",), disturbances=())
+    pitch = pitch.select(inputs=("elevator_center",))
+    zeros = pitch.zeros()
+    assert len(zeros) > 2
+    for zero in zeros:
+        value = pitch.C @ np.linalg.solve(zero * np.eye(6) - pitch.A, pitch.B)
+        assert abs(value.item()) < 1e-6
+
+
+def test_bode_and_nyquist_take_names() -> None:
+    linear = _linear()
+    assert len(linear.bode(inputs="throttle", outputs="speed")) == 2
+    axes = linear.nyquist(inputs="elevator_center", outputs="alpha")
+    assert axes.lines
+    assert "alpha / elevator_center" in axes.get_title()
+    with pytest.raises(BadInputError, match="single loop"):
+        linear.nyquist()
+    with pytest.raises(BadInputError, match="unknown output"):
+        linear.bode(outputs=("sped",))
+    pyplot.close("all")
+
+
+def test_a_sweep_is_a_sequence_of_linear_models() -> None:
+    swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]})
+    assert len(swept) == len(list(swept)) == 4
+    for index, linear in enumerate(swept):
+        assert pytest.approx(swept.A[index], rel=1e-9, abs=1e-9) == linear.A
+        assert linear.point["speed"] == swept.values[index, 1]
+    assert max(map(abs, linear.point.scaled_residuals.values())) < 1e-10
+    assert swept[-1].point["dihedral"] == 0.2
+    frame = swept.to_pandas()
+    assert frame["dihedral [rad]"].tolist() == [0.1, 0.1, 0.2, 0.2]
+    with pytest.raises(IndexError, match="has 4 points"):
+        swept[4]
+    failing = sweep(MODEL, {"dihedral": [0.2], "speed": [68.0, 5.0]})
+    with pytest.raises(NoSolutionError, match="point 1 has no trim"):
+        failing[1]
+
+
+def test_a_point_draws_its_limits() -> None:
+    axes = find_operating_point(MODEL).plot()
+    labels = [label.get_text() for label in axes.get_yticklabels()]
+    assert any(label.startswith("throttle") for label in labels)
+    pyplot.close("all")
+
+
+def test_a_model_is_a_table_in_a_notebook() -> None:
+    text = MODEL._repr_html_()
+    for word in ("elevator_center", "ft/s", "lowest", "highest", "trim"):
+        assert word in text

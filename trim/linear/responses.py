@@ -1,0 +1,98 @@
+"""Responses of a linear model by python-control: in time, and as a Nyquist plot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, refuse_unknown
+from trim.linear.linear_model import LinearModel, positions
+
+if TYPE_CHECKING:
+    import control
+
+Names = str | tuple[str, ...] | list[str] | None
+
+
+def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
+    """Return the model from the named inputs to the named outputs; None keeps all.
+
+    BadInputError when the model has no such name, or it comes twice."""
+    names = _as_names(outputs)
+    rows = positions("output", names, model.outputs)
+    shown = replace(
+        model,
+        outputs=tuple(model.outputs[row] for row in rows),
+        C=model.C[rows],
+        D=model.D[rows],
+        F=model.F[rows],
+        output_offsets=model.output_offsets[rows],
+    )
+    return shown.select(inputs=_as_names(inputs))
+
+
+def _as_names(names: Names) -> tuple[str, ...] | None:
+    """Return one name as a tuple of it."""
+    if names is None:
+        return None
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def step(model: LinearModel, time: Any) -> control.TimeResponseData:
+    """Return y after a unit step of each input, (outputs, inputs, N); time: (N,) or the last."""
+    import control
+
+    return control.step_response(model.to_control(), time, squeeze=False)
+
+
+def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData:
+    """Return y for inputs over time from x = 0, (outputs, N).
+
+    u: (m, N), or name of an input -> its number or its N values; others are 0.
+    time: (N,), evenly spaced.
+
+    BadInputError when a name is unknown or the shapes do not agree."""
+    import control
+
+    time = np.asarray(time, dtype=float)
+    if time.ndim != 1 or time.size < 2:
+        raise BadInputError("time has no two instants; give an array such as np.linspace(0, 10)")
+    if isinstance(u, Mapping):
+        named = u
+        for name in named:
+            refuse_unknown("unknown input", name, model.inputs)
+        u = [np.asarray(named.get(name, 0.0), dtype=float) for name in model.inputs]
+        if any(row.shape not in ((), time.shape) for row in u):
+            raise BadInputError(f"an input has not {time.size} values; give one an instant")
+        u = [np.broadcast_to(row, time.shape) for row in u]
+    values = np.asarray(u, dtype=float).reshape(-1, time.size if np.size(u) else 0)
+    if values.shape != (len(model.inputs), time.size):
+        raise BadInputError(
+            f"u is of shape {np.shape(u)}; give ({len(model.inputs)}, {time.size}), a row an input,"
+            " or a dictionary of inputs"
+        )
+    return control.forced_response(model.to_control(), time, values, squeeze=False)
+
+
+def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Any:
+    """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its Axes.
+
+    BadInputError where more than one is left."""
+    import control
+    from matplotlib import pyplot
+
+    loop = chosen(model, inputs, outputs)
+    if len(loop.inputs) != 1 or len(loop.outputs) != 1:
+        raise BadInputError(
+            f"{len(loop.inputs)} inputs and {len(loop.outputs)} outputs are no single loop; name "
+            "one of each, nyquist(inputs=..., outputs=...)"
+        )
+    axes = pyplot.figure(layout="constrained").subplots()
+    control.nyquist_plot(loop.to_control(), ax=axes)
+    axes.set_title(
+        f"{loop.outputs[0]} / {loop.inputs[0]}, ({loop.output_units[0]})/({loop.input_units[0]})"
+    )
+    return axes

@@ -1,0 +1,47 @@
+"""A trim as a picture: every variable between its limits."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from hfa_support.errors import BadInputError
+from trim.point.margins import Margin, all_margins
+from trim.point.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def draw_point(point: OperatingPoint) -> Axes:
+    """Draw each state and input with two limits as its share of them, 0 % at the lowest, in a
+    figure of pyplot; returns its Axes.
+
+    BadInputError of a point that no search found, or of a model that declares no limits."""
+    from matplotlib import pyplot
+
+    if point.problem is None:
+        raise BadInputError("no search found this point, so it has no limits; trim the model")
+    limited = []
+    for margin in all_margins(point.problem.asked, point).values():
+        if math.isfinite(margin.highest - margin.lowest) and margin.highest > margin.lowest:
+            limited.append(margin)
+    if not limited:
+        raise BadInputError("no variable has two limits; declare min and max of its Signal")
+    limited.reverse()  # the first at the top
+    figure = pyplot.figure(figsize=(7.0, 1.2 + 0.3 * len(limited)), layout="constrained")
+    axes = figure.subplots()
+    shares = [100 * (each.value - each.lowest) / (each.highest - each.lowest) for each in limited]
+    rows = range(len(limited))
+    axes.hlines(rows, 0.0, 100.0, color="0.85", linewidth=5, zorder=1)
+    axes.scatter(shares, rows, color=["C3" if each.at_limit else "C0" for each in limited])
+    axes.set_yticks(rows, [_label(each) for each in limited])
+    axes.set_xlabel("share of the range between the limits, %; at a limit red")
+    axes.set_title(point.title, fontsize=10)
+    return axes
+
+
+def _label(margin: Margin) -> str:
+    """Return alpha 2.80000 deg."""
+    name, value, unit, *_ = margin.row()
+    return f"{name} {value} {unit}"

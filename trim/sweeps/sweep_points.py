@@ -1,0 +1,48 @@
+"""A point of a sweep as a linear model, and all points as a table of pandas."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hfa_aircraft.signals import record
+from hfa_support.errors import NoSolutionError
+from trim.linear.linear_model import LinearModel, linearize
+from trim.point.operating_point import OperatingPoint, Status
+from trim.point.problem import TrimProblem
+from trim.sweeps.points import condition_at, model_at
+
+if TYPE_CHECKING:
+    from trim.sweeps.sweep import Sweep
+
+
+def linear_model_at(swept: Sweep, index: int) -> LinearModel:
+    """Return the linear model of a point, its operating point in it.
+
+    index: of the point; from the end where negative.
+
+    IndexError beyond the points; NoSolutionError where the point has no trim, with its reason."""
+    count = len(swept.reasons)
+    if not -count <= index < count:
+        raise IndexError(f"point {index} does not exist; the sweep has {count} points")
+    index %= count
+    if swept.reasons[index]:
+        raise NoSolutionError(
+            f"point {index} has no trim: {swept.reasons[index]}; `trimmed` marks those that have"
+        )
+    values = swept.values[index]
+    model = model_at(swept.model, swept.variables, values)
+    condition = condition_at(swept.plan.condition, swept.variables, values)
+    states = record(tuple(model.states))(*swept.states[index].tolist())
+    inputs = record(tuple(model.inputs))(*swept.inputs[index].tolist())
+    found = OperatingPoint(states, inputs, {}, Status.TRIMMED, model)
+    problem = TrimProblem.of(condition, found)
+    point = problem.point(problem.unknowns(found.values), Status.TRIMMED)
+    return linearize(model, point)
+
+
+def frame(swept: Sweep) -> Any:
+    """Return the records of the sweep as a `pandas.DataFrame`, a row a point. Needs pandas."""
+    import pandas
+
+    header, rows = swept.records()
+    return pandas.DataFrame(list(rows), columns=list(header))
