@@ -1,6 +1,6 @@
 """Trims, exact linear models and games of aircraft, and critics checked against the exact solution.
 
-The names that a user's script needs stand in the stub beside this file."""
+The stub of this module lists the public names."""
 
 import warnings
 from typing import Any

@@ -19,7 +19,7 @@ class CommandEntry(NamedTuple):
     """A command as `hfa --help` lists it; its module is imported when it is called.
 
     group: under which it is listed, one of those of the core or a new one.
-    about: what it does, in one line.
+    about: summary of the command in one line.
     command: where its `Command` is, "package.module:name".
     example: a line that ends its help, after those of the commands listed before it.
     install: what pip installs where a package of its own is missing, ".[proof]".
@@ -134,7 +134,7 @@ def command_named(name: str) -> CommandEntry:
 
 
 def words_after(name: str) -> Mapping[str, str]:
-    """The words that may follow the name of a command -> what the command of both does."""
+    """Return second words of a command -> summary of the command of both words."""
     if name in CORE:
         return {}
     begin = f"{name} "

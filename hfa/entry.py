@@ -39,7 +39,7 @@ def main() -> int:
 
 
 def _end(number: int, _: object) -> None:
-    """Remove temporary files, say it and end at once; workers end with this process.
+    """Remove temporary files, print one line and end at once; workers end with this process.
 
     No exception is raised: libraries drop one, or make another of it, where they call Python.
     """

@@ -34,7 +34,7 @@ RESULTS = (
 
 @dataclass(frozen=True)
 class Stamp(Result):
-    """What the command adds to every result.
+    """Fields that the command adds to every result.
 
     units: of every number here, english (ft, slug, lbf) or si (m, kg, N).
     provenance: version, command, date, equations, parameters with a hash, condition."""
@@ -44,7 +44,7 @@ class Stamp(Result):
 
 
 def written() -> tuple[str, ...]:
-    """The results that commands write, as in `RESULTS`: of the core and of what is installed."""
+    """The results that commands write, as in `RESULTS`, of the core and of installed packages."""
     import_module("verification.critic.error_table")  # verdicts name it for type checkers alone
     of_commands = [text for entry in commands().values() for text in entry.results]
     of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("results.")]

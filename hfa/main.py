@@ -1,4 +1,4 @@
-"""Entry point of `hfa`: finds the command, imports only what it needs, turns failures into one
+"""Entry point of `hfa`: find the command, import only its modules, report failures in one
 line."""
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run_alone(command: Command, program: str, argv: Sequence[str] | None = None) -> int:
-    """Run a command that is a program of its own; returns the same as `main`."""
+    """Run a command as a separate program; return its exit code, like `main`."""
     words = list(sys.argv[1:] if argv is None else argv)
     return _reported(words, lambda words: (command, program, words))
 
@@ -85,7 +85,7 @@ def _reported(words: list[str], find: Callable[[list[str]], tuple[Command, str, 
 
 
 def _failure(error: BaseException) -> tuple[str, int]:
-    """What one of `FAILURES`, or Ctrl-C, is to the user of the command, and its exit code."""
+    """Return the message and the exit code of one of `FAILURES`, or of Ctrl-C."""
     match error:
         case NoSolutionError():
             return str(error), FAILED
@@ -200,8 +200,9 @@ def _refuse_to_overwrite(request: Request) -> None:
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
-    """What was warned of, a note each, once there is a result: the message of a failure is
-    enough. What libraries tell programmers of their next versions is none of the user's."""
+    """Print each warning as a note once a result exists; a failure prints its own message alone.
+
+    Deprecation warnings of libraries are not printed."""
     from hfa.output import say_notes
 
     caught = [each for each in caught if not issubclass(each.category, _FOR_PROGRAMMERS)]

@@ -1,4 +1,4 @@
-"""What a command prints, writes, draws and says aside, each with where it comes from."""
+"""Output of a command: text, files, pictures and notes, each with its provenance."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def show(
     data; then the notes.
 
     figure: draws the picture; None where there is nothing to draw.
-    printed: what a terminal shows in place of the whole report.
+    printed: text for a terminal in place of the whole report.
     only_in_files: data that would drown the rest on a terminal.
     points: trims whose warnings are data and notes too."""
     from hfa_support.files import all_or_none
@@ -147,7 +147,7 @@ def failure_as_data(
 
 
 def say_notes(warnings: Iterable[str]) -> None:
-    """What a user should know before trusting a result, on standard error, a line each."""
+    """Print each warning about a result as one line on standard error."""
     for warning in warnings:
         say_aside(f"hfa: note: {on_one_line(warning)}")
 

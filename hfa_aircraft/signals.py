@@ -12,9 +12,9 @@ VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
 
 
 class Signal(NamedTuple):
-    """What is known of a state, input, parameter, disturbance or output beside its name.
+    """Unit, size and limits of a state, input, parameter, disturbance or output.
 
-    The words are those of FMI 3 and casadi.DaeBuilder.
+    The terms are those of FMI 3 and casadi.DaeBuilder.
 
     unit: as text, "1" for none.
     nominal: typical size, > 0; it weighs unknowns and residuals of different units.

@@ -26,12 +26,12 @@ class GameRequest(GameOptions, OutputOptions):
 
 @command(GameRequest)
 def solve(request: GameRequest) -> int:
-    """The exact solution of the zero-sum game, its certificate, the smallest delta, the cost of its
+    """Solve the zero-sum game exactly, with a certificate, the smallest delta, the cost of the
     policies and their margins.
 
     Exit code 1 without a certified solution. A --model with B1, B2, C1, D12 and optionally C2, D21,
-    D11, D22 is a generalized plant, as `hinfsyn` takes it: the controller with a gain below delta,
-    by default 1.01 delta_min."""
+    D11, D22 is a generalized plant, as for `hinfsyn`. Its controller has a gain below delta, by
+    default 1.01 delta_min."""
     from controller.riccati.solution_report import analyse_game, solution_report
 
     arrays = None
@@ -69,7 +69,7 @@ def learn(request: LearnRequest) -> int:
     """Learn the value and the gain of the game with a critic; the weights go to a file for `hfa
     verify`.
 
-    What was learned is compared with the exact solution. A plant in discrete time is learned by
+    The learned critic is compared with the exact solution. A plant in discrete time is learned by
     Q-learning from recorded steps. Exit code 1 when a check does not hold.
     """
     from controller.critic.critic import from_weights

@@ -63,7 +63,7 @@ class LinearizeRequest(OneTrimOptions, OutputOptions):
         "outputs of the model, in order; default: the states, C = I", "a,b,...", OfModel(_outputs)
     )
     residualize: tuple[str, ...] = option(
-        "states that follow the others at once; what is left out stays at its trim",
+        "states that follow the others at once; omitted states stay at the trim",
         "a,b,...",
         OfModel(_states),
         default=(),
@@ -74,8 +74,8 @@ class LinearizeRequest(OneTrimOptions, OutputOptions):
 
 @command(LinearizeRequest)
 def linearize(request: LinearizeRequest) -> int:
-    """Exact linear model at a trim: matrices, modes, handling qualities, transfer functions, error
-    bands, the print."""
+    """Linearize exactly at a trim: matrices, modes, handling qualities, transfer functions, error
+    bands, comparison with the printed matrices."""
     aircraft = request.flown_aircraft()
     condition = request.trim_condition()
     with failure_as_data(request, condition, aircraft):

@@ -74,13 +74,13 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         return self.output is not None and self.output.suffix.lower() == STORE
 
     def common_condition(self) -> TrimCondition:
-        """What all points have in common; of a list of points all but its columns."""
+        """Return the condition shared by all points; for a list, without the list's columns."""
         if isinstance(self.condition, Path):
             return replace(self, condition=None).common_condition()
         return super().common_condition()
 
     def plan(self) -> SweepPlan:
-        """What is swept; what stays fixed comes first, because it is not drawn."""
+        """Return the plan of the sweep; fixed variables come first, because they are not drawn."""
         listing = self.condition if isinstance(self.condition, Path) else None
         condition = self.common_condition()
         by = self.model.schedule
@@ -128,16 +128,16 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 
 @command(SweepRequest)
 def sweep(request: SweepRequest) -> int:
-    """Trims and linear models over a grid of conditions; modes tracked, failures kept as rows.
+    """Trim and linearize over a grid of conditions, track the modes, and keep failures as rows.
 
-    Whatever a trim can hold can be swept, --hold speed=60:70:2, and any parameter of the aircraft,
-    --hold panel_mass=9:11:1. What else a trim imposes, frees and limits is typed as in `hfa trim`.
+    Every variable of a trim can be swept, --hold speed=60:70:2, and any parameter of the aircraft,
+    --hold panel_mass=9:11:1. The other options of a trim are those of `hfa trim`.
     Exit code 1 when no point has a trim.
 
     -o FILE.fmu writes the models between the points of a grid as an FMU; its inputs are those of
-    the aircraft and the swept variables. A sweep that outgrows memory goes to a Zarr store (-o
-    FILE.zarr): any number of points, several processes or machines (--workers), and it can be
-    continued after an interruption (--resume)."""
+    the aircraft and the swept variables. A sweep larger than memory is written to a Zarr
+    store (-o FILE.zarr), by several processes or machines (--workers). --resume continues it after
+    an interruption."""
     if not request.stored:
         request.refuse(OF_A_STORE, f"needs a store; add -o FILE{STORE}")
         return _in_memory(request)

@@ -25,8 +25,8 @@ class TrimRequest(OneTrimOptions, OutputOptions):
 
 @command(TrimRequest)
 def trim(request: TrimRequest) -> int:
-    """Trim the aircraft and report variables, limits, what binds, each equation's verdict, loads
-    and performance."""
+    """Trim the aircraft and report variables, limits, active limits, residuals, loads and
+    performance."""
     if not hfa_model.is_hfa(request.model):
         request.refuse(("picture",), "draws the HFA from the front; leave it out with --aircraft")
     aircraft = request.flown_aircraft()

@@ -90,7 +90,7 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         _SETTINGS,
     )
     discount: float | None = option(
-        "of the discounted problem in discrete time: factor of a step; with --dt",
+        "factor per step of the discounted problem in discrete time; with --dt",
         "NUMBER",
         positive,
     )
@@ -102,10 +102,12 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         "exit 0 when the critic costs at most this much more than the optimum", "PERCENT", positive
     )
     region: float | None = option(
-        "add from where the saturated nonlinear loop returns, searched for so long", "S", positive
+        "add the region of attraction of the saturated loop, searched for this long", "S", positive
     )
     flights: int | None = option(
-        "add so many flights of the nonlinear aircraft, beside the best found", "N", whole(1)
+        "add N flights of the nonlinear aircraft, compared with the best found",
+        "N",
+        whole(1),
     )
     picture: Path | None = picture_option(
         "P learned, exact, difference, and errors over time; of several critics their errors"
@@ -114,11 +116,10 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
 
 @command(VerifyRequest)
 def verify(request: VerifyRequest) -> int:
-    """Compare a critic with the exact game solution: our own laws, or weights, P, K or networks
-    from elsewhere.
+    """Compare a critic with the exact game solution: a law of hfa, or your own weights, P, K or
+    network.
 
-    Exit code 0 only when every check passes, or with --limit-cost when the critic costs no more
-    than that."""
+    Exit code 0 only when every check passes, or when the cost lost is within --limit-cost."""
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
     named = request.game(may_be_discrete=bool(paths))
@@ -159,7 +160,7 @@ def verify(request: VerifyRequest) -> int:
 
 
 def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
-    """One critic beside the exact solution, or the errors of several."""
+    """Draw one critic with the exact solution, or the errors of several critics."""
     from verification.critic.figures import verdict_figure, verdicts_figure
 
     if len(verdicts) > 1:
@@ -177,7 +178,7 @@ def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[
 
 
 def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
-    """What critics of this game are judged on beside it: the box of states, and other games."""
+    """Return the scope of the checks: the box of states, and other games."""
     names = named.game.names
     box = ordinary_box(names.states, names.inputs, names.state_units)
     if box is None and named.linear is not None and names.states == named.linear.states:

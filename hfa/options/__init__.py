@@ -1,1 +1,1 @@
-"""Options of the commands and the objects that they make; a command adds what it needs."""
+"""Options of the commands and the objects that they make; each command adds its own."""

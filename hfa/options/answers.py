@@ -1,10 +1,10 @@
-"""The whole command that answers what an error asks for."""
+"""Complete commands suggested by error messages."""
 
 from __future__ import annotations
 
 
 def with_options(program: str, words: list[str], options: tuple[str, ...]) -> list[str]:
-    """The words of a command with one more option, in place of what it said of the same."""
+    """Return the words of a command with one option added or replaced."""
     kept = list(words)
     name = options[0]
     if name in kept and name != "--set":

@@ -35,8 +35,8 @@ positive = partial(number, declared=POSITIVE)
 
 
 def quantity(model: Model, name: str, text: str) -> float:
-    """What was typed for a name of the model, in the shown unit of the one that it declares:
-    degrees of rad; a plain number where there is none."""
+    """Return the value typed for a name of the model, converted from the shown unit to the declared
+    one (degrees to rad); a number without unit where none is declared."""
     signals = {**model.rates, **model.signals}
     unit = signals[name].unit if name in signals else "1"
     return math.radians(number(text)) if unit.startswith("rad") else number(text)

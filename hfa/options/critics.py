@@ -1,4 +1,4 @@
-"""Options that say how the file of a critic is to be read."""
+"""Options on reading the file of a critic."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def critic_path(text: str) -> Path:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReadingOptions(Request):
-    """How the file of --weights is to be read, where it does not say so itself."""
+    """Options on reading the file of --weights, where the file leaves them open."""
 
     basis: str | None = option(
         "of --weights: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",

@@ -118,13 +118,13 @@ def setting_option(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LearningOptions(SeedOption):
-    """By what a critic is learned."""
+    """Options of the law that learns a critic."""
 
     law: str = law_option()
     set: Mapping[str, Any] = setting_option()
 
     def learned(self, game: Game) -> TrainingRun:
-        """What the law that the options name learns on a game."""
+        """Return the training run of the selected law on a game."""
         from controller.learning.certified import learn
 
         return learn(game, self.law, self.seed, progress=ProgressLine("learn"), **self.set)
@@ -260,7 +260,7 @@ class Weights(Result):
 
 @dataclass(frozen=True, eq=False)
 class NamedGame(Result):
-    """A game, and where it comes from: what the numbers of a result are about.
+    """A game and its origin, the subject of a result.
 
     game: which.
     warnings: what to know before trusting the result.
@@ -287,7 +287,7 @@ class NamedGame(Result):
 
     @property
     def origins(self) -> dict[str, str] | None:
-        """Of a plant from a file that says where it comes from."""
+        """Return the provenance of a plant that was read from a file; None without one."""
         return dict(self.plant_provenance) or None
 
     @property

@@ -1,4 +1,4 @@
-"""What `--help` and `--help more` say of a command."""
+"""Texts of `--help` and `--help more`."""
 
 from __future__ import annotations
 

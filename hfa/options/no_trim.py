@@ -1,4 +1,4 @@
-"""What to type where the options name no trim."""
+"""Suggestions for options that name no trim."""
 
 from __future__ import annotations
 

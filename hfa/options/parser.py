@@ -94,7 +94,7 @@ class Parser(argparse.ArgumentParser):
         return typed
 
     def parse_some(self, words: list[str]) -> dict[str, Any]:
-        """The same of a parser that knows only some of the options; the other words are ignored."""
+        """Parse the words of a parser with only some of the options; ignore other words."""
         return self._typed(self.parse_known_args(words)[0])
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""Requests: what a run was asked for, each field declared with the option that types it.
+"""Requests: the input of a run, each field declared with its option.
 
 A command has one class of requests. The parser makes one from the command line, and nothing else of
 the command line is seen by the rest of the program."""
@@ -76,7 +76,7 @@ class Option:
 
     @property
     def flags(self) -> list[str]:
-        """Its names, one an entry; the last is the one to call it by."""
+        """Return the names of the option; the last is the one used in messages."""
         return str(self.names).split()
 
 
@@ -105,11 +105,11 @@ def option(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Request:
-    """What one run was asked for.
+    """Input of one run.
 
     model: the aircraft, in whose names and units the other fields are.
     line: the command line, as typed.
-    date: when the run began, UTC, as outputs say it.
+    date: beginning of the run, UTC, as printed in outputs.
     typed: the names of the fields that were typed; the others have their default values.
     quiet: no notes and no progress."""
 
@@ -142,7 +142,7 @@ class Request:
         return Provenance(self.line, date=self.date, **self.origin())
 
     def origin(self) -> Mapping[str, Any]:
-        """What the provenance says besides the command line."""
+        """Return the entries of the provenance besides the command line."""
         return {}
 
     def refuse(self, names: Iterable[str], reason: str) -> None:

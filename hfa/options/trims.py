@@ -105,7 +105,7 @@ class HfaOptions(Request):
         return self._origin(self.model, condition={})
 
     def _origin(self, model: Model, **of_the_trim: Any) -> Mapping[str, Any]:
-        """What provenance says about a model and what else is named."""
+        """Return the provenance of a model and of the other options."""
         from hfa_model.parameters import changed_parameters
         from hfa_support.provenance import Change, parameter_hash
 
@@ -159,7 +159,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
 
 
 def called_at(model: Model) -> str:
-    """What people call --at."""
+    """Return the name of --at for this model."""
     return model.schedule if model.names_schedule else "at"
 
 
@@ -202,7 +202,7 @@ def scheduled(
 
 
 def _usual(model: Model) -> str:
-    """Help of --hold: what the model holds by itself."""
+    """Return the help of --hold, with the values held by default."""
     held = [
         f"{name} {model.describe(name, value)}"
         for name, value in model.trim.items()
@@ -409,8 +409,8 @@ class JsonOption(Request):
 def output_option(*more: str, purpose: str = "") -> Any:
     """The field `output` of a request: the file that a command also writes.
 
-    more: suffixes that the command takes beside those of a report
-    purpose: what these are for, as help says it after them
+    more: suffixes that the command accepts besides those of a report
+    purpose: use of these suffixes, for the help
     """
     suffixes = (*SUFFIXES, *REPORTS)
     about = f"also write {', '.join(suffixes)}"
@@ -428,5 +428,5 @@ class OutputOptions(JsonOption):
 
 
 def picture_option(shows: str) -> Any:
-    """The field `picture`. shows: what is drawn."""
+    """The field `picture`. shows: content of the picture, for the help."""
     return option(f"draw {shows} ({', '.join(PICTURES)})", "FILE", output_file(*PICTURES))

@@ -1,6 +1,6 @@
-"""What is the paper's alone: its level flight, its game, its identified parameters.
+"""Level flight, game and identified parameters of the paper.
 
-The names stand in the stub beside this file."""
+The stub of this module lists the public names."""
 
 from hfa_support.public_names import public_names
 

@@ -4,7 +4,7 @@ from hfa.doors import CommandEntry
 
 FLY = CommandEntry(
     "flight",
-    "simulate a policy on the nonlinear aircraft, beside the linear prediction",
+    "simulate a policy on the nonlinear aircraft and compare with the linear model",
     "hfa_flight.commands.fly:fly",
     example="hfa fly --dihedral 15 --gust 400:5",
     results=(

@@ -186,7 +186,7 @@ def numbers(
 
 def card_option() -> Any:
     """The field `policy`."""
-    about = "the card of a policy, sampled and held as it is deployed"
+    about = "the deployment file of a policy, sampled and held as it is deployed"
     return option(about, "CARD.toml", input_file(".toml"))
 
 

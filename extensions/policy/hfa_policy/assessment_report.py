@@ -51,10 +51,10 @@ class Assessment(Result, Reported):
     """A policy assessed as it is deployed, at one or more trims.
 
     deployed: the policy on its aircraft.
-    points: what it does at each trim, by the value of the scheduling variable.
+    points: results at each trim, by the value of the scheduling variable.
     mistakes: of its deployment, proved or likely.
-    needs: delay, s, margin or cost, percent -> what is asked for.
-    variations: what it does on changed aircraft.
+    needs: delay, s, margin or cost, percent -> required value.
+    variations: results on changed aircraft.
 
     >>> import hfa
     >>> assessment = hfa.assess(deployment, points)  # doctest: +SKIP

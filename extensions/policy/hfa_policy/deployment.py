@@ -56,7 +56,7 @@ _NORMALIZER: dict[Any, Any] = {
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Deployment(Shown):
-    """What a policy observes, what its actions move, and when.
+    """Observations, actions and timing of a policy.
 
     policy: file, normalizer, and what the file does not say: activation, layout, squash, network.
         Without a file it describes an environment in which a policy is still to be trained.

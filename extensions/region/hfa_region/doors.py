@@ -4,7 +4,7 @@ from hfa.doors import CommandEntry
 
 REGION = CommandEntry(
     "proof",
-    "from which states a nonlinear loop with saturated inputs returns to its trim",
+    "the region of attraction of a nonlinear loop with saturated inputs",
     "hfa_region.commands.region:region",
     example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
     install=".[proof]",

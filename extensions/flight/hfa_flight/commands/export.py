@@ -66,14 +66,14 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
 
 @command(ExportRequest)
 def export(request: ExportRequest) -> int:
-    """Write the aircraft for other tools; -o says which.
+    """Write the aircraft for other tools; -o selects the format.
 
-    A folder gets C source that needs no library: the equations, the trim at --dihedral, A, B, a
-    gain, and a loop of 100 Hz. FILE.fmu is the nonlinear aircraft as an FMU 2.0, with --law under
-    its policy, and needs a C compiler. --controller FILE takes the place of the policy. --policy
-    CARD.toml gives the command of a deployed policy at a sample alone, normalizer, clip and map
-    inside. FILE.m is a function of MATLAB and Octave that makes state-space systems of what `hfa
-    sweep` and `hfa linearize` write as .mat."""
+    A folder contains C source without dependencies: the equations, the trim at --dihedral, A, B, a
+    gain, and a loop of 100 Hz. FILE.fmu is the nonlinear aircraft as an FMU 2.0, with --law in
+    closed loop; it needs a C compiler. --controller FILE replaces the policy. --policy CARD.toml
+    writes only the command of a deployed policy at a sample, including normalizer, clip and map.
+    FILE.m is a function of MATLAB and Octave that makes state-space systems of the .mat files of
+    `hfa sweep` and `hfa linearize`."""
     names_no_policy = (
         not request.law
         and request.weights is None

@@ -63,11 +63,11 @@ def fly(request: FlyRequest) -> int:
     """Simulate a policy on all states of the nonlinear aircraft and compare with the prediction of
     its linear model.
 
-    `--law none --command elevator=1:2,2:-2,3:0` flies a doublet without a law. With gains over the
-    scheduling variable a --command of it is followed along its trims. --samples N flies N members:
-    --error and --noise are standard deviations, --turbulence is drawn anew; member k is
-    decided by --seed and k alone. Exit code 1 when a state leaves its envelope, an input its
-    control limits, or an oscillation does not decay.
+    `--law none --command elevator=1:2,2:-2,3:0` flies a doublet without control. With gains over
+    the scheduling variable, a --command of this variable is followed along its trims. --samples N
+    flies N members. For these --error and --noise are standard deviations, and --turbulence is
+    drawn anew. Member k depends on --seed and k alone. Exit code 1 when a state leaves its
+    envelope, an input its control limits, or an oscillation does not decay.
 
     --model FILE flies a plant in discrete time."""
     if request.steps is not None:

@@ -55,7 +55,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         named=True,
     )
     validate: Path | None = option(
-        "a record that is kept out, for Theil's coefficient",
+        "a record excluded from the fit, for Theil's coefficient",
         "RECORD.csv",
         input_file(".csv", ".npz", ".mat"),
     )
@@ -68,9 +68,9 @@ def identify(request: IdentifyRequest) -> int:
     """Identify parameters of an aircraft from flight records, by output error with maximum
     likelihood.
 
-    Estimates with 95 % bands that are corrected for coloured residuals, correlations, and how well
-    each measured quantity is explained. Exit 0: every parameter is determined; 1: the first line
-    says what is not."""
+    The report gives estimates with 95 % bands corrected for coloured residuals, correlations, and
+    the fit of each measured quantity. Exit 0: every parameter is determined; 1: the first line
+    names the others."""
     from hfa_identify.aircraft_file import aircraft_text
     from hfa_identify.identified import identify as identified_of
     from hfa_identify.records import read_record

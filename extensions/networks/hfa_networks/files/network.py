@@ -36,8 +36,8 @@ def from_network(
     scale: np.ndarray | None = None,
     features: Basis | ca.Function | None = None,
 ) -> Critic:
-    """The critic that a network is: of a file, as `network_in` reads it, or a CasADi Function of
-    the state.
+    """Return the critic of a network: a file read by `network_in`, or a CasADi Function of the
+    state.
 
     A network of the state and the input is a Q; its policy is judged, as `policy_of` finds it.
 

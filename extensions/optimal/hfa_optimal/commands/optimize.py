@@ -57,10 +57,10 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         "a table over so many starts, drawn in the usual box", "N", whole(1, _MOST_STARTS)
     )
     weights: Path | None = option(
-        "fly this gain K, critic W or P, or network beside it", "FILE", critic_path
+        "compare with this gain K, critic W or P, or network", "FILE", critic_path
     )
     policy: Path | None = option(
-        "fly the policy of this card beside it, as it is deployed", "CARD.toml", input_file(".toml")
+        "compare with the policy of this deployment file", "CARD.toml", input_file(".toml")
     )
     seconds: float | None = option(
         "horizon, s; default: as long as the flight costs anything", "S", positive, rare=True
@@ -107,14 +107,14 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
 
 @command(OptimizeRequest)
 def optimize(request: OptimizeRequest) -> int:
-    """The best flight found of the nonlinear aircraft to its trim, beside the flights of policies.
+    """Search for the best flight of the nonlinear aircraft to its trim, and compare policies.
 
-    It costs the least x'Qx + u'Ru over time, in deviations from the trim, of the flights within the
-    limits that were found: proposed by collocation, then flown by the simulator, whose cost is the
-    figure. That no flight costs less is not proved. Beside it, from the same start: the linear
-    optimum and the exact game policy, clipped at the limits of the inputs, and those of --weights
-    and --policy. With --starts N a table over many starts. Exit 1: no flight was found, or the
-    simulator refutes it."""
+    The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Collocation proposes
+    flights within the limits. The simulator flies them, and its cost is reported. That no flight
+    costs less is not proved. The comparison uses the same initial condition and contains the linear
+    optimum, the exact game policy, both saturated at the limits of the inputs, and the policies of
+    --weights and --policy. --starts N gives a table over many initial conditions. Exit 1: no flight
+    was found, or the simulator refutes it."""
     if (request.deviations is None) == (request.starts is None):
         raise BadInputError("name one: --start NAME=VALUE,... or --starts N")
     if request.starts is not None:

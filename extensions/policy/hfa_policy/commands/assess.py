@@ -59,7 +59,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     """A policy as it is deployed."""
 
     cards: tuple[Path, ...] = option(
-        "deployment files: what a policy observes, what its actions move, and when; of several one "
+        "deployment files: observations, actions and timing of a policy; several give one "
         "table, from the same initial conditions",
         "CARD.toml",
         input_file(".toml"),
@@ -104,7 +104,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         whole(0, _MOST_SAMPLES),
         default=0,
     )
-    picture: Path | None = picture_option("radius over delay, and what becomes of the flights")
+    picture: Path | None = picture_option("radius over delay, and the outcomes of the flights")
 
     def points(self) -> list[OperatingPoint]:
         """The trims to assess at."""

@@ -39,9 +39,9 @@ class PrintedRequest(OutputOptions):
 
 @command(PrintedRequest)
 def printed(request: PrintedRequest) -> int:
-    """Say whether every digit of the printed answer of a paper is right, and of which entry else.
+    """Check every digit of the printed answer of a paper, and name the wrong entry.
 
-    Exit code 0 only when it is, or with --limit-cost when the answer costs no more than that."""
+    Exit code 0 only when every digit is right, or when the cost lost is within --limit-cost."""
     progress = ProgressLine("compare")
     progress(0, 1)
     verdict = replace(check_printed(request.file, progress), limit_cost=request.limit_cost)

@@ -27,7 +27,9 @@ class CheckRequest(PlantOptions, OutputOptions):
     check: Path | None = option("the certificate", "FILE", input_file(".json"))
     at: Any = scheduled(interval_of, "DEG|LOW:HIGH", "refused where the certificate has another")
     weights: Path | None = option(
-        "gains or critic that it must be about", "FILE", input_file(*MATRIX_FILES)
+        "gains or critic, compared with the certificate",
+        "FILE",
+        input_file(*MATRIX_FILES),
     )
     basis: str | None = option("of W in --weights; default quadratic", "BASIS", rare=True)
     design: Any = design_option("of a controller in --weights: its actuators")
@@ -39,13 +41,13 @@ class CheckRequest(PlantOptions, OutputOptions):
 
 @command(CheckRequest)
 def prove(request: CheckRequest) -> int:
-    """Verify a certificate: each statement is proved anew in ball arithmetic from the certificate
-    alone, and of your own aircraft also from its file.
+    """Verify a certificate: prove each statement again in ball arithmetic, from the certificate
+    and, for your own aircraft, from its file.
 
-    Every field of the statement is compared with what other options give: the aircraft with its
+    Every field of the statement is compared with the other options: the aircraft with its
     parameters, trim and limits, or the plant of --model; weights; gains or critic. The first line
-    names what was not given. The exit code is 0 when it is proved, 1 when it is not, or is about
-    something else. It needs `pip install .[proof]`."""
+    names the fields that were not given. Exit code 0: the statement is proved. Exit code 1: it is
+    not proved, or is about another subject. The command needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.checker.checker import check_certificate, kind_of
     from hfa_proof.checker.statement import content_of, kind_of_statement
