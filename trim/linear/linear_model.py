@@ -170,13 +170,9 @@ class LinearModel(ByValue, Result, Reported):
 
         BadInputError where no input reaches an output.
         """
-        from matplotlib import pyplot
+        from trim.linear.responses import bode
 
-        from trim.linear.frequency import draw_bode
-        from trim.linear.responses import chosen
-
-        figure = pyplot.figure(layout="constrained")
-        return np.array(draw_bode(chosen(self, inputs, outputs), figure).axes)
+        return bode(self, inputs, outputs)
 
     def nyquist(self, inputs: Any = None, outputs: Any = None) -> Any:
         """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its

@@ -77,6 +77,17 @@ def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData
     return control.forced_response(model.to_control(), time, values, squeeze=False)
 
 
+def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
+    """Draw the Bode plots from the named inputs to the named outputs in a figure of pyplot; returns
+    its Axes."""
+    from matplotlib import pyplot
+
+    from trim.linear.frequency import draw_bode
+
+    figure = pyplot.figure(layout="constrained")
+    return np.array(draw_bode(chosen(model, inputs, outputs), figure).axes)
+
+
 def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Any:
     """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its Axes.
 

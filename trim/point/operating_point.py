@@ -15,7 +15,7 @@ from hfa_support.files import write_text
 from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result
-from hfa_support.reporting.text import Table, degrees, in_degrees
+from hfa_support.reporting.text import Table, in_degrees
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -205,15 +205,9 @@ class OperatingPoint(Result, Reported):
             from trim.point.trim_report import trim_report
 
             return trim_report(self.model, self.problem.asked, self)
-        records = self.records()
-        rows = [
-            (kind, name, *degrees(value, unit))
-            for kind, name, value, unit in records.rows
-            if kind != "residual"
-        ]
-        return Report(
-            self.title, [Table(records.header, rows)], self.warnings, self.as_data(), records
-        )
+        from trim.point.saved_point import saved_report
+
+        return saved_report(self)
 
     def plot(self) -> Axes:
         """Draw every variable between its limits in a figure of pyplot; returns its Axes."""

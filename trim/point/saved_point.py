@@ -9,6 +9,8 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import read_json
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
 from trim.point.operating_point import SCHEMA, OperatingPoint, Status
@@ -60,3 +62,15 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
         record(tuple(getattr(model, kind)))(**found[kind]) for kind in ("states", "inputs")
     )
     return OperatingPoint(states, inputs, found["residuals"], Status(found["status"]), model)
+
+
+def saved_report(point: OperatingPoint) -> Report:
+    """Return the states and inputs of a point that no search found, as people read them."""
+    records = point.records()
+    rows = [
+        (kind, name, *degrees(value, unit))
+        for kind, name, value, unit in records.rows
+        if kind != "residual"
+    ]
+    table = Table(records.header, rows)
+    return Report(point.title, [table], point.warnings, point.as_data(), records)
