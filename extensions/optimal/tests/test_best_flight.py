@@ -109,6 +109,15 @@ def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
     assert refutation(flights.follow(wrong, 1.25 * gtm.seconds), wrong)
 
 
+def test_a_cart_too_fast_to_stop() -> None:
+    """6 m/s at 5 m from the limit needs 18 m with the largest force."""
+    with pytest.raises(
+        hfa.NoSolutionError, match="none that satisfies the equations within the limits"
+    ):
+        best_of_cart({"position": 15.0, "velocity": 6.0})
+
+
+@pytest.mark.slow
 def test_no_flight_at_the_lowest_speed_falling() -> None:
     model = hfa.load_model(GTM)
     point = hfa.find_operating_point(model)

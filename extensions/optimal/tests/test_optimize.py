@@ -49,7 +49,9 @@ def test_a_card_and_a_critic_beside_it(tmp_path: Path, capsys: pytest.CaptureFix
     assert "<img" in page.read_text()
 
 
+@pytest.mark.slow
 def test_a_table_over_starts(capsys: pytest.CaptureFixture[str]) -> None:
+    """The quicker test of `hfa verify --flights` makes such a table."""
     assert main(["optimize", "--aircraft", GTM, "--starts", "2", "--seed", "1", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["starts"] == data["found"] + data["refused"] == 2
