@@ -27,7 +27,7 @@ def test_stored_linear_models_are_todays() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("index", [2, 3])
+@pytest.mark.parametrize("index", [2, 5])
 def test_a_flight_is_found_again(index: int) -> None:
     data = json.loads(STORED.read_text(encoding="utf-8"))
     stored = data["flights"][index]
