@@ -102,7 +102,14 @@ class HfaOptions(Request):
 
     def origin(self) -> Mapping[str, Any]:
         """The aircraft."""
+        if self.own:
+            return self._origin_of_file({})
         return self._origin(self.model, condition={})
+
+    def _origin_of_file(self, condition: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the provenance of the user's own aircraft, with the condition of its trims."""
+        file, digest = self.model.source
+        return {"model": f"{file} (SHA-256 {digest[:12]})", "condition": condition}
 
     def _origin(self, model: Model, **of_the_trim: Any) -> Mapping[str, Any]:
         """Return the provenance of a model and of the other options."""
@@ -375,8 +382,7 @@ class TrimOptions(HfaOptions):
         condition: dict[str, Any] = common.changes
         if self.own:
             condition["parameters"] = self.held_parameters()
-            file, digest = self.model.source
-            return {"model": f"{file} (SHA-256 {digest[:12]})", "condition": condition}
+            return self._origin_of_file(condition)
         if isinstance(self.at, float):
             single = common.at(self.at)
             limits = {name: list(single.limits_of(name)) for name in single.free}

@@ -6,6 +6,6 @@ IDENTIFY = CommandEntry(
     "model",
     "parameters of an aircraft from flight records, with 95 % bands",
     "hfa_identify.commands.identify:identify",
-    example="hfa identify --aircraft examples/uav.toml flight.csv --free Cm_alpha,Cm_q",
+    example="hfa identify examples/uav_record.csv --aircraft examples/uav.toml --free Cm_q",
     results=("hfa_identify.identified:Identified",),
 )

@@ -224,7 +224,9 @@ def test_the_command_writes_an_aircraft(folder, capsys):
     written("flight.csv", record(), {"alpha": "deg", "elevator": "deg", "pitch_rate": "deg/s"})
     words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_alpha,Cm_q"]
     assert main([*words, "-o", "found.toml", "--picture", "fit.png"]) == 0
-    assert "PASS: 2 parameters of 1 record" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "PASS: 2 parameters of 1 record" in printed
+    assert "uav.toml (SHA-256" in printed.splitlines()[-1]
     ours = identify(begun(1.0), record(), ["Cm_alpha", "Cm_q"]).parameters["Cm_q"].value
     model = hfa.load_model("found.toml")
     assert model.parameters["Cm_q"].start == pytest.approx(ours, rel=1e-4)
