@@ -60,9 +60,31 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     candidates = np.concatenate([_crossings(only, sign) for sign in (-1.0, 1.0)])
     grid = np.union1d(candidates, frequency_grid(np.linalg.eigvals(loop.A)))
     grid = np.union1d(grid, (grid[1:] + grid[:-1]) / 2.0)
-    response = only.response()
+    response = response_of(only)
     margin = margin_of(lambda omega: response(omega)[:, 0], grid, only)
     return margin._replace(disk=disk_of(only).disk)
+
+
+def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
+    """The function ω, (N,) -> M(jω), (N, m, m), for many frequencies.
+
+    A is made triangular once, by its complex Schur form, so that each frequency takes n² operations
+    and not n³."""
+    from scipy.linalg import schur
+
+    T, U = schur(loop.A, output="complex")
+    enters = U.conj().T @ loop.B
+    leaves = loop.C @ U
+
+    def at(frequencies: np.ndarray) -> np.ndarray:
+        states = np.empty((len(frequencies), *enters.shape), dtype=complex)
+        for row in reversed(range(len(T))):
+            known = np.tensordot(states[:, row + 1 :], T[row, row + 1 :], axes=(1, 0))
+            pole = 1j * frequencies - T[row, row]
+            states[:, row] = (enters[row] + known) / pole[:, None]
+        return np.asarray(loop.D + leaves @ states)
+
+    return at
 
 
 def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:

@@ -7,7 +7,7 @@ frequencies rad/s."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -78,25 +78,6 @@ class ClosedLoop(NamedTuple):
     def at(self, frequencies: np.ndarray) -> np.ndarray:
         """M(jω), (N, m, m), of finite ω, (N,)."""
         return self.D + self.C @ responses(self.A, self.B, frequencies)
-
-    def response(self) -> Callable[[np.ndarray], np.ndarray]:
-        """The function ω -> M(jω), as `at`, for many frequencies: A is made triangular once, by its
-        complex Schur form, so that each of them takes n² operations and not n³."""
-        from scipy.linalg import schur
-
-        T, U = schur(self.A, output="complex")
-        enters = U.conj().T @ self.B
-        leaves = self.C @ U
-
-        def at(frequencies: np.ndarray) -> np.ndarray:
-            states = np.empty((len(frequencies), *enters.shape), dtype=complex)
-            for row in reversed(range(len(T))):
-                known = np.tensordot(states[:, row + 1 :], T[row, row + 1 :], axes=(1, 0))
-                pole = 1j * frequencies - T[row, row]
-                states[:, row] = (enters[row] + known) / pole[:, None]
-            return np.asarray(self.D + leaves @ states)
-
-        return at
 
     def rate(self, frequencies: np.ndarray) -> np.ndarray:
         """ω in rad/s of the loop's own time: in a sampled one z = exp(jω dt)."""

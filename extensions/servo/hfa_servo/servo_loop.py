@@ -12,7 +12,12 @@ import numpy as np
 
 from controller.riccati.balancing import spectrum
 from controller.riccati.frequency_response import frequency_grid
-from controller.riccati.loop_margins import LoopMargin, margin_of, single_margin
+from controller.riccati.loop_margins import (
+    LoopMargin,
+    margin_of,
+    response_of,
+    single_margin,
+)
 from controller.riccati.margins import closed_at
 from hfa_aircraft.model import Model
 from hfa_servo.design import Actuator, Design
@@ -121,7 +126,7 @@ def servo_margins(
         margins[name] = single_margin(at_inputs, index)
     for index, name in enumerate(sensors):
         margins[name] = single_margin(at_sensors, index)
-    response = at_inputs.response()
+    response = response_of(at_inputs)
     margins[TOGETHER] = margin_of(lambda omega: np.linalg.eigvals(response(omega)), grid)
     return margins
 
