@@ -31,7 +31,7 @@ HEADER = ("file", "verdict")
 NAMED = ("the answer belongs to another plant", "one entry of the answer")
 _HEAD = """# Printed answers of others
 
-Judge an answer that a paper, a manual or a repository prints beside its plant:
+Judge an answer that a paper, a manual or a repository prints together with its plant:
 
 ```console
 $ hfa printed studies/published/sources/radp_suspension.toml

@@ -8,5 +8,9 @@ REPORT = CommandEntry(
     "hfa_page.commands.report:report",
     example="hfa report --dihedral 15 -o report.html",
     install=".[page]",
-    results=("hfa_page.results:MainJobData", "hfa_page.results:ClaimsData"),
+    results=(
+        "hfa_page.results:MainJobData",
+        "hfa_page.results:ClaimsData",
+        "hfa_page.results:FlightsData",
+    ),
 )
