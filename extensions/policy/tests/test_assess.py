@@ -14,10 +14,12 @@ import hfa
 from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor, assess
+from hfa_policy.assessment_report import Assessment
 from hfa_policy.deployment import Deployment
 from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import ends_from_trim
+from hfa_policy.trims import trims_of
 
 KEYS = {
     *("speed", "holds", "spectral_radius", "delay_limit", "disk_margin", "rest", "K"),
@@ -201,7 +203,9 @@ def test_chatter_within_the_ball_is_named():
     raw = calm.function(o) + ca.vertcat(kink, 0.0)
     buzzing = Deployment.load(FOLDER / "ppo_gtm.toml")
     vars(buzzing)["actor"] = replace(calm, function=ca.Function("kink", [o], [raw]), rows=None)
-    result = assess(aircraft("ppo_gtm"), buzzing, [45.0], samples=4)
+    deployed = buzzing.on(aircraft("ppo_gtm"))
+    assessed = Assessor(deployed, trims_of(aircraft("ppo_gtm"), [45.0]), 4, 0).assessed()
+    result = Assessment(deployed, tuple(assessed), ())  # without the search for repairs
     (point,) = result.points
     assert point.radius > 1.0
     assert point.flights.returned == 4
