@@ -51,14 +51,19 @@ class Normal:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What the records say of the parameters.
+    """Parameters fitted to records, with the simulated records and the information.
 
-    theta: (p,). starts: (n,) of each record. noise: (k,) variances.
-    residuals: (N, k) of each record, 0 where a sample is missing. present: (N, k) flags.
+    theta: (p,) parameters.
+    starts: (n,) state at the first sample of each record.
+    noise: (k,) variances of the measured quantities.
+    residuals: (N, k) of each record, 0 where a sample is missing.
+    present: (N, k) flags of each record, False where a sample is missing.
     responses: the simulated records.
     information: (p, p) of the parameters, with unknown starts.
-    projected: (N, k, p) of each record: sensitivities without what another start makes up for.
-    likelihood: L. steps: taken. converged: whether the last step was small.
+    projected: (N, k, p) of each record, sensitivities without what another start makes up for.
+    likelihood: L.
+    steps: number of Gauss-Newton steps.
+    converged: whether the last step was small.
     """
 
     theta: np.ndarray
