@@ -15,7 +15,7 @@ from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import AIRCRAFT, loaded, offered
 from hfa_support.errors import BadInputError, shown
-from hfa_support.files import LARGEST_TEXT, regular_file
+from hfa_support.files import regular_file
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -100,13 +100,13 @@ def _digest(model: Model, text: str) -> str:
     if model.source[1]:
         return model.source[1]
     path = Path(text.partition("?")[0])
-    content = regular_file(str(path), LARGEST_TEXT).read_bytes() if path.exists() else text.encode()
+    content = regular_file(str(path)).read_bytes() if path.exists() else text.encode()
     return fingerprint(model, hashlib.sha256(content).hexdigest())
 
 
 def _executed(file: str) -> types.ModuleType:
     """The module of a file."""
-    content = regular_file(file, LARGEST_TEXT).read_bytes()
+    content = regular_file(file).read_bytes()
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
     module.__file__ = file  # with which it finds its tables
     sys.modules[module.__name__] = module  # where its dataclasses look for it

@@ -18,10 +18,9 @@ from typing import IO, Any
 
 from hfa_support.errors import BadInputError, shortened
 
-#: Bytes of a file, and of what it unpacks to.
-LARGEST = 2**30
-#: Bytes of a text file: parsed, it takes ten times the memory.
-LARGEST_TEXT = 2**28
+#: Bytes of a file of any format, and of what it unpacks to: parsed, it takes up to ten times the
+#: memory.
+LARGEST = 2**28
 #: Suffixes of the files that `controller/game/array_file.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
@@ -189,10 +188,10 @@ def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
     return [folder / name for name in texts]
 
 
-def regular_file(path: str | Path, largest: int = LARGEST) -> Path:
+def regular_file(path: str | Path) -> Path:
     """The path of a file that can be read to its end: a FIFO or a device would keep us waiting.
 
-    OSError as from opening it, also where it is no regular file or has more than `largest` bytes.
+    OSError as from opening it, also where it is no regular file or has more than `LARGEST` bytes.
     """
     try:
         status = os.stat(path)
@@ -202,8 +201,8 @@ def regular_file(path: str | Path, largest: int = LARGEST) -> Path:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(status.st_mode):
         raise OSError(errno.EINVAL, "not a regular file", str(path))
-    if status.st_size > largest:
-        raise OSError(errno.EFBIG, f"larger than {largest >> 20} MiB", str(path))
+    if status.st_size > LARGEST:
+        raise OSError(errno.EFBIG, f"larger than {LARGEST >> 20} MiB", str(path))
     note_read(path)
     return Path(path)
 
@@ -211,7 +210,7 @@ def regular_file(path: str | Path, largest: int = LARGEST) -> Path:
 def read_json(path: str | Path) -> Any:
     """What a JSON file holds. OSError where it cannot be read, BadInputError where it is no
     JSON."""
-    text = regular_file(path, LARGEST_TEXT).read_bytes()
+    text = regular_file(path).read_bytes()
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -221,7 +220,7 @@ def read_json(path: str | Path) -> Any:
 def read_toml(path: str | Path) -> dict[str, Any]:
     """What a TOML file holds. OSError where it cannot be read, BadInputError where it is no
     TOML."""
-    text = regular_file(path, LARGEST_TEXT).read_bytes()
+    text = regular_file(path).read_bytes()
     try:
         return tomllib.loads(text.decode("utf-8"))
     except (ValueError, RecursionError) as error:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_support.files import LARGEST_TEXT, regular_file
+from hfa_support.files import regular_file
 
 #: Which sides of a matrix, 0 its rows and 1 its columns, are the states.
 _STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,)}
@@ -36,7 +36,7 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
     A first row without a number names the columns; a first column without a number the rows.
     ValueError for rows of different lengths, for no rows, and for a cell that is no number.
     """
-    with regular_file(path, LARGEST_TEXT).open(encoding="utf-8-sig", newline="") as stream:
+    with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
         rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
     column_names: list[str] = []
     if rows and not any(map(_is_number, rows[0])):

@@ -14,7 +14,7 @@ import numpy as np
 
 from hfa_support.files import LARGEST, regular_file
 
-#: s; a .mat file of 1 GiB takes a few.
+#: s; the largest .mat file takes a few.
 _LONGEST = 60.0
 _CHILD = Path(__file__).with_name("_loadmat.py")
 

@@ -31,7 +31,7 @@ from hfa.options.workers import WorkersOptions
 from hfa.output import ProgressLine, print_report, show
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
-from hfa_support.files import LARGEST_TEXT, regular_file
+from hfa_support.files import regular_file
 from trim.point.condition import TrimCondition
 from trim.sweeps.sweep import MOST_POINTS, run_plan
 from trim.sweeps.sweep_plan import SweepPlan
@@ -184,7 +184,7 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     BadInputError names the row, the header being row 1, and the column.
     """
     try:
-        lines = regular_file(path, LARGEST_TEXT).read_text("utf-8-sig").splitlines()
+        lines = regular_file(path).read_text("utf-8-sig").splitlines()
         table_rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BadInputError(

@@ -24,7 +24,7 @@ from hfa_derivatives.names import (
     derivative_of,
 )
 from hfa_support.errors import BadInputError, shortened, shown
-from hfa_support.files import LARGEST_TEXT, read_toml, regular_file
+from hfa_support.files import read_toml, regular_file
 from hfa_support.units import SYSTEMS, conversion, si_unit
 
 #: Entries that are text: name -> its allowed values; None where any text may stand.
@@ -83,7 +83,7 @@ def read_table(path: str) -> Table:
     BadInputError names the entry and its row.
     """
     try:
-        content = regular_file(path, LARGEST_TEXT).read_bytes()
+        content = regular_file(path).read_bytes()
         entries = _rows(path, content) if path.endswith(".csv") else _of_toml(path)
     except OSError as error:
         raise BadInputError(f"{path} cannot be read ({error.strerror}); give a file") from error

@@ -16,7 +16,7 @@ import numpy as np
 from controller.game.array_file import read_arrays
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
-from hfa_support.files import LARGEST, regular_file
+from hfa_support.files import regular_file
 from hfa_support.units import conversion, si_unit
 
 #: A record with fewer samples identifies nothing.
@@ -101,7 +101,7 @@ def read_record(path: str | Path, model: Model, held: Mapping[str, float]) -> Re
     BadInputError names the file and its fault.
     """
     try:
-        file = regular_file(path, LARGEST)
+        file = regular_file(path)
         if file.suffix == ".csv":
             columns = _csv_columns(file, model)
         else:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hfa_support.errors import BadInputError, shortened
-from hfa_support.files import LARGEST_TEXT, regular_file
+from hfa_support.files import regular_file
 
 #: More nested elements than this are no aircraft.
 _DEEPEST = 100
@@ -274,7 +274,7 @@ class Folders:
         """The root element of a file; each file is read once."""
         if path not in self._files:
             try:
-                text = regular_file(path, LARGEST_TEXT).read_bytes()
+                text = regular_file(path).read_bytes()
             except OSError as error:
                 raise BadInputError(
                     f"{path}: the file cannot be read ({error.strerror})"

@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_networks.files.network_file import network_in
 from hfa_networks.files.row_network import RowNetwork
-from hfa_networks.files.tensors import LARGEST_FILE, tensors_in
+from hfa_networks.files.tensors import tensors_in
 from hfa_policy.stable_baselines import Zip, is_stable_baselines, read_zip
 from hfa_support.errors import BadInputError, numbers_in, said_of, shortened, shown
 from hfa_support.files import regular_file
@@ -151,7 +151,7 @@ def _gain(path: Path) -> np.ndarray | None:
         return None
     with said_of(path):
         try:
-            arrays = tensors_in(regular_file(path, LARGEST_FILE).read_bytes(), ".npz")
+            arrays = tensors_in(regular_file(path).read_bytes(), ".npz")
         except OSError as error:
             raise BadInputError(f"cannot be read ({error.strerror})") from error
         except ValueError as error:

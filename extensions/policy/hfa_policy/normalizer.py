@@ -10,7 +10,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_networks.files.tensors import LARGEST_FILE
 from hfa_policy.inert_pickle import Inert, inert
 from hfa_support.errors import BadInputError, is_finite, numbers_in, said_of, shown
 from hfa_support.files import regular_file
@@ -81,7 +80,7 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
     """
     with said_of(path):
         try:
-            content = regular_file(path, LARGEST_FILE).read_bytes()
+            content = regular_file(path).read_bytes()
         except OSError as error:
             raise BadInputError(f"cannot be read ({error.strerror})") from error
         stored = inert(content)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hfa_networks.files.tensors import LARGEST_FILE, checked_tensors, tensors_in, unpacked
+from hfa_networks.files.tensors import checked_tensors, tensors_in, unpacked
 from hfa_policy.inert_pickle import inert
 from hfa_support.errors import BadInputError, said_of, shortened, shown
 from hfa_support.files import regular_file
@@ -99,7 +99,7 @@ def read_zip(path: str | Path) -> Zip:
     """
     with said_of(path):
         try:
-            with zipfile.ZipFile(regular_file(path, LARGEST_FILE)) as archive:
+            with zipfile.ZipFile(regular_file(path)) as archive:
                 data = json.loads(_member(archive, "data"))
                 if not isinstance(data, dict):
                     raise BadInputError("its data are no dictionary")
@@ -268,7 +268,7 @@ def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
 def is_stable_baselines(path: Path) -> bool:
     """Whether the file is a zip that `model.save` of Stable-Baselines3 has written."""
     try:
-        with zipfile.ZipFile(regular_file(path, LARGEST_FILE)) as archive:
+        with zipfile.ZipFile(regular_file(path)) as archive:
             return {"data", "policy.pth"} <= set(archive.namelist())
     except (OSError, zipfile.BadZipFile):
         return False

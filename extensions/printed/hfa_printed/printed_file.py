@@ -31,6 +31,8 @@ _DECIMAL = re.compile(
 )
 #: The factor that MATLAB prints above a matrix, alone or as its first line.
 _FACTOR = re.compile(r"1\.0+[eE](?P<exponent>[+-]\d+)")
+#: Numbers of a "diag": a paper prints no larger matrix.
+_LONGEST_DIAGONAL = 400
 _FIRST_LINE = re.compile(rf"\s*({_FACTOR.pattern})\s*\*\s*\n")
 
 
@@ -122,6 +124,10 @@ def read_block(
         raise BadInputError(f"{name} is empty; paste its numbers")
     if rows[0][0] == "diag":
         diagonal = [number for row in rows for number in row][1:]
+        if len(diagonal) > _LONGEST_DIAGONAL:
+            raise BadInputError(
+                f"{name}: diag has {len(diagonal)} numbers; give at most {_LONGEST_DIAGONAL}"
+            )
         rows = [["0" for _ in diagonal] for _ in diagonal]
         for index, number in enumerate(diagonal):
             rows[index][index] = number

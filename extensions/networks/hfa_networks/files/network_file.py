@@ -30,7 +30,7 @@ from hfa_networks.files.state_dict import (
     roots,
     without_training,
 )
-from hfa_networks.files.tensors import LARGEST_FILE, checked_tensors, tensors_in
+from hfa_networks.files.tensors import checked_tensors, tensors_in
 from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from hfa_support.files import regular_file
 
@@ -122,7 +122,7 @@ def network_in(
                 return NetworkFile(
                     graph.functions, graph.operators, graph.precision, rows=graph.rows
                 )
-            content = regular_file(path, LARGEST_FILE).read_bytes()
+            content = regular_file(path).read_bytes()
             tensors, precision = checked_tensors(without_training(tensors_in(content, suffix)))
             found = {
                 name: parts_of(tensors, part, is_policy=name == "policy")

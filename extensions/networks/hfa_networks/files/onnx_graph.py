@@ -15,7 +15,7 @@ import numpy as np
 from hfa_networks.files.activations import ACTIVATIONS, on_entries
 from hfa_networks.files.products import Products
 from hfa_networks.files.row_network import RowNetwork
-from hfa_networks.files.tensors import LARGEST_FILE, LARGEST_NETWORK, checked_tensors
+from hfa_networks.files.tensors import LARGEST_NETWORK, checked_tensors
 from hfa_support.errors import BadInputError, said_of, shortened
 from hfa_support.files import regular_file
 
@@ -340,7 +340,7 @@ def graph_functions(
         raise BadInputError(
             "ONNX files need the package onnx; install hfa with the extra [networks]"
         ) from error
-    model = onnx.load_from_string(regular_file(path, LARGEST_FILE).read_bytes())
+    model = onnx.load_from_string(regular_file(path).read_bytes())
     versions = [item.version for item in model.opset_import if item.domain in ("", "ai.onnx")]
     opset = max(versions, default=0)
     if opset < OLDEST_OPSET:
@@ -488,7 +488,7 @@ def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
         raise BadInputError(
             "its data are in another folder; export the weights inside (torch: external_data=False)"
         )
-    path = regular_file(folder / location, LARGEST_FILE)
+    path = regular_file(folder / location)
     dtype = np.dtype(onnx.helper.tensor_dtype_to_np_dtype(tensor.data_type))
     count = math.prod(tensor.dims)
     values = np.fromfile(path, dtype, count, offset=int(entries.get("offset", 0)))

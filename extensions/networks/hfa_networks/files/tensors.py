@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from hfa_support.errors import BadInputError, numbers_in, shortened
+from hfa_support.files import LARGEST
 
-#: Bytes of a file, and numbers in it: three layers of 1024 x 1024.
-LARGEST_FILE = 2**26
+#: Numbers in a file: three layers of 1024 x 1024.
 LARGEST_NETWORK = 2**22
 #: Of a pickle; a tensor takes about fifty.
 _MOST_STEPS = 2**16
@@ -103,7 +103,7 @@ def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndar
     numbers = (offset, *size, *stride) if isinstance(size, tuple) else (None,)
     if not isinstance(stride, tuple) or any(type(number) is not int for number in numbers):
         raise BadInputError("it is damaged: the shape of a tensor is not of whole numbers")
-    if any(abs(number) > LARGEST_FILE for number in numbers):
+    if any(abs(number) > LARGEST for number in numbers):
         raise BadInputError("it is damaged: a tensor is larger than a file may be")
     steps = zip(size, stride, strict=True)
     last = offset + sum((count - 1) * step for count, step in steps)
@@ -189,8 +189,8 @@ class _Restricted(pickle.Unpickler):
 
 def _refuse_large(archive: zipfile.ZipFile) -> None:
     """BadInputError where the members are larger together than a file may be."""
-    if sum(member.file_size for member in archive.infolist()) > LARGEST_FILE:
-        raise BadInputError(f"it unpacks to more than {LARGEST_FILE} bytes")
+    if sum(member.file_size for member in archive.infolist()) > LARGEST:
+        raise BadInputError(f"it unpacks to more than {LARGEST >> 20} MiB")
 
 
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
@@ -202,8 +202,8 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
     is_encrypted = entry.flag_bits & 1
     if is_encrypted or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise BadInputError(f"its {shortened(name)} is packed in a way that is not read")
-    if entry.file_size > LARGEST_FILE:
-        raise BadInputError(f"its {shortened(name)} unpacks to more than {LARGEST_FILE} bytes")
+    if entry.file_size > LARGEST:
+        raise BadInputError(f"its {shortened(name)} unpacks to more than {LARGEST >> 20} MiB")
     with archive.open(entry) as stream:
         return stream.read(entry.file_size)
 
