@@ -460,6 +460,8 @@ def _check_signal(where: str, signal: Signal) -> None:
     """BadInputError for a signal whose numbers cannot be."""
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
+    if not isinstance(signal.unit, str):
+        raise BadInputError(f"{where}: the unit is {shown(signal.unit)}; give a text")
     rate = signal.nominal if signal.rate is None else signal.rate
     numbers = (signal.nominal, rate, signal.start)
     if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:

@@ -49,8 +49,8 @@ def with_means_at_kinks(
     z = np.concatenate([x[near], u[near]], axis=1)
     notes = {}
     around = slopes_around(model, z, p[near], columns)
-    for point, slopes in zip(near.tolist(), around, strict=True):
-        words = correct(model, slopes, jacobian[point], columns)
+    for place, (point, slopes) in enumerate(zip(near.tolist(), around, strict=True)):
+        words = correct(model, z[place], p[point], slopes, jacobian[point], columns)
         if words:
             notes[point] = words
     n = len(model.states)

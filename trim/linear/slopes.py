@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
+import casadi as ca
 import numpy as np
 
+from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
 from trim.linear.switches import STEP, rates_of, steps_of
 
@@ -31,14 +35,60 @@ def slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarra
     return np.diff(by_place, axis=1) / steps[columns]
 
 
+def exact_sides(
+    model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of the rates below and above a point, each (n, columns).
+
+    z: (n + m,), its state and input.
+    p: its parameters.
+    columns: numbers of the states and inputs of the kinks.
+
+    Each is extrapolated to the point from exact derivatives two to three steps h away, clear of a
+    kink within a step: 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h), whose error is of the size of h³ J'''.
+    """
+    n = len(model.states)
+    steps = np.array(steps_of(model))
+    jacobian = _jacobian_of(model.layout)
+
+    def extrapolated(column: int, step: float) -> np.ndarray:
+        """The derivatives by a state or input, (n,), at the end of the places on one side."""
+        slopes = []
+        for count in (2.0, 2.5, 3.0):
+            place = z.copy()
+            place[column] += count * step
+            slopes.append(np.array(jacobian(place[:n], place[n:], p))[:, column])
+        return 15.0 * slopes[0] - 24.0 * slopes[1] + 10.0 * slopes[2]
+
+    below = [extrapolated(column, -steps[column]) for column in columns.tolist()]
+    above = [extrapolated(column, steps[column]) for column in columns.tolist()]
+    return np.stack(below, axis=1), np.stack(above, axis=1)
+
+
+@lru_cache(maxsize=16)
+def _jacobian_of(layout: Layout) -> ca.Function:
+    """(x, u, p) -> the derivatives of the rates by (x, u), (n, n + m)."""
+    vectors = layout.symbols("x", "u", "p")
+    rates, _ = layout.expressions([components(vector) for vector in vectors], ())
+    by_state = ca.jacobian(rates, vectors[0])
+    by_input = ca.jacobian(rates, vectors[1])
+    return ca.Function("slopes", vectors, [ca.horzcat(by_state, by_input)])
+
+
 def correct(
-    model: Model, slopes: np.ndarray, jacobian: np.ndarray, columns: np.ndarray
+    model: Model,
+    z: np.ndarray,
+    p: np.ndarray,
+    slopes: np.ndarray,
+    jacobian: np.ndarray,
+    columns: np.ndarray,
 ) -> tuple[str, ...]:
     """Put the means of both slopes into the entries of (n, n + m) `jacobian` at a kink; a sentence
     for each, and for each that the rate jumps over.
 
-    slopes: (6, n, columns), of `slopes_around`. They are extrapolated from where they are clear of
-        a kink within a step, so that the mean is right for a trim that hits a knot up to rounding.
+    z: (n + m,), state and input.
+    p: parameters.
+    slopes: (6, n, columns), of `slopes_around`: they tell a kink from a jump.
     """
     n = len(model.states)
     names = (*model.states, *model.inputs)
@@ -58,6 +108,8 @@ def correct(
     # What one rate feels of a kink the others do too, even where it is small to them.
     felt = np.abs(above - below) > _FELT * allowed
     kinks |= kinks.any(axis=0) & smooth_below & smooth_above & felt & ~jumps
+    if kinks.any():
+        below, above = exact_sides(model, z, p, columns)
     notes = []
     for j, i in np.argwhere((kinks | jumps).T).tolist():
         column = int(columns[j])
