@@ -135,7 +135,7 @@ def shortened(text: str, longest: int = _LONGEST) -> str:
 
 def shown(value: Any) -> str:
     """A value as Python writes it, or the beginning of that."""
-    return shortened(repr(value))
+    return shortened(" ".join(repr(value).split("\n")))
 
 
 def on_one_line(message: str) -> str:

@@ -23,6 +23,7 @@ from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_policy.deployment import Deployment
 from hfa_policy.formulas import Formula, read_formula
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown, said_of, shortened
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
@@ -32,6 +33,7 @@ ACTION = "a"
 TRIM = "trim"
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False)
 class Deployed:
     """A deployment whose names are those of a model.

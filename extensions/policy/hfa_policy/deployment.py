@@ -93,10 +93,11 @@ class Deployment(Shown):
 
     def __post_init__(self) -> None:
         """Check every entry that can be checked without the aircraft."""
-        entries = {
-            name: _plain(getattr(self, name))
-            for name in ("policy", "observation", "action", "timing", "cost")
-        }
+        with said_of(self.origin):
+            entries = {
+                name: _plain(getattr(self, name))
+                for name in ("policy", "observation", "action", "timing", "cost")
+            }
         if entries["cost"] is None:
             del entries["cost"]
         card = checked(self.origin, entries, _CARD)
@@ -252,8 +253,13 @@ class Deployment(Shown):
 
 
 def _plain(value: Any) -> Any:
-    """Mappings as dictionaries and tuples as lists, so that Python's and TOML's look the same."""
+    """Return mappings as dictionaries and tuples as lists, as in TOML.
+
+    BadInputError for a name that is not a text."""
     if isinstance(value, Mapping):
+        for name in value:
+            if not isinstance(name, str):
+                raise BadInputError(f"{shown(name)} is not a name; give names as texts")
         return {name: _plain(entry) for name, entry in value.items()}
     if isinstance(value, tuple):
         return [_plain(entry) for entry in value]

@@ -19,10 +19,13 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
     BadInputError for a point of another aircraft, for what is no point, and for no points."""
     if points is None:
         return (find_operating_point(model, usual_condition(model)),)
-    if isinstance(points, OperatingPoint) or not isinstance(points, Iterable):
-        raise BadInputError(f"points is one {type(points).__name__}; give a list of them")
+    try:
+        listed = list(points)
+    except TypeError as error:  # NumPy and CasADi refuse to iterate in words of their own
+        name = type(points).__name__
+        raise BadInputError(f"points is one {name}; give a list of them") from error
     found: list[OperatingPoint] = []
-    for point in points:
+    for point in listed:
         if isinstance(point, OperatingPoint):
             point.refuse_other(model)
             found.append(point)

@@ -11,7 +11,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_policy.assessment import AssessedPoint, Assessor
 from hfa_policy.deployed import Deployed
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -71,8 +71,9 @@ def variations(
     BadInputError for another name, and for a value that the model does not take.
     """
     changes = []
-    for name, (low, high) in vary.items():
+    for name, limits in vary.items():
         refuse_unvaried(assessor.deployed.model, assessor.deployed.commanded, name)
+        low, high = _lowest_and_highest(name, limits)
         changes += [(name, value) for value in np.linspace(low, high, VALUES).tolist()]
     found: list[Variation] = []
     for point in assessor.points if changes else ():
@@ -87,6 +88,15 @@ def variations(
         rows = zip(changes, assessed, strict=True)
         found += [Variation(name, value, each) for (name, value), each in rows]
     return found
+
+
+def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
+    """Two finite numbers in rising order; BadInputError for anything else."""
+    pair = tuple(limits) if isinstance(limits, (tuple, list, np.ndarray)) else ()
+    is_pair = len(pair) == 2 and all(is_finite(value) for value in pair)
+    if not is_pair or pair[0] > pair[1]:
+        raise BadInputError(f"vary[{name!r}] is {shown(limits)}; give (lowest, highest)")
+    return float(pair[0]), float(pair[1])
 
 
 def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:

@@ -373,6 +373,8 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
     )
     with pytest.raises(hfa.BadInputError, match="cannot vary 'elevator'; choose from xcg"):
         hfa.assess(model, card, [502.0], samples=0, vary={"elevator": (0.0, 1.0)})
+    with pytest.raises(hfa.BadInputError, match=r"vary\['xcg'\] is None; give \(lowest, highest\)"):
+        hfa.assess(model, card, [502.0], samples=0, vary={"xcg": None})
 
 
 def test_several_deployments_are_one_table(capsys, tmp_path):

@@ -366,7 +366,10 @@ def test_a_deployment_that_was_read_is_pickled(folder):
     [
         lambda: Deployment({}, ["alpha"], {"elevator": {}}, {"dt": 0.02}),
         lambda: Deployment({}, {"alpha": {}}, {"elevator": {}}, None),
+        lambda: Deployment({}, {1: {}}, {"elevator": {}}, {"dt": 0.02}),
         lambda: Deployment.load(5),
+        lambda: card("ppo_gtm").on(None),
+        lambda: environment(aircraft("ppo_gtm"), card("ppo_gtm"), np.array(45.0)),
         lambda: environment(aircraft("ppo_gtm"), "card.toml"),
         lambda: environment(None, card("ppo_gtm")),
         lambda: environment(aircraft("ppo_gtm"), card("ppo_gtm"), seconds="long"),
@@ -376,8 +379,9 @@ def test_a_deployment_that_was_read_is_pickled(folder):
     ],
 )
 def test_a_wrong_argument_is_one_line(make):
-    with pytest.raises(BadInputError, match=r"(is|give)"):
+    with pytest.raises(BadInputError, match=r"(is|give)") as refused:
         make()
+    assert "\n" not in str(refused.value)
 
 
 def shared(times):
