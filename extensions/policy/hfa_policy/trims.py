@@ -19,13 +19,8 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
     BadInputError for a point of another aircraft, for what is no point, and for no points."""
     if points is None:
         return (find_operating_point(model, usual_condition(model)),)
-    try:
-        listed = list(points)
-    except TypeError as error:  # NumPy and CasADi refuse to iterate in words of their own
-        name = type(points).__name__
-        raise BadInputError(f"points is one {name}; give a list of them") from error
     found: list[OperatingPoint] = []
-    for point in listed:
+    for point in _listed(points):
         if isinstance(point, OperatingPoint):
             point.refuse_other(model)
             found.append(point)
@@ -42,3 +37,13 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
     if not found:
         raise BadInputError("points is empty; give at least one, or None for the trim of the model")
     return tuple(found)
+
+
+def _listed(points: Any) -> list[Any]:
+    """The points as a list; BadInputError for one point and for one number."""
+    if not isinstance(points, OperatingPoint):
+        try:
+            return list(points)
+        except TypeError:  # NumPy and CasADi refuse to iterate in words of their own
+            pass
+    raise BadInputError(f"points is one {type(points).__name__}; give a list of them")

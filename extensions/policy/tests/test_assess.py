@@ -20,6 +20,7 @@ from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import ends_from_trim
 from hfa_policy.trims import trims_of
+from hfa_policy.variations import variations
 
 KEYS = {
     *("speed", "holds", "spectral_radius", "delay_limit", "disk_margin", "rest", "K"),
@@ -371,10 +372,11 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
     np.testing.assert_allclose(
         nominal.variations[0].assessed.equilibrium.states, nominal.points[0].equilibrium.states
     )
+    assessor = Assessor(card.on(model), (trim,), samples=0)
     with pytest.raises(hfa.BadInputError, match="cannot vary 'elevator'; choose from xcg"):
-        hfa.assess(model, card, [502.0], samples=0, vary={"elevator": (0.0, 1.0)})
+        variations(assessor, {"elevator": (0.0, 1.0)})
     with pytest.raises(hfa.BadInputError, match=r"vary\['xcg'\] is None; give \(lowest, highest\)"):
-        hfa.assess(model, card, [502.0], samples=0, vary={"xcg": None})
+        variations(assessor, {"xcg": None})
 
 
 def test_several_deployments_are_one_table(capsys, tmp_path):

@@ -11,7 +11,7 @@ import zipfile
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, card, gtm_card
+from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, trims
 from tolerances import FEW_ROUNDINGS
 
 from hfa_aircraft.loading import load_model
@@ -374,6 +374,7 @@ def test_a_deployment_that_was_read_is_pickled(folder):
         lambda: environment(None, card("ppo_gtm")),
         lambda: environment(aircraft("ppo_gtm"), card("ppo_gtm"), seconds="long"),
         lambda: vector_environment(aircraft("ppo_gtm"), card("ppo_gtm"), count=2.5),
+        lambda: environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm")[0]),
         lambda: assess(aircraft("ppo_gtm"), None),
         lambda: assess(aircraft("ppo_gtm"), card("ppo_gtm"), samples="many"),
     ],
