@@ -14,11 +14,14 @@ from hfa_support.reporting.text import Table
 NOT_COVERED = "sampling, delay, actuators, disturbances not covered"
 
 
-def found_report(region: BoxRegion, policy: str, flight: str | None) -> Report:
+def found_report(
+    region: BoxRegion, policy: str, flight: str | None, not_covered: str = NOT_COVERED
+) -> Report:
     """What is proved, and what bounds it.
 
     policy: what it is, in words
     flight: where a flight from the state with V' >= 0 ends; None without
+    not_covered: of the loop, in the title
     """
     statement = region.statement
     level, place = region.rises
@@ -38,10 +41,10 @@ def found_report(region: BoxRegion, policy: str, flight: str | None) -> Report:
     lines.append(f"No larger level is proved: {region.stopped}.")
     found = FoundBoxes(statement, region.boxes, region.origin, fails, region.stopped)
     parts: tuple[str | Table, ...] = (_sentence(statement, policy), _extents(statement), *lines)
-    return Report(_title(statement), parts, data=found.as_data())
+    return Report(_title(statement, not_covered), parts, data=found.as_data())
 
 
-def checked_report(verified: VerifiedBoxes, policy: str) -> Report:
+def checked_report(verified: VerifiedBoxes, policy: str, not_covered: str = NOT_COVERED) -> Report:
     """What a certificate proves, as the checker has read it."""
     statement = verified.statement
     checked = CheckedBoxes(statement, verified.boxes, verified.written)
@@ -58,12 +61,12 @@ def checked_report(verified: VerifiedBoxes, policy: str) -> Report:
         inputs,
         f"V' < 0 is proved on {verified.boxes} boxes.",
     )
-    return Report(f"{_title(statement)}, checked", parts, data=checked.as_data())
+    return Report(f"{_title(statement, not_covered)}, checked", parts, data=checked.as_data())
 
 
-def _title(statement: BoxStatement) -> str:
+def _title(statement: BoxStatement, not_covered: str) -> str:
     title = statement.loop.model.title
-    return f"Region of attraction of {title}: proved; {NOT_COVERED}"
+    return f"Region of attraction of {title}: proved; {not_covered}"
 
 
 def _sentence(statement: BoxStatement, policy: str) -> str:

@@ -38,7 +38,8 @@ class Loop:
     inputs: input -> value, u0
     held: each other state -> the value that it keeps
     limits: signal -> lowest and highest value
-    policy: deviations (n,) -> deviations of the inputs (m,)
+    policy: deviations (n,) -> deviations of the inputs (m,); a second argument is the trim: all
+        states, the inputs and the parameters
     """
 
     model: Model
@@ -77,13 +78,21 @@ class Loop:
         u0 = ca.DM(list(self.inputs.values()))
         if not self.inputs:
             return ca.SX(0, 1)
-        commands = ca.vertsplit(u0 + self.policy(x - ca.DM(list(self.trim.values()))))
+        commands = ca.vertsplit(u0 + self.deviations(x - ca.DM(list(self.trim.values()))))
         saturated = []
         for name, command in zip(self.inputs, commands, strict=True):
             low, high = self.limits.get(name, (-np.inf, np.inf))
             above = ca.fmax(command, low) if np.isfinite(low) else command
             saturated.append(ca.fmin(above, high) if np.isfinite(high) else above)
         return ca.vertcat(*saturated)
+
+    def deviations(self, z: ca.SX) -> ca.SX:
+        """What the policy commands at the deviation z, beyond the inputs at the trim."""
+        if self.policy.n_in() == 1:
+            return self.policy(z)
+        at_trim = {**self.trim, **self.held}
+        states = [at_trim[name] for name in self.model.states]
+        return self.policy(z, ca.DM([*states, *self.inputs.values(), *self.parameters.values()]))
 
     @cached_property
     def closed(self) -> Program:

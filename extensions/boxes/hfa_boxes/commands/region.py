@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,19 +16,34 @@ from hfa_boxes.check.checker import check_certificate, write_certificate
 from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.statement import digest_of, facts, model_limits, pair_of
 from hfa_boxes.fields import FIELDS
-from hfa_boxes.report import checked_report, found_report
+from hfa_boxes.report import NOT_COVERED, checked_report, found_report
 from hfa_boxes.search.region import BoxRegion, RegionSearch, Samples, flown
 from hfa_proof.subject import Given, compare, within
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
-    from controller.critic.critic import Critic
     from hfa_aircraft.model import Model
     from trim.linear.linear_model import LinearModel
 
 
-def loop_of(linear: LinearModel, critic: Critic) -> Loop:
-    """The loop of a critic's policy about the trim of a linear model."""
+@dataclass(frozen=True, eq=False)
+class ProvedPolicy:
+    """A policy of which a region is proved.
+
+    function: as `Loop.policy`
+    words: what it is
+    known: matrices that may be V, by what they are
+    not_covered: of its loop, in the title
+    """
+
+    function: ca.Function
+    words: str
+    known: Sequence[tuple[str, np.ndarray]] = ()
+    not_covered: str = NOT_COVERED
+
+
+def loop_of(linear: LinearModel, policy: ProvedPolicy) -> Loop:
+    """The loop of a policy about the trim of a linear model."""
     model = linear.point.model
     states = {name: float(value) for name, value in linear.point.states._asdict().items()}
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -37,7 +54,7 @@ def loop_of(linear: LinearModel, critic: Critic) -> Loop:
         {name: float(value) for name, value in linear.point.inputs._asdict().items()},
         {name: value for name, value in states.items() if name not in model.linear},
         model_limits(model, states, parameters),
-        scalars(critic.policy),
+        scalars(policy.function),
     )
 
 
@@ -54,30 +71,24 @@ def scalars(policy: ca.Function) -> ca.Function:
         ) from error
 
 
-def prove(
-    request: OutputOptions, linear: LinearModel, critic: Critic, P: np.ndarray, seconds: float
-) -> int:
-    """Prove the largest region found, write its certificate to -o, print it; the exit code.
-
-    P: of the exact game, tried as V with that of the critic
-    """
-    loop = loop_of(linear, critic)
-    known = [("P of the game", P)]
-    if critic.P is not None:
-        known.append(("P of the critic", critic.P))
+def prove(request: OutputOptions, linear: LinearModel, policy: ProvedPolicy, seconds: float) -> int:
+    """Prove the largest region found, write its certificate to -o, print it; the exit code."""
+    loop = loop_of(linear, policy)
 
     def save(region: BoxRegion) -> None:
         if request.output is not None:
             origin = request.provenance.to_dict()
             write_certificate(request.output, region.statement, region.witness, origin)
 
-    search = RegionSearch(loop, known, seconds=seconds, progress=ProgressLine("region"), save=save)
+    search = RegionSearch(
+        loop, policy.known, seconds=seconds, progress=ProgressLine("region"), save=save
+    )
     region = search.found()
     place = region.rises[1]
     flight = None
     if place is not None:
         flight = flown(Samples(loop, search.equilibrium), search.J, place, region)
-    print_report(found_report(region, critic.origin, flight), request)
+    print_report(found_report(region, policy.words, flight, policy.not_covered), request)
     return 0
 
 
@@ -85,14 +96,14 @@ def check(
     request: OutputOptions,
     path: Path,
     linear: LinearModel,
-    critic: Critic,
+    policy: ProvedPolicy,
     own: Model | None,
 ) -> int:
     """Verify a certificate against the user's policy; the exit code."""
-    verified = check_certificate(path, scalars(critic.policy), ProgressLine("check"), own)
+    verified = check_certificate(path, scalars(policy.function), ProgressLine("check"), own)
     content = verified.statement.content()
-    compare(content, FIELDS, _given(loop_of(linear, critic), "the user"))
-    show(checked_report(verified, critic.origin), request)
+    compare(content, FIELDS, _given(loop_of(linear, policy), "the user"))
+    show(checked_report(verified, policy.words, policy.not_covered), request)
     return 0
 
 

@@ -24,8 +24,6 @@ from hfa_support.files import forget_read
 from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
-    from controller.critic.critic import Critic
-    from controller.game.zero_sum import Game
     from hfa_proof.commands.check import CheckRequest
     from hfa_region.check.statement import SaturatedLoop, Terms
     from hfa_region.search.function import PolynomialFunction
@@ -49,6 +47,11 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         "the policy: K, P, W, or a network, which is proved on boxes; default: the exact game's",
         "FILE",
         critic_path,
+    )
+    policy: Path | None = option(
+        "a deployment file in place of --weights, in its continuous meaning; proved on boxes",
+        "CARD.toml",
+        input_file(".toml"),
     )
     set: Mapping[str, Any] = setting_option(
         "of a network: scale=a,b,... (times each state) and of a state dict activation=tanh|...",
@@ -93,10 +96,10 @@ def region(request: RegionRequest) -> int:
     game or of --weights, where the policy may also be a polynomial. With --disturbance a set that
     no trajectory leaves, whatever that does within its size; that it converges is not claimed.
     Printed beside it: where V' >= 0 was found, a start that was lost, the limits that bind. -o
-    FILE.json writes a certificate; --check FILE verifies one. Exit 0: proved. A
-    network is proved on boxes, with V quadratic; --check needs it by --weights again. Not covered:
-    tables and kinks of the model, sampling, actuators, delays, and a linearization that is not
-    Hurwitz. Needs `pip install .[proof]`."""
+    FILE.json writes a certificate; --check FILE verifies one. Exit 0: proved. A network or
+    deployment file is proved on boxes, with V quadratic; --check needs it by --weights or --policy
+    again. Not covered: tables and kinks of the model, sampling, actuators, delays, and a
+    linearization that is not Hurwitz. Needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
@@ -107,9 +110,11 @@ def region(request: RegionRequest) -> int:
         raise BadInputError(f"{request.output}: a certificate is a .json file; name one")
     if request.resume and request.output is None:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
-    if request.weights is not None and is_network(request.weights):
-        return _prove_on_boxes(request)
-    return _prove(request)
+    if request.policy is None and (request.weights is None or not is_network(request.weights)):
+        return _prove(request)
+    from hfa_region.commands.on_boxes import prove_on_boxes
+
+    return prove_on_boxes(request)
 
 
 def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
@@ -135,44 +140,10 @@ def _checked(request: RegionRequest, certificate: Path) -> int:
     from hfa_proof.checker.checker import kind_of
 
     if kind_of(certificate) == KIND:
+        from hfa_region.commands.on_boxes import check_on_boxes
+
         return check_on_boxes(request, certificate)
     return check(request, certificate)
-
-
-def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify the certificate of a region whose policy is a network; the exit code."""
-    from hfa_boxes.commands.region import check
-
-    if not isinstance(request, RegionRequest) or request.weights is None:
-        raise BadInputError(
-            f"{certificate}: is about a network; give it by `hfa prove region --weights NETWORK "
-            "--check FILE` with the options of its proof"
-        )
-    linear, critic, _ = _network(request)
-    return check(request, certificate, linear, critic, request.model if request.own else None)
-
-
-def _network(request: RegionRequest) -> tuple[LinearModel, Critic, Game]:
-    """The linear model at the trim, the critic of --weights, and the game."""
-    from controller.critic.critic_file import critic_in
-
-    named = request.game()
-    assert named.linear is not None
-    assert request.weights is not None
-    with said_of(request.weights):
-        critic = critic_in(request.weights, named.game, request.reading())
-    return named.linear, critic, named.game
-
-
-def _prove_on_boxes(request: RegionRequest) -> int:
-    """Exit code of a proof about a network."""
-    from controller.riccati.gare import solve_game
-    from hfa_boxes.commands.region import prove
-
-    others = sorted(request.typed & {"degree", "disturbance", "resume", "picture"})
-    request.refuse(others, "does not go with a network; leave it out")
-    linear, critic, game = _network(request)
-    return prove(request, linear, critic, solve_game(game).P, request.seconds)
 
 
 def _prove(request: RegionRequest) -> int:
