@@ -1,0 +1,48 @@
+"""Regions of deployment files: proved, checked, refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hfa.main import main
+
+PENDULUM = ["--aircraft", "examples/pendulum.py:PENDULUM", "--Q", "1,1", "--R", "1"]
+
+
+def card(folder: Path, observed: str = "rate", gain: float = -0.98) -> list[str]:
+    """Words of a deployment file with the policy u = -1.98 angle + gain rate."""
+    weights = {"0.weight": np.array([[-1.98, gain]]), "0.bias": np.zeros(1)}
+    np.savez(folder / "actor.npz", **weights)
+    path = folder / "card.toml"
+    path.write_text(f"""
+[policy]
+file = "actor.npz"
+[observation]
+angle = {{}}
+{observed} = {{}}
+[action]
+torque = {{box = [-3.0, 3.0], map = "trim + a"}}
+[timing]
+dt = 0.02
+delay = 0.04
+""")
+    return ["prove", "region", *PENDULUM, "--policy", str(path)]
+
+
+def test_a_deployment_file_is_proved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its certificate holds for it, and for no file with another policy."""
+    words = card(tmp_path)
+    proof = str(tmp_path / "proof.json")
+    assert main([*words, "-o", proof]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.endswith("proved; sample time 0.02 s, delay 0.04 s not covered")
+    assert main([*words, "--check", proof]) == 0
+    assert main([*card(tmp_path, gain=-0.99), "--check", proof]) == 2
+
+
+def test_an_observed_input_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(card(tmp_path, observed="torque")) == 2
+    assert "observation.torque depends on an input" in capsys.readouterr().err
