@@ -13,6 +13,7 @@ from hfa_policy.assessment import AssessedPoint, cycle_text, scheduled_value
 from hfa_policy.best_costs import BestCosts
 from hfa_policy.departures import departure_text
 from hfa_policy.deployed import Deployed
+from hfa_policy.linear_plant import LINEAR
 from hfa_policy.mistake import Mistake
 from hfa_policy.normalizer_evidence import unknown_normalizer
 from hfa_policy.variations import Variation, variation_table
@@ -127,7 +128,9 @@ class Assessment(Result, Reported):
     @property
     def first_line(self) -> str:
         """The verdict and at most two findings, in at most 100 columns."""
-        line = f"{verdict_text(self.ok)}: {self.headlines[0]}"
+        is_linear = LINEAR in self.deployed.model.notes
+        subject = " on the linear plant" if is_linear else ""
+        line = f"{verdict_text(self.ok)}{subject}: {self.headlines[0]}"
         for headline in self.headlines[1:2]:
             if len(line) + len(headline) + 2 <= _FIRST_LINE:
                 line += f"; {headline}"

@@ -66,6 +66,12 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         names="cards",
         count="+",
     )
+    aircraft: str | None = option(
+        "your own, executed (or package.module:NAME), jsbsim:NAME, FILE.xml, or a linear plant "
+        "with A and B in a FILE.npz; default: the HFA",
+        "FILE.py:NAME",
+        names="--aircraft --model",
+    )
     at: Range | None = scheduled(scheduled_range, "RANGE", "start:stop:step, a,b,c or one number")
     samples: int = option(
         "flights at each trim, with and without disturbance; default 300, 0 for none",

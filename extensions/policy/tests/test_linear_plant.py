@@ -1,0 +1,72 @@
+"""A policy assessed on a linear plant in a file."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+from tolerances import FEW_ROUNDINGS
+
+from hfa.main import main
+
+CARD = """
+[policy]
+file = "K.npz"
+[observation]
+x1 = {}
+x2 = {}
+[action]
+u1 = {}
+[timing]
+dt = 0.02
+"""
+
+
+@pytest.fixture
+def assessed(tmp_path, capsys):
+    """Exit code, output and errors of `hfa assess` on a plant, with a gain."""
+
+    def run(K, *words, **plant):
+        np.savez(tmp_path / "plant.npz", **plant)
+        np.savez(tmp_path / "K.npz", K=K)
+        (tmp_path / "card.toml").write_text(CARD)
+        card, model = str(tmp_path / "card.toml"), str(tmp_path / "plant.npz")
+        code = main(["assess", card, "--model", model, "--samples", "4", *words])
+        return code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.mark.parametrize("A", [[[0.0, 1.0], [2.0, -0.3]], [[0.0, 1.0], [0.0, 0.0]]])
+def test_a_linear_plant_is_assessed(assessed, A):
+    """Its radius is SciPy's of the held plant; the second A is singular."""
+    B, K = np.array([[0.0], [1.0]]), np.array([[4.24, 2.8]])
+    code, output, _ = assessed(K, "--json", A=A, B=B)
+    data = json.loads(output)
+    Ad, Bd, *_ = cont2discrete((np.array(A), B, np.eye(2), np.zeros((2, 1))), 0.02)
+    radius = np.abs(np.linalg.eigvals(Ad - Bd @ K)).max()
+    assert data["points"][0]["spectral_radius"] == pytest.approx(radius, rel=1e3 * FEW_ROUNDINGS)
+    assert code == 0
+    assert data["first_line"].startswith("PASS on the linear plant: holds")
+
+
+def test_a_wrong_gain_fails_on_a_linear_plant(assessed):
+    A, B = [[0.0, 1.0], [2.0, -0.3]], [[0.0], [1.0]]
+    code, output, _ = assessed([[1.0, 0.1]], A=A, B=B)
+    assert code == 1
+    assert output.startswith("FAIL on the linear plant: ")
+
+
+@pytest.mark.parametrize(
+    ("plant", "said"),
+    [
+        ({"A": np.eye(2)}, "there is no B"),
+        ({"A": np.eye(2), "B": np.ones((2, 1)), "time": "discrete"}, "is in discrete time"),
+        ({"A": np.full((2, 2), np.nan), "B": np.ones((2, 1))}, "A"),
+    ],
+)
+def test_a_file_without_a_linear_plant_is_refused(assessed, plant, said):
+    code, _, errors = assessed([[1.0, 1.0]], **plant)
+    assert code == 2
+    assert said in errors
+    assert len(errors.splitlines()) == 1
