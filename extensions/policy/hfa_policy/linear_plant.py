@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from controller.game.array_file import read_arrays
 from controller.game.names import PlantNames
-from controller.game.user_files import Defaults, stored_game
+from controller.game.user_files import Defaults, entries_of, is_discrete, stored_game
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, said_of
 
 #: The note of every such model.
 LINEAR = "linear plant without limits; its trim is the origin"
@@ -24,11 +25,14 @@ def linear_plant(path: str) -> Model:
 
     BadInputError where the file holds no such plant.
     """
-    stored = stored_game(path, defaults=_unit_weights)
-    if stored.discrete is not None:
-        raise BadInputError(f"{path} is in discrete time; hfa assess needs x' = A x + B u")
-    A, B = stored.game.A, stored.game.B
-    names = stored.game.names.completed(*B.shape)
+    found = read_arrays(path)
+    with said_of(path):
+        entries, _ = entries_of(found, {"A", "B"})
+        if is_discrete(entries):
+            raise BadInputError("it is in discrete time; give A and B of x' = A x + B u")
+    game = stored_game(path, found=found, defaults=_unit_weights).game
+    A, B = game.A, game.B
+    names = game.names.completed(*B.shape)
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         rates = {}

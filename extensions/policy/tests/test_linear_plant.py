@@ -61,7 +61,7 @@ def test_a_wrong_gain_fails_on_a_linear_plant(assessed):
     ("plant", "said"),
     [
         ({"A": np.eye(2)}, "there is no B"),
-        ({"A": np.eye(2), "B": np.ones((2, 1)), "time": "discrete"}, "is in discrete time"),
+        ({"A": np.eye(2), "B": np.ones((2, 1)), "time": "discrete"}, "it is in discrete time"),
         ({"A": np.full((2, 2), np.nan), "B": np.ones((2, 1))}, "A"),
     ],
 )
