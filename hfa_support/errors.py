@@ -5,6 +5,7 @@ nothing that a terminal would obey."""
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -49,7 +50,8 @@ def said_of(what: str | Path) -> Iterator[None]:
 
 
 def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
-    """BadInputError unless the name is one of those known; the message lists them.
+    """BadInputError unless the name is one of those known; the message has the one that was
+    probably meant, and lists them.
 
     what: how the message begins: "unknown state"
     name: what a caller gave
@@ -57,7 +59,15 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
     """
     choices = tuple(known)
     if name not in choices:
-        raise BadInputError(f"{what} {shown(name)}; choose from {', '.join(choices) or 'none'}")
+        raise BadInputError(f"{what} {shown(name)}; {choice_of(str(name), choices)}")
+
+
+def choice_of(name: str, known: Iterable[str]) -> str:
+    """Advice about an unknown name: the known one that it resembles, in any case, then all."""
+    by_lower = {each.lower(): each for each in known}
+    near = difflib.get_close_matches(name.lower().replace("-", "_"), by_lower, n=1, cutoff=0.75)
+    meant = f"did you mean {by_lower[near[0]]}? " if near else ""
+    return f"{meant}choose from {', '.join(known) or 'none'}"
 
 
 def is_finite(value: object) -> bool:

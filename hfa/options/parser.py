@@ -12,6 +12,9 @@ from typing import Any, NoReturn
 from hfa.options.request import Option
 from hfa_support.errors import BadInputError, shortened
 
+#: Option that a user may guess -> the one that there is.
+_MEANT = {"--angle": "--dihedral"}
+
 
 class Parser(argparse.ArgumentParser):
     """An argument parser that raises BadInputError.
@@ -175,6 +178,6 @@ class _Named(argparse.Action):
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     """The complaint that an option or a command does not exist, with the one that was probably
     meant."""
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
+    close = difflib.get_close_matches(_MEANT.get(name, name), known, n=1, cutoff=0.7)
     advice = f"; did you mean {close[0]}?" if close else f" (see `{program} --help`)"
     return f"unknown {what}{advice}"

@@ -28,7 +28,7 @@ from hfa_jsbsim.reasons import explain, of_files
 from hfa_jsbsim.speeds import speed_and_density
 from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, choice_of, shortened
 
 #: Outputs that are the positions of surfaces: name -> property, in rad.
 _POSITIONS = {
@@ -141,7 +141,7 @@ def _in_data(name: str, root: Path | None) -> Path:
     folders = sorted(folder.name for folder in (root / "aircraft").iterdir() if folder.is_dir())
     if name not in folders:
         raise BadInputError(
-            f"no aircraft of JSBSim {shortened(name)!r}; choose from {', '.join(folders)}"
+            f"no aircraft of JSBSim {shortened(name)!r}; {choice_of(name, folders)}"
         )
     return (root / "aircraft" / name / f"{name}.xml").resolve()
 
@@ -208,7 +208,7 @@ class _Declaration:
             source=source,
             notes=(*of_files(self.parts), *self.parts.notes, *self.equations.notes, *notes),
             alternatives=(("speed", "kcas", "mach"),),
-            aliases=ALIASES | self._own_aliases(),
+            aliases=_with_short_names(ALIASES | self._own_aliases()),
             begin=self._beginning(),
             explain=partial(explain, self.parts, bool(self.inputs)),
         )
@@ -516,3 +516,8 @@ def _rpm(file: EngineFile, is_alone: bool) -> Signal:
         usual = usual or 0.85 * file.engine.value_of("maxrpm", 2800.0) / ratio
     usual = usual or 2000.0
     return Signal("rpm", 0.1 * usual, lowest, 10.0 * usual, 0.9 * usual, rate=usual)
+
+
+def _with_short_names(aliases: Mapping[str, str]) -> dict[str, str]:
+    """The names of JSBSim's properties, and each without its folder: vc-kts."""
+    return {name.rpartition("/")[2]: short for name, short in aliases.items()} | dict(aliases)

@@ -150,4 +150,7 @@ def test_an_aircraft_that_is_not_there_is_named(monkeypatch, tmp_path):
     written(tmp_path, glider())
     with pytest.raises(BadInputError, match="no aircraft of JSBSim '737'; choose from glider"):
         load_model("jsbsim:737")
-    assert load_model("jsbsim:glider").name == "glider"
+    with pytest.raises(BadInputError, match="'Glyder'; did you mean glider"):
+        load_model("jsbsim:Glyder")
+    model = load_model("jsbsim:glider")
+    assert (model.name, model.aliases["vc-kts"]) == ("glider", "kcas")
