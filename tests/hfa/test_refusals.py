@@ -49,7 +49,10 @@ REFUSED = {
         ("--dihedral", "--dihedral expected one argument"),
         ("--dihedrl 15", "unknown option --dihedrl; did you mean --dihedral?"),
         ("--angle 15", "unknown option --angle; did you mean --dihedral?"),
-        ("--dihedral 15 --hold Sped=68", "unknown trim variable 'Sped'; did you mean speed? choose from"),
+        (
+            "--dihedral 15 --hold Sped=68",
+            "unknown trim variable 'Sped'; did you mean speed? choose from",
+        ),
         ("--dihedral abc --quite", "unknown option --quite; did you mean --quiet?"),
         (f"--{'x' * 5000}", "unknown option --xxxx"),
         ("--\x1b[31m", "unknown option --\\x1b[31m"),

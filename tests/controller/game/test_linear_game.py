@@ -47,7 +47,7 @@ def test_the_disturbances_of_the_model_are_those_of_the_game() -> None:
 @pytest.mark.parametrize(
     ("weights", "words"),
     [
-        ({"Q": {"sped": 1.0}}, "Q weights an unknown name 'sped'; did you mean speed[?] choose from speed"),
+        ({"Q": {"sped": 1.0}}, "Q weights an unknown name 'sped'; did you mean speed"),
         ({"Q": {"speed": "1"}}, "Q of speed is '1'; give a number"),
         ({"R": {"throttle": 1.0}}, "R has no weight on aileron_center"),
         ({"Q": np.eye(5)}, "Q is 5 x 5"),

@@ -82,7 +82,10 @@ def test_the_peer_s_conditions_fly_at_its_angles_of_attack(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[impose]\nspeeed = 60", "unknown trim variable 'speeed'; did you mean speed? choose from speed"),
+        (
+            "[impose]\nspeeed = 60",
+            "unknown trim variable 'speeed'; did you mean speed? choose from speed",
+        ),
         ("[impose]\nspeed_deg = 60", "speed_deg is no angle; write speed, in ft/s"),
         ("[impose]\nalpha_deg = [[0, 1, 2]]", "value] rows"),
         ("[impose]\nalpha_deg = [[5, 1], [5, 2]]", "must increase"),

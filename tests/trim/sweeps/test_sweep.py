@@ -195,7 +195,10 @@ def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> Non
 
 LISTS = [
     ("dihedral,speed\n5,64\n10,6x8\n", "row 3, column speed is '6x8'; give a finite number"),
-    ("dihedral,spd\n5,64\n", "the column of row 1 is unknown: 'spd'; did you mean speed? choose from speed, "),
+    (
+        "dihedral,spd\n5,64\n",
+        "the column of row 1 is unknown: 'spd'; did you mean speed? choose from speed, ",
+    ),
     ("dihedral,dihedral\n5,64\n", "give a row of names, each once"),
     ("dihedral,speed\n5,64,3\n", "row 2 has 3 cells for 2 columns; correct it"),
     ("dihedral,speed\n", "give a row of names, each once"),
