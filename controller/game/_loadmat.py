@@ -9,14 +9,18 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import sys
 import warnings
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from scipy.io.matlab import loadmat
+from scipy.io.matlab import loadmat, whosmat
 from scipy.sparse import issparse
+
+#: Bytes of a number of MATLAB's usual classes.
+_BYTES = {"double": 8, "single": 4, "int64": 8, "uint64": 8, "int32": 4, "uint32": 4}
 
 
 def leaves(
@@ -51,9 +55,12 @@ def main(path: str, largest: int) -> None:
     try:
         import resource  # a small file can ask for any amount of memory
 
-        resource.setrlimit(resource.RLIMIT_AS, (6 * largest, 6 * largest))
+        resource.setrlimit(resource.RLIMIT_AS, (24 * largest, 24 * largest))
     except (ImportError, ValueError, OSError):  # no such limit on this system, or a lower one
         pass
+    declared = [_BYTES.get(kind, 0) * math.prod(shape) for _, shape, kind in whosmat(path)]
+    if sum(declared) > largest:  # before a number is read
+        raise ValueError(f"it unpacks to more than {largest >> 20} MiB")
     content = {
         name: value
         for name, value in loadmat(path, appendmat=False).items()
