@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -15,7 +15,7 @@ from hfa_support.files import write_text
 from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result
-from hfa_support.reporting.text import Table, in_degrees
+from hfa_support.reporting.text import in_degrees
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,11 +89,14 @@ class OperatingPoint(Result, Reported):
         BadInputError when the model has no such name.
         """
         model = self.model
-        known = (*model.states, *model.inputs, *model.outputs)
-        refuse_unknown("unknown variable", name, known)
+        refuse_unknown("unknown variable", name, tuple(self))
         if name in model.outputs:
             return model.outputs_at(self.states, self.inputs, (name,))[name]
         return self.values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the states, the inputs and the outputs."""
+        return iter((*self.model.states, *self.model.inputs, *self.model.outputs))
 
     @property
     def dynamics(self) -> str:
@@ -186,18 +189,6 @@ class OperatingPoint(Result, Reported):
         if self.started:
             words.append("not from the usual start")
         return "; ".join(words)
-
-    def records(self) -> Table:
-        """Rows (kind, name, value, unit), angles in radians."""
-        unit = self.model.unit
-        rows = list[tuple[str, str, float, str]]()
-        for kind, values in (("state", self.states._asdict()), ("input", self.inputs._asdict())):
-            rows += [(kind, name, value, unit(name)) for name, value in values.items()]
-        rows += [
-            ("residual", name, value, self.equation_unit(name))
-            for name, value in self.residuals.items()
-        ]
-        return Table(("kind", "name", "value", "unit"), rows)
 
     def report(self) -> Report:
         """What `hfa trim` says of it; of a point that no search found, its state and inputs."""

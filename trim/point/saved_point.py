@@ -14,6 +14,7 @@ from hfa_support.reporting.text import Table, degrees
 from hfa_support.schema import NUMBER, checked
 from hfa_support.units import conversion, si_unit
 from trim.point.operating_point import SCHEMA, OperatingPoint, Status
+from trim.point.point_records import point_records
 
 #: What a saved point holds; later versions may add to it.
 _FILE: dict[Any, Any] = {
@@ -66,7 +67,7 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
 
 def saved_report(point: OperatingPoint) -> Report:
     """Return the states and inputs of a point that no search found, as people read them."""
-    records = point.records()
+    records = point_records(point)
     rows = [
         (kind, name, *degrees(value, unit))
         for kind, name, value, unit in records.rows

@@ -16,6 +16,7 @@ from hfa_support.reporting.text import Cell, Table, degrees, short_number, shown
 from trim.point.condition import TrimCondition
 from trim.point.margins import Margin, all_margins
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
+from trim.point.point_records import point_records
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.solve import other_trims
 
@@ -140,7 +141,7 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
         data |= Performance(outputs, units).as_data()
         if outputs:
             parts.append(_outputs_table(outputs, units))
-    report = Report(point.title, parts, point.warnings, data, point.records())
+    report = Report(point.title, parts, point.warnings, data, point_records(point))
     return report if model.describe_trim is None else model.describe_trim(point, report)
 
 

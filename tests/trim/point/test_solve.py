@@ -377,3 +377,15 @@ def test_what_is_held_and_freed_by_name_is_what_the_command_holds_and_frees() ->
         hfa.find_operating_point(model, hold={"sped": 70.0})
     with pytest.raises(BadInputError, match="unknown variable 'sped'; did you mean speed"):
         point["sped"]
+
+
+def test_an_operating_point_lists_its_names() -> None:
+    """Iteration gives the names that `point[name]` takes, each once."""
+    model = hfa_model.aircraft()
+    point = find_operating_point(model)
+    names = list(point)
+    assert names[:2] == ["speed", "alpha"]
+    assert len(set(names)) == len(names)
+    assert all(np.isfinite(point[name]) for name in names)
+    assert "elevator_outer" in point
+    assert "sped" not in point

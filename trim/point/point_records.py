@@ -1,0 +1,20 @@
+"""An operating point as rows of a table."""
+
+from __future__ import annotations
+
+from hfa_support.reporting.text import Table
+from trim.point.operating_point import OperatingPoint
+
+
+def point_records(point: OperatingPoint) -> Table:
+    """Rows (kind, name, value, unit) of the states, the inputs and the residuals; angles in
+    radians."""
+    unit = point.model.unit
+    rows: list[tuple[str, str, float, str]] = []
+    for name, value in point.states._asdict().items():
+        rows.append(("state", name, value, unit(name)))
+    for name, value in point.inputs._asdict().items():
+        rows.append(("input", name, value, unit(name)))
+    for name, value in point.residuals.items():
+        rows.append(("residual", name, value, point.equation_unit(name)))
+    return Table(("kind", "name", "value", "unit"), rows)
