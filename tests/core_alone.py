@@ -5,6 +5,7 @@ extensions/: no module of it can be imported, and nothing is offered at the door
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -15,6 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 _DEFAULT = ("-m", "not slow", "tests")
 #: Folders of tests that are about the core and its extensions together.
 _OF_ALL = ("hfa", "project", "studies")
+#: The folder itself is left out: `pip install .` leaves the names of the extensions in it.
+_PATHS = ("-o", "pythonpath=tests/support")
 METADATA = "Metadata-Version: 2.1\nName: hfa-toolchain\nVersion: 0\n"
 SCRIPT = "#!{python}\nimport sys\nfrom hfa.entry import main\nsys.exit(main())\n"
 
@@ -41,8 +44,10 @@ def main(words: list[str]) -> int:
     with tempfile.TemporaryDirectory() as folder:
         python = environment(Path(folder))
         tests = words or [*_DEFAULT, *(f"--ignore=tests/{name}" for name in _OF_ALL)]
-        command = [str(python), "-m", "pytest", "-p", "no:cacheprovider", *tests]
-        return subprocess.run(command, cwd=ROOT, check=False).returncode
+        command = [str(python), "-m", "pytest", "-p", "no:cacheprovider", *_PATHS, *tests]
+        # Python's own search begins in the environment, not in this folder.
+        variables = {**os.environ, "PYTHONSAFEPATH": "1"}
+        return subprocess.run(command, cwd=ROOT, env=variables, check=False).returncode
 
 
 if __name__ == "__main__":
