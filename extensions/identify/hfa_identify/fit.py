@@ -210,8 +210,8 @@ class OutputError:
             weights = np.where(flags, 1.0 / noise, 0.0)
             by_start = response.by_start
             weighted = by_start * weights[:, :, None]
-            A = np.einsum("skn,skm->nm", weighted, by_start) + np.diag(prior)
-            B = np.einsum("skn,skp->np", weighted, response.by_parameters)
+            A = np.tensordot(weighted, by_start, axes=((0, 1), (0, 1))) + np.diag(prior)
+            B = np.tensordot(weighted, response.by_parameters, axes=((0, 1), (0, 1)))
             free = response.by_parameters - by_start @ np.linalg.solve(A, B)
             information += np.einsum(
                 "skp,sk,skq->pq", response.by_parameters, weights, free, optimize=True
@@ -232,8 +232,9 @@ class OutputError:
             normals.append(
                 Normal(
                     np.einsum("skp,sk,skq->pq", J, weights, J, optimize=True),
-                    np.einsum("skp,skn->pn", J, weighted),
-                    np.einsum("skn,skm->nm", weighted, X) + np.diag(self._priors[number]),
+                    np.tensordot(J, weighted, axes=((0, 1), (0, 1))),
+                    np.tensordot(weighted, X, axes=((0, 1), (0, 1)))
+                    + np.diag(self._priors[number]),
                     np.einsum("skp,sk->p", J, residual),
                     np.einsum("skn,sk->n", X, residual) + pull,
                 )
