@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_support.native.machine_code import compiled
-from trim.point.newton import LEAST_SHARE, LONGEST, MOST_TRIALS
+from trim.point.halving import LEAST_SHARE, LONGEST, MOST_TRIALS
 from trim.point.system import NEARLY, TrimSystem
 
 #: What the C code answers for each point.

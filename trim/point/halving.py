@@ -1,0 +1,124 @@
+"""Newton's method with steps that are halved until they are accepted."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+
+from trim.point.system import NEARLY, TrimSystem
+
+#: Evaluations of a point, at most.
+MOST_TRIALS = 100
+#: Shortest share of a step that is tried.
+LEAST_SHARE = 2.0**-20
+#: Largest entry of a step, in scaled units; a Jacobian that asks for more counts as singular.
+LONGEST = 1e6
+
+
+def halving(
+    system: TrimSystem,
+    z: np.ndarray,
+    c: np.ndarray,
+    moving: np.ndarray | None = None,
+    bounded: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    """z (N, k) and which points are settled (N,), as `newton` returns them, each step halved until
+    it is accepted; the arguments are those of `newton`."""
+    best = z.copy()
+    settled = np.zeros(len(z), dtype=bool)
+    residual, jacobian = _moved(system, z, c)
+    search = _Search(
+        points=np.arange(len(z)),
+        size=_norm(residual),
+        jacobian=jacobian,
+        step=newton_step(jacobian, residual, moving),
+        share=np.ones(len(z)),
+    )
+    for _ in range(MOST_TRIALS):
+        last = search.size <= NEARLY
+        ended = last | ~(search.share >= LEAST_SHARE)
+        if ended.any():
+            finished = search.of(last & np.isfinite(search.step).all(axis=1))
+            best[finished.points] += finished.step
+            settled[finished.points] = True
+            search = search.of(~ended)
+        if not search.points.size:
+            break
+        trial = best[search.points] + search.share[:, None] * search.step
+        if bounded:
+            lowest = np.maximum(system.lowest, -system.usual)
+            trial = np.clip(trial, lowest, np.minimum(system.highest, system.usual))
+        residual, jacobian = _moved(system, trial, c[search.points])
+        size = _norm(residual)
+        better = size < search.size
+        if not better.all():
+            simplified = newton_step(search.jacobian, residual, moving)
+            better |= _norm(simplified) < (1.0 - search.share / 4.0) * _norm(search.step)
+            better &= np.isfinite(jacobian).all(axis=(1, 2))
+        best[search.points[better]] = trial[better]
+        step = search.step.copy()
+        step[better] = newton_step(jacobian[better], residual[better], moving)
+        search = _Search(
+            points=search.points,
+            size=np.where(better, size, search.size),
+            jacobian=np.where(better[:, None, None], jacobian, search.jacobian),
+            step=step,
+            share=np.where(better, 1.0, search.share / 2.0),
+        )
+    return best, settled
+
+
+class _Search(NamedTuple):
+    """The points, N of them, whose search goes on.
+
+    points: their numbers
+    size: |r| at the best unknowns, (N,)
+    jacobian: J there, (N, m, k)
+    step: that of Newton's method from there, (N, k)
+    share: of the step that is tried next, (N,)
+    """
+
+    points: np.ndarray
+    size: np.ndarray
+    jacobian: np.ndarray
+    step: np.ndarray
+    share: np.ndarray
+
+    def of(self, rows: np.ndarray) -> _Search:
+        """Some of the points; rows: indices or flags."""
+        return _Search(*(part[rows] for part in self))
+
+
+def newton_step(
+    jacobian: np.ndarray, residual: np.ndarray, moving: np.ndarray | None = None
+) -> np.ndarray:
+    """d (N, k) with J d = -r, J (N, m, k); of least norm where J is singular or not square; nan
+    where J is not finite. Unknowns that are not among `moving` stay."""
+    count, rows, unknowns = jacobian.shape
+    if moving is not None:
+        step = np.zeros((count, unknowns))
+        step[:, moving] = newton_step(jacobian[:, :, moving], residual)
+        return step
+    step = np.full((count, unknowns), np.nan)
+    if rows == unknowns:
+        with suppress(np.linalg.LinAlgError):  # where one of them is singular
+            step = np.linalg.solve(jacobian, -residual[:, :, None])[:, :, 0]
+        if np.abs(step).max(initial=0.0) < LONGEST:
+            return step
+    doubtful = ~(np.abs(step).max(axis=1, initial=0.0) < LONGEST)
+    doubtful &= np.isfinite(jacobian).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1)
+    inverse = np.linalg.pinv(jacobian[doubtful], rcond=1e-12)
+    step[doubtful] = -(inverse @ residual[doubtful][:, :, None])[:, :, 0]
+    return step
+
+
+def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """r and J of the equations that the unknowns can move."""
+    residual, jacobian = system.residuals(z, c)
+    return residual[:, : system.moved], jacobian
+
+
+def _norm(rows: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.einsum("ij,ij->i", rows, rows))
