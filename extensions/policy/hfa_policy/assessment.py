@@ -412,11 +412,12 @@ def assess(
     """
     from hfa_policy.assessment_report import Assessment
     from hfa_policy.mistakes import mistakes_of
-    from hfa_policy.variations import variations
+    from hfa_policy.variations import changes_of, variations
 
     deployed = deployment.on(model)
+    changes = changes_of(deployed, vary or {})
     assessor = Assessor(deployed, trims_of(model, points), samples, seed)
     assessed = assessor.assessed(progress)
     mistakes = tuple(mistakes_of(assessor, assessed))
-    changed = variations(assessor, vary or {}, progress)
+    changed = variations(assessor, changes, progress)
     return Assessment(deployed, tuple(assessed), mistakes, variations=tuple(changed))

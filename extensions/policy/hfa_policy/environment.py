@@ -51,8 +51,8 @@ def environment(
     >>> observation.shape, flights.action_space.shape
     ((2,), (1,))
     """
-    make = _made("gymnasium", "rl", "hfa_policy.gymnasium_environment", "AircraftEnvironment")
     episodes = _episodes(model, deployment, points, 1, seconds)
+    make = _made("gymnasium", "rl", "hfa_policy.gymnasium_environment", "AircraftEnvironment")
     made: gymnasium.Env = make(episodes, render_mode)
     return made
 
@@ -74,9 +74,10 @@ def vector_environment(
     >>> flights = hfa.vector_environment(model, card, count=16)  # doctest: +SKIP
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
+    episodes = _episodes(model, deployment, points, count, seconds)
     module = "hfa_policy.vector_environment"
     make = _made("stable_baselines3", "training", module, "AircraftVectorEnvironment")
-    return make(_episodes(model, deployment, points, count, seconds))
+    return make(episodes)
 
 
 def _episodes(

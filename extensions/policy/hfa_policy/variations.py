@@ -53,28 +53,37 @@ class Variation(Result):
         return f"{self.name} {self.assessed.point.model.describe(self.name, self.value)}"
 
 
-def refuse_unvaried(model: Model, commanded: Sequence[str], name: str) -> None:
-    """BadInputError unless the name is a parameter, or an input that no action moves."""
-    inputs = [each for each in model.inputs if each not in commanded]
-    refuse_unknown("cannot vary", name, (*model.parameters, *inputs))
+def changes_of(
+    deployed: Deployed, vary: Mapping[str, tuple[float, float]]
+) -> list[tuple[str, float]]:
+    """Return each change of the aircraft as a name and a value.
+
+    vary: parameter, or input that no action moves -> (lowest, highest).
+
+    BadInputError for another name, and for limits that are not two numbers in rising order.
+    """
+    model = deployed.model
+    inputs = [name for name in model.inputs if name not in deployed.commanded]
+    changes = []
+    for name, limits in vary.items():
+        refuse_unknown("cannot vary", name, (*model.parameters, *inputs))
+        low, high = _lowest_and_highest(name, limits)
+        values = np.linspace(low, high, VALUES).tolist()
+        if name in model.inputs:
+            _refuse_beyond(model, name, values)
+        changes += [(name, value) for value in values]
+    return changes
 
 
 def variations(
     assessor: Assessor,
-    vary: Mapping[str, tuple[float, float]],
+    changes: Sequence[tuple[str, float]],
     progress: Progress | None = None,
 ) -> list[Variation]:
     """The policy on each changed aircraft, one change at a time, at each trim of an assessor.
 
-    vary: parameter or input -> (lowest, highest).
-
-    BadInputError for another name, and for a value that the model does not take.
+    changes: as `changes_of` returns them.
     """
-    changes = []
-    for name, limits in vary.items():
-        refuse_unvaried(assessor.deployed.model, assessor.deployed.commanded, name)
-        low, high = _lowest_and_highest(name, limits)
-        changes += [(name, value) for value in np.linspace(low, high, VALUES).tolist()]
     found: list[Variation] = []
     for point in assessor.points if changes else ():
         changed = replace(
@@ -99,17 +108,22 @@ def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
     return float(pair[0]), float(pair[1])
 
 
+def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
+    """BadInputError for a value beyond the limits of an input."""
+    signal = model.inputs[name]
+    for value in values:
+        if not signal.min <= value <= signal.max:
+            raise BadInputError(
+                f"{name} is {model.describe(name, value)}; it lies between "
+                f"{model.describe(name, signal.min)} and {model.describe(name, signal.max)}"
+            )
+
+
 def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
     """The states and inputs of a trim with one change of the aircraft."""
     model = point.model
     if name in model.parameters:
         return replace(point, model=model.with_parameters(**{name: value}), problem=None)
-    signal = model.inputs[name]
-    if not signal.min <= value <= signal.max:
-        raise BadInputError(
-            f"{name} is {model.describe(name, value)}; it lies between "
-            f"{model.describe(name, signal.min)} and {model.describe(name, signal.max)}"
-        )
     return replace(point, inputs=point.inputs._replace(**{name: value}), problem=None)
 
 

@@ -20,7 +20,6 @@ from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import ends_from_trim
 from hfa_policy.trims import trims_of
-from hfa_policy.variations import variations
 
 KEYS = {
     *("speed", "holds", "spectral_radius", "delay_limit", "disk_margin", "rest", "K"),
@@ -372,11 +371,21 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
     np.testing.assert_allclose(
         nominal.variations[0].assessed.equilibrium.states, nominal.points[0].equilibrium.states
     )
-    assessor = Assessor(card.on(model), (trim,), samples=0)
-    with pytest.raises(hfa.BadInputError, match="cannot vary 'elevator'; choose from xcg"):
-        variations(assessor, {"elevator": (0.0, 1.0)})
-    with pytest.raises(hfa.BadInputError, match=r"vary\['xcg'\] is None; give \(lowest, highest\)"):
-        variations(assessor, {"xcg": None})
+
+
+@pytest.mark.parametrize(
+    ("vary", "said"),
+    [
+        ({"elevator": (0.0, 1.0)}, "cannot vary 'elevator'; choose from xcg"),
+        ({"xcg": None}, r"vary\['xcg'\] is None; give \(lowest, highest\)"),
+        ({"throttle": (0.0, 9.0)}, "throttle is 2.25; it lies between 0 and 1"),
+    ],
+)
+def test_a_wrong_change_is_refused_before_trims(vary, said):
+    model = load_model(F16)
+    no_trim = [object()]
+    with pytest.raises(hfa.BadInputError, match=said):
+        assess(model, f16_card(), no_trim, vary=vary)
 
 
 def test_several_deployments_are_one_table(capsys, tmp_path):

@@ -141,7 +141,7 @@ def assess(request: AssessRequest) -> int:
     from hfa_policy.comparison import Comparison
     from hfa_policy.deployment import Deployment
     from hfa_policy.mistakes import mistakes_of
-    from hfa_policy.variations import variations
+    from hfa_policy.variations import changes_of, variations
 
     model = request.flown_aircraft()
     deployed = [Deployment.load(card).on(model) for card in request.cards]
@@ -152,9 +152,10 @@ def assess(request: AssessRequest) -> int:
         if request.best and each.deployment.cost is None:
             origin = each.deployment.origin
             raise BadInputError(f"--best: {origin} has no [cost]; add the Q and R")
+    changes = [changes_of(each, request.vary) for each in deployed]
     points = tuple(request.points())
     results = []
-    for each in deployed:
+    for each, changes_of_each in zip(deployed, changes, strict=True):
         assessor = Assessor(each, points, request.samples, request.seed, request.box)
         assessed = assessor.assessed(ProgressLine("fly"))
         if request.best:
@@ -162,7 +163,7 @@ def assess(request: AssessRequest) -> int:
             asked = (request.best, request.seed, ProgressLine("optimize"))
             assessed = [replace(at, best=costs(each, at, *asked)) for at in assessed]
         mistakes = tuple(mistakes_of(assessor, assessed))
-        changed = variations(assessor, request.vary, ProgressLine("fly changed aircraft"))
+        changed = variations(assessor, changes_of_each, ProgressLine("fly changed aircraft"))
         found = Assessment(each, tuple(assessed), mistakes, request.need, tuple(changed))
         results.append(found)
     if len(results) == 1:
