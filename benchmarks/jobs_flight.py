@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import FOLDER, Row, in_turn
+from benchmarks.report import FOLDER, Limit, Row, in_turn
 from controller.game.basis import basis
 from controller.hfa_game import published_game
 from controller.riccati.gare import solve_game
@@ -150,7 +150,7 @@ def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
     return fly
 
 
-def rows(quick: bool = False) -> list[Row]:
+def _loop(quick: bool) -> list[Row]:
     """The loop against C by hand, where there is a compiler."""
     if c_compiler() is None:
         return []
@@ -169,5 +169,9 @@ def rows(quick: bool = False) -> list[Row]:
             timing,
             1 / 1.5,
             remark,
+            limit=Limit(timing.peer, "C by hand"),
         )
     ]
+
+
+JOBS = {"loop": _loop}

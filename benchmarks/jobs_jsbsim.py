@@ -10,21 +10,25 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.jobs_models import f16_peer
-from benchmarks.report import Row, in_turn
+from benchmarks.jobs_models import evaluations, f16_peer
+from benchmarks.report import Limit, Row, in_turn, shortest
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
 from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import Episodes
+from hfa_policy.held_step import parts_of_a_sample, step_of_integration
+from hfa_policy.row_code import row_code
 from trim.point.condition import release, usual_condition
 from trim.point.solve import find_operating_point
 from trim.sweeps.points import TRIMMED, trim_points
 
 #: Frames of JSBSim a second.
 _RATE = 120.0
+#: Rows of a call that is timed: its start is forgotten.
+_ROWS = 256
 
 
-def rows(quick: bool = False) -> list[Row]:
+def _sweeps(quick: bool) -> list[Row]:
     """Trims and linear models over airspeed and altitude, without and with a compiler."""
     if importlib.util.find_spec("jsbsim") is None:
         return []
@@ -33,7 +37,8 @@ def rows(quick: bool = False) -> list[Row]:
     speeds, altitudes = np.meshgrid(np.linspace(220.0, 320.0, side), np.linspace(5e3, 25e3, side))
     grid = np.column_stack([speeds.ravel(), altitudes.ravel()])
     held = {"speed": 500.0, "altitude": 15000.0}
-    peer = f16_peer(release(usual_condition(model), hold=held))
+    condition = release(usual_condition(model), hold=held)
+    peer = f16_peer(condition)
     peer_speeds = np.linspace(460.0, 640.0, peer_count)
     comparisons = []
     for compiled, to_reach in ((False, 20.0), (True, 100.0)):
@@ -44,14 +49,23 @@ def rows(quick: bool = False) -> list[Row]:
             peer_count,
             repeats=1 if quick else 3,
         )
+        flights = np.column_stack([np.linspace(460.0, 640.0, len(grid)), grid[:, 1]])
+        limit = evaluations(model, ("speed", "altitude"), flights, condition, compiled)
         job = f"{len(grid)} points of the 737 of JSBSim, kcas x altitude"
         how = "generated C" if compiled else "no compiler"
         by = "python-control (hybr, from the neighbour) + linearize"
-        comparisons.append(Row(f"{job}, {how}", by, timing, to_reach))
-    return [*comparisons, _environment(1, quick), _environment(6, quick)]
+        comparisons.append(Row(f"{job}, {how}", by, timing, to_reach, limit=limit))
+    return comparisons
 
 
-def _environment(frames: int, quick: bool) -> Row:
+def _environments(quick: bool) -> list[Row]:
+    """Steps of the environments of the c172p, of one frame and of six."""
+    if importlib.util.find_spec("jsbsim") is None:
+        return []
+    return [_environment(frames, quick, 256) for frames in (1, 6)] + [_environment(6, quick, 1)]
+
+
+def _environment(frames: int, quick: bool, count: int) -> Row:
     """Steps of many environments of the c172p, so many frames of JSBSim's 120 Hz long, random
     actions."""
     import jsbsim
@@ -64,7 +78,7 @@ def _environment(frames: int, quick: bool) -> Row:
         timing={"dt": dt},
     )
     model = load_model("jsbsim:c172p")
-    count, steps = (8, 5) if quick else (256, 100)
+    steps = 5 if quick else 100
     point = find_operating_point(model, usual_condition(model))
     episodes = Episodes(card.on(model), [point], count)
     random = np.random.default_rng(0)
@@ -89,11 +103,24 @@ def _environment(frames: int, quick: bool) -> Row:
             simulator.run()
 
     timing = in_turn(ours, peer, count * steps, 20 * steps, repeats=1 if quick else 5)
-    job = f"a step of {1e3 * dt:.3g} ms of each of {count} environments of the c172p"
-    return Row(job, f"FGFDMExec.run of JSBSim, {frames} a step", timing, 3.0)
+    function = step_of_integration(model.layout, model.linear).find_function("rate")
+    rate = row_code(function, together=1 if count == 1 else None)
+    still = np.zeros(len(model.linear))
+    row = np.concatenate([point.states, point.inputs, still, model.p])
+    table = np.tile(row, (_ROWS, 1))
+    evaluated = 4 * parts_of_a_sample([point], dt)
+    limit = Limit(
+        evaluated * shortest(partial(rate, table), _ROWS), f"{evaluated} evaluations of the rates"
+    )
+    each = f"each of {count} environments" if count > 1 else "one environment"
+    job = f"a step of {1e3 * dt:.3g} ms of {each} of the c172p"
+    return Row(job, f"FGFDMExec.run of JSBSim, {frames} a step", timing, 3.0, limit=limit)
 
 
 def _sweep(model: Model, grid: np.ndarray, compiled: bool) -> None:
     """Trim and linearize all points."""
     points = trim_points(model, ("kcas", "altitude"), grid, compile_code=compiled)
     assert (points.status == TRIMMED).all()
+
+
+JOBS = {"737": _sweeps, "environments": _environments}

@@ -11,13 +11,15 @@ from math import asin, atan2, cos, sin, sqrt
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 import hfa_model
-from benchmarks.report import Row, in_turn
+from benchmarks.report import Limit, Row, in_turn, shortest
 from controller.hfa_game import published_game
 from controller.riccati.game_batch import solve_games
 from hfa_aircraft.loading import load_model
+from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Parameters, default_parameters
 from hfa_model.atmosphere import density
 from hfa_support.native.bound import BoundFunction
@@ -27,45 +29,44 @@ from trim.linear.level_model import level_model
 from trim.linear.linear_model import linearize
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.solve import find_operating_point
+from trim.point.system import TrimSystem
+from trim.sweeps.machine import compiled_trim
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import TRIMMED, trim_points
+
+# python-control counts the states that it is told to hold as constraints, and warns of too many.
+warnings.filterwarnings("ignore", "number of constraints", UserWarning)
 
 _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 
-def rows(quick: bool = False) -> list[Row]:
-    """All figures of models."""
-    angles, peer_angles = (500, 2) if quick else (10_000, 100)
-    with warnings.catch_warnings():
-        # python-control counts the states that it is told to hold as constraints, and warns of too
-        # many of them.
-        warnings.filterwarnings("ignore", "number of constraints", UserWarning)
-        trims = [_one_point(), *_many_points(angles, peer_angles)]
-        trims += [row for turning in (False, True) for row in _f16(turning, angles, peer_angles)]
-    return [*_startup(1 if quick else 11), *trims, _games(20 if quick else 1000)]
-
-
-def _startup(repeats: int) -> list[Row]:
+def _start(quick: bool) -> list[Row]:
     """A trim, and the help, from nothing to the last line."""
+    repeats = 1 if quick else 11
     hfa = str(Path(sys.executable).with_name("hfa"))
     peer = (sys.executable, "-c", "import control")
     run = partial(subprocess.run, check=True, stdout=subprocess.DEVNULL)
-    return [
-        Row(
-            f"`hfa {' '.join(words)}`, new process",
-            '`python -c "import control"`',
-            in_turn(partial(run, (hfa, *words)), partial(run, peer), repeats=repeats),
-            1.0,
+    rows = []
+    for words, least in ((("trim", "--dihedral", "15"), "import casadi"), (("--help",), "pass")):
+        seconds = shortest(partial(run, (sys.executable, "-c", least)), repeats=repeats)
+        rows.append(
+            Row(
+                f"`hfa {' '.join(words)}`, new process",
+                '`python -c "import control"`',
+                in_turn(partial(run, (hfa, *words)), partial(run, peer), repeats=repeats),
+                1.0,
+                limit=Limit(seconds, f'`python -c "{least}"`'),
+            )
         )
-        for words in (("trim", "--dihedral", "15"), ("--help",))
-    ]
+    return rows
 
 
-def _games(count: int) -> Row:
+def _games(quick: bool) -> list[Row]:
     """Exact game solutions with certificates between 0 and 20 degrees, against SciPy's solver
     without one."""
-    from scipy.linalg import block_diag, solve_continuous_are
+    from scipy.linalg import block_diag, schur, solve_continuous_are
 
+    count = 20 if quick else 1000
     flights = trim_points(
         hfa_model.aircraft(), ("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None]
     )
@@ -82,9 +83,15 @@ def _games(count: int) -> Row:
         for a, b in zip(A[::5], B[::5], strict=True):
             solve_continuous_are(a, np.hstack([b, game.E]), game.Q, weights)
 
+    def one_schur_form_each() -> None:
+        for a, b in zip(A[::5], B[::5], strict=True):
+            S = b @ b.T - game.E @ game.E.T
+            schur(np.block([[a, -S], [-game.Q, -a.T]]), check_finite=False)
+
     timing = in_turn(ours, peer, units=count, peer_units=count / 5)
+    limit = Limit(shortest(one_schur_form_each, count / 5), "a Schur form of the Hamiltonian")
     job = f"{count} game Riccati equations, certified"
-    return Row(job, "SciPy solve_continuous_are, no certificate", timing, 0.4)
+    return [Row(job, "SciPy solve_continuous_are, no certificate", timing, 0.4, limit=limit)]
 
 
 def six_state_rates(p: Parameters, altitude: float):
@@ -184,7 +191,36 @@ def peer_point(system, dihedral: float):
     return point, control.linearize(system, point.states, point.inputs)
 
 
-def _one_point() -> Row:
+def evaluations(
+    model: Model,
+    variables: tuple[str, ...],
+    values: np.ndarray,
+    condition: TrimCondition | None,
+    compile_code: bool,
+) -> Limit:
+    """The least that trims and linear models of these points take: at each point one evaluation of
+    the equations with their Jacobian, for a step of Newton's method, and one of A and B."""
+    condition = usual_condition(model) if condition is None else condition
+    system = TrimSystem(model, condition.freed_for(variables), variables)
+    columns = dict(zip(variables, values.T, strict=True))
+    c = system.constants(len(values), columns)
+    z = np.tile(system.start, (len(values), 1))
+    seconds = 0.0
+    for rows in (system.equations.residual_rows, system.equations.linear_rows):
+        function = rows.function
+        evaluate: Callable[..., Any] = rows
+        if compile_code:
+            flat = ca.vertcat(*(ca.vec(part) for part in function.call([*function.sx_in()])))
+            one = ca.Function("one", function.sx_in(), [ca.densify(flat)])
+            machine = compiled_trim(system.equations.residual_rows.function, one)
+            assert machine is not None
+            evaluate = machine.linear
+        seconds += shortest(partial(evaluate, z, c), len(values), repeats=3)
+    return Limit(seconds, "two evaluations of the derivatives")
+
+
+def _trim(quick: bool) -> list[Row]:
+    """One trim with its linear model, from Python."""
     aircraft = hfa_model.aircraft()
     system = peer_system()
 
@@ -198,20 +234,26 @@ def _one_point() -> Row:
         for _ in range(20):
             peer_point(system, np.radians(10.0))
 
-    timing = in_turn(ours, peer, units=100, peer_units=20)
+    timing = in_turn(ours, peer, units=100, peer_units=20, repeats=1 if quick else 7)
     exact = level_model(aircraft, np.radians(10.0))
     _, model = peer_point(system, np.radians(10.0))
     error = max(np.abs(model.A - exact.A).max(), np.abs(model.B - exact.B).max())
-    return Row(
-        "one trim and its exact A, B, from Python",
-        "python-control find_operating_point (lm) + linearize",
-        timing,
-        4.0,
-        f"largest error of the peer's entries {error:.1e}, of ours rounding",
-    )
+    angle = np.radians(np.full((1, 1), 10.0))
+    return [
+        Row(
+            "one trim and its exact A, B, from Python",
+            "python-control find_operating_point (lm) + linearize",
+            timing,
+            4.0,
+            f"largest error of the peer's entries {error:.1e}, of ours rounding",
+            limit=evaluations(aircraft, ("dihedral",), angle, None, False),
+        )
+    ]
 
 
-def _many_points(count: int, peer_count: int) -> list[Row]:
+def _angles(quick: bool) -> list[Row]:
+    """Many dihedral angles of the HFA."""
+    count, peer_count = _counts(quick)
     aircraft = hfa_model.aircraft()
     system = peer_system()
     angles = np.radians(np.linspace(0.0, 20.0, count))
@@ -230,11 +272,12 @@ def _many_points(count: int, peer_count: int) -> list[Row]:
     job = f"{count} dihedral angles"
     name = "python-control, point by point"
     units = (count, peer_count)
-    rows = [Row(f"{job}, no compiler", name, in_turn(partial(ours, False), peer, *units), 10.0)]
-    if c_compiler() is not None:
-        rows.append(
-            Row(f"{job}, generated C", name, in_turn(partial(ours, True), peer, *units), 200.0)
-        )
+    rows = []
+    for compiled, how, target in ((False, "no compiler", 10.0), (True, "generated C", 200.0)):
+        if compiled <= (c_compiler() is not None):
+            limit = evaluations(aircraft, ("dihedral",), angles[:, None], None, compiled)
+            timing = in_turn(partial(ours, compiled), peer, *units)
+            rows.append(Row(f"{job}, {how}", name, timing, target, limit=limit))
     job += " with tracked modes, every residual and limit checked"
     timing = in_turn(partial(ours, True, modes=True), peer, *units, repeats=3)
     return [*rows, Row(job, f"{name} (trim, A, B only)", timing, 20.0)]
@@ -325,8 +368,17 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
     return points
 
 
-def _f16(turning: bool, count: int, peer_count: int) -> list[Row]:
+def _f16(quick: bool) -> list[Row]:
     """Straight ahead (5 unknowns) and in a turn (12)."""
+    return [row for turning in (False, True) for row in _f16_flights(turning, *_counts(quick))]
+
+
+def _counts(quick: bool) -> tuple[int, int]:
+    """Points of ours and of the peer."""
+    return (500, 2) if quick else (10_000, 100)
+
+
+def _f16_flights(turning: bool, count: int, peer_count: int) -> list[Row]:
     condition, name, low, high = f16_case(turning)
     values = np.linspace(low, high, count)
     peer = f16_peer(condition)
@@ -344,7 +396,10 @@ def _f16(turning: bool, count: int, peer_count: int) -> list[Row]:
         if compiled <= (c_compiler() is not None):
             every = values[:: count // peer_count]
             timing = in_turn(partial(ours, compiled), partial(peer, name, every), count, peer_count)
-            rows.append(
-                Row(f"{job}, {'generated C' if compiled else 'no compiler'}", by, timing, target)
-            )
+            limit = evaluations(condition.model, (name,), values[:, None], condition, compiled)
+            how = "generated C" if compiled else "no compiler"
+            rows.append(Row(f"{job}, {how}", by, timing, target, limit=limit))
     return rows
+
+
+JOBS = {"start": _start, "trim": _trim, "angles": _angles, "f16": _f16, "games": _games}

@@ -19,7 +19,7 @@ import numpy as np
 
 import hfa_model
 from benchmarks.jobs_flight import STEP, FlightCase
-from benchmarks.report import Comparison, Row, Size, in_turn, value_text
+from benchmarks.report import Comparison, Limit, Row, Size, in_turn, value_text
 from controller.hfa_game import published_game
 from controller.riccati.gare import solve_game
 from hfa_flight.envelope import flight_envelope
@@ -40,10 +40,13 @@ _EFFICIENCY = 0.85
 #: as much memory.
 _LINEAR = 0.8
 #: The memory of the largest size is compared with that of the one before, of a few chunks.
-_SIZES = (1_000, 10_000, 100_000, 300_000, 1_000_000)
+_SIZES = {
+    "sweep": (1_000, 10_000, 100_000, 300_000, 1_000_000),
+    "members": (100, 1_000, 10_000, 100_000, 300_000),
+}
 _QUICK_SIZES = (1, 3)
-#: A job of more rows takes minutes and is run once.
-_THRICE = 100_000
+#: A job of more rows is run once.
+_THRICE = 10_000
 _UNCERTAIN = Uncertainty(
     errors={"panel_mass": 0.02, "lift_slope": 0.02, "hinge_damping": 0.05},
     noise={"alpha": 0.001, "pitch_rate": 0.001},
@@ -51,20 +54,24 @@ _UNCERTAIN = Uncertainty(
 )
 
 
-def rows(quick: bool = False) -> list[Row]:
-    """All figures of scale."""
-    sizes = _QUICK_SIZES if quick else _SIZES
-    grown = [
-        row
-        for job, name in (
-            ("sweep", "points of a sweep into a store"),
-            ("members", "members of 0.1 s into a store"),
-        )
-        for row in growth(
-            name, [_median(job, count, 1 if quick or count > _THRICE else 3) for count in sizes]
-        )
-    ]
-    return [_monte_carlo(quick), *grown]
+def _sweep_store(quick: bool) -> list[Row]:
+    """Points of a sweep into a store, by size."""
+    return _growth("sweep", "points of a sweep into a store", quick)
+
+
+def _member_store(quick: bool) -> list[Row]:
+    """Short flights into a store, by size."""
+    return _growth("members", "members of 0.1 s into a store", quick)
+
+
+def _growth(job: str, name: str, quick: bool) -> list[Row]:
+    sizes = _QUICK_SIZES if quick else _SIZES[job]
+    measured = []
+    for count in sizes:
+        repeats = 1 if quick or count > _THRICE else 3
+        measured.append(_median(job, count, repeats))
+        print(f"{count} {name}: {value_text(measured[-1].seconds, 's')} each", file=sys.stderr)
+    return growth(name, measured)
 
 
 def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
@@ -94,7 +101,7 @@ def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     )
 
 
-def _monte_carlo(quick: bool) -> Row:
+def _monte_carlo(quick: bool) -> list[Row]:
     """As many processes as there are cores; their start, the compiled loop and the store: all of it
     counts."""
     cores = os.cpu_count() or 1
@@ -119,7 +126,8 @@ def _monte_carlo(quick: bool) -> Row:
         f"{timing.ratio / cores:.2f} of {cores} cores, {members} members a run with the start of"
         " the processes"
     )
-    return Row(job, "the members one by one", timing, _EFFICIENCY * cores, remark)
+    limit = Limit(timing.peer / cores, "a member on each core")
+    return [Row(job, "the members one by one", timing, _EFFICIENCY * cores, remark, limit=limit)]
 
 
 def growth(name: str, sizes: list[Size]) -> list[Row]:
@@ -175,6 +183,8 @@ def _sized(job: str, count: int) -> Size:
         )
     return Size(count, seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, disk)
 
+
+JOBS = {"members": _monte_carlo, "sweep_store": _sweep_store, "member_store": _member_store}
 
 if __name__ == "__main__":
     import xarray  # noqa: F401  # loaded before the clock starts, as in a session that works

@@ -9,7 +9,7 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +22,13 @@ from hfa_support.reporting.text import Table
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results.json"
 PICTURE = FOLDER.parent / "docs" / "pictures" / "benchmarks.png"
+#: Module of jobs -> the names of its jobs.
+SUBJECTS = {
+    "models": ("start", "trim", "angles", "f16", "games"),
+    "flight": ("loop",),
+    "scale": ("members", "sweep_store", "member_store"),
+    "jsbsim": ("737", "environments"),
+}
 _PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 
 
@@ -74,8 +81,24 @@ class Size(NamedTuple):
     disk: float
 
 
+class Limit(NamedTuple):
+    """The least time that one unit of a job can take on this machine.
+
+    seconds: measured here and now
+    what: the work that no program can leave out
+    """
+
+    seconds: float
+    what: str
+
+
 class Row(NamedTuple):
-    """One comparison. target: of the ratio. unit: "s" or "MB"."""
+    """One comparison.
+
+    target: of the ratio
+    unit: "s" or "MB"
+    limit: None where nothing shorter than the job is known to be needed
+    """
 
     job: str
     peer: str
@@ -84,6 +107,7 @@ class Row(NamedTuple):
     remark: str = ""
     unit: str = "s"
     sizes: tuple[Size, ...] = ()
+    limit: Limit | None = None
 
     @property
     def verdict(self) -> str:
@@ -91,17 +115,34 @@ class Row(NamedTuple):
         return "yes" if self.timing.ratio >= self.target else "NO"
 
 
-def rows_of(subject: str, quick: bool) -> list[Row]:
-    """The figures of one subject, measured here and now."""
-    found: list[Row] = importlib.import_module(f"benchmarks.jobs_{subject}").rows(quick)
+def jobs() -> dict[str, str]:
+    """The name of each job and the module that has it, in the order of the table."""
+    return {name: module for module, names in SUBJECTS.items() for name in names}
+
+
+def rows_of(job: str, quick: bool) -> list[Row]:
+    """The figures of one job, measured here and now."""
+    module = importlib.import_module(f"benchmarks.jobs_{jobs()[job]}")
+    found: list[Row] = module.JOBS[job](quick)
     return found
 
 
-def figure(row: Row, subject: str = "") -> dict[str, Any]:
-    """A comparison, ready for JSON."""
+def shortest(function: Callable[[], Any], units: float = 1.0, repeats: int = 7) -> float:
+    """The shortest time of a function, after one uncounted call: seconds a unit of work."""
+    function()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return min(times) / units
+
+
+def figure(row: Row, name: str = "") -> dict[str, Any]:
+    """A comparison, ready for JSON, of the job of this name."""
     ours, peers, ratio = row.timing
     found = {
-        "set": subject,
+        "set": name,
         "job": row.job,
         "peer": row.peer,
         "ours": ours,
@@ -109,6 +150,7 @@ def figure(row: Row, subject: str = "") -> dict[str, Any]:
         "unit": row.unit,
     }
     found |= {"ratio": ratio, "to_reach": row.target, "reached": row.verdict, "remark": row.remark}
+    found["limit"] = None if row.limit is None else row.limit._asdict()
     return found | {"sizes": [size._asdict() for size in row.sizes]}
 
 
@@ -118,10 +160,18 @@ def markdown(figures: Iterable[dict[str, Any]]) -> str:
     for each in figures:
         times = (value_text(each[name], each["unit"]) for name in ("ours", "peers"))
         ratios = (ratio_text(each[name]) for name in ("ratio", "to_reach"))
-        rows.append((each["job"], each["peer"], *times, *ratios, each["reached"]))
-    return markdown_table(
-        Table(("job", "compared with", "ours", "peer's", "ratio", "target", "met"), rows)
-    )
+        limit = limit_text(each)
+        rows.append((each["job"], each["peer"], *times, *ratios, each["reached"], limit))
+    names = ("job", "compared with", "ours", "peer's", "ratio", "target", "met", "over the limit")
+    return markdown_table(Table(names, rows))
+
+
+def limit_text(figure: Mapping[str, Any]) -> str:
+    """Our time over the limit, and of what work that is; a dash where none is known."""
+    limit = figure["limit"]
+    if limit is None:
+        return "–"
+    return f"{figure['ours'] / limit['seconds']:.2g} x {limit['what']}"
 
 
 def value_text(value: float, unit: str) -> str:
@@ -153,15 +203,16 @@ def machine() -> dict[str, str]:
     )
 
 
-def store(rows: Mapping[str, list[Row]], order: Sequence[str]) -> dict[str, Any]:
-    """Write results.json and return it. Subjects that were not run keep their figures if the
-    machine is the same."""
+def store(rows: Mapping[str, list[Row]]) -> dict[str, Any]:
+    """Write results.json and return it. Jobs that were not run keep their figures if the machine is
+    the same."""
     new = {
         "machine": machine(),
         "figures": [figure(row, name) for name, some in rows.items() for row in some],
     }
     if RESULTS.exists() and (old := stored())["machine"] == new["machine"]:
         new["figures"] += [each for each in old["figures"] if each["set"] not in rows]
+    order = list(jobs())
     new["figures"].sort(key=lambda each: order.index(each["set"]))
     write_text(RESULTS, json.dumps(new, indent=2, ensure_ascii=False) + "\n")
     return new
@@ -186,7 +237,12 @@ def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
             height=0.6,
             color="#2a6f97" if each["ratio"] >= 1.0 else "#c1440e",
         )
-        axes.text(1.04 * each["ratio"], place, ratio_text(each["ratio"]), va="center", fontsize=8)
+        end = each["ratio"]
+        if each["limit"] is not None:
+            limit = each["peers"] / each["limit"]["seconds"]
+            axes.plot([limit, limit], [place - 0.4, place + 0.4], color="black", linewidth=1.5)
+            end = max(end, limit)
+        axes.text(1.08 * end, place, ratio_text(each["ratio"]), va="center", fontsize=8)
     axes.set_yticks(
         range(len(bars)), [f"{each['job']}\nagainst {each['peer']}" for each in reversed(bars)]
     )
@@ -194,7 +250,7 @@ def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
     axes.set(
         xscale="log",
         xlim=(0.3, 5000),
-        xlabel="times as fast as the peer; orange: slower than the peer",
+        xlabel="times as fast as the peer (orange: slower); black: the limit of this machine",
     )
     axes.axvline(1.0, color="black", linewidth=0.5)
     time_axes, memory = below.subplots(1, 2)

@@ -12,7 +12,7 @@ import hfa_model
 from benchmarks import __main__ as bench, report
 from benchmarks.jobs_flight import FlightCase, c_flight, difference
 from benchmarks.jobs_models import f16_case, f16_peer, peer_point, peer_system, six_state_rates
-from benchmarks.report import Comparison, Row
+from benchmarks.report import Comparison, Limit, Row
 from hfa_model import LINEAR_STATES, STATES, default_parameters
 from hfa_support.native import machine_code as generated
 from trim import trim_points
@@ -108,7 +108,26 @@ def row(ratio: float, target: float) -> Row:
 def test_a_figure_that_misses_its_target_says_so(ratio: float, target: float, verdict: str) -> None:
     line = report.markdown([report.figure(row(ratio, target))]).splitlines()[-1]
     assert line.startswith("| a job | a peer | 2 µs |")
-    assert line.endswith(f"| {verdict} |")
+    assert line.endswith(f"| {verdict} | – |")
+
+
+def test_a_job_is_shown_over_its_limit() -> None:
+    limited = row(2.0, 1.0)._replace(limit=Limit(1e-6, "one evaluation"))
+    assert report.markdown([report.figure(limited)]).endswith("| yes | 2 x one evaluation |")
+
+
+def test_a_job_of_the_benchmarks_runs_alone(capsys: pytest.CaptureFixture) -> None:
+    assert bench.main(["--quick", "games"]) == 0
+    printed = capsys.readouterr().out
+    assert "solve_continuous_are" in printed
+    assert "dihedral angles" not in printed
+
+
+@pytest.mark.filterwarnings("ignore:number of constraints")
+def test_the_limit_of_a_trim_is_below_its_time() -> None:
+    (found,) = bench.report.rows_of("trim", quick=True)
+    assert found.limit is not None
+    assert 0.0 < found.limit.seconds < found.timing.ours
 
 
 @pytest.mark.slow
