@@ -327,7 +327,7 @@ def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
         findings.append(f"the normalizer clips {names} at the equilibrium")
     findings += reach.own
     if not reach.judged.all():
-        findings.append(f"convergence is judged by the states that actions move: {reach.states}")
+        findings.append(f"convergence is judged by the states within reach: {reach.states}")
     if equilibrium.kinks:
         more = len(equilibrium.kinks) - 1
         findings.append(equilibrium.kinks[0] + (f" (and {more} more)" if more else ""))

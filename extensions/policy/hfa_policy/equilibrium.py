@@ -36,6 +36,7 @@ class Equilibrium:
     K: (m', k), -∂u/∂x of the commanded inputs by the linear states.
     K_inputs: (m', m'), ∂u/∂u of the commanded inputs by those that act just before.
     A: (k, k), B: (k, m'), of the aircraft there.
+    C: (observations, k), slopes of the observations by the linear states.
     clips: what a clip holds there, in words; those of actions and inputs.
     clipped_observations: which observations their clip holds.
     kinks: notes on entries of A, B, K and K_inputs at a kink.
@@ -48,6 +49,7 @@ class Equilibrium:
     K_inputs: np.ndarray
     A: np.ndarray
     B: np.ndarray
+    C: np.ndarray
     clips: tuple[str, ...] = ()
     clipped_observations: tuple[str, ...] = ()
     kinks: tuple[str, ...] = ()
@@ -181,10 +183,17 @@ class EquilibriumSearch:
             K_inputs=slopes[:, k:],
             A=plant.A[np.ix_(self.rows, self.rows)],
             B=plant.B[np.ix_(self.rows, self.columns)],
+            C=self._observed_slopes(X, U),
             clips=self._clips(X, U),
             clipped_observations=self._clipped_observations(X, U),
             kinks=(*self._of_the_loop(kinks), *policy_kinks),
         )
+
+    def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
+        """Slopes of the observations by the linear states; 0 where there is none."""
+        observe = self.deployed.observe
+        by_states = observe.jacobian()(X, U, self.trim, observe(X, U, self.trim))[0]
+        return np.nan_to_num(np.array(by_states)[:, self.rows])
 
     def _of_the_loop(self, notes: tuple[str, ...]) -> list[str]:
         """The notes on entries of the linear states and the commanded inputs."""
@@ -221,7 +230,7 @@ class EquilibriumSearch:
         return slopes, tuple(notes)
 
     def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
-        """What holds an action or an input at rest."""
+        """Return the actions and inputs that are at a limit, in words."""
         deployed = self.deployed
         observation = deployed.observe(X, U, self.trim)
         _, raw, action = (np.array(part).ravel() for part in deployed.stages(observation))
