@@ -10,6 +10,7 @@ functional inclusion methods, IJPAM 4 (2003)."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import cached_property
 from itertools import zip_longest
 from typing import Any
 
@@ -147,8 +148,8 @@ class TaylorModel:
         b0, b1, b2, b_remainder, *b_errors = other.parts
         # Of the product of what is off the centers, a1 b1 s² is kept and the rest is enclosed.
         remainder = a_remainder * b0 + a0 * b_remainder
-        remainder += self.off_center(0) * other.off_center()
-        remainder += _ALL * a1 * other.off_center(0)
+        remainder += self._beyond_slope * other._off_center
+        remainder += _ALL * a1 * other._beyond_slope
         from_a = (z * b0 for z in a_errors)
         from_b = (a0 * z for z in b_errors)
         errors = (x + y for x, y in zip_longest(from_a, from_b, fillvalue=0))
@@ -180,22 +181,34 @@ class TaylorModel:
         c0, c1, c2, *_ = self.parts
         return c0 + arb(s) * c1 + arb(s * s) * c2
 
-    def off_center(self, s: Any = _ALL, square: Any = _SQUARE) -> Any:
-        """An enclosure of every value less c_0.
+    @cached_property
+    def _errors(self) -> Any:
+        """An enclosure of the remainder and the errors."""
+        _, _, _, remainder, *errors = self.parts
+        return sum((_ALL * z for z in errors), remainder)
 
-        s: ball of s; by default all of [-1, 1]
-        square: ball of s²; by default all of [0, 1]
-        """
-        _, c1, c2, remainder, *errors = self.parts
-        return s * c1 + square * c2 + sum((_ALL * z for z in errors), remainder)
+    @cached_property
+    def _beyond_slope(self) -> Any:
+        """An enclosure of every value less c_0 + c_1 s."""
+        return _SQUARE * self.parts[2] + self._errors
+
+    @cached_property
+    def _off_center(self) -> Any:
+        """An enclosure of every value less c_0."""
+        return _ALL * self.parts[1] + self._beyond_slope
 
     def range(self) -> Any:
         """An enclosure of every value on the box."""
-        return self.parts[0] + self.off_center()
+        return self.parts[0] + self._off_center
 
     def corners(self) -> list[Any]:
         """Enclosures whose convex hull holds every value."""
-        return [self.parts[0] + self.off_center(arb(s), arb(square)) for s, square in _HULL]
+        return [self.near(arb(s), arb(square)) for s, square in _HULL]
+
+    def near(self, s: arb, square: arb) -> Any:
+        """An enclosure of c_0 + c_1 s + c_2 square and what is not polynomial."""
+        c0, c1, c2, *_ = self.parts
+        return c0 + (s * c1 + square * c2 + self._errors)
 
     def through(self, function: Callable[[arb_series], arb_series]) -> TaylorModel:
         """f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³ with ξ in the range."""
@@ -203,7 +216,7 @@ class TaylorModel:
         far = function(arb_series([self.range(), 1], prec=4))
         delta = TaylorModel(arb(0), *self.parts[1:])
         square = delta * delta
-        cubic = far[3] * square.range() * self.off_center()
+        cubic = far[3] * square.range() * self._off_center
         last = TaylorModel(near[0], arb(0), arb(0), cubic)
         return delta * near[1] + square * near[2] + last
 

@@ -41,7 +41,7 @@ def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) ->
     for s in (-1.0, -0.4, 0.0, 1.0):
         model = model_at(low + 0.25 + 0.25 * s, dynamics)
         for found, expected in ((linear.A, model.A), (linear.B, model.B)):
-            ball = found.parts[0] + found.off_center(exact(s), exact(s * s))
+            ball = found.near(exact(s), exact(s * s))
             rounding = 1e-11 * (1.0 + np.abs(expected).max())
             assert np.all(np.abs(numbers(ball) - expected) <= numbers(ball, "rad") + rounding)
         for name, (c0, c1, c2) in linear.trim.polynomials.items():
