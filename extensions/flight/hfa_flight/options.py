@@ -213,12 +213,38 @@ def _about_turbulence(model: Model) -> str:
     return f"Dryden turbulence, {speed} and {speed.removesuffix('/s')}, from --seed"
 
 
-_gust_numbers = numbers(_GUST, 3, otherwise=(0.0,))
-_turbulence_numbers = numbers(_TURBULENCE, 2)
-
-
 def _linear_state(model: Model, name: str, text: str) -> float:
     return among(model.linear, model, name, text)
+
+
+def turbulence_option() -> Any:
+    """The field `turbulence`."""
+    return option(_about_turbulence, _TURBULENCE, numbers(_TURBULENCE, 2), rare=True)
+
+
+def noise_option(about: str) -> Any:
+    """The field `noise`: state of the linear model -> what its sensor adds."""
+    return option(about, "NAME=VALUE", OfModel(_linear_state), named=True, rare=True)
+
+
+def gust_option() -> Any:
+    """The field `gust`."""
+    return option(_about_gust, _GUST, numbers(_GUST, 3, otherwise=(0.0,)))
+
+
+def gust_at(
+    typed: tuple[float, ...] | None, point: OperatingPoint, duration: float
+) -> OneMinusCosine | None:
+    """The typed gust, met at the speed of a trim; None without one. BadInputError where it begins
+    outside the duration, s."""
+    if typed is None:
+        return None
+    length, peak, begin = typed
+    if not 0 <= begin < duration:
+        raise BadInputError(
+            f"--gust begins at {begin:g} s; the flight lasts from 0 to {duration:g} s"
+        )
+    return OneMinusCosine(length, peak, gust_speed(point), begin)
 
 
 def _state(model: Model, name: str, text: str) -> float:
@@ -259,12 +285,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         default=0.0,
         rare=True,
     )
-    turbulence: tuple[float, float] | None = option(
-        _about_turbulence,
-        _TURBULENCE,
-        _turbulence_numbers,
-        rare=True,
-    )
+    turbulence: tuple[float, float] | None = turbulence_option()
     error: Mapping[str, float] = option(
         "factor on a parameter of the simulated aircraft alone; with --samples its relative "
         "standard deviation",
@@ -273,14 +294,10 @@ class ScenarioOptions(LawOptions, TrimOptions):
         named=True,
         rare=True,
     )
-    noise: Mapping[str, float] = option(
-        "added to what a sensor says, degrees for angles; with --samples its standard deviation",
-        "NAME=VALUE",
-        OfModel(_linear_state),
-        named=True,
-        rare=True,
+    noise: Mapping[str, float] = noise_option(
+        "added to what a sensor says, degrees for angles; with --samples its standard deviation"
     )
-    gust: tuple[float, ...] | None = option(_about_gust, _GUST, _gust_numbers)
+    gust: tuple[float, ...] | None = gust_option()
     envelope: Mapping[str, tuple[float, float]] = option(
         "other limits of a state, absolute (alpha: through the air); repeatable",
         "NAME=LOW:HIGH",
@@ -325,13 +342,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
     def _gust(self, point: OperatingPoint, happens: Scenario) -> Gust | None:
         """The gust, or the turbulence of one flight; that of members is drawn later."""
         if self.gust is not None:
-            length, peak, begin = self.gust
-            if not 0 <= begin < happens.duration:
-                raise BadInputError(
-                    f"--gust begins at {begin:g} s; the flight lasts from 0 to "
-                    f"{happens.duration:g} s"
-                )
-            return OneMinusCosine(length, peak, gust_speed(point), begin)
+            return gust_at(self.gust, point, happens.duration)
         if self.turbulence is not None and self.samples is None:
             intensity, scale = self.turbulence
             return Dryden(

@@ -6,13 +6,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.limit_cycle import LimitCycle
+from hfa_flight.scenario import Scenario
 from hfa_policy.best_costs import BestCosts
 from hfa_policy.cost_lost import CostLost, cost_lost
 from hfa_policy.departures import departure_text, refuse_edges
@@ -24,6 +25,7 @@ from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
 from hfa_policy.outcomes import Outcome, Place, ends_from_trim, fly_places, start_box
 from hfa_policy.reach import HORIZON, Reach, reach_of, seconds_to_converge
+from hfa_policy.rough_flights import RoughFlights, rough_flights, rough_scenario
 from hfa_policy.sampled_loop import Chain, Delays, Margins, chain_of, delays, margins
 from hfa_policy.trims import trims_of
 from hfa_support.arguments import checks_arguments
@@ -60,13 +62,14 @@ class AssessedPoint(Result):
     disturbed: the same with pushes.
     findings: what to know, a sentence each.
     best: flights beside the best that were found; None where none were asked for.
+    rough: flights with sensor noise or in moving air; None where none were asked for.
     """
 
     keys = (
         "holds spectral_radius=radius delay_limit=delays.limit delay_limit_fine=delays.fine "
         "delay_searched=delays.searched radii disk_margin=margins.disk.disk input_margins "
         "rest=equilibrium_states rest_inputs=equilibrium_inputs K=equilibrium.K cost_lost=cost "
-        "nonlinearity flights disturbed findings best?"
+        "nonlinearity flights disturbed findings best? rough?"
     )
 
     point: OperatingPoint
@@ -80,6 +83,7 @@ class AssessedPoint(Result):
     disturbed: Outcome | None
     findings: tuple[str, ...]
     best: BestCosts | None = None
+    rough: RoughFlights | None = None
 
     @property
     def equilibrium(self) -> Equilibrium | None:
@@ -383,6 +387,7 @@ def assess(
     seed: int = 0,
     progress: Progress | None = None,
     vary: Mapping[str, tuple[float, float]] | None = None,
+    scenario: Scenario | None = None,
 ) -> Any:
     """Assess a policy as it is deployed.
 
@@ -395,6 +400,8 @@ def assess(
     progress: called during the flights
     vary: parameter, or input that no action moves -> lowest and highest value; the policy is judged
         on the changed aircraft too, its trim values frozen
+    scenario: sensor noise, gust or turbulence of further flights from each trim, as `hfa.fly` takes
+        them, the random ones still to be drawn; at most 20 flights a trim
 
     BadInputError where the deployment is not of this aircraft, TrimError where there is no trim.
 
@@ -416,8 +423,15 @@ def assess(
 
     deployed = deployment.on(model)
     changes = changes_of(deployed, vary or {})
+    if scenario is not None:
+        scenario = rough_scenario(scenario, model, samples)
     assessor = Assessor(deployed, trims_of(model, points), samples, seed)
     assessed = assessor.assessed(progress)
     mistakes = tuple(mistakes_of(assessor, assessed))
     changed = variations(assessor, changes, progress)
+    if scenario is not None:
+        rough = rough_flights(
+            deployed, assessor.points, [scenario] * len(assessed), samples, seed, progress
+        )
+        assessed = [replace(at, rough=flown) for at, flown in zip(assessed, rough, strict=True)]
     return Assessment(deployed, tuple(assessed), mistakes, variations=tuple(changed))

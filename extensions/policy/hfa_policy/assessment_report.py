@@ -16,6 +16,7 @@ from hfa_policy.deployed import Deployed
 from hfa_policy.linear_plant import LINEAR
 from hfa_policy.mistake import Mistake
 from hfa_policy.normalizer_evidence import unknown_normalizer
+from hfa_policy.rough_flights import RoughFlights, rough_table
 from hfa_policy.variations import Variation, variation_table
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.checks import verdict_text
@@ -109,21 +110,27 @@ class Assessment(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """Whether it holds at every trim and on every changed aircraft, and meets every need."""
+        """Whether it holds at every trim and on every changed aircraft, meets every need, and stays
+        inside the envelope with the noise and the moving air that were asked for."""
         changed = all(variation.holds for variation in self.variations)
-        return self.holds and changed and not self.unmet
+        return self.holds and changed and not self.unmet and not self._leaving_roughly()
 
     @property
     def headlines(self) -> list[str]:
         """What a reader must know of the policy at all trims, a sentence each, worst first."""
         holding = self._holding()
-        bad = [self._mistaken(), holding, *self.unmet, self._changed()]
+        verdicts = [holding, self._leaving_roughly()]
+        if self.holds:
+            verdicts.reverse()
+        bad = [self._mistaken(), *verdicts, *self.unmet, self._changed()]
         flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
         costs = [self._flown_costs(), self._costing()]
         loop = [self._saturating(), self._delaying(), self._offset(), *costs]
         if not self.ok:
             return [*filter(None, [*bad, *flown, *loop])]
-        return [*filter(None, [holding, loop[1], *flown, loop[0], *loop[2:]])]
+        rough = "every flight with {} stays inside the envelope".format
+        roughly = [rough(flown.disturbed_by) for flown in self._rough[:1]]
+        return [*filter(None, [holding, loop[1], *flown, *roughly, loop[0], *loop[2:]])]
 
     @property
     def first_line(self) -> str:
@@ -175,6 +182,22 @@ class Assessment(Result, Reported):
         where = self._where([failing[0].assessed]).replace(" at the trim", "")
         count = f"{len(failing)} of {len(self.variations)} changed aircraft"
         return f"does not hold {count}, the first {where}: {failing[0].text}"
+
+    @property
+    def _rough(self) -> list[RoughFlights]:
+        """The flights with noise or in moving air, of each trim."""
+        return [point.rough for point in self.points if point.rough is not None]
+
+    def _leaving_roughly(self) -> str:
+        """How many flights with noise or in moving air leave the envelope, and the first."""
+        departures = [flown.departure for flown in self._rough if flown.departure is not None]
+        if not departures:
+            return ""
+        first = min(departures, key=lambda departure: departure.time)
+        count = sum(flown.flights - flown.inside for flown in self._rough)
+        total = sum(flown.flights for flown in self._rough)
+        flights = f"{count} of {total} flights with {self._rough[0].disturbed_by}"
+        return f"{flights} leave the envelope ({departure_text(first)})"
 
     def _departing(self) -> str:
         """How many flights leave the envelope, and the state and limit of the first."""
@@ -330,8 +353,13 @@ class Assessment(Result, Reported):
             lines.append(mistake.sentence)
         parts: list[Any] = [deployment.actor.chain, self._table()]
         parts += [*self._findings(), *self._off_slope()]
+        trims = [self._where([point]) for point in self.points]
+        if self._rough:
+            one = self._rough[0]
+            units = [model.unit(name) for name in one.rms]
+            parts.append(f"flights of {one.seconds:g} s from the trim with {one.disturbed_by}:")
+            parts.append(rough_table(self._rough, trims, units))
         if self.variations:
-            trims = [self._where([point]) for point in self.points]
             parts.append(variation_table(self.variations, trims))
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())
 

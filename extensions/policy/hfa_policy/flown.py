@@ -107,6 +107,11 @@ def flown_deployment(
     deployed.refuse_undefined_at([point])
     for note in notes_on_card(deployed, [point]):
         warnings.warn(note, stacklevel=2)
+    return policy_about(deployed, point, name)
+
+
+def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> DeployedPolicy:
+    """The policy of a deployment on its aircraft about a trim."""
     text = deployed.command.serialize()
     identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
     held = np.zeros((1, len(point.model.inputs)))

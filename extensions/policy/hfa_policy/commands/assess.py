@@ -19,6 +19,8 @@ from hfa.options.trims import (
 )
 from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
+from hfa_flight.options import gust_at, gust_option, noise_option, turbulence_option
+from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown
 from trim.point.operating_point import OperatingPoint
@@ -104,6 +106,11 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         named=True,
         rare=True,
     )
+    noise: Mapping[str, float] = noise_option(
+        "standard deviation of what the sensor of a state adds, degrees for angles; repeatable"
+    )
+    turbulence: tuple[float, float] | None = turbulence_option()
+    gust: tuple[float, ...] | None = gust_option()
     best: int = option(
         "compare flights of so many starts at each trim with the best found; default 0",
         "K",
@@ -127,6 +134,19 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
             found.append(find_operating_point(flown, condition, self.start_point))
         return found
 
+    def is_rough(self) -> bool:
+        """Whether flights meet noise, a gust or turbulence."""
+        return bool(self.noise) or self.turbulence is not None or self.gust is not None
+
+    def scenario_at(self, point: OperatingPoint) -> Scenario:
+        """Noise, gust and turbulence about a trim."""
+        from hfa_policy.rough_flights import rough_scenario
+
+        uncertainty = Uncertainty(noise=self.noise, turbulence=self.turbulence)
+        scenario = Scenario(uncertainty=uncertainty)
+        gust = gust_at(self.gust, point, scenario.duration)
+        return rough_scenario(replace(scenario, gust=gust), point.model, self.samples)
+
 
 @command(AssessRequest)
 def assess(request: AssessRequest) -> int:
@@ -141,6 +161,7 @@ def assess(request: AssessRequest) -> int:
     from hfa_policy.comparison import Comparison
     from hfa_policy.deployment import Deployment
     from hfa_policy.mistakes import mistakes_of
+    from hfa_policy.rough_flights import rough_flights
     from hfa_policy.variations import changes_of, variations
 
     model = request.flown_aircraft()
@@ -154,6 +175,7 @@ def assess(request: AssessRequest) -> int:
             raise BadInputError(f"--best: {origin} has no [cost]; add the Q and R")
     changes = [changes_of(each, request.vary) for each in deployed]
     points = tuple(request.points())
+    scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
     results = []
     for each, changes_of_each in zip(deployed, changes, strict=True):
         assessor = Assessor(each, points, request.samples, request.seed, request.box)
@@ -164,6 +186,10 @@ def assess(request: AssessRequest) -> int:
             assessed = [replace(at, best=costs(each, at, *asked)) for at in assessed]
         mistakes = tuple(mistakes_of(assessor, assessed))
         changed = variations(assessor, changes_of_each, ProgressLine("fly changed aircraft"))
+        if scenarios:
+            flying = ProgressLine("fly in noise and moving air")
+            rough = rough_flights(each, points, scenarios, request.samples, request.seed, flying)
+            assessed = [replace(at, rough=flown) for at, flown in zip(assessed, rough, strict=True)]
         found = Assessment(each, tuple(assessed), mistakes, request.need, tuple(changed))
         results.append(found)
     if len(results) == 1:

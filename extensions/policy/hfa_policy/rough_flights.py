@@ -1,0 +1,145 @@
+"""Flights of a deployed policy from its trim with sensor noise, a gust or turbulence, simulated as
+by `hfa fly`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.envelope import Departure, flight_envelope
+from hfa_flight.monte_carlo import MonteCarlo, fly_member, member_row
+from hfa_flight.nonlinear_flight import Flight
+from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_policy.deployed import Deployed
+from hfa_policy.flown import DeployedPolicy, policy_about, sampled_scenario
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import Table, short_number, shown_unit
+from trim.point.operating_point import OperatingPoint
+
+#: Most flights at a trim.
+_MOST_FLIGHTS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class RoughFlights(Result):
+    """Flights from one trim with sensor noise or in moving air.
+
+    flights: how many.
+    inside: how many stay inside the envelope.
+    seconds: s, of a flight.
+    disturbed_by: noise, gust or turbulence, in words.
+    rms: linear state or commanded input -> root mean square off trim, inside the envelope.
+    calm: that of a flight without noise in still air.
+    departure: of the flight that leaves the envelope first; None where none does.
+    """
+
+    flights: int
+    inside: int
+    seconds: float
+    disturbed_by: str
+    rms: dict[str, float]
+    calm: dict[str, float]
+    departure: Departure | None
+
+
+def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
+    """Return the scenario on a model.
+
+    BadInputError where it does not fit the model, nothing disturbs it, or no flight is to be made.
+    """
+    if samples < 1:
+        raise BadInputError("samples is 0: no flight meets the noise, gust or turbulence")
+    on_model = scenario.on(model)
+    if not _disturbed_by(on_model):
+        raise BadInputError("the scenario has no noise, gust or turbulence; add one")
+    return on_model
+
+
+def rough_flights(
+    deployed: Deployed,
+    points: Sequence[OperatingPoint],
+    scenarios: Sequence[Scenario],
+    samples: int,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> list[RoughFlights]:
+    """Fly a deployment from each trim, at most 20 times where something is random, else once.
+
+    scenarios: noise, gust and turbulence of each trim, of `rough_scenario`.
+    """
+    found = []
+    for number, (point, happens) in enumerate(zip(points, scenarios, strict=True)):
+        policy = policy_about(deployed, point, "deployment")
+        scenario = sampled_scenario(policy, happens, point)
+        is_random = scenario.uncertainty != Uncertainty()
+        members = min(samples, _MOST_FLIGHTS) if is_random else 1
+        envelope = flight_envelope(deployed.model, point)
+        plan = MonteCarlo(members, seed, deployed.model, point, policy, scenario, envelope)
+        found.append(_flown(plan, policy))
+        if progress is not None:
+            progress(number + 1, len(points))
+    return found
+
+
+def _flown(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
+    """The flights of one trim."""
+    flights = [fly_member(plan, member) for member in range(plan.members)]
+    rms = _rms(plan, flights)
+    still = sampled_scenario(policy, Scenario(plan.scenario.duration), plan.point)
+    calm_plan = replace(plan, members=1, scenario=still)
+    calm = _rms(calm_plan, [fly_member(calm_plan, 0)])
+    names = (*plan.model.linear, *policy.deployed.commanded)
+    departures = [flight.departure for flight in flights if flight.departure is not None]
+    return RoughFlights(
+        flights=len(flights),
+        inside=len(flights) - len(departures),
+        seconds=plan.scenario.duration,
+        disturbed_by=_disturbed_by(plan.scenario),
+        rms={name: rms[name] for name in names},
+        calm={name: calm[name] for name in names},
+        departure=min(departures, key=lambda left: left.time, default=None),
+    )
+
+
+def _rms(plan: MonteCarlo, flights: Sequence[Flight]) -> dict[str, float]:
+    """Linear state or input -> root mean square off trim over the time inside the envelope."""
+    rows = [member_row(plan, flight) for flight in flights]
+    seconds = np.array([row["flown"] for row in rows])
+    of_each = np.array([np.concatenate([row["rms_error"], row["effort"]]) for row in rows])
+    mean = (seconds @ of_each**2) / max(seconds.sum(), plan.scenario.step)
+    return dict(zip((*plan.model.linear, *plan.model.inputs), np.sqrt(mean).tolist(), strict=True))
+
+
+def _disturbed_by(scenario: Scenario) -> str:
+    """Return what disturbs a flight, in words; "" for nothing."""
+    uncertain = scenario.uncertainty
+    named = {
+        "noise": any(uncertain.noise.values()),
+        "turbulence": uncertain.turbulence is not None,
+        "a gust": scenario.gust is not None,
+        "wrong parameters": bool(uncertain.errors or scenario.errors),
+        "moving air": bool(scenario.air),
+        "actuators": scenario.actuators is not None,
+    }
+    return " and ".join(name for name, is_there in named.items() if is_there)
+
+
+def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequence[str]) -> Table:
+    """Two rows a trim: flights inside the envelope, and root mean squares off trim; then those of
+    the calm flight.
+
+    trims: the text of each; units: of the entries of `rms`.
+    """
+    names = [f"{name} {shown_unit(unit)}" for name, unit in zip(found[0].rms, units, strict=True)]
+    rows = []
+    for trim, flown in zip(trims, found, strict=True):
+        inside = f"{flown.inside} of {flown.flights}"
+        for count, rms in ((inside, flown.rms), ("calm", flown.calm)):
+            values = zip(rms.values(), units, strict=True)
+            rows.append((trim, count, *(short_number(value, unit) for value, unit in values)))
+    return Table(("trim", "inside", *(f"rms {name}" for name in names)), rows)

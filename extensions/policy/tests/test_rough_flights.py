@@ -1,0 +1,71 @@
+"""Flights of `assess` with sensor noise, a gust or turbulence."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from policy_cases import aircraft, card, trims
+from tolerances import SAME_FORMULA
+
+import hfa
+from hfa_flight.gusts import OneMinusCosine
+from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_policy.assessment import assess
+from hfa_policy.rough_flights import rough_flights, rough_scenario
+
+NOISE = Uncertainty(noise={"pitch_rate": 0.02})
+
+
+@pytest.fixture(scope="module")
+def good():
+    """A policy in two flights of half a second with noise."""
+    point = trims("ppo_gtm")[1]
+    scenario = Scenario(duration=0.5, uncertainty=NOISE)
+    return assess(aircraft("ppo_gtm"), card("ppo_gtm"), [point], 2, seed=3, scenario=scenario)
+
+
+def test_rms_in_noise_is_that_of_fly(good):
+    """The flights are drawn by the same seed."""
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
+    found = good.points[0].rough
+    assert (found.flights, found.inside, found.disturbed_by) == (2, 2, "noise")
+    ticks = Scenario(duration=0.5, tick=0.02, step=0.02, uncertainty=NOISE).on(model)
+    flights = [
+        hfa.fly(model, point, card("ppo_gtm"), scenario=ticks.drawn(3, member, point))
+        for member in range(2)
+    ]
+    for name in ("alpha", "elevator"):
+        off = [(flight[name] - point[name])[:-1] for flight in flights]
+        rms = np.sqrt(np.mean(np.square(off)))
+        assert found.rms[name] == pytest.approx(rms, rel=SAME_FORMULA)
+        assert found.calm[name] < 0.5 * found.rms[name]
+    assert good.ok
+    assert "every flight with noise stays inside the envelope" in good.headlines
+
+
+def test_a_flight_that_leaves_in_a_gust_fails(good):
+    """A gust of 80 ft/s on the flexible aircraft."""
+    (point,) = trims("ppo_hfa")
+    deployed = card("ppo_hfa").on(aircraft("ppo_hfa"))
+    gust = OneMinusCosine(200.0, -80.0, 68.0)
+    happens = rough_scenario(Scenario(duration=5.0, gust=gust), deployed.model, 1)
+    (rough,) = rough_flights(deployed, [point], [happens], 1)
+    assert rough.inside == 0
+    assert 0.0 < rough.departure.time < 5.0
+    failing = replace(good, points=(replace(good.points[0], rough=rough),))
+    assert not failing.ok
+    assert failing.first_line.startswith("FAIL: 1 of 1 flights with a gust leave the envelope (")
+
+
+@pytest.mark.parametrize(
+    ("scenario", "samples", "said"),
+    [
+        (Scenario(), 2, "has no noise, gust or turbulence"),
+        (Scenario(uncertainty=NOISE), 0, "samples is 0"),
+        (Scenario(gust=OneMinusCosine(100.0, 5.0, 45.0)), 2, "declares no disturbance updraft"),
+        (Scenario(uncertainty=Uncertainty(noise={"q": 1.0})), 2, "unknown noise of state 'q'"),
+    ],
+)
+def test_a_scenario_that_disturbs_nothing_is_refused(scenario, samples, said):
+    with pytest.raises(hfa.BadInputError, match=said):
+        assess(aircraft("ppo_gtm"), card("ppo_gtm"), [45.0], samples, scenario=scenario)
