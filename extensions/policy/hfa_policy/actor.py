@@ -45,21 +45,25 @@ class Actor:
     rows: RowNetwork | None = None
 
 
-def read_actor(entries: Mapping[str, Any], folder: Path, observations: int, actions: int) -> Actor:
+def read_actor(
+    entries: Mapping[str, Any], folder: Path, observations: int, history: int, actions: int
+) -> Actor:
     """The actor that the table [policy] of a card names.
 
     entries: file, and of what the file does not say activation, layout, squash and network.
     folder: where a relative file is.
     observations, actions: how many the card has.
+    history: of how many samples it takes the observations.
 
     BadInputError where the file cannot be read, or says otherwise than the card.
     """
+    width = history * observations
     source = entries.get("file")
     if source is None:
         raise BadInputError("policy.file is missing; name the file of the policy")
     if isinstance(source, ca.Function):
         actor = Actor(source, "a CasADi function", bool(entries.get("squash", False)))
-        _refuse_sizes(actor.function, "the function", observations, actions)
+        _refuse_sizes(actor.function, "the function", width, actions)
         return actor
     if not isinstance(source, (str, Path)):
         raise BadInputError(f"policy.file is {shown(source)}; give the name of a file")
@@ -67,14 +71,14 @@ def read_actor(entries: Mapping[str, Any], folder: Path, observations: int, acti
     if path.suffix.lower() not in SUFFIXES:
         raise BadInputError(f"policy.file {path}: give a file ({', '.join(SUFFIXES)})")
     if path.suffix.lower() == ".zip" and is_stable_baselines(path):
-        actor = _of_zip(path, entries, observations)
+        actor = _of_zip(path, entries, observations, history)
     else:
-        actor = _of_other_file(path, entries, observations)
-    _refuse_sizes(actor.function, path, observations, actions)
+        actor = _of_other_file(path, entries, width)
+    _refuse_sizes(actor.function, path, width, actions)
     return actor
 
 
-def _of_zip(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
+def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: int) -> Actor:
     """The actor of a zip of Stable-Baselines3."""
     stored = read_zip(path)
     said = {
@@ -88,18 +92,18 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
                 f"policy.{name} is {shown(entries[name])} and {path} says {shown(value)}; leave "
                 "it out"
             )
-    if stored.observations > observations and stored.observations % observations == 0:
-        frames = stored.observations // observations
+    frames, rest = divmod(stored.observations, observations)
+    if rest == 0 and frames != history:
         raise BadInputError(
-            f"{path} takes {stored.observations} observations, {frames} times those of the card: "
-            "stacks of frames are not read; train without VecFrameStack, or list all observations"
+            f"{path} takes {stored.observations} observations, {frames} times those of the card; "
+            f"for a stack of frames give history = {frames} in [timing], or list all observations"
         )
-    if stored.observations != observations:
+    if rest:
         raise BadInputError(
             f"{path} takes {stored.observations} observations and the card has {observations}; "
             "list those of its training, in their order"
         )
-    network = network_in(path, observations, stored.activation, {"policy": stored.part})
+    network = network_in(path, stored.observations, stored.activation, {"policy": stored.part})
     return Actor(
         function=network.functions["policy"],
         chain=f"{stored.algorithm}, {network.chain}",

@@ -67,6 +67,7 @@ class Assessment(Result, Reported):
     keys = (
         "dynamics=deployed.model.name card=deployed.deployment.origin first_line holds "
         "dt=deployed.deployment.dt delay=deployed.deployment.delay "
+        "history=deployed.deployment.history "
         "network=deployed.deployment.actor.chain commanded=deployed.commanded "
         "states=deployed.model.linear mistakes points unmet warnings variations?"
     )
@@ -333,7 +334,7 @@ class Assessment(Result, Reported):
         costs = [point.cost for point in self.points if point.holds and point.cost is not None]
         if not costs:
             return ""
-        worst = max(max(cost.worst, cost.sampled_worst) for cost in costs)
+        worst = max(cost.largest for cost in costs)
         if not math.isfinite(worst):
             return "linear cost without bound"
         if worst < _SAME_COST:
@@ -450,4 +451,4 @@ def _meets(point: AssessedPoint, name: str, need: float) -> bool:
         return point.margins is not None and point.margins.disk.disk >= need
     if point.cost is None:
         return False
-    return max(point.cost.worst, point.cost.sampled_worst) <= need
+    return point.cost.largest <= need

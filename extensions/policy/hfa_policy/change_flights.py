@@ -154,7 +154,7 @@ class ChangeFlights:
 
         owners: (N,), the number of the trim of each flight."""
         model = self.deployed.model
-        _, _, low_X, high_X, low_U, high_U, trim, _, _ = flight.slices
+        _, _, low_X, high_X, low_U, high_U, _, trim, _, _ = flight.slices
         n, m = len(model.states), len(model.inputs)
         Q, R = cost_weights(self.deployed)
         of_states = [Q.get(name, 0.0) for name in model.states]

@@ -61,11 +61,7 @@ def _row(assessment: Assessment) -> tuple[str, ...]:
     limits = [point.delays.limit for point in points if point.delays is not None]
     delays = [1e3 * limit for limit in limits if limit is not None]
     disks = [point.margins.disk.disk for point in points if point.margins is not None]
-    costs = [
-        max(point.cost.worst, point.cost.sampled_worst)
-        for point in points
-        if point.cost is not None
-    ]
+    costs = [point.cost.largest for point in points if point.cost is not None]
     return (
         assessment.deployed.deployment.origin,
         verdict_text(assessment.ok),

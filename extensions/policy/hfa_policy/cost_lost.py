@@ -29,7 +29,8 @@ _COSTS_NOTHING = 1e-12
 class CostLost(Result):
     """Percent of the optimal cost, from deviations from the equilibrium; inf without bound.
 
-    worst: of u = -K x in continuous time, without delay.
+    worst: of u = -K x in continuous time, without delay; nan of a policy that takes several
+        samples.
     mean: the same, of all starts.
     sampled_worst: of the sampled loop with its delay, against the sampled optimum without; a step
         of dt costs dt (x'Qx + u'Ru) at its start.
@@ -41,18 +42,26 @@ class CostLost(Result):
     sampled_worst: float
     sampled_mean: float
 
+    @property
+    def largest(self) -> float:
+        """The worst in continuous time or sampled."""
+        return float(np.fmax(self.worst, self.sampled_worst))
+
 
 def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> CostLost | str:
     """The cost lost; in words why there is no optimum to compare with."""
     game = lqr_at(deployed, equilibrium)
     try:
-        continuous = flight_cost(game, solve_game(game), equilibrium.K)
+        worst, mean = math.nan, math.nan
+        if equilibrium.frames is None:
+            continuous = flight_cost(game, solve_game(game), equilibrium.K)
+            worst, mean = continuous.worst, continuous.mean
         problem = sampled(game, chain.dt)
         optimum = solve_discrete(problem).P
     except NoSolutionError as error:
         return f"the cost has no optimum here: {error}"
     sampled_worst, sampled_mean = _sampled_lost(problem.step, optimum, chain)
-    return CostLost(continuous.worst, continuous.mean, sampled_worst, sampled_mean)
+    return CostLost(worst, mean, sampled_worst, sampled_mean)
 
 
 def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
@@ -89,7 +98,8 @@ def weights_at(
 
 
 def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
-    """Worst and mean, percent; the memory of the delay is at rest at the start."""
+    """Worst and mean, percent; at the start the memory of the delay is at rest and the earlier
+    observations are the first."""
     from scipy.linalg import solve_discrete_lyapunov
 
     if chain.radius >= 1.0:
@@ -97,7 +107,7 @@ def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float,
     n = chain.states
     weights = chain.C.T @ step.R @ chain.C
     weights[:n, :n] += step.Q
-    X = solve_discrete_lyapunov(chain.closed.T, weights)[:n, :n]
+    X = chain.start.T @ solve_discrete_lyapunov(chain.closed.T, weights) @ chain.start
     values, vectors = np.linalg.eigh(optimum)
     paid = values > _COSTS_NOTHING * max(float(values[-1]), 0.0)
     if not paid.any():

@@ -3,9 +3,11 @@
 All are functions of `trim` too, (X0; U0; p): one compiled function serves every trim.
 
     observe(X, U, trim) -> o        formulas, about and scale; U is the input that acts just before
-    act(o) -> a                     normalizer, clip, network, clip or squash to the box
+    act(o) -> a                     o of all samples of the history, the oldest first; normalizer,
+                                    clip, network, clip or squash to the box
     inputs(a, X, U, trim) -> U      maps of the actions; other inputs at the trim; within the limits
-    command(X, U, trim) -> U        the three, one behind the other
+    sampled(X, U, trim, past) -> (U, past)   the three at a sample, with the earlier observations
+    command(X, U, trim) -> U        the three, where the earlier observations were the same
 """
 
 from __future__ import annotations
@@ -141,6 +143,7 @@ class Deployed:
                 at_trim = (trim[:n], trim[n : n + m], trim)
                 entries = self.deployment.observation
                 o = _refuse_undefined("observation", entries, self.observe, at_trim, (0, 1))
+                o = np.tile(o, self.deployment.history)
                 arguments = (self._action_at(o) if action is None else action, *at_trim)
                 inputs = tuple(self.model.inputs)  # those without a map stay at the trim
                 _refuse_undefined("action", inputs, self.unlimited_inputs, arguments, (0,))
@@ -173,7 +176,7 @@ class Deployed:
     def normalized(self) -> ca.Function:
         """o -> (o normalized before its clip, what the network takes)."""
         normalizer = self.deployment.normalizer
-        o = ca.SX.sym("o", len(self.deployment.observation))
+        o = ca.SX.sym("o", self.deployment.width)
         if normalizer is None:
             return ca.Function("normalized", [o], [o, o])
         normal = normalizer.before_clip(o)
@@ -197,7 +200,7 @@ class Deployed:
     def stages(self) -> ca.Function:
         """o -> (o normalized before its clip, a before its clip or squash, a)."""
         network = self.deployment.actor.function
-        o = symbols_for([network], len(self.deployment.observation))
+        o = symbols_for([network], self.deployment.width)
         normal, seen = self.normalized(o)
         raw = ca.densify(ca.vec(network(seen)))
         return ca.Function("stages", [o], [normal, raw, self.action(raw)])
@@ -205,7 +208,7 @@ class Deployed:
     @cached_property
     def act(self) -> ca.Function:
         """o -> a, (m,), in the units of the box."""
-        o = symbols_for([self.stages], len(self.deployment.observation))
+        o = symbols_for([self.stages], self.deployment.width)
         a = _unless_nan(ca.sum1(o), self.stages(o)[2])
         return ca.Function("act", [o], [ca.densify(a)])
 
@@ -238,14 +241,37 @@ class Deployed:
         within = _unless_nan(unlimited, within)
         return ca.Function("inputs", [a, X, U, trim], [ca.densify(within)])
 
+    @property
+    def past(self) -> int:
+        """Numbers of the observations of earlier samples that the policy takes."""
+        return self.deployment.width - len(self.deployment.observation)
+
     @cached_property
-    def command(self) -> ca.Function:
-        """(X, U, trim) -> U that the policy commands."""
+    def sampled(self) -> ca.Function:
+        """(X, U, trim, past) -> (U that the policy commands, past of the next sample).
+
+        past: observations of the earlier samples of the history, the oldest first.
+        """
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         kind = type(symbols_for([self.act], 1))
         X, U, trim = kind.sym("X", n), kind.sym("U", m), kind.sym("trim", count)
-        a = self.act(self.observe(X, U, trim))
+        past = kind.sym("past", self.past)
+        frames = ca.vertcat(past, self.observe(X, U, trim))
+        commanded = self.inputs(self.act(frames), X, U, trim)
+        later = frames[frames.numel() - self.past :]
+        results = [ca.densify(part) for part in (commanded, later)]
+        return ca.Function("sampled", [X, U, trim, past], results)
+
+    @cached_property
+    def command(self) -> ca.Function:
+        """(X, U, trim) -> U that the policy commands where all samples of its history were the
+        same."""
+        n, m = len(self.model.states), len(self.model.inputs)
+        count = n + m + len(self.model.parameters)
+        kind = type(symbols_for([self.act], 1))
+        X, U, trim = kind.sym("X", n), kind.sym("U", m), kind.sym("trim", count)
+        a = self.act(ca.repmat(self.observe(X, U, trim), self.deployment.history))
         return ca.Function("command", [X, U, trim], [ca.densify(self.inputs(a, X, U, trim))])
 
     @cached_property

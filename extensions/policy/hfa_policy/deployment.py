@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 #: Samples of delay up to which a loop is judged, and searched for the delay that is lost.
 MOST_SAMPLES = 100
+#: Most samples whose observations a policy takes together.
+MOST_FRAMES = 100
 #: Seconds of a sample: a flight of minutes has at most a million.
 _SAMPLE = Number(1e-4, 10.0)
 _FROM_0 = Number(0.0)
@@ -42,7 +44,7 @@ _CARD: dict[Any, Any] = {
     "policy": _POLICY,
     "observation*": {str: _OBSERVED},
     "action*": {str: _ACTED},
-    "timing*": {"dt*": _SAMPLE, "delay": _FROM_0},
+    "timing*": {"dt*": _SAMPLE, "delay": _FROM_0, "history": Number(1, MOST_FRAMES)},
     "cost": {"Q*": {str: _FROM_0}, "R*": {str: POSITIVE}},
 }
 _NORMALIZER: dict[Any, Any] = {
@@ -63,7 +65,8 @@ class Deployment(Shown):
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
         network; (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
-    timing: dt, s, and delay, s, from a sample to the moment when its action moves the input.
+    timing: dt, s; delay, s, from a sample to the moment when its action moves the input; history,
+        of how many samples the policy takes the observations, the oldest first; 1 unless given.
     cost: Q of states or outputs, R of inputs; None where it is not known.
     folder: where relative files are.
     origin: its file, for messages.
@@ -168,6 +171,9 @@ class Deployment(Shown):
                 raise BadInputError(f"action.{name}.box is {shown(box)}; give [lowest, highest]")
 
     def _check_timing(self) -> None:
+        history = self.timing.get("history", 1)
+        if history != int(history):
+            raise BadInputError(f"timing.history is {history:g}; give a whole number of samples")
         if self.delay > MOST_SAMPLES * self.dt:
             raise BadInputError(
                 f"timing.delay is {self.delay:g} s; give at most {MOST_SAMPLES} samples of dt"
@@ -183,15 +189,27 @@ class Deployment(Shown):
         """Seconds from a sample to the moment when its action moves the input."""
         return float(self.timing.get("delay", 0.0))
 
+    @property
+    def history(self) -> int:
+        """Samples whose observations the policy takes together, the oldest first."""
+        return int(self.timing.get("history", 1))
+
+    @property
+    def width(self) -> int:
+        """Numbers that the policy takes: the observations of all samples of its history."""
+        return self.history * len(self.observation)
+
     @cached_property
     def actor(self) -> Actor:
         """The network, read; BadInputError as of `read_actor`."""
         with said_of(self.origin):
-            return read_actor(self.policy, self.folder, len(self.observation), len(self.action))
+            sizes = (len(self.observation), self.history, len(self.action))
+            return read_actor(self.policy, self.folder, *sizes)
 
     @cached_property
     def normalizer(self) -> Normalizer | None:
-        """What stands before the network; None for nothing."""
+        """The normalizer before the network; None for none. One of a single sample is applied to
+        each sample of the history."""
         stored = self.policy.get("normalizer")
         if stored is None or stored == NONE:
             return None
@@ -200,7 +218,9 @@ class Deployment(Shown):
                 normalizer: Normalizer | None = normalizer_of(stored)
             else:
                 normalizer = read_normalizer(self.folder / stored)
-            if normalizer is not None and normalizer.mean.size != len(self.observation):
+            if normalizer is not None and normalizer.mean.size == len(self.observation):
+                return normalizer.of_frames(self.history)
+            if normalizer is not None and normalizer.mean.size != self.width:
                 raise BadInputError(
                     f"{normalizer.origin} normalizes {normalizer.mean.size} observations and the "
                     f"card has {len(self.observation)}; give the normalizer of this policy"

@@ -32,7 +32,7 @@ SECONDS = 20.0
 class Stepped(NamedTuple):
     """What a sample brought to N episodes.
 
-    observations: (N, k).
+    observations: (N, k) of all samples of the history, the oldest first.
     rewards: (N,), minus the cost of the sample.
     lost: (N,), whether the aircraft left its limits.
     over: (N,), whether the time of the episode is over.
@@ -98,6 +98,7 @@ class Episodes:
         self._X, self._extra = slices[0], slices[-1]
         self._U = slice(slices[1].stop - len(deployed.model.inputs), slices[1].stop)
         self._inside = self._least[np.zeros(count, dtype=int)], self._most[[0] * count]
+        self._frames = np.zeros((count, deployed.deployment.width))
         self.done = np.zeros(count, dtype=int)
         self.owners = np.zeros(count, dtype=int)
 
@@ -122,7 +123,8 @@ class Episodes:
         return self.begin_at(numbers, owners, starts)
 
     def begin_at(self, numbers: np.ndarray, owners: np.ndarray, starts: np.ndarray) -> np.ndarray:
-        """Begin these episodes about the trims with these numbers, from states (N, n)."""
+        """Begin these episodes about the trims with these numbers, from states (N, n); the earlier
+        observations are the first."""
         count = len(numbers)
         pushes = np.zeros((count, len(self._linear)))
         actions = np.zeros((count, len(self.low)))
@@ -130,10 +132,12 @@ class Episodes:
         self.owners[numbers] = owners
         self._inside = self._least[self.owners], self._most[self.owners]
         self.done[numbers] = 0
-        return self.observations(numbers)
+        first = self.observations(numbers)
+        self._frames[numbers] = np.tile(first, (1, self.deployed.deployment.history))
+        return self._frames[numbers]
 
     def observations(self, numbers: np.ndarray) -> np.ndarray:
-        """What the policy observes of these episodes, (N, k)."""
+        """Observations of these episodes at this sample, (N, k)."""
         return np.asarray(self._observe(self._rows[numbers])[0])
 
     def step(self, actions: np.ndarray) -> Stepped:
@@ -168,6 +172,10 @@ class Episodes:
         if lost.any():
             rewards[lost] *= 1 + self.samples - self.done[lost]
             left = {each: self._left(each, X[each]) for each in np.flatnonzero(lost).tolist()}
+        if self.deployed.past:
+            kept = self._frames[:, observations.shape[1] :]
+            self._frames = np.hstack([kept, observations])
+            observations = self._frames.copy()
         return Stepped(observations, rewards, lost, self.done >= self.samples, left)
 
     def _left(self, number: int, states: np.ndarray) -> str:

@@ -3,7 +3,8 @@ command(X, U)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,20 +28,37 @@ _SAME_SLOPE = 1e-3
 _AT_CLIP = 1e-9
 
 
+class Frames(NamedTuple):
+    """Slopes of a policy by the observations of several samples.
+
+    K: (m', k), -∂u/∂x by the linear states of the last sample alone.
+    K_inputs: (m', m'), ∂u/∂u by the inputs before that sample.
+    past: (m', p), ∂u by the earlier observations, the oldest first.
+    C: (observations, k), D: (observations, m'), of an observation by the states and inputs.
+    """
+
+    K: np.ndarray
+    K_inputs: np.ndarray
+    past: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
     """An equilibrium of the sampled loop, at a kink with the means of the slopes to both sides.
 
     states: X, (n,); the states that the linear model does not have are those of the trim.
     inputs: U, (m,).
-    K: (m', k), -∂u/∂x of the commanded inputs by the linear states.
+    K: (m', k), -∂u/∂x of the commanded inputs by the linear states, of all samples of the history.
     K_inputs: (m', m'), ∂u/∂u of the commanded inputs by those that act just before.
     A: (k, k), B: (k, m'), of the aircraft there.
     C: (observations, k), slopes of the observations by the linear states.
     clips: what a clip holds there, in words; those of actions and inputs.
     clipped_observations: which observations their clip holds.
     kinks: notes on entries of A, B, K and K_inputs at a kink.
-    basis: (k, r), of the coordinates of A, B and K; None where these are the linear states.
+    basis: (k, r), of the coordinates of A, B, C and K; None where these are the linear states.
+    frames: slopes by each sample of the history; None where that is one.
     """
 
     states: np.ndarray
@@ -54,6 +72,22 @@ class Equilibrium:
     clipped_observations: tuple[str, ...] = ()
     kinks: tuple[str, ...] = ()
     basis: Matrix | None = None
+    frames: Frames | None = None
+
+    def in_basis(self, basis: np.ndarray, inverse: np.ndarray) -> Equilibrium:
+        """Return the slopes in other coordinates: x = basis z (k, r), z = inverse x."""
+        frames = self.frames
+        if frames is not None:
+            frames = frames._replace(K=frames.K @ basis, C=frames.C @ basis)
+        return replace(
+            self,
+            A=inverse @ self.A @ basis,
+            B=inverse @ self.B,
+            C=self.C @ basis,
+            K=self.K @ basis,
+            basis=basis,
+            frames=frames,
+        )
 
 
 class EquilibriumSearch:
@@ -183,17 +217,31 @@ class EquilibriumSearch:
             K_inputs=slopes[:, k:],
             A=plant.A[np.ix_(self.rows, self.rows)],
             B=plant.B[np.ix_(self.rows, self.columns)],
-            C=self._observed_slopes(X, U),
+            C=self._observed_slopes(X, U)[0],
+            frames=self._frames(X, U) if self.deployed.past else None,
             clips=self._clips(X, U),
             clipped_observations=self._clipped_observations(X, U),
             kinks=(*self._of_the_loop(kinks), *policy_kinks),
         )
 
-    def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
-        """Slopes of the observations by the linear states; 0 where there is none."""
+    def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes of the observations by the linear states and by the commanded inputs before; 0
+        where there is none."""
         observe = self.deployed.observe
-        by_states = observe.jacobian()(X, U, self.trim, observe(X, U, self.trim))[0]
-        return np.nan_to_num(np.array(by_states)[:, self.rows])
+        slopes = observe.jacobian()(X, U, self.trim, observe(X, U, self.trim))
+        by_states, by_inputs = (np.nan_to_num(np.array(part)) for part in slopes[:2])
+        return by_states[:, self.rows], by_inputs[:, self.columns]
+
+    def _frames(self, X: np.ndarray, U: np.ndarray) -> Frames:
+        """The slopes by each sample of the history."""
+        o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
+        past = np.tile(o, self.deployed.deployment.history - 1)
+        sampled = self.deployed.sampled
+        at = (X, U, self.trim, past)
+        slopes = sampled.jacobian()(*at, *sampled(*at))
+        by_states, by_inputs, _, by_past = (np.array(part)[self.columns] for part in slopes[:4])
+        C, D = self._observed_slopes(X, U)
+        return Frames(-by_states[:, self.rows], by_inputs[:, self.columns], by_past, C, D)
 
     def _of_the_loop(self, notes: tuple[str, ...]) -> list[str]:
         """The notes on entries of the linear states and the commanded inputs."""
@@ -232,7 +280,7 @@ class EquilibriumSearch:
     def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
         """Return the actions and inputs that are at a limit, in words."""
         deployed = self.deployed
-        observation = deployed.observe(X, U, self.trim)
+        observation = self._observed(X, U)
         _, raw, action = (np.array(part).ravel() for part in deployed.stages(observation))
         low, high = deployed.deployment.box
         words = []
@@ -253,12 +301,15 @@ class EquilibriumSearch:
         normalizer = self.deployed.deployment.normalizer
         if normalizer is None:
             return ()
-        observation = self.deployed.observe(X, U, self.trim)
-        normal = np.array(self.deployed.stages(observation)[0]).ravel()
-        names = self.deployed.deployment.observation
-        return tuple(
-            name for name, value in zip(names, normal, strict=True) if abs(value) >= normalizer.clip
-        )
+        normal = np.array(self.deployed.stages(self._observed(X, U))[0]).ravel()
+        names = [*self.deployed.deployment.observation] * self.deployed.deployment.history
+        clipped = np.flatnonzero(np.abs(normal) >= normalizer.clip).tolist()
+        return tuple(dict.fromkeys(names[number] for number in clipped))
+
+    def _observed(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
+        """The observations of all samples of the history."""
+        o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
+        return np.tile(o, self.deployed.deployment.history)
 
 
 def _reaches(value: float, lowest: float, highest: float) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import casadi as ca
 import numpy as np
 
@@ -10,6 +12,13 @@ from hfa_flight.export.exported_loop import Channel, ExportedLoop
 from hfa_policy.flown import DeployedPolicy
 from hfa_support.native.c_code import c_function
 
+#: Of a policy that takes the observations of several samples.
+_MORE = """,
+    const double past[(POLICY_HISTORY - 1) * POLICY_OBSERVATIONS],
+    double observed[POLICY_OBSERVATIONS]"""
+_HISTORY = """ observed: the
+   observations at this sample. past: those of the {0} samples before, the oldest first. At the
+   first sample every part of past is what a call writes into observed."""
 #: Header and source.
 POLICY_FILES = ("deployed_policy.h", "deployed_policy.c")
 
@@ -22,7 +31,10 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
     """
     model = policy.deployed.model
     deployment = policy.deployed.deployment
-    command = c_function(_command(policy), "command", ("x", "before"), ("u",))
+    has_past = bool(policy.deployed.past)
+    arguments = ("x", "before", *(("past",) if has_past else ()))
+    results = ("u", *(("observed",) if has_past else ()))
+    command = c_function(_command(policy), "command", arguments, results)
     fields = {
         "origin": comment_lines(origin),
         "title": comment_lines(model.title),
@@ -32,26 +44,40 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
         "dt": repr(deployment.dt),
         "delay": repr(deployment.delay),
         "command": command,
+        "history": _HISTORY.format(deployment.history - 1) if has_past else "",
+        "observations": len(deployment.observation),
+        "frames": deployment.history,
+        "more": _MORE if has_past else "",
+        "called": ", ".join([*arguments, *results]),
     }
     return {file: filled(__package__, file, **fields) for file in POLICY_FILES}
 
 
 def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
-    """The command u = g(v) at v = [X; U before] as a loop for `write_fmu`, whose one state is a
-    clock, s: a unit without states is none of model exchange."""
+    """The command u = g(v) at v = [X; U before; past] as a loop for `write_fmu`, whose one state is
+    a clock, s: a unit without states is none of model exchange. With a past the observations at
+    this sample are outputs too."""
     model = policy.deployed.model
     y = ca.SX.sym("y", 1)
     n, m = len(model.states), len(model.inputs)
-    v = ca.SX.sym("v", n + m)
-    u = _command(policy)(v[:n], v[n:])
+    past = policy.deployed.past
+    v = ca.SX.sym("v", n + m + past)
+    given = [v[:n], v[n : n + m], *([v[n + m :]] if past else [])]
+    results = _command(policy).call(given)
     starts = [*policy.point.states, *policy.point.inputs]
     seen = [Channel(name, model.unit(name)) for name in model.states]
     seen += [Channel(f"before_{name}", model.unit(name)) for name in model.inputs]
     inputs = [one._replace(start=start) for one, start in zip(seen, starts, strict=True)]
+    outputs = [Channel(name, model.unit(name)) for name in model.inputs]
+    if past:
+        names = [_identifier(name) for name in policy.deployed.deployment.observation]
+        earlier = range(policy.deployed.deployment.history - 1, 0, -1)
+        inputs += [Channel(f"past{age}_{name}", "1") for age in earlier for name in names]
+        outputs += [Channel(f"observed_{name}", "1") for name in names]
     return ExportedLoop(
-        function=ca.Function("loop", [y, v], [ca.SX(ca.DM.ones(1)), u]),
+        function=ca.Function("loop", [y, v], [ca.SX(ca.DM.ones(1)), ca.vertcat(*results)]),
         states=(Channel("clock", "s", rate_unit="1"),),
-        outputs=tuple(Channel(name, model.unit(name)) for name in model.inputs),
+        outputs=tuple(outputs),
         inputs=tuple(inputs),
         flown=0,
         longest_step=policy.deployed.deployment.dt,
@@ -59,13 +85,22 @@ def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
 
 
 def _command(policy: DeployedPolicy) -> ca.Function:
-    """(X, U before) -> U at its trim, all scalars."""
+    """(X, U before) -> U at its trim, all scalars; with a past (X, U before, past) -> (U, o)."""
     model = policy.deployed.model
-    command = policy.deployed.command
-    if not command.is_a("SXFunction"):
-        command = command.expand()
+    sampled = policy.deployed.sampled
+    if not sampled.is_a("SXFunction"):
+        sampled = sampled.expand()
     X = ca.SX.sym("X", len(model.states))
     U = ca.SX.sym("U", len(model.inputs))
     trim = ca.DM(np.array(policy.deployed.trim_vector(policy.point)))
-    commanded = ca.densify(command(X, U, trim))
-    return ca.Function("command", [X, U], [commanded], {"cse": True})
+    past = ca.SX.sym("past", policy.deployed.past)
+    commanded = ca.densify(sampled(X, U, trim, past)[0])
+    if not policy.deployed.past:
+        return ca.Function("command", [X, U], [commanded], {"cse": True})
+    observed = policy.deployed.observe(X, U, trim)
+    return ca.Function("command", [X, U, past], [commanded, observed], {"cse": True})
+
+
+def _identifier(name: str) -> str:
+    """The name of an observation, a formula perhaps, with letters, digits and _ alone."""
+    return re.sub(r"\W+", "_", name).strip("_")

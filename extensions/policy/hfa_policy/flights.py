@@ -1,8 +1,9 @@
 """Many flights of a deployed policy at once, sampled and held as deployed, a second at a time.
 
-A flight is a row [X; memory; lowest X; highest X; lowest U; highest U; trim; push]: the memory has
-the commands u_{k-1} ... u_{k-d-1} that are still to act or act now, trim is (X0; U0; p), push adds
-to the rates of the linear states.
+A flight is a row [X; memory; lowest X; highest X; lowest U; highest U; past; trim; push]: memory
+has the commands u_{k-1} ... u_{k-d-1} that are still to act or act now, past the observations of
+earlier samples that the policy takes, trim is (X0; U0; p), push adds to the rates of the linear
+states.
 """
 
 from __future__ import annotations
@@ -39,36 +40,39 @@ Rows = Callable[..., list[np.ndarray]]
 class Steered(NamedTuple):
     """What commands the inputs at a sample, in three steps, the second for all flights at once.
 
-    enters: (X, U before, trim, extra) -> what the network takes, (k,).
+    enters: (X, U before, trim, extra) -> what the network takes, (k,); with past, of its earlier
+        observations, one argument more.
     network: (k,) -> (m,).
     moves: (what the network gives, X, U before, trim, extra) -> U.
     rows: the network on many rows; None where `network` is called for each.
+    past: (X, U before, trim, extra, past) -> past of the next sample; None where it takes one
+        sample.
     """
 
     enters: ca.Function
     network: ca.Function
     moves: ca.Function
     rows: RowNetwork | None = None
-
-    def command(self) -> ca.Function:
-        """(X, U before, trim, extra) -> U."""
-        arguments = [ca.MX.sym("x", self.enters.numel_in(index)) for index in range(4)]
-        raw = ca.vec(self.network(self.enters(*arguments)))
-        return ca.Function("command", arguments, [self.moves(raw, *arguments)])
+    past: ca.Function | None = None
 
 
 def steered_by(deployed: Deployed) -> Steered:
     """By a deployment as it is."""
     arguments = symbols_of_a_sample(deployed, 0)
     raw = ca.SX.sym("raw", len(deployed.commanded))
-    seen = deployed.normalized(deployed.observe(*arguments[:3]))[1]
+    past = ca.SX.sym("past", deployed.past)
+    frames = ca.vertcat(past, deployed.observe(*arguments[:3]))
+    seen = deployed.normalized(frames)[1]
+    entering = [*arguments, past] if deployed.past else arguments
+    later = ca.densify(frames[frames.numel() - deployed.past :])
     moved = deployed.inputs(deployed.action(raw), *arguments[:3])
     actor = deployed.deployment.actor
     return Steered(
-        enters=ca.Function("enters", arguments, [ca.densify(seen)]),
+        enters=ca.Function("enters", entering, [ca.densify(seen)]),
         network=actor.function,
         moves=ca.Function("moves", [raw, *arguments], [ca.densify(moved)]),
         rows=actor.rows,
+        past=ca.Function("past", entering, [later]) if deployed.past else None,
     )
 
 
@@ -121,7 +125,8 @@ class SampledFlight:
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         trim = n + m + len(model.parameters)
-        return (n, m * (self.whole + 1), n, n, m, m, trim, len(model.linear), self.extra)
+        past = 0 if self.steered.past is None else self.deployed.past
+        return (n, m * (self.whole + 1), n, n, m, m, past, trim, len(model.linear), self.extra)
 
     @property
     def slices(self) -> tuple[slice, ...]:
@@ -137,12 +142,12 @@ class SampledFlight:
     @property
     def changing(self) -> int:
         """How many numbers of a row change from sample to sample: the first."""
-        return sum(self.sizes[:6])
+        return sum(self.sizes[:7])
 
     def entering(self) -> ca.Function:
         """row -> what the network takes."""
         row = ca.MX.sym("row", sum(self.sizes))
-        return ca.Function("entering", [row], [self.steered.enters(*self.observed(row))])
+        return ca.Function("entering", [row], [self.steered.enters(*self._entered(row))])
 
     def moved(self) -> ca.Function:
         """(row, what the network gives) -> ([X; memory] a sample later, the input that acts)."""
@@ -150,7 +155,7 @@ class SampledFlight:
         n, m = len(model.states), len(model.inputs)
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
-        X, memory, _, _, _, _, trim, push, _ = self._parts(row)
+        X, memory, _, _, _, _, _, trim, push, _ = self._parts(row)
         before = memory[-m:]
         U = self.steered.moves(raw, *self.observed(row))
         p = trim[n + m :]
@@ -168,7 +173,7 @@ class SampledFlight:
 
     def later(self) -> ca.Function:
         """(row, what the network gives) -> the numbers that change, a sample later: X and the
-        memory, as of `moved`, and the extremes of X and U up to then."""
+        memory, as of `moved`, the extremes of X and U up to then, and the past."""
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
         _, _, low_X, high_X, low_U, high_U, *_ = self._parts(row)
@@ -180,7 +185,8 @@ class SampledFlight:
             ca.fmin(low_U, acting),
             ca.fmax(high_U, acting),
         )
-        return ca.Function("later", [row, raw], [ca.vertcat(moved, *ranges)])
+        past = [] if self.steered.past is None else [self.steered.past(*self._entered(row))]
+        return ca.Function("later", [row, raw], [ca.vertcat(moved, *ranges, *past)])
 
     def sample(self) -> ca.Function:
         """row -> row a sample later."""
@@ -195,8 +201,13 @@ class SampledFlight:
 
     def observed(self, row: ca.MX) -> tuple[ca.MX, ...]:
         """(X, U before, trim, extra) of a row."""
-        X, memory, _, _, _, _, trim, _, extra = self._parts(row)
+        X, memory, _, _, _, _, _, trim, _, extra = self._parts(row)
         return X, memory[-len(self.deployed.model.inputs) :], trim, extra
+
+    def _entered(self, row: ca.MX) -> tuple[ca.MX, ...]:
+        """The arguments of `steered.enters` of a row."""
+        past = [] if self.steered.past is None else [self._parts(row)[6]]
+        return (*self.observed(row), *past)
 
     def window(self, flights: int, seconds: float) -> Window:
         """What advances rows by a window, as machine code where so many flights pay for it."""
@@ -228,13 +239,17 @@ class SampledFlight:
         extra: np.ndarray | None = None,
     ) -> np.ndarray:
         """The rows of flights that begin at states (N, n), about trims (N, ...), with the inputs of
-        the trim acting."""
+        the trim acting and the earlier observations those of the first sample."""
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         inputs = trims[:, n : n + m]
         memory = np.tile(inputs, (1, self.whole + 1))
         more = np.zeros((len(starts), 0)) if extra is None else extra
-        columns = (starts, memory, starts, starts, inputs, inputs, trims, pushes, more)
+        past = np.zeros((len(starts), 0))
+        if self.steered.past is not None:
+            observed = RowFunction(self.deployed.observe)(starts, inputs, trims)[0]
+            past = np.tile(observed, (1, self.deployed.deployment.history - 1))
+        columns = (starts, memory, starts, starts, inputs, inputs, past, trims, pushes, more)
         return np.hstack(columns)
 
 

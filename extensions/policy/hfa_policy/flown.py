@@ -71,6 +71,7 @@ class DeployedPolicy(Policy):
         late = round(deployment.delay / self.tick)
         waiting: list[tuple[int, np.ndarray]] = []
         acting = [inputs]
+        past: list[np.ndarray] = []
 
         def arrived(tick: int) -> np.ndarray:
             while waiting and waiting[0][0] <= tick:
@@ -81,7 +82,11 @@ class DeployedPolicy(Policy):
             if tick % ticks == 0:
                 # What acts just before the sample; a command that arrives now comes after it.
                 before = arrived(tick - 1)
-                U = self.deployed.command(states + measured, before, trim)
+                at = (states + measured, before, trim)
+                if not past:
+                    first = np.array(self.deployed.observe(*at)).ravel()
+                    past.append(np.tile(first, deployment.history - 1))
+                U, past[0] = self.deployed.sampled(*at, past[0])
                 waiting.append((tick + late, np.array(U).ravel()))
             return np.asarray(arrived(tick) - inputs)
 
@@ -112,7 +117,7 @@ def flown_deployment(
 
 def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> DeployedPolicy:
     """The policy of a deployment on its aircraft about a trim."""
-    text = deployed.command.serialize()
+    text = deployed.sampled.serialize()
     identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
     held = np.zeros((1, len(point.model.inputs)))
     return DeployedPolicy(name, deployed, point, held=held, identity=identity)

@@ -29,8 +29,7 @@ class AircraftEnvironment(gymnasium.Env):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise BadInputError(f"render_mode is {shown(render_mode)}; give None or 'rgb_array'")
         self.render_mode = render_mode
-        observed = len(episodes.deployed.deployment.observation)
-        self.observation_space = observation_space(observed)
+        self.observation_space = observation_space(episodes.deployed.deployment.width)
         self.action_space = action_space(episodes)
         self._flown: list[tuple[np.ndarray, np.ndarray]] = []
 

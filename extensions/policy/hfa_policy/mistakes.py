@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
     """The mistakes that the files show; where they name none, those whose undoing lets it fly
-    clearly better."""
+    clearly better. None is looked for of a policy that takes several samples."""
+    if assessor.deployed.past:
+        return
     shown_by_files = list(mistakes_in_files(assessor.deployed, assessor.points))
     yield from shown_by_files
     is_unnamed = all(mistake.kind == UNCLEAR for mistake in shown_by_files)
@@ -41,7 +43,10 @@ def mistakes_in_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> I
 
 
 def notes_on_card(deployed: Deployed, points: Sequence[OperatingPoint]) -> list[str]:
-    """What the policy's files show of mistakes, for who flies or exports it: a sentence each."""
+    """Return the mistakes that a policy's files show, for a flight or an export: a sentence each;
+    none of a policy that takes several samples."""
+    if deployed.past:
+        return []
     notes = [mistake.sentence for mistake in mistakes_in_files(deployed, points)]
     of_normalizer = unknown_normalizer(deployed)
     if of_normalizer:

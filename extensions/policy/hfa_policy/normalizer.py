@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,13 @@ class Normalizer:
             raise BadInputError("a variance of the normalizer plus epsilon is not above 0")
         if not self.clip > 0.0:
             raise BadInputError(f"clip of the normalizer is {self.clip}; it must be above 0")
+
+    def of_frames(self, count: int) -> Normalizer:
+        """Return the normalizer of the observations of several samples; itself for one."""
+        if count == 1:
+            return self
+        means, variances = np.tile(self.mean, count), np.tile(self.variance, count)
+        return replace(self, mean=means, variance=variances, last=None)
 
     @property
     def deviation(self) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -79,13 +78,7 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
     judged = shares[:, own].sum(axis=1) < _MOST * shares.sum(axis=1)
     basis = _real(values, right, ~own)
     inverse = np.linalg.inv(np.hstack([basis, _real(values, right, own)]))[: basis.shape[1]]
-    loop = replace(
-        equilibrium,
-        A=inverse @ A @ basis,
-        B=inverse @ B,
-        K=equilibrium.K @ basis,
-        basis=basis,
-    )
+    loop = equilibrium.in_basis(basis, inverse)
     sentences = _sentences(deployed, A, values[slow], unmoved[slow])
     return Reach(judged, loop, sentences, ", ".join(names[judged]))
 

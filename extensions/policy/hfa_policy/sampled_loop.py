@@ -5,8 +5,9 @@ With the state s = (x_k; u_{k-1}; ...; u_{k-d-1}) of a delay of d samples and a 
     x_{k+1} = Φ x_k + Γ_late u_{k-d} + Γ_early u_{k-d-1},    u_k = -K x_k + K_inputs u_{k-d-1},
 
 where Γ_early acts during the first f dt and Γ_late during the rest of a sample; u_{k-d-1} is the
-input that acts just before the sample. Source: Franklin, Powell and Workman, Digital Control of
-Dynamic Systems, Section 4.3.
+input that acts just before the sample. A policy that takes the observations o = C x + D u of
+several samples has these as further parts of s. Source: Franklin, Powell and Workman, Digital
+Control of Dynamic Systems, Section 4.3.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ class Chain(NamedTuple):
     F: (N, N), G: (N, m), C: (m, N).
     states: how many of s are states of the aircraft; the first.
     dt: s.
+    start: (N, states), s at the first sample of a deviation of the states.
     """
 
     F: np.ndarray
@@ -42,6 +44,7 @@ class Chain(NamedTuple):
     C: np.ndarray
     states: int
     dt: float
+    start: np.ndarray
 
     @property
     def closed(self) -> np.ndarray:
@@ -74,7 +77,10 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
     early_time = max(0.0, delay - whole * dt) if samples - whole > _WHOLE else 0.0
     n, m = equilibrium.B.shape
     blocks = whole + 1
-    size = n + blocks * m
+    past = n + blocks * m
+    frames = equilibrium.frames
+    size = past + (0 if frames is None else frames.past.shape[1])
+    before = slice(past - m, past)
     Phi, Gamma = held(equilibrium.A, equilibrium.B, dt)
     late = Gamma
     early = np.zeros_like(Gamma)
@@ -85,7 +91,7 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
     G = np.zeros((size, m))
     C = np.zeros((m, size))
     F[:n, :n] = Phi
-    F[:n, size - m :] += early
+    F[:n, before] += early
     if whole:
         F[:n, n + (whole - 1) * m : n + whole * m] += late
     else:
@@ -94,9 +100,18 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
     for block in range(1, blocks):
         begin = n + block * m
         F[begin : begin + m, begin - m : begin] = np.eye(m)
-    C[:, :n] = -equilibrium.K
-    C[:, size - m :] += equilibrium.K_inputs
-    return Chain(F, G, C, n, dt)
+    start = np.eye(size, n)
+    slopes = equilibrium if frames is None else frames
+    C[:, :n] = -slopes.K
+    C[:, before] += slopes.K_inputs
+    if frames is not None:
+        count = len(frames.C)
+        C[:, past:] = frames.past
+        F[past : size - count, past + count :] = np.eye(size - count - past)
+        F[size - count :, :n] = frames.C
+        F[size - count :, before] = frames.D
+        start[past:] = np.tile(frames.C, ((size - past) // count, 1))
+    return Chain(F, G, C, n, dt, start)
 
 
 class Delays(NamedTuple):

@@ -21,8 +21,8 @@ class AircraftVectorEnvironment(VecEnv):
         self.episodes = episodes
         self.render_mode = None
         count = len(episodes.done)
-        observed = len(episodes.deployed.deployment.observation)
-        super().__init__(count, observation_space(observed), action_space(episodes))
+        observed = observation_space(episodes.deployed.deployment.width)
+        super().__init__(count, observed, action_space(episodes))
         self._random = np.random.default_rng()
         self._actions = np.zeros((count, len(episodes.low)))
         self._returns = np.zeros(count)

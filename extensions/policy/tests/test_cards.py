@@ -411,7 +411,9 @@ def test_stacks_of_frames_and_actors_of_crossq_are_refused_in_words():
     from hfa_policy.stable_baselines import _algorithm
 
     one = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})
-    with pytest.raises(BadInputError, match="4 times those of the card: stacks of frames"):
+    with pytest.raises(
+        BadInputError, match=r"4 times those of the card; for a stack of frames give history = 4"
+    ):
         _ = one.actor
     tensors = {"actor.latent_pi.0.running_mean": np.zeros(4), "actor.mu.weight": np.zeros((2, 4))}
     with pytest.raises(BadInputError, match="as that of CrossQ does"):

@@ -1,0 +1,104 @@
+"""Policies that take the observations of several samples."""
+
+import ctypes
+import subprocess
+
+import casadi as ca
+import numpy as np
+import pytest
+from policy_cases import aircraft, gtm_card, trims
+from scipy.signal import cont2discrete
+from tolerances import FEW_ROUNDINGS, SAME_FORMULA
+
+import hfa
+from hfa_policy.assessment import Assessor, assess
+from hfa_policy.flown import exported_texts, flown_deployment
+from hfa_policy.outcomes import FlownRows
+from hfa_support.errors import BadInputError
+from hfa_support.native.machine_code import c_compiler
+
+#: Of three samples, the oldest first: a lead of the pitch rate and a gain of the pitch.
+GAIN = np.zeros((2, 12))
+GAIN[0, [2, 6, 10]] = [-0.1, 0.0, 0.3]
+GAIN[0, 11] = 0.4
+GAIN[1, [4, 8]] = [-1.0, -1.0]
+
+
+def stacked(delay=0.0, history=3, gain=GAIN):
+    """A card whose gain takes three samples of the four states."""
+    o = ca.SX.sym("o", gain.shape[1])
+    policy = {"file": ca.Function("gain", [o], [ca.DM(gain) @ o])}
+    action = {"elevator": {"box": [-9, 9]}, "throttle": {"box": [-9, 9]}}
+    return gtm_card(policy, action=action, timing={"dt": 0.02, "delay": delay, "history": history})
+
+
+def test_the_loop_is_that_of_past_states():
+    """Its radius is that of (x_k; x_{k-1}; x_{k-2}) with SciPy's held plant."""
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
+    result = hfa.assess(model, stacked(), [point], samples=0)
+    linear = hfa.linearize(model, point)
+    Phi, Gamma, *_ = cont2discrete((linear.A, linear.B, np.eye(4), np.zeros((4, 2))), 0.02)
+    oldest, older, last = np.split(GAIN, 3, axis=1)
+    one, none = np.eye(4), np.zeros((4, 4))
+    first = np.hstack([Phi + Gamma @ last, Gamma @ older, Gamma @ oldest])
+    loop = np.vstack([first, np.hstack([one, none, none]), np.hstack([none, one, none])])
+    radius = np.abs(np.linalg.eigvals(loop)).max()
+    (assessed,) = result.points
+    assert assessed.radius == pytest.approx(radius, rel=1e3 * FEW_ROUNDINGS)
+    np.testing.assert_allclose(assessed.equilibrium.K, -(oldest + older + last), atol=1e-12)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.03])
+def test_flights_are_those_of_fly_and_of_episodes(delay):
+    """Of one second, from one start."""
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
+    card = stacked(delay)
+    start = np.add(point.states, [2.0, 0.03, 0.1, -0.05])
+    assessor = Assessor(card.on(model), (point,), samples=1)
+    flight = assessor.flight()
+    trim = assessor.deployed.trim_vector(point)
+    rows = flight.rows(start[None], trim[None], np.zeros((1, 4)))
+    (place,) = assessor.places(flight)
+    flown = FlownRows(flight, [place], rows, np.zeros(1, dtype=int))
+    flown.fly(1.0, flight.window(1, 1.0))
+    states = flown.rows[0, flight.slices[0]]
+    initial = dict(zip(model.states, start - point.states, strict=True))
+    by_fly = hfa.fly(model, point, card, 1.0, initial=initial).states[-1]
+    np.testing.assert_allclose(states, by_fly, rtol=SAME_FORMULA)
+    env = hfa.environment(model, card, [point])
+    observation, _ = env.reset(options={"start": start})
+    np.testing.assert_allclose(observation[:4], observation[8:], rtol=1e-6)
+    for _ in range(50):
+        observation, *_, info = env.step(GAIN @ observation.astype(float))
+    np.testing.assert_allclose(info["X"], states, rtol=1e-5)
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
+def test_the_exported_C_takes_earlier_observations(tmp_path):
+    point = trims("ppo_gtm")[1]
+    policy = flown_deployment(stacked(), point)
+    for name, text in exported_texts(policy, "a test").items():
+        (tmp_path / name).write_text(text)
+    words = [c_compiler(), "-std=c99", "-Wall", "-Werror", "-fPIC", "-shared", "deployed_policy.c"]
+    subprocess.run([*words, "-o", "policy.so", "-lm"], check=True, cwd=tmp_path)
+    call = ctypes.CDLL(str(tmp_path / "policy.so")).deployed_policy
+    past = np.arange(8) / 50.0
+    given = [np.array(point.states) + 0.01, np.array(point.inputs)]
+    u, observed = np.zeros(2), np.zeros(4)
+    pointer = ctypes.POINTER(ctypes.c_double)
+    call(*(each.ctypes.data_as(pointer) for each in (*given, u, past, observed)))
+    np.testing.assert_allclose(observed, 0.01, rtol=1e-9)
+    np.testing.assert_allclose(u, given[1] + GAIN @ [*past, *observed], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("history", "said"),
+    [
+        (0, "timing.history is 0"),
+        (2.5, "timing.history is 2.5; give a whole number of samples"),
+        (2, "takes 12 observations and the card has 8"),
+    ],
+)
+def test_a_wrong_history_is_refused(history, said):
+    with pytest.raises(BadInputError, match=said):
+        assess(aircraft("ppo_gtm"), stacked(history=history), [45.0], samples=0)
