@@ -40,14 +40,26 @@ PITCH_RATE = """
 """
 
 
-def polynomial(text, **values):
-    """The sum of the terms at these values."""
-    total = 0
+def terms(text):
+    """Of each term its coefficient, and its variables with their powers."""
+    found = []
     for term in text.split():
         number, powers = re.fullmatch(r"([-.\d]+(?:e-\d+)?)(.*)", term).groups()
-        product = float(number)
-        for name, power in re.findall(r"([VaqhdT])(\d?)", powers):
-            product = product * values[name] ** int(power or 1)
+        variables = re.findall(r"([VaqhdT])(\d?)", powers)
+        found.append((float(number), [(name, int(power or 1)) for name, power in variables]))
+    return found
+
+
+RATES = {"speed": terms(SPEED), "alpha": terms(ALPHA), "pitch_rate": terms(PITCH_RATE)}
+
+
+def polynomial(terms, values):
+    """The sum of the terms at these values."""
+    total = 0
+    for number, powers in terms:
+        product = number
+        for name, power in powers:
+            product = product * values[name] ** power
         total = total + product
     return total
 
@@ -62,13 +74,11 @@ def equations(x, u, p, w):
         "d": u.elevator,
         "T": u.throttle,
     }
-    speed, alpha, pitch_rate = (polynomial(text, **values) for text in (SPEED, ALPHA, PITCH_RATE))
+    rates = {name: polynomial(terms, values) for name, terms in RATES.items()}
+    rates["pitch"] = x.pitch_rate
     gamma = x.pitch - x.alpha
-    rates = {"speed": speed, "alpha": alpha, "pitch_rate": pitch_rate, "pitch": x.pitch_rate}
-    return rates, {
-        "gamma": gamma,
-        "load_factor": ca.cos(gamma) + x.speed / 9.807 * (x.pitch_rate - alpha),
-    }
+    load_factor = ca.cos(gamma) + x.speed / 9.807 * (x.pitch_rate - rates["alpha"])
+    return rates, {"gamma": gamma, "load_factor": load_factor}
 
 
 GTM = Model(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -180,9 +179,15 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
     BadInputError names the file, the entry and the fault.
     """
-    if str(name) in NAMED:
-        return copy.deepcopy(_packaged(str(name)))
-    return _read(str(name))
+    if str(name) not in NAMED:
+        return _read(str(name))
+    packaged = _packaged(str(name))
+    return replace(
+        packaged,
+        sources={**packaged.sources},
+        notes={**packaged.notes},
+        covariance=packaged.covariance.copy(),
+    )
 
 
 def _read(name: str) -> ParameterSet:
