@@ -120,7 +120,7 @@ class _Strip(NamedTuple):
 
 
 class _LaggedPanel(NamedTuple):
-    """What one panel feels.
+    """The air's velocity at one panel and its loads.
 
     loads: of wing and tail
     lift_coefficient: of the wing
@@ -280,7 +280,8 @@ def _lagged_panel(
     air: density, slug/ft^3
     ground_drag: whether the drag takes the speed over ground
 
-    The angle of attack less what lags turns the lift too: what the wake induces is a flow.
+    The angle of attack less what lags turns the lift too: the induced velocity of the wake is a
+    flow.
     """
     aileron = getattr(u, f"aileron_{motion.panel}")
     elevator = getattr(u, f"elevator_{motion.panel}")

@@ -1,4 +1,4 @@
-"""What the commands of the core answer with `--dynamics unsteady`."""
+"""Commands of the core with `--dynamics unsteady`."""
 
 from __future__ import annotations
 

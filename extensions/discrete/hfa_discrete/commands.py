@@ -1,4 +1,4 @@
-"""What `hfa solve`, `learn` and `verify` do with a plant in discrete time."""
+"""`hfa solve`, `learn` and `verify` for a plant in discrete time."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ RESULTS = (
 
 
 def question_of_time(game: Game) -> str:
-    """What is asked where a game has no solution in continuous time; "" where it has none in steps
-    either."""
+    """Ask whether a game without a solution in continuous time is meant in steps; "" if it has
+    none in steps either."""
     from hfa_discrete.solution import solve_discrete
 
     with suppress(NoSolutionError):

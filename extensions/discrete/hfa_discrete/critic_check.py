@@ -37,7 +37,7 @@ Diagnose = Callable[[DiscreteSolution, Critic, np.ndarray], str]
 
 
 class DiscreteVerdict(Verdict):
-    """The same of a problem in discrete time."""
+    """Verdict on a critic of a problem in discrete time."""
 
     schema = "hfa.discounted-check/1"
     made_by = "hfa verify --discount --dt"
@@ -111,7 +111,7 @@ def check_discrete(
 
 
 def _reason(*what: Any) -> str:
-    """The mistake of a critic, as the package says it that knows reasons; "" without one.
+    """The mistake of a critic, as the reasons package names it; "" without one.
 
     what: the arguments of `hfa_reasons.diagnosis.diagnose_discrete`
     """

@@ -20,7 +20,8 @@ class DiscreteGame(Shown):
     step: A, B, E, Q, R and delta of one step
     discount: α, above 0 and at most 1
     N: (n, m), cross weights; None is 0
-    A_low: (n, n), what the digits of A leave off, of a step so short that A is nearly I; None is 0
+    A_low: (n, n), the remainder of A beyond its digits, for a step so short that A is nearly I;
+    None is 0
 
     Raises BadInputError for a wrong shape or number, and where [[Q, N], [N', R]] is not positive
     semidefinite."""
@@ -31,7 +32,7 @@ class DiscreteGame(Shown):
     A_low: Any = None
 
     def __post_init__(self) -> None:
-        """Check what the step has not checked."""
+        """Check the fields that the step leaves unchecked."""
         if not (is_finite(self.discount) and 0.0 < self.discount <= 1.0):
             raise BadInputError(
                 f"discount is {self.discount}; it must be above 0 and at most 1, the factor of one"
@@ -128,8 +129,8 @@ class DiscreteGame(Shown):
     def without_cross_weights(self) -> tuple[Game, np.ndarray]:
         """The step in v = u + F x, in which no cross weight is left, and F = R⁻¹N', (m, n).
 
-        A - B F and Q - N R⁻¹ N', the latter as a sum of squares: of the rows of a root of
-        [[Q, N], [N', R]] what no u can cancel."""
+        A - B F and Q - N R⁻¹ N', the latter as a sum of squares: the part of the rows of a root of
+        [[Q, N], [N', R]] that no u can cancel."""
         step = self.step
         if not self.N.any():
             return step, np.zeros(self.N.T.shape)

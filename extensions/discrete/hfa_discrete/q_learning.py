@@ -137,7 +137,7 @@ def learn_steps(
 
 
 class _Residual(NamedTuple):
-    """What is left of Bellman's equation: relative to the cost, and to the terms that cancel."""
+    """Residual of Bellman's equation: relative to the cost, and to the terms that cancel."""
 
     of_cost: float
     of_terms: float
@@ -181,7 +181,7 @@ class _QLearner:
 
     @cached_property
     def psi(self) -> Basis:
-        """Of (x, u, w)."""
+        """Features of (x, u, w)."""
         return basis("quadratic", len(self.cost))
 
     @cached_property
@@ -239,7 +239,7 @@ class _QLearner:
         return bool((of_inputs > 0.0).all() and (of_disturbances < 0.0).all())
 
     def residual(self, H: np.ndarray) -> _Residual:
-        """Of Bellman's equation over all steps."""
+        """Residual of Bellman's equation over all steps."""
         together = self.steps.together
         values = np.einsum("ji,ik,jk->j", together, H, together)
         moved = self.steps.next_states

@@ -1,4 +1,4 @@
-"""What the exact solution of a game in discrete time says."""
+"""Report of the exact solution of a game in discrete time."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class AnalysedDiscreteGame(Result, Shown):
 
     @property
     def closed_loop_eigenvalues(self) -> Roots:
-        """Of A - B K of a step."""
+        """Eigenvalues of A - B K of a step."""
         step = self.solution.game
         return np.linalg.eigvals(step.A - step.B @ self.solution.K)
 

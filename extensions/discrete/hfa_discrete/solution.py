@@ -67,7 +67,7 @@ class DiscreteSolution(Shown):
 
     @property
     def names(self) -> PlantNames:
-        """What the states and inputs are called."""
+        """Names of the states and inputs."""
         return self.game.names
 
     @property
@@ -156,7 +156,7 @@ def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = No
 def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
     """P and K, neither refined nor certified: for a search.
 
-    NoSolutionError where there is none.
+    NoSolutionError where none exists.
     """
     form = StepForm.of_problem(problem)
     X = unrefined(form.equivalent)
@@ -172,7 +172,7 @@ def value_checks(problem: DiscreteGame, P: np.ndarray) -> tuple[Check, ...]:
 
 
 def bellman_residual(problem: DiscreteGame, P: np.ndarray) -> float:
-    """What is left of Bellman's equation at P, (n, n), relative to its terms."""
+    """Residual of Bellman's equation at P, (n, n), relative to its terms."""
     return value_checks(problem, P)[0].value
 
 

@@ -42,7 +42,8 @@ class Policies(NamedTuple):
 
 
 class NewtonStep(NamedTuple):
-    """Of X: `residual` + X = Q + K'K - L'L + F'X F, in which errors of K and L count by their
+    """Newton step at X: `residual` + X = Q + K'K - L'L + F'X F, in which errors of K and L count by
+    their
     squares only, and the correction Z = F'Z F + residual."""
 
     residual: np.ndarray
@@ -61,7 +62,7 @@ class StepForm(NormalForm):
 
     @classmethod
     def of_problem(cls, problem: DiscreteGame) -> StepForm:
-        """Of a game of the same value, without discount and cross weights."""
+        """Step form of a game of equal value, without discount and cross weights."""
         step, _ = problem.without_cross_weights()
         root = math.sqrt(problem.discount)
         rounded_off = float(Fraction(problem.discount) - Fraction(root) ** 2) / (2.0 * root)
@@ -91,7 +92,7 @@ class StepForm(NormalForm):
 
     @cached_property
     def hamiltonian(self) -> np.ndarray:
-        """Of the game in continuous time with the same X, (2n, 2n)."""
+        """Hamiltonian of the game in continuous time with equal X, (2n, 2n)."""
         return self.equivalent.hamiltonian
 
     @cached_property
@@ -117,8 +118,8 @@ class StepForm(NormalForm):
         return _of_rates_near_one(min(games, key=_size))
 
     def _at_pole(self, sign: float) -> NormalForm:
-        """The equivalent by the map with its pole at z = -sign; np.linalg.LinAlgError where there
-        is none.
+        """The equivalent by the map with its pole at z = -sign; np.linalg.LinAlgError where none
+        exists.
 
         With r = √2 ξ - E w of the new state ξ is (A + I) y + B u = r. Of all such [u; y] = Y r +
         Z v the least |u|² + |C y|², C'C = Q, is |M r|²; what v adds to it is the new input.
@@ -206,7 +207,7 @@ class StepForm(NormalForm):
 
 
 def _size(form: NormalForm) -> float:
-    """Of the Hamiltonian, rad/s; 1 where it is 0."""
+    """Size of the Hamiltonian, rad/s; 1 where it is 0."""
     return float(np.linalg.norm(form.hamiltonian)) or 1.0
 
 

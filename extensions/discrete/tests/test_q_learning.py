@@ -1,4 +1,4 @@
-"""Q-learning from recorded steps: the exact value, and what is refused."""
+"""Q-learning from recorded steps: the exact value, and refused inputs."""
 
 import numpy as np
 import pytest

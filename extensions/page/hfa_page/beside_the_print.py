@@ -16,8 +16,8 @@ _MOST_HALF_UNITS = (1.0, 2.0, 3.0)
 
 
 def matrices_beside_the_print(model: LinearModel, published: PublishedModel) -> tuple[Table, ...]:
-    """A and B, the printed row below each computed one; an entry's tone says how many half units it
-    is off."""
+    """A and B, the printed row below each computed one; an entry's tone is its deviation in half
+    units."""
     entries = iter(compare(model, published))
     tables = []
     for name, columns in (("A", LINEAR_STATES), ("B", INPUTS)):

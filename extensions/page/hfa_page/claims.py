@@ -74,8 +74,8 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
 
 
 def load_claims(path: Path) -> Claims:
-    """claims.json, or the folder that holds it; BadInputError where it is not what the study
-    writes."""
+    """claims.json, or the folder that holds it; BadInputError where its layout is not the
+    study's."""
     file = path / "claims.json" if path.is_dir() else path
     study = "`python -m studies.section5`"
     try:

@@ -55,8 +55,8 @@ def flights_section(
 
 
 def load_flights(path: Path) -> StoredFlights:
-    """best_flights.json, or the folder that holds it; BadInputError where it is not what the study
-    writes."""
+    """best_flights.json, or the folder that holds it; BadInputError where its layout is not the
+    study's."""
     file = path / "best_flights.json" if path.is_dir() else path
     try:
         data = read_json(file)
@@ -78,7 +78,7 @@ def load_flights(path: Path) -> StoredFlights:
 
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
-    """A row for each angle and set of limits: what each flight costs and what it leaves."""
+    """A row for each angle and set of limits: cost and final deviation of each flight."""
     header = ("dihedral, limits", "exact game policy", "exact LQR", "best flight found")
     rows = [
         (

@@ -56,7 +56,7 @@ _POLICY = (
 
 
 def main_report(job: MainJob) -> Report:
-    """What the page shows below its slider; data: every number."""
+    """Report shown on the page below its slider; data: every number."""
     regeneration = job.regeneration.report()
     swept = job.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
@@ -92,12 +92,12 @@ def main_report(job: MainJob) -> Report:
 
 
 def glosses() -> Table:
-    """Each check of the page and what it says."""
+    """Explanation of each check of the page."""
     return Table(("check", "what it says"), tuple(tomllib.loads(_file("glosses.toml")).items()))
 
 
 def verdicts(job: MainJob) -> Table:
-    """What was checked and what came of it, a row each."""
+    """Rows of the table of checks: subject and result."""
     rows: list[tuple[Any, ...]] = [
         (f"printed pair at {pair.published.dihedral_deg:g} deg regenerated", verdict_text(pair.ok))
         for pair in sorted(job.regeneration.pairs, key=lambda pair: pair.published.dihedral_deg)
@@ -161,7 +161,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
 
 
 def point_report(job: MainJob, angle: Angle) -> Report:
-    """What the slider shows of one angle: trim, modes, A and B with their units."""
+    """Report shown by the slider at one angle: trim, modes, A and B with their units."""
     title = f"At dihedral {angle_text(angle.dihedral)}"
     model = angle.model
     if model is None:
@@ -215,7 +215,7 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
 
 
 def verdict_sentence(job: MainJob) -> str:
-    """What was checked, what came of it, and what is wrong with the paper, as HTML."""
+    """The checks with their results and the errors found in the paper, as HTML."""
     regenerated = _toned(job.regeneration.ok, "regenerated", "NOT regenerated")
     agrees = _toned(job.learned, "agrees", "DOES NOT agree")
     asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)

@@ -47,7 +47,7 @@ class Angle:
     """The trim and the linear model at a dihedral angle (rad); of an asked angle the exact solution
     of the paper's game, and a critic learned with the default law and compared with it.
 
-    model, solution, check: None where there is none; `reason` says why.
+    model, solution, check: None if not computed; `reason` says why.
     """
 
     dihedral: float
@@ -59,7 +59,7 @@ class Angle:
 
     @property
     def dihedral_deg(self) -> float:
-        """As it was asked for, degrees."""
+        """The requested angle, degrees."""
         return in_degrees(self.dihedral)
 
     @property
@@ -86,7 +86,7 @@ def trimmed_angle(
 
 
 def with_game(angle: Angle) -> Angle:
-    """The same with the game solved, and a critic learned and compared with the solution."""
+    """The angle with its game solved, and a critic learned and compared with the solution."""
     model = angle.model
     if model is None:
         return angle

@@ -1,4 +1,4 @@
-"""What `hfa report`, and a study for it, writes, each entry declared once."""
+"""Files of `hfa report` and of the study behind it, each entry declared once."""
 
 from __future__ import annotations
 

@@ -155,7 +155,7 @@ def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tupl
 
 
 def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
-    """The same, those together whose intervals overlap."""
+    """The edits, grouped by overlapping intervals."""
     groups: list[list[_Edit]] = []
     for edit in sorted(edits, key=lambda edit: edit.lowest):
         if groups and edit.lowest <= max(before.highest for before in groups[-1]):
@@ -168,8 +168,8 @@ def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
 def _likeliest(
     file: PrintedFile, position: Position, text: str, edits: list[_Edit]
 ) -> ChangedEntry | None:
-    """Of the edits in an interval the likeliest that a certified answer confirms, of these the one
-    nearest to the middle; None where there is none."""
+    """The likeliest edit of an interval that a certified answer confirms, the one nearest to the
+    middle among equals; None if there is no such edit."""
     lowest = min(edit.lowest for edit in edits)
     highest = max(edit.highest for edit in edits)
     middle = (lowest + highest) / 2.0

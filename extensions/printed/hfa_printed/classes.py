@@ -1,4 +1,4 @@
-"""The class of a printed answer: what its digits say about the plant beside it."""
+"""The class of a printed answer: consequences of its digits for the printed plant."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 
 
 def fitting_time(file: PrintedFile) -> str:
-    """Asks for the time with which every printed digit is right; "" where there is none."""
+    """Asks for the time with which every printed digit is right; "" if there is none."""
     for time in TIMES:
         plant = replace(file.plant, is_discrete=time == "discrete")
         if "H" in file.answer and not plant.is_discrete:
@@ -138,7 +138,7 @@ def _by_digits(
 
 
 def _stands_out(comparison: Comparison) -> bool:
-    """Whether what is outside its digits is too far off for the noise of a learned answer.
+    """Whether the deviation beyond the digits is too large for the noise of a learned answer.
 
     Noise as large in the other entries, absolute or relative, would show there: it is beyond
     `_STANDS_OUT` times the half unit of each of them.
@@ -275,7 +275,7 @@ def _asymmetric_block(file: PrintedFile) -> str:
 
 
 def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> str:
-    """The entry and what it is, to two digits finer than what counts as right."""
+    """The entry and its value, to two digits finer than its tolerance."""
     outside = [comparison.positions[index] for index in np.flatnonzero(comparison.outside)]
     position = next(position for position in outside if position.block == wrong.block)
     index = comparison.positions.index(position)

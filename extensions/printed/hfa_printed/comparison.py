@@ -1,4 +1,4 @@
-"""Printed numbers beside exact ones, entry by entry in half units of their last digit."""
+"""Printed numbers compared with exact ones, entry by entry in half units of their last digit."""
 
 from __future__ import annotations
 
@@ -87,12 +87,12 @@ class Comparison:
 
 
 def compare(file: PrintedFile, plant: Plant, P: np.ndarray) -> Comparison:
-    """The printed answer beside that of a plant whose value is x'P x."""
+    """The printed answer compared with that of a plant whose value is x'P x."""
     return compare_answer(file, answer_of(plant, P))
 
 
 def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Comparison:
-    """The printed answer beside another one."""
+    """The printed answer compared with another one."""
     positions = []
     allowed = []
     for name, block in file.answer.items():

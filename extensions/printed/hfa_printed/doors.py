@@ -1,4 +1,4 @@
-"""What this extension offers to the command `hfa`."""
+"""Entry points of this extension for the command `hfa`."""
 
 from hfa.doors import CommandEntry
 

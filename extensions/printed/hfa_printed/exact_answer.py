@@ -70,7 +70,7 @@ class Plant:
         return weights
 
     def game(self) -> Game | DiscreteGame:
-        """As a value of `controller.game`; of continuous time in v = u + R⁻¹N'x."""
+        """The game as a value of `controller.game`; of continuous time in v = u + R⁻¹N'x."""
         E = self.E
         if not E.shape[1]:
             E = np.zeros((len(self.A), 1))
@@ -107,7 +107,7 @@ class Plant:
 
 
 def certified_value(plant: Plant) -> np.ndarray:
-    """P, (n, n), by two derivations. NoSolutionError where there is none."""
+    """P, (n, n), by two derivations. NoSolutionError where none exists."""
     game = plant.game()
     if isinstance(game, DiscreteGame):
         return solve_discrete(game).P
@@ -115,7 +115,7 @@ def certified_value(plant: Plant) -> np.ndarray:
 
 
 def rough_values(plants: Plant) -> np.ndarray:
-    """P of a stack of plants, (N, n, n), untested: some number or nan where there is none.
+    """P of a stack of plants, (N, n, n), untested: an arbitrary number or nan if none exists.
 
     M = (I + S P)⁻¹:  A <- A M A,  S <- S + A M S A',  P <- P + A'P M A: each pass doubles the
     horizon. A plant in continuous time is one in discrete time by Cayley's transformation.

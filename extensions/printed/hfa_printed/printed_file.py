@@ -58,11 +58,11 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class PrintedFile:
-    """A plant and the answer that is printed beside it.
+    """A plant and its printed answer.
 
     title: of the file
     source: where it is printed; "" where the file does not say
-    note: what a reader of it has to know; or ""
+    note: notes for the reader; or ""
     plant: as typed
     typed: the blocks of the plant
     answer: the printed blocks of P, K, L, W, H
@@ -106,8 +106,8 @@ def read_block(
     """The numbers of a text: spaces, commas and & separate; lines, ; and \\\\ end rows.
 
     parameters: what formulas such as m*g/l may name
-    exponent: of the power of ten that is the factor of all numbers, as "1.0e+04 *" in the first
-        line says it too
+    exponent: of the power of ten that multiplies all numbers, also where the first line reads
+    "1.0e+04 *"
     """
     if isinstance(text, int) and not isinstance(text, bool):
         text = str(text)
@@ -250,7 +250,7 @@ def _parameters(content: dict[str, Any]) -> dict[str, float]:
 
 
 def _exponent(scale: Any) -> int:
-    """Of the power of ten that is the factor of all that is printed."""
+    """Exponent of the power of ten that multiplies all printed numbers."""
     match = _FACTOR.fullmatch(str(scale))
     if match is None:
         raise BadInputError(f'scale is {shown(scale)}; give a power of ten as "1.0e+04"')

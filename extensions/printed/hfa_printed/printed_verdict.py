@@ -31,7 +31,7 @@ _ENTRIES = 12
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PrintedVerdict(Result, Reported):
-    """What the digits of a printed answer say.
+    """Conclusions from the digits of a printed answer.
 
     file: what was judged
     classified: its class, the comparison and the search
@@ -125,7 +125,7 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
 
 
 def _cost_lost(file: PrintedFile) -> float:
-    """What the printed policy costs more than the optimum, at most, percent."""
+    """Upper bound of the cost of the printed policy above the optimum, percent."""
     game = file.plant.game()
     K = _printed_gain(file)
     if isinstance(game, DiscreteGame):

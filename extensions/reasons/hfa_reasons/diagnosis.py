@@ -68,12 +68,13 @@ _PER_DEGREE = 180.0 / math.pi
 
 
 class Demands(NamedTuple):
-    """What a cause must explain to be named.
+    """Threshold that a cause must reach to be named.
 
     left: what was fitted (`Hypothesis.fitted`) -> the part of the error that may be left. Noise in
         tens of entries cannot be explained by a few numbers.
     least: a smaller error asks as much as `_EXACT`.
-    entry: so far an entry may be from what the hypothesis says (`View.entry_errors`). A norm is
+    entry: largest distance of an entry from its value under the hypothesis (`View.entry_errors`). A
+    norm is
         that of the few largest entries.
     share: of so many entries, as a part of those that tell anything. A network that is right but
         for its noise has no digit of what hardly counts in its box.
@@ -98,7 +99,7 @@ class Cause(NamedTuple):
     """A mistake that explains an error.
 
     share: the part of the error that is left, of what may be left: 1 is just enough.
-    error: what is left, of the exact matrix.
+    error: the remainder, relative to the exact matrix.
     says: the mistake; "" for none.
     """
 
@@ -138,7 +139,7 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
 
 
 def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
-    """Whether the entries, and not their norm alone, are about what the hypothesis says."""
+    """Whether the entries, and not their norm alone, are near the values of the hypothesis."""
     errors = view.entry_errors(hypothesis)
     right = np.count_nonzero(errors <= demands.entry)
     return bool(right >= demands.share * len(errors))
@@ -207,9 +208,8 @@ def diagnose_discrete(
 
     game: in continuous time; of a plant that is declared discrete its matrices taken for that
     exact: of the problem in discrete time
-    continuous: what is said of the answer of the game
-    others: what is said of its answer -> a problem in discrete time
-    box: (n,), half widths of the box of states, of a network
+    continuous: sentences about the answer of the game others: sentences about its answer -> a
+    problem in discrete time box: (n,), half widths of the box of states, of a network
     """
 
     def problems(view: View) -> Iterator[Hypothesis]:
@@ -283,7 +283,7 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
-    """P, if there is one, and K of a critic in balanced units, beside the right ones."""
+    """P, if given, and K of a critic in balanced units, with the exact ones."""
     units = NormalForm.of(game).units
     inputs = np.outer(np.sqrt(np.diag(game.R)), units)
     value = None
@@ -301,7 +301,7 @@ def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 
 def _rounded(gain: View) -> str:
-    """What is said where P is right and the K that follows from it is not."""
+    """The reason if P is right and the K that follows from it is not."""
     return (
         f"P is right within the limit; the K that follows from it, R⁻¹B'P, is off by "
         f"{error_of(gain, gain.judged):.2g}: it needs more digits of P"
@@ -309,7 +309,7 @@ def _rounded(gain: View) -> str:
 
 
 def _beyond_quadratic(critic: Critic) -> str:
-    """What is said of weights beyond the quadratic ones, where those are right."""
+    """The reason if the quadratic weights are right and further weights are not."""
     if critic.weights is None or critic.basis is None:
         return ""
     beyond = critic.basis.quadratic_size
@@ -323,7 +323,7 @@ def _beyond_quadratic(critic: Critic) -> str:
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
-    """What is said of a P that solves the Riccati equation and does not stabilize; or ""."""
+    """The reason if P solves the Riccati equation and does not stabilize; or ""."""
     form = NormalForm.of(game)
     abscissa = spectrum(game.A - game.S @ P).abscissa
     residual = float(form.relative_residual(form.of_value(P)))
@@ -402,7 +402,7 @@ def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> I
 
 
 def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray) -> list[View]:
-    """P, if there is any, and K beside the exact ones; V, slopes and inputs count by their size in
+    """P, if given, and K with the exact ones; V, slopes and inputs count by their size in
     the box."""
 
     def by_row(matrix: np.ndarray) -> np.ndarray:

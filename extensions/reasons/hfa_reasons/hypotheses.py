@@ -50,7 +50,7 @@ class Hypothesis(NamedTuple):
 
 
 class View(NamedTuple):
-    """A matrix of the critic beside the exact one.
+    """A matrix of the critic with the exact one.
 
     kind: "P" or "K".
     judged: (k, n), of the critic.
@@ -67,7 +67,7 @@ class View(NamedTuple):
 
     @property
     def noun(self) -> str:
-        """What the matrix is an answer's."""
+        """Kind of answer that the matrix belongs to."""
         return "solution" if self.kind == "P" else "gain"
 
     @property
@@ -76,8 +76,8 @@ class View(NamedTuple):
         return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
 
     def entry_errors(self, hypothesis: Hypothesis) -> np.ndarray:
-        """(entries,), how far each entry is from what the hypothesis says, in units that make them
-        alike: of P relative to √(P_ii P_jj), of K to the norm of its row in units of the states.
+        """(entries,), distance of each entry from its value under the hypothesis, in comparable
+        units: of P relative to √(P_ii P_jj), of K to the norm of its row in units of the states.
 
         The critic without the mistake is compared with the exact one, and a critic that is taken
         for the answer of another game with that answer, in the sizes of that answer. Entries that
@@ -102,14 +102,14 @@ class View(NamedTuple):
         return np.asarray(np.where(np.isnan(errors), np.inf, errors)[told])
 
     def relative(self) -> View:
-        """The same with every entry counted relative to its exact value, or to a small part of the
+        """The view with every entry relative to its exact value, or to a small part of the
         largest."""
         sizes = np.abs(self.exact * self.weights)
         least = _SMALL * sizes.max() or 1.0
         return self._replace(weights=self.weights / np.maximum(sizes, least))
 
     def transposed(self) -> View:
-        """The same with rows for columns."""
+        """The transposed view."""
         return self._replace(judged=self.judged.T, exact=self.exact.T, weights=self.weights.T)
 
 
@@ -151,8 +151,7 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
 
 def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
     """Sign and factor, order, signs and units of states and inputs, a wrong entry; of P one
-    triangle and the factor 2 beside the diagonal, of K a missing R⁻¹ and the order of its
-    entries."""
+    triangle and the factor 2 off the diagonal, of K a missing R⁻¹ and the order of its entries."""
     if view.kind == "P":
         says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
         for half in (np.triu(view.judged), np.tril(view.judged)):
@@ -229,7 +228,7 @@ def _one_entry(view: View) -> Iterator[Hypothesis]:
 def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
     """Order, signs, degrees and scales of the rows of a matrix, which are inputs, slopes or states.
 
-    degree: what a row is multiplied by where its quantity is in degrees.
+    degree: factor of a row whose quantity is in degrees.
     """
     size = len(view.judged)
     with np.errstate(all="ignore"):
@@ -244,7 +243,7 @@ def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
 
 
 def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
-    """The same of the columns."""
+    """Hypotheses about the columns of a matrix."""
     for mistake in of_rows(view.transposed(), noun, degree):
         yield mistake._replace(undo=mistake.undo.T)
 

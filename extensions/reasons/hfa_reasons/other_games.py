@@ -1,4 +1,4 @@
-"""Of which other game a critic is the answer: with another delta, Q, R, discount, time step or
+"""Find the other game whose answer a critic is: with another delta, Q, R, discount, time step or
 scheduling value.
 
 Along one parameter the game whose answer is nearest is found by a search; diagonal Q and R follow
@@ -58,7 +58,7 @@ class Family(NamedTuple):
     """Games along one parameter x.
 
     says: (noun, x) -> whose answer it is.
-    answer: x -> the answer; NoSolutionError where there is none.
+    answer: x -> the answer; NoSolutionError where none exists.
     starts: where a search of x begins; none for one game alone.
     is_lqr: whether it is the game without disturbance.
     plausible: the least and the largest x that somebody would choose on this plant; None for any
@@ -73,7 +73,7 @@ class Family(NamedTuple):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Of x in a search."""
+        """Least and largest x in a search."""
         lowest = min(self.starts)
         highest = max(self.starts)
         return self.plausible or (2.0 * lowest - highest, 2.0 * highest - lowest)
@@ -158,8 +158,8 @@ def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family
 
 
 def fastest_rate(game: Game) -> float:
-    """The largest |eigenvalue| of A and of A - B K, rad/s: what the plant does faster is not worth
-    a discount or a step of time."""
+    """The largest |eigenvalue| of A and of A - B K, rad/s: faster modes of the plant justify no
+    discount or step of time."""
     loops = [game.A]
     with contextlib.suppress(NoSolutionError):
         loops.append(game.A - game.B @ solved(game).K)
@@ -200,7 +200,7 @@ def held(game: Game, step: float) -> Answer:
 
 
 def held_whole(game: Game, step: float) -> Answer:
-    """The same with a cost that is not multiplied by the length of the step."""
+    """Answer of the game whose cost is not multiplied by the length of the step."""
     P, K = held(game, step)
     assert P is not None
     return Answer(P / step, K)
@@ -224,7 +224,7 @@ _STEPPED: Mapping[str, Callable[[Game, float], Answer]] = {
 
 
 def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
-    """The critic taken for the answer to another question: what is wrong is its difference from
+    """The critic taken for the answer to another question: the error is its difference from
     that."""
     matrix = answer.P if view.kind == "P" else answer.K
     assert matrix is not None
@@ -232,7 +232,7 @@ def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
 
 
 def answers(view: View, candidates: list[Family], explained: float) -> Iterator[Hypothesis]:
-    """Of each family the game whose answer is nearest.
+    """The game of each family whose answer is nearest.
 
     explained: how far a search must take the difference down.
     """
@@ -247,7 +247,7 @@ def answers(view: View, candidates: list[Family], explained: float) -> Iterator[
 
 
 def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
-    """(what it is called, answer) for games with another diagonal Q or R whose value may be P.
+    """(name, answer) for games with another diagonal Q or R whose value may be P.
 
     game: whose diagonal weights are varied; a Q or R that is not diagonal is not
     P: (n, n)

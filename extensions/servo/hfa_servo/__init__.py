@@ -1,2 +1,2 @@
-"""What a controller is designed for: the aircraft with actuators, integrals of outputs and
+"""Subjects of the design of a controller: the aircraft with actuators, integrals of outputs and
 weights."""

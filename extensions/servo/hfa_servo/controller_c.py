@@ -57,7 +57,7 @@ class CommandArguments:
         return self.slope
 
     def end(self, t: ca.SX) -> ca.SX:
-        """What the filter is on its way to."""
+        """Target of the filter."""
         return self.goal
 
 

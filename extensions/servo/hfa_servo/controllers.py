@@ -286,7 +286,7 @@ def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[floa
 
 
 def _measurements(design: Design) -> tuple[str, ...]:
-    """What must be measured: the sensors, or all states, the integrated outputs in place of their
+    """The measured signals: the sensors, or all states, the integrated outputs in place of their
     integrals."""
     names = design.sensors or design.plant_states
     plain = [name for name in names if not name.endswith("_integral")]

@@ -142,8 +142,7 @@ class Design:
     delta: of the game, inf for an LQR
     sensors: state or output -> intensity of its noise
     shaping: of a controller by loop shaping, which has no game
-    variants: name of a model's equations -> what the design is for them
-    model: whose names these are
+    variants: name of a model's equations -> the design's name model: whose names these are
 
     BadInputError when a name is unknown or given twice.
     """
@@ -224,7 +223,7 @@ class Design:
 
     @property
     def plant_states(self) -> tuple[str, ...]:
-        """Those of the linear model, then actuator positions, actuator rates."""
+        """States of the linear model, then actuator positions, actuator rates."""
         moving = [name for name in self.inputs if name in self.actuators]
         second = [name for name in moving if self.actuators[name].order == 2]
         return (
@@ -240,7 +239,7 @@ class Design:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Those of the plant, integrals."""
+        """States of the plant, then integrals."""
         return (*self.plant_states, *self.integral_states)
 
 
@@ -364,7 +363,7 @@ def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
 def _shaping_of(
     name: str, entries: Mapping[str, Any], breakpoints: str, model: Model
 ) -> Shaping | None:
-    """What [shaping] has, None without it. breakpoints: their key."""
+    """The settings of [shaping], None without it. breakpoints: their key."""
     if "shaping" not in entries:
         return None
     for game_entry in ("integrals", "disturbance", "delta", "weights", "sensors"):
@@ -383,7 +382,7 @@ def _shaping_of(
 
 
 def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
-    """What [actuators.INPUT] has."""
+    """The settings of [actuators.INPUT]."""
     actuators = {}
     for key, numbers in entries.get("actuators", {}).items():
         if numbers.get("order") in (1, 2):

@@ -30,8 +30,7 @@ class DesignModel(Shown):
     """z' = A z + B u + E w,  y = C z + D u + noise,  of `design` about the operating point of
     `model`.
 
-    design: what is designed
-    model: the linear model of the aircraft
+    design: the designed quantity model: the linear model of the aircraft
     A: (n, n)
     B: (n, m)
     E: (n, k), the columns of each disturbance times the root of its intensity

@@ -1,4 +1,4 @@
-"""What `hfa fly` and `hfa export` do with a controller of a file: the part "controllers"."""
+"""`hfa fly` and `hfa export` with a controller from a file: the part "controllers"."""
 
 from hfa_servo.controller_c import (
     c_controller_texts as c_controller_texts,

@@ -211,15 +211,15 @@ class GeneralizedPlant(Shown):
 
     @classmethod
     def from_control(cls, system: Any, measurements: int, inputs: int) -> GeneralizedPlant:
-        """Of a state-space system whose last outputs are y and whose last inputs are u, as in
-        `hinfsyn`."""
+        """Partition of a state-space system whose last outputs are y and whose last inputs are u,
+        as in `hinfsyn`."""
         A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
         r = len(C) - measurements
         k = B.shape[1] - inputs
         return cls(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], C[r:], D[r:, :k], D[:r, :k], D[r:, k:])
 
     def in_axes(self, axes: Axes) -> GeneralizedPlant:
-        """The same in another state."""
+        """The plant in other axes of its state."""
         return replace(
             self,
             A=axes.square(self.A),
@@ -239,7 +239,7 @@ class GeneralizedPlant(Shown):
 
     @cached_property
     def apart(self) -> GeneralizedPlant:
-        """The same in its `axes`."""
+        """The plant in its `axes`."""
         return self.in_axes(self.axes)
 
     def minimum_delta(self) -> DeltaMin:
@@ -268,7 +268,7 @@ def stored_plant(
     path: str | Path, found: dict[str, Any] | None = None
 ) -> tuple[GeneralizedPlant, float | None, tuple[str, ...]]:
     """The generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11, D22,
-    delta; its delta or None, and what to know of it.
+    delta; its delta or None, and notes.
 
     found: what `read_arrays` has read of it already. BadInputError names the file.
     """
@@ -366,7 +366,7 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
 
 
 def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
-    """The solution with its checks, without advice where there is none."""
+    """The solution with its checks, without advice if no controller exists."""
     answer = conditions(plant, delta)
     if not answer.exists:
         verdict = "is open" if answer.exists is None else "fails"
@@ -677,7 +677,7 @@ def scaled_root(M: np.ndarray) -> np.ndarray:
     are.
 
     M = diag(d) N diag(d) with d_i = sqrt(M_ii), F = diag(d) N^½: a change of units scales F row by
-    row, and no small entry is lost beside a large one."""
+    row, and no small entry vanishes in the rounding of a large one."""
     d = np.sqrt(np.diag(M).clip(0.0))
     safe = np.where(d > 0.0, d, 1.0)
     return np.asarray(d[:, None] * square_root(M / np.outer(safe, safe)))

@@ -32,7 +32,7 @@ class Axes(NamedTuple):
 
     @classmethod
     def of(cls, A: np.ndarray) -> Self:
-        """Those of the Schur form of A, balanced; A: (n, n)."""
+        """Axes of the Schur form of A, balanced; A: (n, n)."""
         from scipy.linalg import schur
 
         matrix, units = balanced(A)

@@ -39,9 +39,9 @@ _TAIL = "checks=solution.checks certificate closed_loop_eigenvalues"
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PlantSolution(Result, Reported):
-    """The controller of a generalized plant, its delta beside the smallest, and its loop.
+    """The controller of a generalized plant, its delta compared with the smallest, and its loop.
 
-    plant: what the game is played on.
+    plant: the plant of the game.
     smallest: delta_min of the plant
     solution: the controller
     closed_loop_eigenvalues: 1/s.
@@ -69,7 +69,7 @@ class PlantSolution(Result, Reported):
 
     @property
     def law(self) -> str:
-        """How u follows from what is measured."""
+        """The control law from measurements to u."""
         raise NotImplementedError
 
     @property
@@ -129,7 +129,7 @@ class OutputSolution(PlantSolution):
 
     @property
     def matrices(self) -> dict[str, Names]:
-        """Of the controller."""
+        """Names of rows and columns of the controller's matrices."""
         own = numbered("xk", len(self.solution.Ak))
         measured = numbered("y", self.solution.Bk.shape[1])
         inputs = numbered("u", len(self.solution.Ck))
@@ -173,7 +173,7 @@ class StateSolution(PlantSolution):
 def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Report:
     """The report on the controller of a generalized plant, of the arrays of its file.
 
-    delta: what the gain is to be below; None: as the file says it."""
+    delta: bound of the gain; None: in the notation of the file."""
     plant, stored_delta, notes = stored_plant(file, arrays)
     bound = stored_delta if delta is None else delta
     return solution_of_plant(plant, bound, str(file), notes).report()
@@ -184,7 +184,7 @@ def solution_of_plant(
 ) -> PlantSolution:
     """The controller of a generalized plant.
 
-    delta: what the gain is to be below; None: `USUAL_MARGIN` times the smallest
+    delta: bound of the gain; None: `USUAL_MARGIN` times the smallest
     origin: name of the plant
     notes: what was noticed when it was read
 

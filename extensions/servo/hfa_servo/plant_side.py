@@ -56,7 +56,7 @@ class Side(NamedTuple):
         return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
 
     def form(self, delta: float) -> NormalForm:
-        """The normal form of the game, with the sizes of what it was computed from."""
+        """The normal form of the game, with the sizes of the terms it was computed from."""
         return NormalForm.of(self.game(delta)).computed_from(self._sizes(delta))
 
     def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:

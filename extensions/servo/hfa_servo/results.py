@@ -1,4 +1,4 @@
-"""What this extension writes, each entry declared once."""
+"""Results of this extension, each entry declared once."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hfa_support.reporting.results import Matrix, Result, Stack, Vector
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ControllerTable(Result):
-    """A controller at each value of what it is scheduled over: x' = A x + B y + W (applied - u),
+    """A controller at each value of the scheduling variable: x' = A x + B y + W (applied - u),
     u = C x + D y.
 
     feedback: of the states or of outputs.
@@ -56,9 +56,9 @@ class ControllerData(ControllerTable):
     state_units: unit of each state, empty where its name says none.
     input_units: unit of each input.
     design: name or file of the design.
-    schedule: what the table runs over.
+    schedule: the scheduling variable.
     delta: disturbance weight, null for none.
-    angles: dihedral or what the table runs over, delta_min or gamma_min, checks of each.
+    angles: dihedral or the scheduling variable, delta_min or gamma_min, checks of each.
     margins: ok, rows of angle, actuators, abscissa and loops: gain dB, phase deg, crossover rad/s,
         delay s.
     """

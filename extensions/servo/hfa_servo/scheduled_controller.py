@@ -102,7 +102,7 @@ class ScheduledController(ByValue, Reported):
     model: Model = field(kw_only=True, compare=False)
 
     def __post_init__(self) -> None:
-        """Check once what every flight relies on."""
+        """Check once the assumptions of every flight."""
         where = f"controller {self.name}:"
         self._check_names(where)
         self._check_arrays(where)
@@ -247,7 +247,7 @@ class ScheduledController(ByValue, Reported):
         return f"{len(self.breakpoints)} {kind} from {self._between(first, last)}"
 
     def _summary(self, limit: str) -> str:
-        """Delta of a game, what is measured, moved and commanded."""
+        """Delta of the game, and the measured, moved and commanded signals."""
         parts = []
         if limit == "delta_min":
             delta = self.about.get("delta")
@@ -262,7 +262,7 @@ class ScheduledController(ByValue, Reported):
         return "; ".join(parts)
 
     def _data(self) -> dict[str, Any]:
-        """What JSON has: the file but for name and trims, and the units of its signals."""
+        """Contents of the JSON: the file but for name and trims, and the units of its signals."""
         stored = _stored(self)
         signals = (*self.measurements, *self.commands)
         kinds = {"signal": signals, "state": self.states, "input": self.inputs}
@@ -289,7 +289,7 @@ def identity(model: Model) -> str:
 
 
 def in_units_of(controller: ScheduledController, model: Model) -> ScheduledController:
-    """The same controller in the units of a model, which is its own or that in SI.
+    """The controller in the units of a model, the original one or that in SI.
 
     With a signal s' = f s: A' = f_x A / f_x, B' = f_x B / f_y, C' = f_u C / f_x, D' = f_u D / f_y,
     W' = f_x W / f_u.
@@ -326,7 +326,7 @@ def _factors(before: Model, after: Model, names: Iterable[str]) -> np.ndarray:
 
 
 def _key(model: Model) -> str:
-    """What files and data call the values of the scheduling variable."""
+    """Name of the values of the scheduling variable in files and data."""
     return f"{model.schedule}s" if model.names_schedule else "places"
 
 
@@ -388,9 +388,10 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
 
 
 def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | GainSchedule:
-    """What a file has: a controller, or a schedule of gains; a controller that is u = -K(η) x of
-    the states of the linear model is a schedule too. BadInputError as of `load_controller` and
-    `load_gain_schedule`."""
+    """The controller or the schedule of gains of a file.
+
+    A controller that is u = -K(η) x of the states of the linear model is a schedule too.
+    BadInputError as of `load_controller` and `load_gain_schedule`."""
     if path.suffix.lower() == ".npz" and _is_controller(read_arrays(path)):
         controller = load_controller(path, model)
         return controller.gain_schedule() or controller

@@ -108,7 +108,8 @@ def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop
 def servo_margins(
     loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, ...]
 ) -> dict[str, LoopMargin]:
-    """Of every input and every sensor while all other loops stay closed, and of all inputs: the
+    """Margins of every input and every sensor while all other loops stay closed, and of all inputs:
+    the
     same factor, phase or delay in each. NoSolutionError when the loop is unstable."""
     closed = loop.closed
     matrices = (closed, loop.A, loop.Ak)
@@ -169,7 +170,7 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def single(self) -> tuple[LoopMargin, ...]:
-        """Of every loop that is opened alone, in every row."""
+        """Margins of every loop that is opened alone, in every row."""
         return tuple(
             margin for row in self.rows for name, margin in row.loops.items() if name != TOGETHER
         )
@@ -214,7 +215,8 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def data_rows(self) -> list[dict[str, Any]]:
-        """Of each value and actuators: abscissa, and of each loop gain dB, phase deg, crossover
+        """A row for each value and actuators: abscissa, and of each loop gain dB, phase deg,
+        crossover
         rad/s, delay s."""
         by = self.controller.model.schedule
         rows = []

@@ -33,7 +33,7 @@ class ServoPolicy(Policy):
     controller: whose matrices these are
     commands: what its outputs are to follow: `CommandSteps`, or another value with its names, at,
         rate and end
-    outputs: what it measures: `MeasuredOutputs`, or another value with its at
+    outputs: its measurements: `MeasuredOutputs`, or another value with its at
     regulated: the commanded outputs
     scheduled_at: η of the trim in which the flight begins
     """
@@ -67,7 +67,7 @@ class ServoPolicy(Policy):
         return rate + ca.mtimes(W, ca.mtimes(ca.DM(self._chosen.T), missed))
 
     def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
-        """Of the commanded outputs."""
+        """Tracking errors of the commanded outputs."""
         if not isinstance(self.commands, CommandSteps):
             return {}
         return {
@@ -144,8 +144,8 @@ def servo_policy(
     """The controller about a trim of the model that it was made for, following commands.
 
     Its `fastest` is that of the controller alone: an estimator's mode, which the loop hardly moves;
-    a gain without memory has none. BadInputError when it was made for another model or other
-    values of the scheduling variable, or is not told of a commanded output.
+    a gain without memory has none. BadInputError when it was made for another model or other values
+    of the scheduling variable, or lacks a commanded output.
     """
     followed = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
     for name in commands.names:

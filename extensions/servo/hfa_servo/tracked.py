@@ -12,7 +12,7 @@ from hfa_servo.measured_outputs import MeasuredOutputs
 
 
 class Tracked(NamedTuple):
-    """An output beside its command over a flight.
+    """An output and its command over a flight.
 
     output, command: (N,), deviations from trim
     rms, largest: of their difference, in `unit`
@@ -27,7 +27,7 @@ class Tracked(NamedTuple):
 
 
 def tracked(flight: Deviations, outputs: MeasuredOutputs, commands: CommandSteps) -> list[Tracked]:
-    """Each commanded output of a flight beside its command, without the noise of the sensors."""
+    """Each commanded output of a flight with its command, without the noise of the sensors."""
     model = outputs.model
     rows = [list(model.states).index(name) for name in model.linear]
     values = flight.states[:, rows] @ outputs.C.T + flight.inputs @ outputs.D.T

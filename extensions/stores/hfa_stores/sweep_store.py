@@ -33,7 +33,7 @@ _POINT = "point"
 class SweepAttributes(StatesAndInputs, Result):
     """The attributes of a store of a sweep.
 
-    plan: what is swept."""
+    plan: the subject of the sweep."""
 
     schema = "hfa.sweep-store/3"
     made_by = "hfa sweep -o FILE.zarr: attributes of the store"
@@ -58,9 +58,9 @@ class SweepAttributes(StatesAndInputs, Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StoredSweep(Result, Reported):
-    """What a store holds.
+    """Contents of a store.
 
-    plan: what is swept.
+    plan: the subject of the sweep.
     store: where it is.
     counts: points by status, "missing" for those not computed yet.
     warnings: what to know before trusting the result."""

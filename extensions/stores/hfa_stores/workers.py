@@ -39,7 +39,7 @@ Run = Callable[[Callable[..., Any], Tasks], Iterator[tuple[int, Any]]]
 
 @contextmanager
 def open_workers(workers: int | str = 1) -> Iterator[Run]:
-    """What runs tasks until the block ends.
+    """An executor of tasks until the block ends.
 
     workers: 1 for this process, a number of child processes, or the address of a Dask scheduler,
     tcp://host:port.

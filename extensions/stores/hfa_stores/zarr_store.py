@@ -34,7 +34,7 @@ _OF_ONE_RUN = ("toolchain", "provenance")
 
 @dataclass(frozen=True)
 class OfAStore(Result):
-    """What every store has beside the attributes of its rows.
+    """Attributes common to all stores, apart from those of rows.
 
     toolchain: version that wrote it.
     coordinates: arrays that are coordinates, as in the CF conventions."""
@@ -110,7 +110,7 @@ def array_of_rows(
     """A lazy `xarray.Variable` for the template of a job.
 
     axes, shape: of the array, that of the rows first.
-    fill: value and type of what is not computed yet.
+    fill: value and type of entries not computed yet.
     chunk: rows of a chunk.
     attributes: units and meaning.
     """
@@ -329,8 +329,8 @@ def _deciding(attributes: Mapping[str, Any]) -> str:
 
 
 def _metadata(store: Path) -> dict[str, Any]:
-    """Of each array and, as ".", of the group: the JSON that describes it, but for what is of one
-    run. OSError, BadInputError, LookupError or TypeError where it cannot be read."""
+    """Metadata of each array and, as ".", of the group: the JSON that describes it, without entries
+    of a single run. OSError, BadInputError, LookupError or TypeError where it cannot be read."""
     found = {}
     for folder in [store, *(entry for entry in store.iterdir() if entry.name != _METADATA)]:
         content = read_json(folder / _METADATA)
@@ -343,7 +343,8 @@ def _metadata(store: Path) -> dict[str, Any]:
 
 
 def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
-    """What of a store is not as expected: a file that describes it, a file that does not belong to
+    """Deviations of a store from the request: a file that describes it, a file that does not belong
+    to
     it, or a link, which may lead anywhere; "" where there is nothing."""
     for folder in (path, *(path / name for name in expected if name != ".")):
         allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}

@@ -1,5 +1,5 @@
-"""How a sweep into a store ends from outside: Ctrl-C, SIGTERM, SIGHUP, kill -9; and what is
-continued afterwards."""
+"""How a sweep into a store ends from outside: Ctrl-C, SIGTERM, SIGHUP, kill -9; and the resumed
+run."""
 
 from __future__ import annotations
 

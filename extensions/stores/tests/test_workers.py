@@ -1,4 +1,5 @@
-"""Processes and clusters that run tasks: every result, errors as they were raised, nobody left."""
+"""Processes and clusters that run tasks: every result, errors as they were raised, no process
+left."""
 
 from __future__ import annotations
 

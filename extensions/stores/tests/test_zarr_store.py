@@ -310,7 +310,7 @@ def of_format_2(path: Path, job: RowJob) -> None:
 
 
 class Runs:
-    """What makes a folder when it is unpickled."""
+    """An object that makes a folder when it is unpickled."""
 
     def __reduce__(self) -> tuple[Any, tuple[str]]:
         return os.mkdir, ("code-was-run",)

@@ -128,7 +128,7 @@ def report(request: ReportRequest) -> int:
 
 
 def _written(job: MainJob, report: Report, place: Path, provenance: Provenance) -> str:
-    """Write the page to a file, or with its pictures and numbers into a folder; says so."""
+    """Write the page to a file, or with its pictures and numbers into a folder; return a notice."""
     html = page(job, report, provenance)
     if place.suffix:
         write_text(place, html)

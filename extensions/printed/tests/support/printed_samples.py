@@ -34,7 +34,7 @@ class PrintedSample(NamedTuple):
     decimals: int
 
     def file(self, *, learned: bool = False) -> str:
-        """Its file."""
+        """Text of the sample's file."""
         rows = {name: "; ".join(map(" ".join, block)) for name, block in self.texts.items()}
         plant = "\n".join(f'{name} = "{row}"' for name, row in rows.items())
         printed = "\n".join(
