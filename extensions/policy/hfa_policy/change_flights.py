@@ -75,16 +75,18 @@ class ChangeFlights:
         self.m = len(self.deployed.deployment.action)
 
     def _flight(self, dt: float, delay: float) -> SampledFlight:
-        """The flights of all changes: P, c and gain are numbers of a row."""
+        """The flights of all changes: P, c, gain and S are numbers of a row."""
         whole = self.assessor.flight()
-        extra = self.k**2 + self.k + self.m
+        sizes = np.cumsum([0, self.k**2, self.k, self.m, self.m**2]).tolist()
+        extra = sizes[-1]
         deployed = self.deployed
         arguments = symbols_of_a_sample(deployed, extra)
-        P, c, gain = ca.vertsplit(arguments[3], [0, self.k**2, self.k**2 + self.k, extra])
+        P, c, gain, S = ca.vertsplit(arguments[3], sizes)
         raw = ca.SX.sym("raw", self.m)
         o = ca.mtimes(ca.reshape(P, self.k, self.k), deployed.observe(*arguments[:3])) + c
         seen = deployed.normalized(o)[1]
-        moved = deployed.inputs(gain * deployed.action(raw), *arguments[:3])
+        given = ca.mtimes(ca.reshape(S, self.m, self.m), raw)
+        moved = deployed.inputs(gain * deployed.action(given), *arguments[:3])
         steered = whole.steered._replace(
             enters=ca.Function("enters", arguments, [ca.densify(seen)]),
             moves=ca.Function("moves", [raw, *arguments], [ca.densify(moved)]),
@@ -188,10 +190,11 @@ class ChangeFlights:
         return np.clip(costs, _LEAST, _MOST), kept
 
     def _numbers(self, repair: Repair, changed: Deployed, trim: np.ndarray) -> np.ndarray:
-        """P, c and gain of a change at a trim, in the order of a row."""
+        """P, c, gain and S of a change at a trim, in the order of a row."""
         n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
         at_trim = (trim[:n], trim[n : n + m], trim)
         before = np.array(self.deployed.observe(*at_trim)).ravel()
         after = np.array(changed.observe(*at_trim)).ravel()
         c = after - repair.P @ before
-        return np.concatenate([repair.P.ravel(order="F"), c, repair.gain])
+        S = repair.S.ravel(order="F")
+        return np.concatenate([repair.P.ravel(order="F"), c, repair.gain, S])

@@ -40,11 +40,10 @@ _KEEPS = 0.7
 #: Of the actions: the card as it is, no control, and the gains that a right policy may lack. One
 #: that was trained for dear control is up to fifty times too weak, none is ten times too strong.
 _GAINS = (1.0, 0.0, 0.2, 0.5, 2.0, 5.0, 0.1, 0.35, 0.7, 10.0, 20.0, 50.0)
+#: Of actions on angles alone, where these may be in degrees.
+_WEAKER = (0.0, 0.1, 0.3)
 #: How many of them, the first, are flown at another sample time.
 _AT_RATES = 6
-#: A policy may be a little too strong for its sample time: its loop does not grow by so much from
-#: one sample to the next.
-_GROWS = 2.0
 #: The sizes of observations ask for a change, or speak against it, where they are as a sum of
 #: logarithms so much nearer to what the training saw, or farther: a factor of 20, a third of the
 #: degrees of a radian.
@@ -129,7 +128,7 @@ class _Trial:
         self.places = [point.place for point in order[:_PLACES]]
         self.flights = ChangeFlights(assessor, self.places)
         # A loop without an equilibrium has no radius.
-        self.grows_far_too_fast = any(not point.radius < _GROWS for point in assessed)
+        self.is_unstable = any(not point.radius < 1.0 for point in assessed)
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 
     def named(self) -> Iterator[Mistake]:
@@ -144,8 +143,8 @@ class _Trial:
         for repair, of_repair in zip(repairs, flown[len(self.gains) :], strict=True):
             if self._is_clear(repair, of_repair, of_gains):
                 found.append(_Found(of_repair, repair.kind, repair.text))
-        if not found and self.grows_far_too_fast:
-            found = self._faster(of_gains)
+        if self.is_unstable:
+            found += self._faster(of_gains)
         found.sort(key=lambda each: float(np.log(each.flown.costs).sum()))
         best_of_kinds: dict[str, _Found] = {}
         for each in found:
@@ -181,6 +180,8 @@ class _Trial:
             flown = flown.counted_in_box()
             of_gains = [of_gain.counted_in_box() for of_gain in of_gains]
         card, none, *others = of_gains
+        if repair.kind == "map" and self._is_weaker_action(repair, flown):
+            return False
         nearer = self._nearer(repair)
         if nearer <= -_NEARER or not _brings_most_back(flown) or not _is_better(flown, card):
             return False
@@ -189,6 +190,17 @@ class _Trial:
         is_none = none.times(flown) < _CLEARLY and not _harms(card)
         return not is_none and not _is_a_gain(flown, none, others)
 
+    def _is_weaker_action(self, repair: Repair, flown: Flown) -> bool:
+        """Whether the actions that a change makes smaller fly about as well a little smaller, or
+        left out."""
+        smaller = repair.gain < 1.0
+        gains = [np.where(smaller, part, 1.0) for part in _WEAKER]
+        weaker = self.flights.flown([repair._replace(gain=gain) for gain in gains], _WHOLE)
+        return any(
+            _CLEARLY * other.back >= flown.back and other.times(flown) < _CLEARLY
+            for other in weaker
+        )
+
     def _faster(self, of_gains: Sequence[Flown]) -> list[_Found]:
         """The slowest of a few faster sample times at which the policy flies well, and at a third
         of what it costs at that of the card; none where a gain, at either sample time, is clearly
@@ -196,8 +208,12 @@ class _Trial:
 
         of_gains: flights at the sample time of the card, the first of the card as it is."""
         card = of_gains[0]
+        (short,) = self.flights.flown(self.gains[:1], _SHORT)
         for part in _RATES:
             dt = part * self.card.dt
+            (short_faster,) = self.flights.flown(self.gains[:1], _SHORT, dt)
+            if short.times(short_faster) < _CLEARLY:
+                continue
             faster, *faster_gains = self.flights.flown(self.gains[:_AT_RATES], _WHOLE, dt)
             is_third = _is_better(faster, card) and card.times(faster) >= _AS_IT_IS
             gains = (*faster_gains, *of_gains)

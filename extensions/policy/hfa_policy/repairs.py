@@ -17,13 +17,14 @@ _DEGREES = 180.0 / np.pi
 
 
 class Repair(NamedTuple):
-    """One change of a card: o' = P o + c and a' = gain a.
+    """One change of a card: o' = P o + c, the network gives S y in place of y, and a' = gain a.
 
     kind: of the mistake that it undoes.
     text: what would have to be so.
     deployment: the changed card.
     P: (k, k); c follows from the changed card at a trim.
     gain: (m,).
+    S: (m, m).
     """
 
     kind: str
@@ -31,24 +32,34 @@ class Repair(NamedTuple):
     deployment: Deployment
     P: np.ndarray
     gain: np.ndarray
+    S: np.ndarray
 
 
 def card_with_gain(card: Deployment, gain: float) -> Repair:
     """The card as it is, all its actions times a gain."""
-    return Repair("", "", card, np.eye(len(card.observation)), np.full(len(card.action), gain))
+    return _with_gains(card, "", "", card, np.full(len(card.action), gain))
 
 
 def repairs_of(deployed: Deployed) -> list[Repair]:
     """Every single change of the card that is tried."""
     card = deployed.deployment
-    return [*_exchanges(card), *_signs(card), *_abouts(card), *_scales(deployed)]
+    of_observations = [*_exchanges(card), *_abouts(card), *_scales(deployed)]
+    return [*of_observations, *_signs(card), *_exchanged_actions(card), *_units(deployed)]
 
 
 def _with_observation(
     card: Deployment, kind: str, text: str, observation: Mapping[str, Any], P: np.ndarray
 ) -> Repair:
     changed = card.changed(observation=dict(observation))
-    return Repair(kind, text, changed, P, np.ones(len(card.action)))
+    count = len(card.action)
+    return Repair(kind, text, changed, P, np.ones(count), np.eye(count))
+
+
+def _with_gains(
+    card: Deployment, kind: str, text: str, changed: Deployment, gain: np.ndarray
+) -> Repair:
+    """The change of a card that multiplies its actions."""
+    return Repair(kind, text, changed, np.eye(len(card.observation)), gain, np.eye(gain.size))
 
 
 def _exchanges(card: Deployment) -> Iterator[Repair]:
@@ -64,20 +75,51 @@ def _exchanges(card: Deployment) -> Iterator[Repair]:
 
 def _signs(card: Deployment) -> Iterator[Repair]:
     """One action of the other sign, and all of them."""
-    turned = {
-        name: {**entry, "map": re.sub(r"\ba\b", "(-a)", entry.get("map", "trim + a"))}
-        for name, entry in card.action.items()
-    }
-    same = np.eye(len(card.observation))
+    turned = {name: _times(entry, -1.0) for name, entry in card.action.items()}
     for number, name in enumerate(card.action):
         changed = card.changed(action={**card.action, name: turned[name]})
         gain = np.ones(len(card.action))
         gain[number] = -1.0
-        yield Repair("sign", f"the action of {name} had the other sign", changed, same, gain)
+        yield _with_gains(card, "sign", f"the action of {name} had the other sign", changed, gain)
     if len(card.action) > 1:
         changed = card.changed(action=turned)
         gain = -np.ones(len(card.action))
-        yield Repair("sign", "all actions had the other sign", changed, same, gain)
+        yield _with_gains(card, "sign", "all actions had the other sign", changed, gain)
+
+
+def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
+    """The entry of an action whose map takes it times a factor."""
+    map_of_action = entry.get("map", "trim + a")
+    return {**entry, "map": re.sub(r"\ba\b", f"({factor!r} * a)", map_of_action)}
+
+
+def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
+    """Two actions in each other's place."""
+    names = list(card.action)
+    for one, other in combinations(range(len(names)), 2):
+        order = list(range(len(names)))
+        order[one], order[other] = other, one
+        changed = card.changed(action={names[i]: card.action[names[i]] for i in order})
+        text = f"the actions of {names[one]} and {names[other]} were exchanged"
+        same = np.eye(len(card.observation))
+        swap = np.eye(len(names))[order]
+        yield Repair("actions", text, changed, same, np.ones(len(names)), swap)
+
+
+def _units(deployed: Deployed) -> Iterator[Repair]:
+    """Actions on angles that are 57 times as large in the map as they were in the training."""
+    card = deployed.deployment
+    angles = [name for name in card.action if deployed.model.unit(name) in ("rad", "deg")]
+    if angles:
+        changed = card.changed(
+            action={
+                name: _times(entry, 1.0 / _DEGREES) if name in angles else entry
+                for name, entry in card.action.items()
+            }
+        )
+        gain = np.where([name in angles for name in card.action], 1.0 / _DEGREES, 1.0)
+        text = f"the actions of {', '.join(angles)} were in degrees, which the map takes in radians"
+        yield _with_gains(card, "map", text, changed, gain)
 
 
 def _abouts(card: Deployment) -> Iterator[Repair]:

@@ -332,6 +332,10 @@ def with_mistake(kind):
     if kind == "sign":
         action = {**right.action, "elevator": {"map": "trim - a"}}
         return right.changed(action=action)
+    if kind == "map":
+        return right.changed(action={**right.action, "elevator": {"map": f"trim + {DEGREES} * a"}})
+    if kind == "actions":
+        return right.changed(action={name: right.action[name] for name in ("elevator", "thrust")})
     if kind == "order":
         names = ["alpha", "speed", "pitch", "pitch_rate"]
         return right.changed(observation={name: observation[name] for name in names})
@@ -345,7 +349,7 @@ def with_mistake(kind):
     return right.changed(observation=observation)
 
 
-@pytest.mark.parametrize("kind", ["sign", "order", "about", "degrees", "scale"])
+@pytest.mark.parametrize("kind", ["sign", "order", "about", "degrees", "scale", "map", "actions"])
 def test_each_kind_of_mistake_is_suggested_on_another_aircraft(kind):
     assert kind in kinds_on_f16(with_mistake(kind))
 
