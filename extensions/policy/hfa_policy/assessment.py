@@ -6,29 +6,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from hfa_aircraft.model import Model
 from hfa_flight.limit_cycle import LimitCycle
-from hfa_flight.scenario import Scenario
 from hfa_policy.best_costs import BestCosts
 from hfa_policy.cost_lost import CostLost, cost_lost
 from hfa_policy.departures import departure_text, refuse_edges
 from hfa_policy.deployed import Deployed
-from hfa_policy.deployment import Deployment
 from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch
 from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
 from hfa_policy.outcomes import Outcome, Place, ends_from_trim, fly_places, start_box
 from hfa_policy.reach import HORIZON, Reach, reach_of, seconds_to_converge
-from hfa_policy.rough_flights import RoughFlights, rough_flights, rough_scenario
+from hfa_policy.rough_flights import RoughFlights
 from hfa_policy.sampled_loop import Chain, Delays, Margins, chain_of, delays, margins
-from hfa_policy.trims import trims_of
-from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
@@ -376,62 +371,3 @@ def cycle_text(cycle: LimitCycle) -> str:
     unit = "" if cycle.unit == "1" else f" {shown_unit(cycle.unit)}"
     size = short_number(cycle.amplitude, cycle.unit)
     return f"{cycle.name} ±{size}{unit} at {cycle.frequency:.3g} rad/s"
-
-
-@checks_arguments
-def assess(
-    model: Model,
-    deployment: Deployment,
-    points: Sequence[Any] | None = None,
-    samples: int = SAMPLES,
-    seed: int = 0,
-    progress: Progress | None = None,
-    vary: Mapping[str, tuple[float, float]] | None = None,
-    scenario: Scenario | None = None,
-) -> Any:
-    """Assess a policy as it is deployed.
-
-    model: the aircraft
-    deployment: what the policy observes, what its actions move, and when
-    points: operating points, or values of the scheduling variable in the units of the model; its
-        own trim unless given
-    samples: flights at each trim, with and without disturbance; 0 for none
-    seed: that decides their starts
-    progress: called during the flights
-    vary: parameter, or input that no action moves -> lowest and highest value; the policy is judged
-        on the changed aircraft too, its trim values frozen
-    scenario: sensor noise, gust or turbulence of further flights from each trim, as `hfa.fly` takes
-        them, the random ones still to be drawn; at most 20 flights a trim
-
-    BadInputError where the deployment is not of this aircraft, TrimError where there is no trim.
-
-    >>> import casadi as ca
-    >>> import hfa
-    >>> o = ca.SX.sym("o", 2)
-    >>> card = hfa.Deployment(
-    ...     policy={"file": ca.Function("policy", [o], [0.1 * o[1]])},
-    ...     observation={"speed": {"scale": 10.0}, "pitch": {}},
-    ...     action={"elevator_center": {"box": [-1, 1], "map": "trim + 0.1 * a"}},
-    ...     timing={"dt": 0.02},
-    ... )
-    >>> hfa.assess(hfa.aircraft(), card, [0.1], samples=0).points[0].holds
-    True
-    """
-    from hfa_policy.assessment_report import Assessment
-    from hfa_policy.mistakes import mistakes_of
-    from hfa_policy.variations import changes_of, variations
-
-    deployed = deployment.on(model)
-    changes = changes_of(deployed, vary or {})
-    if scenario is not None:
-        scenario = rough_scenario(scenario, model, samples)
-    assessor = Assessor(deployed, trims_of(model, points), samples, seed)
-    assessed = assessor.assessed(progress)
-    mistakes = tuple(mistakes_of(assessor, assessed))
-    changed = variations(assessor, changes, progress)
-    if scenario is not None:
-        rough = rough_flights(
-            deployed, assessor.points, [scenario] * len(assessed), samples, seed, progress
-        )
-        assessed = [replace(at, rough=flown) for at, flown in zip(assessed, rough, strict=True)]
-    return Assessment(deployed, tuple(assessed), mistakes, variations=tuple(changed))

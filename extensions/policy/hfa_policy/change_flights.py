@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hfa_flight.envelope import flight_envelope
+from hfa_policy.assessment import Assessor
 from hfa_policy.deployed import Deployed
 from hfa_policy.episodes import cost_weights
 from hfa_policy.flights import SampledFlight, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import BALL, Place, seeded_starts
 from hfa_policy.repairs import Repair
-
-if TYPE_CHECKING:
-    from hfa_policy.assessment import Assessor
 
 #: Who is farther from the trim than so many half-widths of the box of starts, or swings by more
 #: than the ball in the last second, did not come back. Some policies rest off trim; of the many

@@ -19,7 +19,7 @@ from hfa_flight.scenario import Scenario
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
 from hfa_policy.held_step import parts_of_a_sample
-from hfa_policy.mistakes import notes_on_card
+from hfa_policy.mistakes_in_files import notes_on_card
 from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
 

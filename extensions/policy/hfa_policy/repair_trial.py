@@ -10,19 +10,17 @@ policy of a wrong sign flies as well as none.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from hfa_policy.assessment import AssessedPoint, Assessor
 from hfa_policy.change_flights import NEAR, ChangeFlights, Flown, Sample
 from hfa_policy.deployment import Deployment
 from hfa_policy.mistake import Mistake
 from hfa_policy.observation_evidence import observations_of_training
 from hfa_policy.outcomes import seeded_starts
 from hfa_policy.repairs import Repair, card_with_gain, repairs_of
-
-if TYPE_CHECKING:
-    from hfa_policy.assessment import AssessedPoint, Assessor
 
 #: Part of the starts that a change brings back: the policy flies well with it. One that was trained
 #: badly flies better with some changes, well with none.

@@ -13,7 +13,8 @@ from policy_cases import FOLDER, GTM, ROOT, aircraft, card, gtm_card, trims
 import hfa
 from hfa.main import main
 from hfa_aircraft.loading import load_model
-from hfa_policy.assessment import Assessor, assess
+from hfa_policy.assess import assess
+from hfa_policy.assessment import Assessor
 from hfa_policy.assessment_report import Assessment
 from hfa_policy.deployment import Deployment
 from hfa_policy.flights import SampledFlight

@@ -15,7 +15,7 @@ from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, trims
 from tolerances import FEW_ROUNDINGS
 
 from hfa_aircraft.loading import load_model
-from hfa_policy.assessment import assess
+from hfa_policy.assess import assess
 from hfa_policy.deployment import Deployment
 from hfa_policy.environment import environment, vector_environment
 from hfa_policy.inert_pickle import inert

@@ -11,7 +11,8 @@ from scipy.signal import cont2discrete
 from tolerances import FEW_ROUNDINGS, SAME_FORMULA
 
 import hfa
-from hfa_policy.assessment import Assessor, assess
+from hfa_policy.assess import assess
+from hfa_policy.assessment import Assessor
 from hfa_policy.flown import exported_texts, flown_deployment
 from hfa_policy.outcomes import FlownRows
 from hfa_support.errors import BadInputError

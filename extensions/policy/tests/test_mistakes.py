@@ -13,9 +13,11 @@ import hfa
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor
 from hfa_policy.deployment import Deployment
-from hfa_policy.mistakes import UNCLEAR, mistakes_in_files, mistakes_of
+from hfa_policy.mistakes import mistakes_of
+from hfa_policy.mistakes_in_files import mistakes_in_files
 from hfa_policy.normalizer import read_normalizer
 from hfa_policy.normalizer_evidence import unknown_normalizer
+from hfa_policy.observation_evidence import UNCLEAR
 from hfa_policy.trims import trims_of
 
 DEGREES = 180.0 / np.pi

@@ -10,7 +10,7 @@ from tolerances import SAME_FORMULA
 import hfa
 from hfa_flight.gusts import OneMinusCosine
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_policy.assessment import assess
+from hfa_policy.assess import assess
 from hfa_policy.rough_flights import rough_flights, rough_scenario
 
 NOISE = Uncertainty(noise={"pitch_rate": 0.02})

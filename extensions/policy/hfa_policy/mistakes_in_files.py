@@ -1,0 +1,35 @@
+"""Mistakes of a deployment that its files prove or make likely."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from hfa_policy.deployed import Deployed
+from hfa_policy.mistake import Mistake
+from hfa_policy.normalizer_evidence import mistakes_of_normalizer, unknown_normalizer
+from hfa_policy.observation_evidence import mistakes_of_observations
+from trim.point.operating_point import OperatingPoint
+
+
+def mistakes_in_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> Iterator[Mistake]:
+    """The mistakes that the policy's files prove, or make likely."""
+    stored = deployed.deployment.actor.stored
+    normalizer = deployed.deployment.normalizer
+    if stored is not None and stored.timesteps > 0:
+        of_the_normalizer = list(mistakes_of_normalizer(deployed, stored, normalizer))
+        yield from of_the_normalizer
+        if any(mistake.proved for mistake in of_the_normalizer):
+            normalizer = None  # it says nothing of this training
+    yield from mistakes_of_observations(deployed, stored, normalizer, points)
+
+
+def notes_on_card(deployed: Deployed, points: Sequence[OperatingPoint]) -> list[str]:
+    """Return the mistakes that a policy's files show, for a flight or an export: a sentence each;
+    none of a policy that takes several samples."""
+    if deployed.past:
+        return []
+    notes = [mistake.sentence for mistake in mistakes_in_files(deployed, points)]
+    of_normalizer = unknown_normalizer(deployed)
+    if of_normalizer:
+        notes.append(of_normalizer)
+    return notes
