@@ -118,7 +118,7 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
 def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
     """The actor of an ONNX graph, a state dict or a gain K."""
     squash = bool(entries.get("squash", False))
-    gain = _gain(path)
+    gain = stored_gain(path)
     if gain is not None:
         o = ca.SX.sym("o", gain.shape[1])
         function = ca.Function("gain", [o], [ca.densify(-ca.DM(gain) @ o)])
@@ -149,7 +149,7 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     return Actor(function, network.chain, squash=True, box=box, rows=rows)
 
 
-def _gain(path: Path) -> np.ndarray | None:
+def stored_gain(path: Path) -> np.ndarray | None:
     """K of an .npz that has it, u = -K o; None of another file."""
     if path.suffix.lower() != ".npz":
         return None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_policy.actor import NONE as NONE, Actor, read_actor
+from hfa_policy.actor import NONE as NONE, Actor, read_actor, stored_gain
 from hfa_policy.normalizer import Normalizer, normalizer_of, read_normalizer
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shown
@@ -270,6 +270,27 @@ class Deployment(Shown):
                 if name in self.__dict__:
                     made.__dict__[name] = self.__dict__[name]
         return made
+
+
+def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
+    """Return the deployment of a gain K in an .npz: u = -K x on all inputs, of deviations of all
+    linear states from the trim, sampled every dt seconds. BadInputError for a K of another shape."""
+    K = stored_gain(path)
+    wanted = (len(model.inputs), len(model.linear))
+    if K is None or K.shape != wanted:
+        given = "it has no K" if K is None else f"K is {K.shape[0]} x {K.shape[1]}"
+        raise BadInputError(
+            f"{path}: {given}; give {wanted[0]} x {wanted[1]}, inputs {', '.join(model.inputs)} by "
+            f"states {', '.join(model.linear)}, or a deployment file"
+        )
+    return Deployment(
+        policy={"file": path.name},
+        observation={name: {} for name in model.linear},
+        action={name: {} for name in model.inputs},
+        timing={"dt": dt},
+        folder=path.parent,
+        origin=str(path),
+    )
 
 
 def _plain(value: Any) -> Any:

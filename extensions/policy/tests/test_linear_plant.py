@@ -83,3 +83,24 @@ def test_a_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, co
     sentences = [text for text in point["findings"] if text.startswith(said)]
     assert exit_code == code
     assert [text.endswith("doubles in 150 s") for text in sentences] == [True] * (1 - code)
+
+
+def test_a_gain_alone_is_assessed(folder, capsys):
+    """As with a deployment file of all states and inputs; a sample time belongs to a gain."""
+    A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
+    np.savez("plant.npz", A=A, B=B)
+    np.savez("K.npz", K=[[4.24, 2.8]])
+    (folder / "card.toml").write_text(CARD)
+    words = ["--model", "plant.npz", "--samples", "0", "--json"]
+    radii = []
+    for named in (["K.npz", "--sample-time", "0.02"], ["card.toml"]):
+        assert main(["assess", *named, *words]) == 0
+        (point,) = json.loads(capsys.readouterr().out)["points"]
+        radii.append(point["spectral_radius"])
+    assert radii[0] == radii[1]
+    assert main(["assess", "plant.npz", "--sample-time", "0.02", *words]) == 2
+    assert "it has no K; give 1 x 2, inputs u1 by states x1, x2" in capsys.readouterr().err
+    assert main(["assess", "K.npz", *words]) == 2
+    assert "add --sample-time" in capsys.readouterr().err
+    assert main(["assess", "card.toml", "--sample-time", "0.02", *words]) == 2
+    assert "--sample-time is of a gain" in capsys.readouterr().err

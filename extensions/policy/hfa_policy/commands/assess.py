@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hfa.options.argument_types import input_file, number, quantity, span, whole
 from hfa.options.command import command
@@ -25,6 +26,9 @@ from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
+
+if TYPE_CHECKING:
+    from hfa_policy.deployment import Deployment
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
@@ -62,9 +66,9 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
 
     cards: tuple[Path, ...] = option(
         "deployment files: observations, actions and timing of a policy; several give one "
-        "table, from the same initial conditions",
+        "table, from the same initial conditions; or a gain K in a FILE.npz, with --sample-time",
         "CARD.toml",
-        input_file(".toml"),
+        input_file(".toml", ".npz"),
         names="cards",
         count="+",
     )
@@ -73,6 +77,11 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         "with A and B in a FILE.npz; default: the HFA",
         "FILE.py:NAME",
         names="--aircraft --model",
+    )
+    sample_time: float | None = option(
+        "of a gain K (u = -K x) of all linear states on all inputs, in place of a deployment file",
+        "S",
+        number,
     )
     at: Range | None = scheduled(scheduled_range, "RANGE", "start:stop:step, a,b,c or one number")
     samples: int = option(
@@ -134,6 +143,25 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
             found.append(find_operating_point(flown, condition, self.start_point))
         return found
 
+    def deployments(self, model: Model) -> list[Deployment]:
+        """Return the deployments of the files; BadInputError for a gain without a sample time, and
+        for a sample time without a gain."""
+        from hfa_policy.deployment import Deployment, sampled_gain
+
+        gains = [card for card in self.cards if card.suffix.lower() == ".npz"]
+        if gains and self.sample_time is None:
+            raise BadInputError(f"{gains[0]}: a gain has no sample time; add --sample-time, s")
+        if self.sample_time is not None and not gains:
+            raise BadInputError(
+                "--sample-time is of a gain in a FILE.npz; give one, or leave it out"
+            )
+        return [
+            sampled_gain(card, model, self.sample_time)
+            if card in gains and self.sample_time is not None
+            else Deployment.load(card)
+            for card in self.cards
+        ]
+
     def is_rough(self) -> bool:
         """Whether flights meet noise, a gust or turbulence."""
         return bool(self.noise) or self.turbulence is not None or self.gust is not None
@@ -159,13 +187,12 @@ def assess(request: AssessRequest) -> int:
     from hfa_policy.assessment import Assessor
     from hfa_policy.assessment_report import Assessment
     from hfa_policy.comparison import Comparison
-    from hfa_policy.deployment import Deployment
     from hfa_policy.mistakes import mistakes_of
     from hfa_policy.rough_flights import rough_flights
     from hfa_policy.variations import changes_of, variations
 
     model = request.flown_aircraft()
-    deployed = [Deployment.load(card).on(model) for card in request.cards]
+    deployed = [deployment.on(model) for deployment in request.deployments(model)]
     for each in deployed:
         if each.deployment.actor and "cost" in request.need and each.deployment.cost is None:
             origin = each.deployment.origin
