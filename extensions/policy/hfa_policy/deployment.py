@@ -274,7 +274,7 @@ class Deployment(Shown):
 
 def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
     """Return the deployment of a gain K in an .npz: u = -K x on all inputs, of deviations of all
-    linear states from the trim, sampled every dt seconds. BadInputError for a K of another shape."""
+    linear states from the trim, sampled every dt seconds. BadInputError for another shape."""
     K = stored_gain(path)
     wanted = (len(model.inputs), len(model.linear))
     if K is None or K.shape != wanted:
