@@ -37,7 +37,7 @@ def assess(
     points: operating points, or values of the scheduling variable in the units of the model; its
         own trim unless given
     samples: flights at each trim, with and without disturbance; 0 for none
-    seed: that decides their starts
+    seed: of their initial conditions
     progress: called during the flights
     vary: parameter, or input that no action moves -> lowest and highest value; the policy is judged
         on the changed aircraft too, its trim values frozen

@@ -1,5 +1,5 @@
-"""A policy assessed as it is deployed: at each trim where it rests, whether the sampled loop holds,
-with how much delay and margin, at what cost, and what becomes of flights."""
+"""A policy assessed as it is deployed: at each trim its equilibrium, the stability of the sampled
+loop, delays, margins, cost, and the outcomes of flights."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from trim.point.operating_point import OperatingPoint
 
 #: Flights at each trim unless asked for.
 SAMPLES = 300
-#: Part of the starts that must come back where a policy holds.
+#: Part of the flights that must converge where a policy holds.
 _MOST_OF_THEM = 0.5
-#: Seconds of the flight from the trim that shows where the policy rests.
+#: Seconds of the flight from the trim that ends at the equilibrium.
 _TO_REST = 200.0
 #: Another equilibrium than Newton's from the trim is where the flight ends, in half-widths of the
 #: box.
@@ -43,19 +43,19 @@ _ELSEWHERE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class AssessedPoint(Result):
-    """What a policy does at one trim.
+    """The assessment of a policy at one trim.
 
     point: the trim.
-    place: its box of starts and its equilibrium.
-    radius: spectral radius of the sampled loop with the deployed delay; nan without a rest.
-    delays: what delays do to it; None without a rest.
+    place: its box of initial conditions and its equilibrium.
+    radius: spectral radius of the sampled loop with the deployed delay; nan without an equilibrium.
+    delays: radii with other delays; None without an equilibrium.
     margins: of a stable loop; None else.
-    cost: percent lost against the optimum; None where the card has no cost, or has no optimum.
-    nonlinearity: how far the command is from its slope at rest over the box of starts; None without
-        a rest.
-    flights: what becomes of the seeded starts; None where none were asked for.
-    disturbed: the same with pushes.
-    findings: what to know, a sentence each.
+    cost: percent lost against the optimum; None where the deployment has no cost or no optimum.
+    nonlinearity: largest deviation of the command from its linearization over the box of initial
+        conditions; None without an equilibrium.
+    flights: outcomes from seeded initial conditions; None where none were asked for.
+    disturbed: outcomes from the same initial conditions with a disturbance pulse.
+    findings: a sentence each.
     best: flights beside the best that were found; None where none were asked for.
     rough: flights with sensor noise or in moving air; None where none were asked for.
     """
@@ -82,13 +82,13 @@ class AssessedPoint(Result):
 
     @property
     def equilibrium(self) -> Equilibrium | None:
-        """Where the policy holds the aircraft."""
+        """The equilibrium of the sampled loop."""
         return self.place.equilibrium
 
     @property
     def holds(self) -> bool:
-        """Whether the sampled loop is stable at its equilibrium with no action or input held by a
-        clip there, and at least half of the starts come back."""
+        """Whether the sampled loop is stable at its equilibrium, no action or input is saturated
+        there, and at least half of the flights converge."""
         if self.equilibrium is None or self.equilibrium.clips or not self.radius < 1.0:
             return False
         if self.flights is None:
@@ -96,16 +96,16 @@ class AssessedPoint(Result):
         return self.flights.returned >= _MOST_OF_THEM * self.flights.starts
 
     @property
-    def buzzes(self) -> bool:
-        """Whether every start comes back to a small ball about an equilibrium that is unstable
-        itself, as in a kink of a network."""
+    def chatters(self) -> bool:
+        """Whether every flight stays in a small ball about an unstable equilibrium, as at a kink of
+        a network."""
         if self.equilibrium is None or self.flights is None or not self.radius >= 1.0:
             return False
         return self.flights.returned == self.flights.starts
 
     @property
     def offset(self) -> np.ndarray:
-        """How far from the trim it rests, (k,), the linear states."""
+        """Deviation of the equilibrium from the trim, (k,), linear states."""
         assert self.equilibrium is not None
         model = self.point.model
         rows = [list(model.states).index(name) for name in model.linear]
@@ -118,14 +118,14 @@ class AssessedPoint(Result):
 
     @property
     def equilibrium_states(self) -> dict[str, float] | None:
-        """Where it rests, by state."""
+        """State -> value at the equilibrium."""
         if self.equilibrium is None:
             return None
         return dict(zip(self.point.model.states, self.equilibrium.states.tolist(), strict=True))
 
     @property
     def equilibrium_inputs(self) -> dict[str, float] | None:
-        """Inputs there."""
+        """Input -> value at the equilibrium."""
         if self.equilibrium is None:
             return None
         return dict(zip(self.point.model.inputs, self.equilibrium.inputs.tolist(), strict=True))
@@ -169,7 +169,7 @@ class Assessor:
     deployed: the policy on the aircraft.
     points: its trims.
     samples: flights at each; 0 for none.
-    seed: that decides their starts.
+    seed: of their initial conditions.
     box: linear state -> half-width of the box of initial conditions, in place of the usual.
     steady: the trim of which the points are changed aircraft; None where they are trims.
     """
@@ -182,13 +182,13 @@ class Assessor:
     steady: OperatingPoint | None = None
 
     def flight(self) -> SampledFlight:
-        """What the flights have in common."""
+        """The sampled loop that all flights share."""
         deployment = self.deployed.deployment
         parts = parts_of_a_sample(list(self.points), deployment.dt)
         return SampledFlight(self.deployed, deployment.dt, deployment.delay, parts)
 
     def places(self, flight: SampledFlight) -> list[Place]:
-        """Where the policy rests at each trim, and the box of starts about the trim."""
+        """The equilibrium at each trim, and the box of initial conditions about the trim."""
         searches = [EquilibriumSearch(self.deployed, point, self.steady) for point in self.points]
         equilibria = [
             search.from_point(np.array(search.point.states), np.array(search.point.inputs))
@@ -209,7 +209,7 @@ class Assessor:
     def _place(
         self, point: OperatingPoint, widths: np.ndarray, equilibrium: Equilibrium | None
     ) -> Place:
-        """The trim with what is known of its equilibrium."""
+        """The trim with its equilibrium and the modes within reach."""
         if equilibrium is None:
             return Place(point, widths, None, False, steady=self.steady)
         reach = reach_of(self.deployed, equilibrium, widths)
@@ -229,7 +229,7 @@ class Assessor:
         return chain_of(reach.loop, deployment.dt, deployment.delay)
 
     def assessed(self, progress: Progress | None = None) -> list[AssessedPoint]:
-        """What the policy does at each trim."""
+        """The assessment at each trim."""
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
         flight = self.flight()

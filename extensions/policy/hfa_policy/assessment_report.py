@@ -86,7 +86,7 @@ class Assessment(Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """What to know before trusting the trims, and the card."""
+        """Warnings about the trims and the deployment file."""
         sentences = [text for point in self.points for text in point.point.warnings]
         of_card = unknown_normalizer(self.deployed)
         if of_card:
@@ -95,7 +95,7 @@ class Assessment(Result, Reported):
 
     @property
     def unmet(self) -> list[str]:
-        """What of the needs is not met, a sentence each."""
+        """The needs that are not met, a sentence each."""
         sentences = []
         for name, need in self.needs.items():
             refuse_unknown("there is no need", name, NEEDS)
@@ -118,7 +118,7 @@ class Assessment(Result, Reported):
 
     @property
     def headlines(self) -> list[str]:
-        """What a reader must know of the policy at all trims, a sentence each, worst first."""
+        """Findings over all trims, a sentence each, worst first."""
         holding = self._holding()
         verdicts = [holding, self._leaving_roughly()]
         if self.holds:
@@ -172,7 +172,7 @@ class Assessment(Result, Reported):
 
     @property
     def _flown(self) -> bool:
-        """Whether starts were flown."""
+        """Whether flights were made."""
         return any(point.flights is not None for point in self.points)
 
     def _changed(self) -> str:
@@ -216,7 +216,7 @@ class Assessment(Result, Reported):
 
     def _chattering(self) -> str:
         """Where it chatters about an unstable equilibrium."""
-        chattering = [point for point in self.points if point.buzzes]
+        chattering = [point for point in self.points if point.chatters]
         if not chattering:
             return ""
         return f"chatters near its equilibrium {self._where(chattering)}, where every flight stays"
@@ -433,7 +433,7 @@ class Assessment(Result, Reported):
         return Table(header, rows)
 
     def figure(self) -> Figure:
-        """Radius over delay, and what becomes of the starts, over the trims."""
+        """Radius over delay, and outcomes of the flights over the trims."""
         from hfa_policy.assessment_figure import assessment_figure
 
         return assessment_figure(self)

@@ -1,4 +1,4 @@
-"""Flights of changed cards, side by side: what each costs, and which starts come back."""
+"""Flights of changed deployment files side by side: their costs, and which converge."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import BALL, Place, seeded_starts
 from hfa_policy.repairs import Repair
 
-#: Who is farther from the trim than so many half-widths of the box of starts, or swings by more
-#: than the ball in the last second, did not come back. Some policies rest off trim; of the many
-#: exchanges some fly as near as that by chance, and must come back into the box.
+#: A flight that ends farther from the trim than so many half-widths of the box of initial
+#: conditions, or swings by more than the ball in the last second, has not converged. Some
+#: equilibria lie off trim. Some of the many exchanges fly as near as that by chance, and must end
+#: in the box.
 NEAR = 3.0
 #: Costs beyond which flights are not told apart; the least half-width of a box.
 _MOST = 1e9
@@ -28,7 +29,7 @@ _LEAST = 1e-9
 
 
 class Sample(NamedTuple):
-    """Starts of each change, and the seconds that each is flown."""
+    """Number of initial conditions of each change, and the seconds of each flight."""
 
     starts: int
     seconds: float
@@ -39,8 +40,8 @@ class Flown(NamedTuple):
 
     costs: (N,).
     kept: how many stay within the limits.
-    back: how many of them are nearly at rest near the trim at the end.
-    into_box: how many of those are in the box of starts.
+    back: how many of them end nearly steady near the trim.
+    into_box: how many of those end in the box of initial conditions.
     """
 
     costs: np.ndarray
@@ -49,18 +50,18 @@ class Flown(NamedTuple):
     into_box: int
 
     def counted_in_box(self) -> Flown:
-        """The same where only those in the box of starts are back."""
+        """Return the flights with those alone as converged that end in the box."""
         return self._replace(back=self.into_box)
 
     def times(self, other: Flown) -> float:
-        """How many times the costs of another these are: the median over the starts."""
+        """Return the median ratio of these costs to those of another change."""
         return float(np.median(self.costs / other.costs))
 
 
 class ChangeFlights:
-    """Flights of changed cards from the same starts about some trims.
+    """Flights of changed deployment files from the same initial conditions about some trims.
 
-    assessor: of the card as it is.
+    assessor: of the file as written.
     places: the trims.
     """
 

@@ -31,10 +31,10 @@ class CostLost(Result):
 
     worst: of u = -K x in continuous time, without delay; nan of a policy that takes several
         samples.
-    mean: the same, of all starts.
+    mean: of all initial conditions.
     sampled_worst: of the sampled loop with its delay, against the sampled optimum without; a step
         of dt costs dt (x'Qx + u'Ru) at its start.
-    sampled_mean: the same, of all starts.
+    sampled_mean: of all initial conditions.
     """
 
     worst: float

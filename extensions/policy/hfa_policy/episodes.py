@@ -1,5 +1,5 @@
-"""Many episodes of an aircraft at once: trimmed starts, observed, moved, sampled and held as a
-deployment says, paid with its cost."""
+"""Many episodes of an aircraft at once, observed, moved, sampled and held as a deployment file
+describes, with its cost as the reward."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SECONDS = 20.0
 
 
 class Stepped(NamedTuple):
-    """What a sample brought to N episodes.
+    """Results of a sample of N episodes.
 
     observations: (N, k) of all samples of the history, the oldest first.
     rewards: (N,), minus the cost of the sample.
@@ -50,9 +50,9 @@ class Episodes:
     """N episodes of a deployment on its aircraft, each about one of several trims.
 
     The reward of a sample is -dt (x'Q x + u'R u) of the card's Q and R: x deviations from the trim
-    at the sample, u what the action commands, minus the trim. Without a cost Q and R are 1/nominal²
-    of the linear states and the moved inputs. Who leaves the limits pays what is left of the
-    episode at the rate of that sample, so that leaving never pays.
+    at the sample, u the commanded inputs minus the trim. Without a cost Q and R are 1/nominal²
+    of the linear states and the moved inputs. An episode that leaves the limits pays
+    the rest of its time at the rate of that sample, so that leaving is never an advantage.
     """
 
     def __init__(
@@ -99,6 +99,7 @@ class Episodes:
         self._U = slice(slices[1].stop - len(deployed.model.inputs), slices[1].stop)
         self._inside = self._least[np.zeros(count, dtype=int)], self._most[[0] * count]
         self._frames = np.zeros((count, deployed.deployment.width))
+        self._has_past = deployed.past > 0
         self.done = np.zeros(count, dtype=int)
         self.owners = np.zeros(count, dtype=int)
 
@@ -172,7 +173,7 @@ class Episodes:
         if lost.any():
             rewards[lost] *= 1 + self.samples - self.done[lost]
             left = {each: self._left(each, X[each]) for each in np.flatnonzero(lost).tolist()}
-        if self.deployed.past:
+        if self._has_past:
             kept = self._frames[:, observations.shape[1] :]
             self._frames = np.hstack([kept, observations])
             observations = self._frames.copy()

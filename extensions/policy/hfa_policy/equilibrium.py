@@ -17,7 +17,7 @@ from trim.point.operating_point import OperatingPoint
 
 _MOST_STEPS = 60
 _MOST_HALVES = 30
-#: Residual, in nominal rates, from which a point counts as at rest.
+#: Residual, in nominal rates, below which a point counts as an equilibrium.
 _STEADY = 1e-9
 #: Residual where the equations are no numbers.
 _FAR_OFF = 1e6

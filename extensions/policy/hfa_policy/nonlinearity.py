@@ -1,5 +1,5 @@
-"""How far a policy is from its slope at rest, over the box of starts: searched as `hfa verify`
-searches a network."""
+"""The largest deviation of a policy from its linearization over the box of initial conditions, by
+the search with which `hfa verify` judges a network."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class _Slope(NamedTuple):
 def nonlinearity(
     deployed: Deployed, point: OperatingPoint, equilibrium: Equilibrium, box: np.ndarray
 ) -> Nonlinearity:
-    """What the search finds about an equilibrium; the inputs that act before are those of rest."""
+    """Return what the search finds about an equilibrium, whose inputs act before the sample."""
     model = deployed.model
     k = len(model.linear)
     rows = [list(model.states).index(name) for name in model.linear]

@@ -45,7 +45,7 @@ _BLOCK = 5
 _CYCLES = 3.0
 _SAME = 0.002
 #: A flight about an unstable equilibrium is back only where it has not grown by this factor over
-#: its last `_GROWTH_WINDOWS` windows: it buzzes within the ball.
+#: its last `_GROWTH_WINDOWS` windows: it chatters within the ball.
 _GROWN = 1.02
 _GROWTH_WINDOWS = 10
 #: What has moved by less in the last window, in half-widths of the box, may be at an equilibrium.
@@ -55,9 +55,10 @@ _OTHERS = 3
 
 
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
-    """Half-widths of the box of starts about a trim, (k,), of the linear states: the nominal size
-    of angles and angular rates, a tenth of that of a state that has its size in the trim (speed),
-    at most half of the way to a limit."""
+    """Half-widths of the box of initial conditions about a trim, (k,), of the linear states.
+
+    The nominal size of angles and angular rates, a tenth of that of a state that has its size in
+    the trim (speed), at most half of the way to a limit."""
     widths = []
     for name in model.linear:
         signal = model.states[name]
@@ -72,7 +73,7 @@ def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where flights begin and come back to.
+    """A trim, the box in which flights begin, and the equilibrium to which they converge.
 
     point: the trim.
     box: (k,), half-widths of the initial conditions about it.
@@ -100,12 +101,12 @@ class Place:
 
 @dataclass(frozen=True)
 class Outcome(Result):
-    """What became of the flights of one place.
+    """The outcomes of the flights of one place.
 
-    starts: how many.
+    starts: how many flights.
     returned: converged: within the ball about the equilibrium for 1 s.
     lost: left the limits of the states that the model declares.
-    worst_start: linear state -> value at the start of the worst.
+    worst_start: linear state -> initial value of the worst flight.
     worst_ends: "lost", "is not back" or "returns".
     slowest: s, of those that converged.
     cycle: the oscillation of those that do neither, or that are back about an unstable equilibrium;
@@ -138,7 +139,8 @@ class Outcome(Result):
 
 
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
-    """Starts (count, n) and pushes (count, k) of a place, of whose numbers the seed decides."""
+    """Initial conditions (count, n) and disturbance pulses (count, k) of a place, drawn from a
+    seed."""
     model = place.point.model
     random = np.random.default_rng([seed, 1])
     share = random.uniform(-1.0, 1.0, (count, len(model.linear)))
@@ -151,8 +153,8 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
 
 
 class FlownRows:
-    """Flights of several places, flown until each is back or lost, cycles or rests elsewhere, or
-    the time is over."""
+    """Flights of several places, each flown until it converges, leaves the envelope, cycles or is
+    steady elsewhere, or the time is over."""
 
     def __init__(
         self, flight: SampledFlight, places: list[Place], rows: np.ndarray, owners: np.ndarray
@@ -286,7 +288,7 @@ class FlownRows:
         return np.asarray(np.where(self.judged, moved / 2.0, 0.0))
 
     def outcome(self, owner: int, place: Place) -> Outcome:
-        """What became of the flights of one place."""
+        """The outcomes of the flights of one place."""
         model = place.point.model
         mine = np.flatnonzero(self.owners == owner)
         status = self.status[mine]
@@ -400,7 +402,8 @@ def fly_places(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[list[Outcome], list[Outcome]]:
-    """What becomes of `samples` seeded flights at each place without disturbance, and with it."""
+    """The outcomes of `samples` seeded flights at each place, without and with a disturbance
+    pulse."""
     rows = []
     for pushed in (False, True):
         for place in places:

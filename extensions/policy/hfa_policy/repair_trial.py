@@ -1,10 +1,10 @@
-"""What a deployment would fly better with: changes of its card, flown side by side.
+"""Changes of a deployment file with which its policy flies better, flown side by side.
 
-Right policies too fly better with another card: one that is too strong or too late with whatever
-makes it weaker, a narrow one at its few worst starts, one that was trained badly with much. So a
-change is named only where the policy flies well with it and clearly better than with the card as it
-is, and where no other gain does about the same. A gain is such a cause only where it helps: a weak
-policy of a wrong sign flies as well as none.
+Correct files too can be changed so that their policies fly better. A policy that is too strong or
+too late flies better with whatever makes it weaker, and one that was trained badly with many
+changes. Therefore a change is named only where the policy flies well with it and clearly better
+than with the file as written, and where no other gain does about the same. Such a gain counts only
+where it helps: a weak policy of a wrong sign flies as well as none.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from hfa_policy.observation_evidence import observations_of_training
 from hfa_policy.outcomes import seeded_starts
 from hfa_policy.repairs import Repair, card_with_gain, repairs_of
 
-#: Part of the starts that a change brings back: the policy flies well with it. One that was trained
-#: badly flies better with some changes, well with none.
+#: Part of the flights that converge where a policy flies well. One that was trained badly flies
+#: better with some changes, well with none.
 _WELL = 0.8
 #: So many times as many starts, or as much cost, are clearly more; and so many starts of all: fewer
 #: are chance.

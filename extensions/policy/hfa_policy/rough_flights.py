@@ -135,7 +135,10 @@ def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequ
 
     trims: the text of each; units: of the entries of `rms`.
     """
-    names = [f"{name} {shown_unit(unit)}" for name, unit in zip(found[0].rms, units, strict=True)]
+    names = [
+        name if unit == "1" else f"{name} {shown_unit(unit)}"
+        for name, unit in zip(found[0].rms, units, strict=True)
+    ]
     rows = []
     for trim, flown in zip(trims, found, strict=True):
         inside = f"{flown.inside} of {flown.flights}"
