@@ -1,11 +1,11 @@
-"""The fields of a statement about a region on boxes, and what becomes of each."""
+"""The fields of the statements that are proved on boxes, and the use of each."""
 
 from __future__ import annotations
 
 from hfa_proof.subject import Field, FieldTable
 
 _AIRCRAFT = Field("aircraft")
-FIELDS: FieldTable = {
+_PLANT: FieldTable = {
     "dynamics": _AIRCRAFT,
     "source": _AIRCRAFT,
     "states": _AIRCRAFT,
@@ -16,9 +16,19 @@ FIELDS: FieldTable = {
     "inputs": Field("trim"),
     "held": Field("trim"),
     "limits": Field("limits"),
+}
+FIELDS: FieldTable = {
+    **_PLANT,
     "policy": Field("policy"),
     "equilibrium": Field(),
     "P": Field(),
     "rho": Field(),
     "extents": Field(),
+}
+COST_FIELDS: FieldTable = {
+    **_PLANT,
+    "Q": Field("weights"),
+    "R": Field("weights"),
+    "equilibrium": Field(),
+    "pieces": Field(),
 }

@@ -12,3 +12,15 @@ OPTIMIZE = CommandEntry(
         "hfa_optimal.starts:StartsTable",
     ),
 )
+
+COST = CommandEntry(
+    "proof",
+    "a lower bound of the cost of every flight of the nonlinear aircraft",
+    "hfa_optimal.commands.cost:cost",
+    example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
+    install=".[proof]",
+    results=(
+        "hfa_boxes.cost_results:FoundLowerBound",
+        "hfa_boxes.cost_results:CheckedLowerBound",
+    ),
+)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -37,6 +37,11 @@ class Boxes(NamedTuple):
     def half_widths(self) -> np.ndarray:
         """(N, n)."""
         return np.ldexp(1.0, -self.depths)
+
+    @property
+    def reach(self) -> np.ndarray:
+        """(N,), the largest |y_i| on each box."""
+        return np.asarray(np.max(np.abs(self.centres) + self.half_widths, axis=1))
 
     def part(self, which: np.ndarray | slice) -> Boxes:
         """Some of them."""
@@ -76,9 +81,28 @@ class RefutedError(OpenBoxError):
     """At a place in the set a function is not positive, as computed in doubles."""
 
 
+class Question(Protocol):
+    """What is to be decided on every box of the cube |y_i| <= 1."""
+
+    @property
+    def n(self) -> int:
+        """Dimension of the boxes."""
+
+    @property
+    def at_once(self) -> int:
+        """Boxes of a batch."""
+
+    @property
+    def is_outside(self) -> Callable[[Boxes], np.ndarray]:
+        """Boxes -> which do not meet the set."""
+
+    def undecided(self, boxes: Boxes) -> np.ndarray:
+        """Which boxes have to be halved; RefutedError at a place where the answer is no."""
+
+
 @dataclass(frozen=True, eq=False)
 class Inequality:
-    """What is to be proved.
+    """Functions are positive on a set.
 
     n: of y
     over: Taylor models of the functions over boxes
@@ -95,6 +119,24 @@ class Inequality:
     is_outside: Callable[[Boxes], np.ndarray]
     within: Callable[[np.ndarray], bool]
 
+    def undecided(self, boxes: Boxes) -> np.ndarray:
+        """Which boxes are not proved; RefutedError at a place where a function is negative."""
+        models = self.over(boxes.centres, boxes.half_widths)
+        proved = lowest(models, self.n) > 0.0
+        if self.hole is not None:
+            proved[0] |= boxes.reach <= 2.0**-self.hole
+        at_centre = np.min(models.value + models.radius, axis=0)
+        refute(boxes.centres, at_centre, self.within)
+        return np.asarray(~proved.all(axis=0))
+
+
+def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], bool]) -> None:
+    """RefutedError at the centre (N, n) in the set with the lowest of the values (N,) below 0."""
+    refuted = np.flatnonzero(values < 0.0)
+    for index in refuted[np.argsort(values[refuted])]:
+        if within(centres[index]):
+            raise RefutedError("not positive at a place of the set", centres[index])
+
 
 def outside_ball(boxes: Boxes) -> np.ndarray:
     """Which boxes do not meet the unit ball."""
@@ -107,28 +149,28 @@ def in_ball(place: np.ndarray) -> bool:
     return bool(place @ place <= 1.0)
 
 
-def cover(inequality: Inequality, most: int, progress: Progress | None = None) -> int:
+def cover(question: Question, most: int, progress: Progress | None = None) -> int:
     """The number of boxes that prove it.
 
     most: boxes after which it is given up
 
     RefutedError names a place where a function is not positive; OpenBoxError one that is not
     decided. Progress counts by volume."""
-    n = inequality.n
+    n = question.n
     waiting = cube(n)
     done = 0.0
     count = 0
     turn = 0
     while len(waiting.centres):
-        batch = waiting.part(slice(-inequality.at_once, None))
-        waiting = waiting.part(slice(None, -inequality.at_once))
-        outside = inequality.is_outside(batch)
+        batch = waiting.part(slice(-question.at_once, None))
+        waiting = waiting.part(slice(None, -question.at_once))
+        outside = question.is_outside(batch)
         done += _volume(batch.part(outside))
         batch = batch.part(~outside)
         if not len(batch.centres):
             continue
         count += len(batch.centres)
-        open_boxes = _open(inequality, batch)
+        open_boxes = question.undecided(batch)
         done += _volume(batch.part(~open_boxes))
         wide = batch.part(open_boxes)
         if len(wide.centres) and count > most:
@@ -140,22 +182,6 @@ def cover(inequality: Inequality, most: int, progress: Progress | None = None) -
         if progress is not None and turn % _TOLD == 0:
             progress(done, 1.0, f"{count} boxes")
     return count
-
-
-def _open(inequality: Inequality, batch: Boxes) -> np.ndarray:
-    """Which boxes are not proved; RefutedError at a place where the first function is negative."""
-    models = inequality.over(batch.centres, batch.half_widths)
-    proved = lowest(models, inequality.n) > 0.0
-    if inequality.hole is not None:
-        edge = np.max(np.abs(batch.centres) + batch.half_widths, axis=1)
-        proved[0] |= edge <= 2.0**-inequality.hole
-    at_centre = np.min(models.value + models.radius, axis=0)
-    refuted = np.flatnonzero(at_centre < 0.0)
-    for index in refuted[np.argsort(at_centre[refuted])]:
-        place = batch.centres[index]
-        if inequality.within(place):
-            raise RefutedError("not positive at a place of the set", place)
-    return np.asarray(~proved.all(axis=0))
 
 
 def _volume(boxes: Boxes) -> float:

@@ -2,76 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_aircraft.model import Model
 from hfa_boxes.check.cover import Inequality, in_ball, outside_ball
+from hfa_boxes.check.plant import ROUNDING, Equilibrium, Plant, zero_near
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_boxes.enclosure.taylor import TaylorProgram
 from hfa_proof.arithmetic.balls import exact, is_positive_definite, matrix
 from hfa_proof.checker.reading import Rejected
 
-#: Largest relative error of what a few sums and products of doubles make, over their sizes.
-_ROUNDING = 1e-12
-#: Steps of Newton's method, and how often the radius of the equilibrium is doubled.
-_STEPS = 20
-_DOUBLINGS = 30
 #: The hole about the equilibrium is |y_i| <= 2^-k for the first k that closes.
 _SMALLEST_HOLE = 30
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class Loop(Plant):
     """x' = f(x, u), u = min(max(u0 + policy(x - x0), low), high).
 
-    model: the equations; of its states, those of its linear model move
-    parameters: every parameter of the model -> value
-    trim: moving state -> value, x0
-    inputs: input -> value, u0
-    held: each other state -> the value that it keeps
-    limits: signal -> lowest and highest value
     policy: deviations (n,) -> deviations of the inputs (m,); a second argument is the trim: all
         states, the inputs and the parameters
     """
 
-    model: Model
-    parameters: Mapping[str, float]
-    trim: Mapping[str, float]
-    inputs: Mapping[str, float]
-    held: Mapping[str, float]
-    limits: Mapping[str, tuple[float, float]]
     policy: ca.Function
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """The moving states, in order."""
-        return tuple(self.model.linear)
-
-    @property
-    def limited_outputs(self) -> tuple[str, ...]:
-        """Outputs that have limits."""
-        return tuple(name for name in self.model.outputs if name in self.limits)
 
     def rates(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Rates of the moving states at x (n,), and the limited outputs."""
-        u = self.commands(x)
-        values = dict(self.held) | dict(zip(self.states, ca.vertsplit(x), strict=True))
-        vectors: list[Any] = [
-            [values[name] for name in self.model.states],
-            ca.vertsplit(u) if self.inputs else [],
-            list(self.parameters.values()),
-        ]
-        f, y = self.model.layout.expressions(vectors, self.limited_outputs)
-        rows = [list(self.model.states).index(name) for name in self.states]
-        return ca.densify(f[rows]), ca.densify(y) if self.limited_outputs else ca.SX(0, 1)
+        return self.rates_at(x, self.commands(x))
 
     def commands(self, x: ca.SX) -> ca.SX:
         """The inputs at x, saturated."""
@@ -101,51 +64,10 @@ class Loop:
         return Program(ca.Function("rates", [x], [self.rates(x)[0]]), self.model.name)
 
 
-@dataclass(frozen=True, eq=False)
-class Equilibrium:
-    """One equilibrium of the loop lies within radius (n,) of x (n,)."""
-
-    x: np.ndarray
-    radius: np.ndarray
-
-
 def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
-    """The equilibrium to which Newton's method leads from x; Rejected unless one is proved to be
-    there (Krawczyk 1969: C an inverse, |C F(x)| + |1 - C F'| r < r)."""
-    point = np.array(x, dtype=float)
-    zero = np.zeros_like(point)
-    for _ in range(_STEPS):
-        at = jacobian(loop.closed, Intervals(point, zero))
-        if not np.all(np.isfinite(at.slopes.middle)):
-            break
-        try:
-            point = point - np.linalg.solve(at.slopes.middle, at.values.middle)
-        except np.linalg.LinAlgError:
-            break
-    at = jacobian(loop.closed, Intervals(point, zero))
-    try:
-        C = np.linalg.inv(at.slopes.middle)
-    except np.linalg.LinAlgError as error:
-        raise Rejected(
-            "no equilibrium of the loop is enclosed: its Jacobian is singular"
-        ) from error
-    sizes = np.array([loop.model.signals[name].nominal for name in loop.states])
-    radius = 2.0 * _moved(C, at.values) + 1e-14 * (np.abs(point) + sizes)
-    for _ in range(_DOUBLINGS):
-        J = jacobian(loop.closed, Intervals(point, radius)).slopes
-        spread = np.abs(np.eye(len(C)) - C @ J.middle) + np.abs(C) @ J.radius
-        spread += _ROUNDING * (np.abs(C) @ np.abs(J.middle))
-        reach = (_moved(C, at.values) + spread @ radius) * (1.0 + _ROUNDING)
-        if np.all(reach < radius):
-            return Equilibrium(point, radius)
-        radius = 2.0 * radius
-    raise Rejected("no equilibrium of the loop is enclosed near its trim")
-
-
-def _moved(C: np.ndarray, residual: Intervals) -> np.ndarray:
-    sizes = np.abs(residual.middle) + residual.radius
-    exact_part = np.abs(C @ residual.middle) + np.abs(C) @ residual.radius
-    return np.asarray(exact_part + _ROUNDING * (np.abs(C) @ sizes))
+    """The equilibrium of the loop near x (n,); Rejected unless one is proved to be there."""
+    n = len(loop.states)
+    return zero_near(loop.closed, x, loop.nominal[:n], range(n))
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +136,7 @@ class Decrease:
 
     def reach(self) -> np.ndarray:
         """(n,), the largest |z_i| in the unit ball, rounded upward."""
-        return np.asarray(np.sqrt(np.sum(self.T**2, axis=1)) * (1.0 + _ROUNDING))
+        return np.asarray(np.sqrt(np.sum(self.T**2, axis=1)) * (1.0 + ROUNDING))
 
     def check_level(self, rho: float) -> None:
         """Rejected unless {V <= rho} lies in the unit ball: T'P T - rho is positive definite, so

@@ -13,6 +13,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_boxes.check.loop import Loop
+from hfa_boxes.check.plant import Plant
 from hfa_boxes.enclosure.program import LARGEST
 from hfa_proof.checker.reading import Fields, require
 from hfa_proof.checker.statement import model_of
@@ -53,27 +54,16 @@ class BoxStatement:
         Malformed names the first entry that cannot be; BadInputError another model or policy.
         """
         entries = Fields("statement", content)
-        model = model_of(content.get("dynamics"), content.get("source"), own)
-        for name, fact in facts(model).items():
-            entries.same(name, fact)
-        states = tuple(model.linear)
-        held = tuple(name for name in model.states if name not in states)
-        loop = Loop(
-            model,
-            _numbers(entries, "parameters", tuple(model.parameters)),
-            _numbers(entries, "trim", states),
-            _numbers(entries, "inputs", tuple(model.inputs)),
-            _numbers(entries, "held", held),
-            _limits(entries, model),
-            policy,
-        )
+        plant = read_plant(entries, content, own)
+        states = plant.states
+        loop = Loop(**vars(plant), policy=policy)
         digest = entries.value("policy", lambda value: isinstance(value, str))
         if digest != digest_of(policy):
             raise BadInputError("is about another policy; give that one's --weights and options")
-        equilibrium = _numbers(entries, "equilibrium", states)
+        equilibrium = numbers_of(entries, "equilibrium", states)
         P = entries.symmetric("P", len(states))
         rho = entries.number("rho", above=0.0)
-        extents = _numbers(entries, "extents", states)
+        extents = numbers_of(entries, "extents", states)
         require(all(extent > 0.0 for extent in extents.values()), "extents", extents)
         entries.close()
         _check_limits(loop)
@@ -95,6 +85,27 @@ class BoxStatement:
             "rho": self.rho,
             "extents": dict(self.extents),
         }
+
+
+def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
+    """The model about a trim, and its limits; Malformed names the first entry that cannot be.
+
+    content: that of the entries
+    own: the user's model, where the statement is about one
+    """
+    model = model_of(content.get("dynamics"), content.get("source"), own)
+    for name, fact in facts(model).items():
+        entries.same(name, fact)
+    states = tuple(model.linear)
+    held = tuple(name for name in model.states if name not in states)
+    return Plant(
+        model,
+        numbers_of(entries, "parameters", tuple(model.parameters)),
+        numbers_of(entries, "trim", states),
+        numbers_of(entries, "inputs", tuple(model.inputs)),
+        numbers_of(entries, "held", held),
+        _limits(entries, model),
+    )
 
 
 def digest_of(policy: ca.Function) -> str:
@@ -146,7 +157,7 @@ def facts(model: Model) -> dict[str, Any]:
     }
 
 
-def _numbers(entries: Fields, name: str, names: tuple[str, ...]) -> dict[str, float]:
+def numbers_of(entries: Fields, name: str, names: tuple[str, ...]) -> dict[str, float]:
     """A number for each of the names, in their order."""
     numbers = entries.numbers(name, names)
     require(set(numbers) == set(names), name, sorted(numbers))

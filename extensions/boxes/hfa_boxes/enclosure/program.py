@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from scipy.sparse import csr_array
 
 from hfa_support.errors import BadInputError
 
@@ -41,6 +42,8 @@ _UNIVARIATE = {
     ca.OP_ATAN: "atan",
 }
 _LARGEST_POWER = 12
+#: Matrices with a smaller part of entries that are not 0 are stored as sparse ones.
+_SPARSE = 0.15
 
 
 class Node(NamedTuple):
@@ -60,10 +63,10 @@ class Node(NamedTuple):
 class Argument(NamedTuple):
     """Rows of the nodes of a group, in doubles.
 
-    blocks: earlier group -> coefficients (rows, variables of the group).
+    blocks: earlier group -> coefficients (rows, variables of the group); sparse where most are 0.
     """
 
-    blocks: Mapping[int, np.ndarray]
+    blocks: Mapping[int, Any]
 
 
 class Group(NamedTuple):
@@ -118,7 +121,12 @@ class Program:
                 if group not in blocks:
                     blocks[group] = np.zeros((len(rows), self.widths[group]))
                 blocks[group][index, column] = float(coefficient)
-        return Argument(blocks)
+        return Argument({group: _stored(block) for group, block in blocks.items()})
+
+
+def _stored(block: np.ndarray) -> Any:
+    """A matrix as it is multiplied the fastest."""
+    return csr_array(block) if np.count_nonzero(block) < _SPARSE * block.size else block
 
 
 class _Reader:

@@ -84,7 +84,7 @@ def _rows(argument: Argument, known: list[Jacobian]) -> Jacobian:
         terms = 4
         for group, block in argument.blocks.items():
             part = known[group][which]
-            weights = np.abs(block)
+            weights = abs(block)
             middle = middle + block @ part.middle
             radius = radius + weights @ part.radius
             size = size + weights @ (np.abs(part.middle) + part.radius)

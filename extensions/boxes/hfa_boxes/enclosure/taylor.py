@@ -89,12 +89,15 @@ class TaylorProgram:
 
     program: of inputs (y (n,), e)
     errors: (k,), radii of e: numbers that are known to lie within them of 0
+    n: dimension of the boxes, where inputs are given by `of`
     """
 
-    def __init__(self, program: Program, errors: np.ndarray | None = None) -> None:
+    def __init__(
+        self, program: Program, errors: np.ndarray | None = None, n: int | None = None
+    ) -> None:
         self.program = program
         self._errors = np.zeros(0) if errors is None else errors
-        self.n = program.inputs - len(self._errors)
+        self.n = program.inputs - len(self._errors) if n is None else n
         self._pairs = pairs_of(self.n)
         terms = sum(program.widths) + len(program.widths) + 20
         self._row = 1.01 * terms * _U
@@ -105,20 +108,30 @@ class TaylorProgram:
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Models:
         """The outputs over the boxes centres ± half_widths, (boxes, n) each; a radius that is inf
         or no number bounds nothing."""
-        with np.errstate(all="ignore"):
-            return self._over(centres, half_widths)
-
-    def _over(self, centres: np.ndarray, half_widths: np.ndarray) -> Models:
         n = self.n
-        boxes = len(centres)
-        inputs = 1 + self.program.inputs
-        c = np.zeros((inputs, 1 + n + len(self._pairs.first), boxes))
+        linear = np.zeros((self.program.inputs, 1 + n, len(centres)))
+        linear[:n, 0] = centres.T
+        linear[np.arange(n), np.arange(1, n + 1)] = half_widths.T
+        radius = np.zeros((self.program.inputs, len(centres)))
+        radius[n:] = self._errors[:, None]
+        return self.of(linear, radius)
+
+    def of(self, linear: np.ndarray, radius: np.ndarray) -> Models:
+        """The outputs where each input is c_0 + Σ c_i s_i ± radius.
+
+        linear: (inputs, 1 + n, boxes), the c
+        radius: (inputs, boxes)
+        """
+        with np.errstate(all="ignore"):
+            return self._of(linear, radius)
+
+    def _of(self, linear: np.ndarray, radius: np.ndarray) -> Models:
+        n = self.n
+        inputs, _, boxes = linear.shape
+        c = np.zeros((1 + inputs, 1 + n + len(self._pairs.first), boxes))
         c[0, 0] = 1.0
-        c[1 : n + 1, 0] = centres.T
-        c[np.arange(1, n + 1), np.arange(1, n + 1)] = half_widths.T
-        radius = np.zeros((inputs, boxes))
-        radius[n + 1 :] = self._errors[:, None]
-        known = [Models(c, radius)]
+        c[1:, : 1 + n] = linear
+        known = [Models(c, np.concatenate([np.zeros((1, boxes)), radius]))]
         sizes = [_sizes(known[0], n).whole]
         for group in self.program.groups:
             models = self._result(group, known, sizes)
@@ -144,7 +157,7 @@ class TaylorProgram:
             width, coefficients, boxes = models.c.shape
             flat = block @ models.c.reshape(width, coefficients * boxes)
             c = c + flat.reshape(-1, coefficients, boxes)
-            weights = np.abs(block)
+            weights = abs(block)
             radius = radius + weights @ models.radius
             size = size + weights @ sizes[group]
         if isinstance(c, float):  # a row without terms

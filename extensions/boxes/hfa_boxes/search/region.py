@@ -13,7 +13,8 @@ from scipy.integrate import solve_ivp
 
 from hfa_boxes.check.checker import BoxWitness
 from hfa_boxes.check.cover import OpenBoxError, RefutedError, cover
-from hfa_boxes.check.loop import Decrease, Equilibrium, Loop, equilibrium_near
+from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
+from hfa_boxes.check.plant import Equilibrium
 from hfa_boxes.check.statement import BoxStatement, digest_of
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_proof.checker.reading import Rejected

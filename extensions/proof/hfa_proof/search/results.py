@@ -158,7 +158,7 @@ class CertificateData(Result):
     """The file of a certificate: the keys of a text, which is sealed by digests of that text and
     checked before it is believed, so that it is never a value.
 
-    kind: schedule, game, models or region.
+    kind: schedule, game, models, region, region-boxes or cost-boxes.
     toolchain: version that wrote it.
     statement: what is claimed, as extensions/proof/hfa_proof/checker/statement.py declares it.
     witness: what proves it, as extensions/proof/hfa_proof/checker/witness.py declares it.
@@ -169,7 +169,7 @@ class CertificateData(Result):
     schema = "hfa.certificate/9"
     made_by = "hfa prove -o FILE.json: the certificate"
 
-    kind: Literal["schedule", "game", "models", "region"]
+    kind: Literal["schedule", "game", "models", "region", "region-boxes", "cost-boxes"]
     toolchain: str
     statement: Mapping[str, Any]
     witness: Mapping[str, Any]

@@ -1,0 +1,477 @@
+"""A lower bound W of the cost of every flight to the trim: its inequality, decided box by box.
+
+With z and v the deviations of states and inputs from the equilibrium, y = M z and W(y) a polynomial
+without terms of degree 0 and 1, let D be where W <= c within the envelope and the cube |y_i| <= 1.
+
+    g(y, v) = grad W · M f(x* + z, u* + v) + z'Q z + v'R v >= 0 in D, for all v within the limits
+
+and D meets no face of the cube. Then no flight within the envelope that ends at the equilibrium
+costs less than W where it begins in D, and none costs less than c where it begins elsewhere:
+from the last time that it enters D, where W = c, it pays at least c."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from flint import arb, arb_mat
+
+from hfa_boxes.check.cover import Boxes, refute
+from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.enclosure.program import Program
+from hfa_boxes.enclosure.taylor import TaylorProgram, highest, lowest
+from hfa_proof.arithmetic.balls import is_positive_definite, matrix
+from hfa_proof.checker.reading import Rejected
+from hfa_support.errors import BadInputError
+
+Terms = tuple[tuple[float, tuple[int, ...]], ...]
+#: Of a few sums and products of doubles, relative to the sizes.
+_ROUNDING = 1e-13
+_TINY = 1e-290
+#: Steps that improve a guess of the best inputs, which nothing depends on.
+_STEPS = 12
+_SMALLEST_HOLE = 24
+
+
+class Polynomial(NamedTuple):
+    """W(y) = Σ coefficient Π y_i^power.
+
+    n: of y
+    terms: pairs of coefficient and powers
+    """
+
+    n: int
+    terms: Terms
+
+    def expressions(self, y: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """W and its gradient (n,); every product of a coefficient with a power is exact."""
+        known: dict[tuple[int, ...], ca.SX] = {(0,) * self.n: ca.SX(1)}
+
+        def monomial(powers: tuple[int, ...]) -> ca.SX:
+            if powers not in known:
+                first = next(i for i, power in enumerate(powers) if power)
+                known[powers] = monomial(lowered(powers, first)) * y[first]
+            return known[powers]
+
+        parts = [ca.SX(0) for _ in range(self.n)]
+        slopes = [ca.SX(0) for _ in range(self.n)]
+        for coefficient, powers in self.terms:
+            first = next(i for i, power in enumerate(powers) if power)
+            parts[first] += coefficient * monomial(lowered(powers, first))
+            for i, power in enumerate(powers):
+                if power:
+                    slopes[i] += (power * coefficient) * monomial(lowered(powers, i))
+        return ca.dot(ca.vertcat(*parts), y), ca.vertcat(*slopes)
+
+    def at(self, y: np.ndarray) -> np.ndarray:
+        """W at (N, n), in doubles."""
+        total = np.zeros(len(y))
+        for coefficient, powers in self.terms:
+            total += coefficient * np.prod(y ** np.array(powers), axis=1)
+        return total
+
+
+def lowered(powers: tuple[int, ...], index: int) -> tuple[int, ...]:
+    """The powers of a monomial divided by its variable `index`."""
+    return (*powers[:index], powers[index] - 1, *powers[index + 1 :])
+
+
+def is_exact(coefficient: float, powers: Sequence[int]) -> bool:
+    """Whether the products of a coefficient with its powers are doubles."""
+    return all(Fraction(power) * Fraction(coefficient) == power * coefficient for power in powers)
+
+
+class Guess(NamedTuple):
+    """Inputs near the best ones on boxes, v = value + slopes s.
+
+    value: (boxes, m); slopes: (boxes, m, n)
+    """
+
+    value: np.ndarray
+    slopes: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class CostInequality:
+    """The inequality of a lower bound; a question for `cover`.
+
+    plant: whose limits of states are the envelope
+    equilibrium: of states and inputs, enclosed
+    Q: (n, n), symmetric
+    R: (m, m), symmetric
+    M: (n, n), of y = M z
+    W: polynomial of y
+    c: level
+    """
+
+    plant: Plant
+    equilibrium: Equilibrium
+    Q: np.ndarray
+    R: np.ndarray
+    M: np.ndarray
+    W: Polynomial
+    c: float
+
+    @property
+    def n(self) -> int:
+        """Dimension of the boxes."""
+        return len(self.Q)
+
+    @property
+    def m(self) -> int:
+        """Number of inputs."""
+        return len(self.R)
+
+    @property
+    def at_once(self) -> int:
+        """Boxes of a batch."""
+        return self._values.at_once
+
+    @cached_property
+    def inverse(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n, n) each: N near the inverse of M, and by how much it is off; Rejected where M is
+        singular."""
+        try:
+            exact = matrix(self.M).inv()
+        except ZeroDivisionError as error:
+            raise Rejected("the coordinates are not independent") from error
+        entries = [[exact[i, j] for j in range(self.n)] for i in range(self.n)]
+        N = np.array([[float(entry.mid()) for entry in row] for row in entries])
+        radius = np.array([[float(entry.rad()) for entry in row] for row in entries])
+        return N, (radius + 1e-15 * np.abs(N)) * (1.0 + _ROUNDING)
+
+    @cached_property
+    def ends(self) -> np.ndarray:
+        """(m, 2), lowest and highest v, rounded outward; Rejected unless 0 is between them."""
+        names = tuple(self.plant.inputs)
+        at = self.equilibrium.x[self.n :, None]
+        radius = self.equilibrium.radius[self.n :, None]
+        limits = self.plant.ends(names)
+        for name, (low, high), value, off in zip(
+            names, limits, at[:, 0], radius[:, 0], strict=True
+        ):
+            if not (low <= value - off and value + off <= high):
+                raise Rejected(f"{name} of the equilibrium is not within its limits")
+        slack = radius + 1e-15 * (np.abs(at) + np.where(np.isfinite(limits), np.abs(limits), 0.0))
+        return np.asarray(limits - at + slack * np.array([-1.0, 1.0]))
+
+    @cached_property
+    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """y, z, v and the error of the equilibrium."""
+        return (
+            ca.SX.sym("y", self.n),
+            ca.SX.sym("z", self.n),
+            ca.SX.sym("v", self.m),
+            ca.SX.sym("e", self.n + self.m),
+        )
+
+    @cached_property
+    def _expressions(self) -> tuple[ca.SX, ca.SX]:
+        """g and W."""
+        y, z, v, e = self._symbols
+        at = ca.DM(self.equilibrium.x)
+        rates, _ = self.plant.rates_at(
+            at[: self.n] + z + e[: self.n], at[self.n :] + v + e[self.n :]
+        )
+        W, slopes = self.W.expressions(y)
+        price = ca.dot(ca.DM(self.Q) @ z, z) + ca.dot(ca.DM(self.R) @ v, v)
+        return ca.dot(slopes, ca.DM(self.M) @ rates) + price, W
+
+    def _program(self, outputs: Sequence[ca.SX]) -> Program:
+        inputs = ca.vertcat(*self._symbols)
+        function = ca.Function("g", [inputs], [ca.densify(ca.vertcat(*outputs))])
+        return Program(function, self.plant.model.name)
+
+    @cached_property
+    def _values(self) -> TaylorProgram:
+        """g."""
+        return TaylorProgram(self._program([self._expressions[0]]), n=self.n)
+
+    @cached_property
+    def _slopes(self) -> TaylorProgram:
+        """The slopes of g in v."""
+        slopes = ca.gradient(self._expressions[0], self._symbols[2])
+        return TaylorProgram(self._program([slopes]), n=self.n)
+
+    @cached_property
+    def _level(self) -> TaylorProgram:
+        """W, of y alone."""
+        function = ca.Function("W", [self._symbols[0]], [self._expressions[1]])
+        return TaylorProgram(Program(function, self.plant.model.name))
+
+    @cached_property
+    def _bent(self) -> tuple[TaylorProgram, np.ndarray]:
+        """Second derivatives of g in v, (m m,), and which v they depend on; BadInputError where one
+        of these has no limits."""
+        g, _ = self._expressions
+        v = self._symbols[2]
+        second = ca.hessian(g, v)[0]
+        taken = np.array(ca.which_depends(ca.densify(ca.vec(second)), v, 1, False), dtype=bool)
+        for name, ends, is_taken in zip(self.plant.inputs, self.ends, taken, strict=True):
+            if is_taken and not np.all(np.isfinite(ends)):
+                raise BadInputError(
+                    f"{name} has no limits, and the rates are not affine in it; give the model's "
+                    "signal min and max"
+                )
+        return TaylorProgram(self._program([ca.vec(second)]), n=self.n), taken
+
+    @cached_property
+    def _centre(self) -> ca.Function:
+        """(z, v) -> gradient in v, Hessian in v, its slope in z, in doubles."""
+        g, _ = self._expressions
+        y, z, v, e = self._symbols
+        here = ca.substitute(g, ca.vertcat(y, e), ca.vertcat(ca.DM(self.M) @ z, 0 * e))
+        slope = ca.gradient(here, v)
+        outputs = [slope, ca.vec(ca.jacobian(slope, v)), ca.vec(ca.jacobian(slope, z))]
+        return ca.Function("centre", [z, v], [ca.densify(each) for each in outputs])
+
+    def best_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Inputs (N, m) of nearly the least g at z (N, n), and their slopes (N, m, n) in z; 0 where
+        an input is at its limit. Nothing depends on them."""
+        count = len(z)
+        n, m = self.n, self.m
+        v = np.zeros((count, m))
+        slopes = np.zeros((count, m, n))
+        if not m:
+            return v, slopes
+        low, high = self.ends.T
+        with np.errstate(all="ignore"):
+            for _ in range(_STEPS):
+                b, H, cross = self._at_centre(z, v)
+                at_low = (v <= low) & (b > 0.0)
+                at_high = (v >= high) & (b < 0.0)
+                free = ~(at_low | at_high)
+                step = solved_for(H, np.where(free, -b, 0.0)[..., None], free)[..., 0]
+                new = np.clip(v + step, low, high)
+                change = np.abs(new - v)
+                v = new
+                if np.all(change <= 1e-9 * (np.abs(v) + 1e-9)):
+                    break
+            slopes = -solved_for(H, np.where(free[..., None], cross, 0.0), free)
+        bad = ~np.isfinite(slopes).all(axis=(1, 2)) | ~np.isfinite(v).all(axis=1)
+        v[bad] = 0.0
+        slopes[bad] = 0.0
+        return v, slopes
+
+    def _at_centre(self, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
+        b, H, cross = (np.array(each).T for each in self._centre(z.T, v.T))
+        shape = (len(z), self.m, self.m)
+        by_column = cross.reshape(len(z), self.n, self.m).transpose(0, 2, 1)
+        return b, H.reshape(shape), by_column
+
+    def is_outside(self, boxes: Boxes) -> np.ndarray:
+        """Which boxes do not meet the envelope."""
+        N, off = self.inverse
+        centres = boxes.centres @ N.T
+        reach = (
+            boxes.half_widths @ np.abs(N).T + (np.abs(boxes.centres) + boxes.half_widths) @ off.T
+        )
+        at = self.equilibrium.x[: self.n]
+        reach = reach * (1.0 + _ROUNDING) + self.equilibrium.radius[: self.n]
+        reach = reach + 1e-14 * (np.abs(centres) + np.abs(at))
+        low, high = self.plant.ends(self.plant.states).T
+        beyond = (at + centres - reach > high) | (at + centres + reach < low)
+        return np.asarray(beyond.any(axis=1))
+
+    def within(self, place: np.ndarray) -> bool:
+        """Whether a place is in the set, in doubles."""
+        low, high = self.plant.ends(self.plant.states).T
+        x = self.equilibrium.x[: self.n] + self.inverse[0] @ place
+        return bool(np.all((low <= x) & (x <= high)) and self.W.at(place[None])[0] <= self.c)
+
+    def undecided(self, boxes: Boxes) -> np.ndarray:
+        """Which boxes are neither outside the set nor proved; RefutedError where g < 0."""
+        with np.errstate(all="ignore"):
+            return self._undecided(boxes)
+
+    def _undecided(self, boxes: Boxes) -> np.ndarray:
+        N = self.inverse[0]
+        left = ~self._is_beyond(boxes)
+        near = np.flatnonzero(left)
+        if not len(near):
+            return left
+        boxes = boxes.part(near)
+        v, slopes = self.best_inputs(boxes.centres @ N.T)
+        guess = Guess(v, np.einsum("bmn,nk,bk->bmk", slopes, N, boxes.half_widths))
+        models = self._values.of(*self._inputs(boxes, guess))
+        refute(boxes.centres, models.value[0] + models.radius[0], self.within)
+        bound = lowest(models, self.n)[0]
+        may_be = np.flatnonzero((bound > 0.0) & (boxes.reach < 1.0))
+        part = Guess(guess.value[may_be], guess.slopes[may_be])
+        bound[may_be] -= self._loss(boxes.part(may_be), part)
+        proved = (bound > 0.0) & (boxes.reach < 1.0)
+        proved |= boxes.reach <= 2.0**-self.hole
+        left[near[proved]] = False
+        return left
+
+    def _is_beyond(self, boxes: Boxes) -> np.ndarray:
+        """Which boxes have W > c everywhere."""
+        linear = np.zeros((self.n, 1 + self.n, len(boxes.centres)))
+        linear[:, 0] = boxes.centres.T
+        linear[np.arange(self.n), np.arange(1, self.n + 1)] = boxes.half_widths.T
+        models = self._level.of(linear, np.zeros((self.n, len(boxes.centres))))
+        return np.asarray(lowest(models, self.n)[0] > self.c)
+
+    def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
+        """Taylor models of y, z, v and the error of the equilibrium."""
+        n, m = self.n, self.m
+        count = len(boxes.centres)
+        N, off = self.inverse
+        linear = np.zeros((3 * n + 2 * m, 1 + n, count))
+        radius = np.zeros((3 * n + 2 * m, count))
+        linear[:n, 0] = boxes.centres.T
+        linear[np.arange(n), np.arange(1, n + 1)] = boxes.half_widths.T
+        linear[n : 2 * n, 0] = N @ boxes.centres.T
+        linear[n : 2 * n, 1:] = N[:, :, None] * boxes.half_widths.T[None]
+        sizes = np.abs(boxes.centres) + boxes.half_widths
+        radius[n : 2 * n] = ((off + 1e-15 * (n + 2) * np.abs(N)) @ sizes.T) * (1.0 + _ROUNDING)
+        linear[2 * n : 2 * n + m, 0] = guess.value.T
+        linear[2 * n : 2 * n + m, 1:] = guess.slopes.transpose(1, 2, 0)
+        radius[2 * n + m :] = self.equilibrium.radius[:, None]
+        return linear, radius
+
+    def _loss(self, boxes: Boxes, guess: Guess) -> np.ndarray:
+        """(boxes,), at least by how much g is lower at the best inputs than at the guess.
+
+        g(guess + d) >= g(guess) + Σ (b_i d_i + λ_i d_i² / 2), b the slopes at the guess and λ below
+        the curvature between the guess and all inputs within the limits."""
+        m = self.m
+        if not m or not len(boxes.centres):
+            return np.zeros(len(boxes.centres))
+        reach = np.abs(guess.slopes).sum(axis=2) * (1.0 + _ROUNDING)
+        low, high = self.ends.T
+        least = np.minimum(low, guess.value - reach)
+        most = np.maximum(high, guess.value + reach)
+        curvature = self._curvature(boxes, least, most)
+        slopes = self._slopes.of(*self._inputs(boxes, guess))
+        b_low = lowest(slopes, self.n).T
+        b_high = highest(slopes, self.n).T
+        from_guess = (low - guess.value - reach, high - guess.value + reach)
+        above = _least(b_low, curvature, np.maximum(from_guess[0], 0.0), from_guess[1])
+        below = _least(-b_high, curvature, np.maximum(-from_guess[1], 0.0), -from_guess[0])
+        loss = -np.minimum(np.minimum(above, below), 0.0).sum(axis=1)
+        return np.asarray(loss * (1.0 + _ROUNDING) + _TINY)
+
+    def _curvature(self, boxes: Boxes, least: np.ndarray, most: np.ndarray) -> np.ndarray:
+        """(boxes, m), λ with Σ λ_i d_i² below the second derivative in every direction d, for all v
+        from least to most (boxes, m): Gershgorin's."""
+        program, taken = self._bent
+        n, m = self.n, self.m
+        linear, radius = self._inputs(
+            boxes, Guess(np.zeros_like(least), np.zeros((*least.shape, n)))
+        )
+        middle = np.where(taken, 0.5 * (least + most), 0.0)
+        linear[2 * n : 2 * n + m, 0] = middle.T
+        width = np.where(taken, np.maximum(most - middle, middle - least) * (1.0 + _ROUNDING), 0.0)
+        radius[2 * n : 2 * n + m] = width.T
+        models = program.of(linear, radius)
+        low = lowest(models, n).T.reshape(-1, m, m)
+        high = highest(models, n).T.reshape(-1, m, m)
+        sizes = np.maximum(np.abs(low), np.abs(high))
+        diagonal = np.arange(m)
+        own = low[:, diagonal, diagonal]
+        sizes[:, diagonal, diagonal] = 0.0
+        others = sizes.sum(axis=2)
+        return np.asarray(own - others - _ROUNDING * (np.abs(own) + others))
+
+    @cached_property
+    def hole(self) -> int:
+        """k: g >= 0 for |y_i| <= 2^-k and all inputs within the limits; Rejected where that is not
+        proved for any.
+
+        g and its slopes are 0 at the equilibrium. g is convex in v, its curvature above λ, so that
+        the best v has Σ λ_i v_i² <= Σ b_i² / λ_i with b the slopes at v = 0; where the Hessian of g
+        in (z, v) is positive definite for all such v, g >= 0."""
+        for k in range(1, _SMALLEST_HOLE + 1):
+            box = Boxes(np.zeros((1, self.n)), np.full((1, self.n), k))
+            radii = self._best_inputs_within(box)
+            if radii is not None and self._is_convex(box, radii):
+                return k
+        raise Rejected(
+            "the inequality is not proved about the equilibrium: a kink is there, the cost of the "
+            "inputs is not convex, or W is too large"
+        )
+
+    def _best_inputs_within(self, box: Boxes) -> np.ndarray | None:
+        """(m,), bounds of the best |v_i| on a box about the equilibrium; None where g is not
+        proved convex in v."""
+        rest = Guess(np.zeros((1, self.m)), np.zeros((1, self.m, self.n)))
+        if not self.m:
+            return np.zeros(0)
+        curvature = self._curvature(box, self.ends[None, :, 0], self.ends[None, :, 1])[0]
+        if not np.all(curvature > 0.0):
+            return None
+        slopes = self._slopes.of(*self._inputs(box, rest))
+        b = np.maximum(-lowest(slopes, self.n), highest(slopes, self.n))[:, 0]
+        return np.asarray(np.sqrt(np.sum(b**2 / curvature) / curvature) * (1.0 + 1e-9))
+
+    def _is_convex(self, box: Boxes, radii: np.ndarray) -> bool:
+        """Whether the Hessian of g in (z, v) is positive definite on a box with |v_i| <= radii."""
+        n, m = self.n, self.m
+        linear, radius = self._inputs(box, Guess(np.zeros((1, m)), np.zeros((1, m, n))))
+        radius[2 * n : 2 * n + m] = radii[:, None]
+        models = self._hessian.of(linear, radius)
+        low = lowest(models, n)[:, 0]
+        high = highest(models, n)[:, 0]
+        if not np.all(np.isfinite(low) & np.isfinite(high)):
+            return False
+        size = 2 * n + m
+        balls = [arb(float(a)).union(arb(float(b))) for a, b in zip(low, high, strict=True)]
+        full = arb_mat(size, size, balls)
+        lift = np.zeros((size, n + m))
+        lift[:n, :n] = self.M
+        lift[n:, :] = np.eye(n + m)
+        lifted = matrix(lift).transpose() * full * matrix(lift)
+        middle = np.array([[float(lifted[i, j].mid()) for j in range(n + m)] for i in range(n + m)])
+        try:
+            C = np.linalg.inv(np.linalg.cholesky(0.5 * (middle + middle.T))).T
+        except np.linalg.LinAlgError:
+            return False
+        near_one = matrix(C).transpose() * lifted * matrix(C)
+        return bool(is_positive_definite(near_one + near_one.transpose()))
+
+    @cached_property
+    def _hessian(self) -> TaylorProgram:
+        """Second derivatives of g in (y, z, v)."""
+        g, _ = self._expressions
+        y, z, v, _ = self._symbols
+        second = ca.hessian(g, ca.vertcat(y, z, v))[0]
+        return TaylorProgram(self._program([ca.vec(second)]), n=self.n)
+
+
+def _least(b: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Below b d + curvature d² / 2 for all low <= d <= high, 0 <= low; 0 where there is no d."""
+    vertex = np.where(curvature > 0.0, -b / np.where(curvature > 0.0, curvature, 1.0), low)
+    inside = (curvature > 0.0) & (vertex > low) & (vertex < high)
+    at_vertex = -0.5 * b * b / np.where(inside, curvature, 1.0) * (1.0 + _ROUNDING)
+    at_low = _parabola(b, curvature, low)
+    at_high = np.where(curvature > 0.0, at_low, _parabola(b, curvature, high))
+    at_high = np.where(
+        (curvature > 0.0) & (vertex >= high),
+        _parabola(b, curvature, np.minimum(high, vertex)),
+        at_high,
+    )
+    least = np.where(inside, at_vertex, np.minimum(at_low, at_high))
+    return np.asarray(np.where(high < low, 0.0, least))
+
+
+def _parabola(b: np.ndarray, curvature: np.ndarray, d: np.ndarray) -> np.ndarray:
+    linear = b * d
+    square = 0.5 * curvature * d * d
+    return np.asarray(linear + square - 1e-15 * (np.abs(linear) + np.abs(square)))
+
+
+def solved_for(H: np.ndarray, right: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """H⁻¹ right for the free entries, 0 for the others; H: (N, m, m), right: (N, m, k)."""
+    m = H.shape[1]
+    both = free[:, :, None] & free[:, None, :]
+    kept = np.where(both, H, 0.0)
+    kept[:, np.arange(m), np.arange(m)] += np.where(free, 0.0, 1.0)
+    singular = ~(np.abs(np.linalg.det(kept)) > 0.0)
+    kept[singular] = np.eye(m)
+    return np.asarray(np.linalg.solve(kept, right))

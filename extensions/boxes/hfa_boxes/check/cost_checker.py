@@ -1,0 +1,150 @@
+"""Checks a lower bound of the cost: reads what is claimed, and repeats the subdivision.
+
+The theorem is in `cost.py`. The search is not trusted: of it the checker takes which states and
+inputs are solved for at the equilibrium, and the number of boxes after which it gives up."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_boxes.check.cost import CostInequality
+from hfa_boxes.check.cost_statement import CostStatement
+from hfa_boxes.check.cover import OpenBoxError, cover, rejected
+from hfa_boxes.check.plant import Equilibrium, Plant, zero_near
+from hfa_boxes.check.statement import SAME_EQUILIBRIUM
+from hfa_boxes.enclosure.program import Program
+from hfa_proof.checker.checker import SCHEMA, claims_of, read_sealed, sealed
+from hfa_proof.checker.reading import Rejected, naming, require
+from hfa_support.files import write_text
+from hfa_support.jsonable import jsonable
+from hfa_support.progress import Progress
+from hfa_support.version import VERSION
+
+KIND = "cost-boxes"
+_MOST_BOXES = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class CostWitness:
+    """What the checker is told beside the claim.
+
+    solved: states and inputs that are unknown at the equilibrium; the others have the trim's value
+    boxes: of each piece, after so many it gives up
+    """
+
+    solved: tuple[str, ...]
+    boxes: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class VerifiedCost:
+    """A lower bound that is proved.
+
+    statement: what is proved, every field of which the checker has interpreted
+    boxes: on how many boxes, of each piece
+    written: version, command and date in the file, which nothing verifies
+    """
+
+    statement: CostStatement
+    boxes: tuple[int, ...]
+    written: dict[str, str]
+
+
+def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equilibrium:
+    """The equilibrium of states and inputs near x (n + m,); Rejected unless one is proved to be
+    there.
+
+    solved: which entries are unknown, as many as there are states
+    """
+    n = len(plant.states)
+    both = ca.SX.sym("x", n + len(plant.inputs))
+    rates, _ = plant.rates_at(both[:n], both[n:])
+    program = Program(ca.Function("rates", [both], [rates]), plant.model.name)
+    return zero_near(program, x, plant.nominal, solved)
+
+
+def check_cost(
+    statement: CostStatement, witness: CostWitness, progress: Progress | None = None
+) -> tuple[int, ...]:
+    """Number of boxes that prove each piece; Rejected unless the statement is proved."""
+    plant = statement.plant
+    names = (*plant.states, *plant.inputs)
+    stated = np.array([statement.equilibrium[name] for name in names])
+    trim = np.array([{**plant.trim, **plant.inputs}[name] for name in names])
+    solved = tuple(names.index(name) for name in witness.solved)
+    if len(set(solved)) != len(plant.states):
+        raise Rejected("as many states and inputs are solved for as there are states")
+    equilibrium = equilibrium_of(plant, stated, solved)
+    for other, what in ((stated, "stated"), (trim, "the trim")):
+        distance = np.abs(equilibrium.x - other) + equilibrium.radius
+        if not np.all(distance <= SAME_EQUILIBRIUM * plant.nominal):
+            raise Rejected(f"the equilibrium is another than {what}")
+    low, high = plant.ends(plant.states).T
+    at = equilibrium.x[: len(plant.states)]
+    if not np.all((low <= at) & (at <= high)):
+        raise Rejected("the equilibrium is outside the limits")
+    counts = []
+    try:
+        for piece, most in zip(statement.pieces, witness.boxes, strict=True):
+            inequality = CostInequality(plant, equilibrium, statement.Q, statement.R, *piece)
+            counts.append(cover(inequality, most, progress))
+    except OpenBoxError as error:
+        raise rejected(error) from error
+    return tuple(counts)
+
+
+def check_cost_certificate(
+    path: Path, progress: Progress | None = None, model: Model | None = None
+) -> VerifiedCost:
+    """What the file proves.
+
+    path: the certificate
+    progress: told of the boxes
+    model: that of a certificate about a user's own aircraft
+
+    BadInputError when the file is none or was edited, or is about another model; Rejected when its
+    entries are not understood or do not prove what it states.
+    """
+    content, written = read_sealed(path)
+    with naming(path):
+        statement, witness = read_cost(content, model)
+        boxes = check_cost(statement, witness, progress)
+    return VerifiedCost(statement, boxes, written)
+
+
+def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStatement, CostWitness]:
+    """Statement and witness of a certificate's content; Malformed names what it cannot hold."""
+    entries = claims_of(content)
+    entries.same("kind", KIND)
+    statement = CostStatement.read(entries.value("statement", lambda value: True), model)
+    found = entries.fields("witness")
+    names = (*statement.plant.states, *statement.plant.inputs)
+    solved = found.texts("solved", names)
+    require(len(set(solved)) == len(solved), "witness: solved", list(solved))
+    counts = found.array("boxes", len(statement.pieces))
+    require(bool(np.all(counts <= _MOST_BOXES)), "witness: boxes", counts.tolist())
+    witness = CostWitness(solved, tuple(int(count) for count in counts))
+    found.close()
+    entries.close()
+    return statement, witness
+
+
+def write_cost_certificate(
+    path: Path, statement: CostStatement, witness: CostWitness, origin: dict[str, Any]
+) -> None:
+    """Write a certificate; of which run it is is not in its digest."""
+    content = {
+        "schema": SCHEMA,
+        "kind": KIND,
+        "toolchain": VERSION,
+        "statement": statement.content(),
+        "witness": {"solved": list(witness.solved), "boxes": list(witness.boxes)},
+    }
+    write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))

@@ -1,0 +1,89 @@
+"""A lower bound of the cost, in words, tables and data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hfa_boxes.check.cost_checker import VerifiedCost
+from hfa_boxes.check.cost_statement import CostStatement
+from hfa_boxes.cost_results import CheckedLowerBound, FoundLowerBound
+from hfa_boxes.search.cost import CostBound
+from hfa_proof.subject import taken_from_certificate
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
+
+
+def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
+    """The proved bound, and over which part of the usual initial conditions it is below its level.
+
+    starts: (N, n), deviations from the trim
+    """
+    statement = found.statement
+    rows = []
+    for piece, boxes, (fit, proof) in zip(
+        statement.pieces, found.boxes, found.seconds, strict=True
+    ):
+        below = np.mean(piece.bound(starts) < piece.c)
+        times = (f"{fit:.1f} s", f"{proof:.1f} s")
+        rows.append((f"{piece.c:.6g}", f"{below:.0%}", str(boxes), *times))
+    header = ("level", "usual initial conditions below it", "boxes", "fit", "proof")
+    lines = [_sentence(statement)]
+    if found.stopped:
+        lines.append(f"No larger level is proved: {found.stopped}.")
+    data = FoundLowerBound(statement, found.boxes, found.stopped).as_data()
+    parts: tuple[str | Table, ...] = (*lines, Table(header, rows), limits_of(statement))
+    return Report(_title(statement), parts, data=data)
+
+
+def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Report:
+    """What a certificate proves, as the checker has read it.
+
+    not_given: subjects that the user did not give
+    """
+    statement = verified.statement
+    pairs = zip(statement.pieces, verified.boxes, strict=True)
+    rows = [(f"{piece.c:.6g}", str(boxes)) for piece, boxes in pairs]
+    data = CheckedLowerBound(statement, verified.boxes, verified.written).as_data()
+    title = f"{_title(statement)}, checked{taken_from_certificate(not_given)}"
+    parts = (_sentence(statement), Table(("level", "boxes"), rows), limits_of(statement))
+    return Report(title, (*parts, *_weights(statement)), data=data)
+
+
+def _title(statement: CostStatement) -> str:
+    return f"Lower bound of the cost of flights of {statement.plant.model.title}: proved"
+
+
+def _sentence(statement: CostStatement) -> str:
+    held = statement.plant.held
+    kept = f" {', '.join(held)} held at the trim's." if held else ""
+    return (
+        "No flight within the limits that ends at the trim costs less than W at its initial "
+        "condition, or than the level where W is larger, whatever moves the inputs. Cost: the "
+        f"integral of x'Qx + u'Ru, deviations from the trim.{kept} Disturbances are not covered."
+    )
+
+
+def limits_of(statement: CostStatement) -> Table:
+    """Trim and limits of each state and input."""
+    plant = statement.plant
+    rows = []
+    for name, value in {**plant.trim, **plant.inputs, **plant.held}.items():
+        ends = plant.ends([name])[0].tolist()
+        described = [plant.model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
+        rows.append((name, plant.model.describe(name, value), *described))
+    return Table(("flights within", "trim", "lowest", "highest"), rows)
+
+
+def _weights(statement: CostStatement) -> tuple[str, ...]:
+    parts = []
+    for name in ("Q", "R"):
+        matrix = getattr(statement, name)
+        if np.array_equal(matrix, np.diag(np.diag(matrix))):
+            diagonal = ", ".join(f"{value:.6g}" for value in np.diag(matrix))
+            parts.append(f"{name}: diagonal {diagonal}.")
+        else:
+            rows = "; ".join(", ".join(f"{value:.6g}" for value in row) for row in matrix)
+            parts.append(f"{name}: {rows}.")
+    return tuple(parts)

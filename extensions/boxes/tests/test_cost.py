@@ -1,0 +1,173 @@
+"""Lower bounds of the cost: proved, planted too large by little, forged."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hfa_aircraft.model import Model, Signal
+from hfa_boxes.check.cost import Polynomial
+from hfa_boxes.check.cost_checker import CostWitness, check_cost, equilibrium_of, read_cost
+from hfa_boxes.check.cost_statement import CostStatement, Piece
+from hfa_boxes.check.plant import Plant
+from hfa_boxes.search.cost import CostBound, CostSearch
+from hfa_proof.checker.checker import SCHEMA
+from hfa_support.errors import BadInputError, NoSolutionError
+
+ONE = np.eye(1)
+
+
+def cart(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"position": u.speed}, {}
+
+
+def pendulum(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"angle": x.rate, "rate": 10.0 * ca.sin(x.angle) + 20.0 * u.torque + u.torque**3}, {}
+
+
+CART = Model("cart", {"position": Signal("m")}, {"speed": Signal("m/s")}, cart, trim={})
+PENDULUM = Model(
+    "cubic pendulum",
+    {"angle": Signal("rad"), "rate": Signal("rad/s")},
+    {"torque": Signal("N m", 1.0, -0.7, 0.7)},
+    pendulum,
+    trim={"angle": 0.0, "rate": 0.0},
+)
+
+
+def cart_bound(coefficient: float) -> CostStatement:
+    """W = k y² of x' = u with Q = R = 1, whose least cost is y²."""
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
+    piece = Piece(ONE, Polynomial(1, ((coefficient, (2,)),)), 0.5)
+    return CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
+
+
+@pytest.mark.parametrize("margin", [1e-13, 0.1])
+def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
+    """The equilibrium of the cart is solved for in its input: its position is free."""
+    witness = CostWitness(("speed",), (1000,))
+    assert check_cost(cart_bound(1.0 - margin), witness)[0] > 0
+    with pytest.raises(NoSolutionError):
+        check_cost(cart_bound(1.0 + margin), witness)
+
+
+@pytest.fixture(scope="module")
+def proved() -> CostBound:
+    """Of a pendulum whose torque acts by its cube too."""
+    limits = {"torque": (-0.7, 0.7), "rate": (-2.0, 2.0)}
+    plant = Plant(PENDULUM, {}, {"angle": 0.0, "rate": 0.0}, {"torque": 0.0}, {}, limits)
+    equilibrium = equilibrium_of(plant, np.zeros(3), (0, 1))
+    A = np.array([[0.0, 1.0], [10.0, 0.0]])
+    B = np.array([[0.0], [20.0]])
+    from scipy.linalg import solve_continuous_are
+
+    weights = (np.eye(2), ONE, solve_continuous_are(A, B, np.eye(2), ONE))
+    half = np.array([0.5, 1.0])
+    search = CostSearch(
+        plant, equilibrium, (0, 1), weights, half, degree=4, margin=0.05, seconds=30.0
+    )
+    return search.found()
+
+
+def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
+    assert check_cost(proved.statement, proved.witness) == proved.boxes
+
+
+def test_no_flight_costs_less(proved: CostBound) -> None:
+    """Flights by inputs that vary at random, back to the trim: W falls by no more than is paid."""
+    rng = np.random.default_rng(0)
+    z = np.array([0.4, 0.8]) * rng.uniform(-1.0, 1.0, (400, 2))
+    begin = proved.statement.bound(z)
+    gain = np.array([1.6, 0.6]) * rng.uniform(0.7, 1.3, (400, 2))
+    paid = np.zeros(400)
+    step = 0.002
+    for _ in range(4000):
+        torque = np.clip(-np.sum(gain * z, axis=1), -0.7, 0.7)
+        paid += step * (np.sum(z * z, axis=1) + torque**2)
+        middle = z + 0.5 * step * _rates(z, torque)
+        z = z + step * _rates(middle, torque)
+    back = np.linalg.norm(z, axis=1) < 1e-3
+    assert back.sum() > 200
+    assert np.all(begin[back] <= 1.01 * paid[back])
+    assert np.median(begin[back] / paid[back]) > 0.8
+
+
+def _rates(z: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    rate = 10.0 * np.sin(z[:, 0]) + 20.0 * torque + torque**3
+    return np.column_stack([z[:, 1], rate])
+
+
+def content_of(bound: CostBound) -> dict[str, Any]:
+    content = {
+        **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
+        "kind": "cost-boxes",
+        "statement": bound.statement.content(),
+        "witness": {"solved": ["angle", "rate"], "boxes": list(bound.witness.boxes)},
+    }
+    return json.loads(json.dumps(content))
+
+
+def scaled(rows: Any, factor: float) -> Any:
+    return (np.array(rows) * factor).tolist()
+
+
+def larger(s: Any, w: Any) -> None:
+    last = s["pieces"][-1]
+    last["W"] = [[value * 1.0625, powers] for value, powers in last["W"]]
+
+
+def constant(s: Any, w: Any) -> None:
+    s["pieces"][0]["W"].append([0.25, [0, 0]])
+
+
+def inexact(s: Any, w: Any) -> None:
+    s["pieces"][0]["W"][0][0] = 0.1
+
+
+def twice(s: Any, w: Any) -> None:
+    s["pieces"][0]["W"].append(s["pieces"][0]["W"][0])
+
+
+FORGED: dict[str, Any] = {
+    "W larger": larger,
+    "W with a constant": constant,
+    "W inexact": inexact,
+    "W with a term twice": twice,
+    "level": lambda s, w: s["pieces"][-1].update(c=4.0 * s["pieces"][-1]["c"]),
+    "level negative": lambda s, w: s["pieces"][0].update(c=-1.0),
+    "cube smaller": lambda s, w: s["pieces"][0].update(M=scaled(s["pieces"][0]["M"], 1.5)),
+    "M singular": lambda s, w: s["pieces"][0].update(M=[[1.0, 1.0], [1.0, 1.0]]),
+    "no piece": lambda s, w: s.update(pieces=[]),
+    "Q smaller": lambda s, w: s.update(Q=scaled(s["Q"], 0.8)),
+    "Q not symmetric": lambda s, w: s.update(Q=[[1.0, 0.1], [0.0, 1.0]]),
+    "R smaller": lambda s, w: s.update(R=[[0.8]]),
+    "input wider": lambda s, w: s["limits"].update(torque=[-7.0, 7.0]),
+    "input narrower": lambda s, w: s["limits"].update(torque=[-0.5, 0.7]),
+    "input without limits": lambda s, w: s["limits"].pop("torque"),
+    "envelope without the trim": lambda s, w: s["limits"].update(rate=[0.5, 2.0]),
+    "trim": lambda s, w: s["trim"].update(angle=0.01),
+    "equilibrium": lambda s, w: s["equilibrium"].update(angle=0.01),
+    "model": lambda s, w: s.update(dynamics="van der Pol"),
+    "source": lambda s, w: s.update(source="0" * 64),
+    "states": lambda s, w: s.update(states=["rate", "angle"]),
+    "units": lambda s, w: s.update(state_units=["deg", "deg/s"]),
+    "more": lambda s, w: s.update(note="x"),
+    "boxes": lambda s, w: w.update(boxes=[3] * len(w["boxes"])),
+    "boxes missing": lambda s, w: w.update(boxes=w["boxes"][1:]),
+    "solved for the input": lambda s, w: w.update(solved=["angle", "angle"]),
+    "witness more": lambda s, w: w.update(c=1.0),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
+    content = content_of(proved)
+    read_cost(copy.deepcopy(content), PENDULUM)
+    FORGED[name](content["statement"], content["witness"])
+    with pytest.raises((NoSolutionError, BadInputError)):
+        check_cost(*read_cost(content, PENDULUM))

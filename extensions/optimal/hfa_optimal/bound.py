@@ -1,0 +1,105 @@
+"""Lower bounds of the cost of flights, proved on boxes and read from certificates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from hfa_boxes.check.cost_checker import check_cost_certificate
+from hfa_boxes.check.cost_statement import CostStatement
+from hfa_boxes.check.plant import Plant
+from hfa_boxes.check.statement import SAME_EQUILIBRIUM, facts
+from hfa_boxes.fields import COST_FIELDS
+from hfa_optimal.problem import FlightProblem
+from hfa_proof.subject import Given, compare, within
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.progress import Progress
+
+#: Worse conditioned matrices are solved with an input in place of a state.
+_CONDITION = 1e6
+
+
+def plant_of(problem: FlightProblem) -> Plant:
+    """The aircraft about the trim of a problem, its envelope and the limits of its inputs."""
+    model = problem.model
+    states = {name: float(value) for name, value in problem.point.states._asdict().items()}
+    envelope = problem.envelope
+    limits = dict(
+        zip(
+            envelope.names,
+            zip(envelope.lowest.tolist(), envelope.highest.tolist(), strict=True),
+            strict=True,
+        )
+    )
+    limits |= {name: (signal.min, signal.max) for name, signal in model.inputs.items()}
+    return Plant(
+        model,
+        {name: signal.start for name, signal in model.parameters.items()},
+        {name: states[name] for name in model.linear},
+        {name: float(value) for name, value in problem.point.inputs._asdict().items()},
+        {name: value for name, value in states.items() if name not in model.linear},
+        {name: ends for name, ends in limits.items() if np.isfinite(ends).any()},
+    )
+
+
+def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
+    """The states, or states and inputs, in which the linear model is well conditioned: those that
+    an equilibrium is solved for."""
+    n = len(plant.states)
+    both = np.hstack([problem.linear.A, problem.linear.B])
+    scaled = both / plant.nominal[:n, None] * plant.nominal[None, : both.shape[1]]
+    if np.linalg.cond(scaled[:, :n]) < _CONDITION:
+        return tuple(range(n))
+    order = scipy.linalg.qr(scaled, mode="r", pivoting=True)[1]
+    return tuple(sorted(order[:n].tolist()))
+
+
+def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) -> dict[str, Given]:
+    """Path of each entry of a certificate -> that of a problem.
+
+    weights: Q and R, as far as the user gave them
+    """
+    plant = plant_of(problem)
+    widths = SAME_EQUILIBRIUM * plant.nominal
+    names = (*plant.states, *plant.inputs)
+    signals = problem.model.signals
+    by_name = dict(zip(names, widths.tolist(), strict=True))
+    by_name |= {name: SAME_EQUILIBRIUM * signals[name].nominal for name in plant.held}
+    given = {name: Given(fact, option) for name, fact in facts(problem.model).items()}
+    given["parameters"] = Given(dict(plant.parameters), option)
+    given["limits"] = Given(dict(plant.limits), option, _not_narrower)
+    for name in ("trim", "inputs", "held"):
+        given[name] = Given(dict(getattr(plant, name)), option, within(by_name))
+    return given | {name: Given(value, f"--{name}") for name, value in weights.items()}
+
+
+def _not_narrower(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+    """Whether flights within the user's limits are within the stated ones."""
+    for name, (low, high) in stated.items():
+        least, most = own.get(name, (-np.inf, np.inf))
+        if (low is not None and least < low) or (high is not None and most > high):
+            return False
+    return True
+
+
+def lower_bound(
+    path: Path, problem: FlightProblem, progress: Progress | None = None
+) -> CostStatement:
+    """The bound of a certificate that is proved of the flights of a problem.
+
+    BadInputError or NoSolutionError where the certificate is not about these flights, or does not
+    prove what it states.
+    """
+    if problem.inputs != tuple(problem.model.inputs):
+        raise BadInputError(f"{path}: is of flights in which all inputs move; leave inputs out")
+    verified = check_cost_certificate(path, progress, problem.model)
+    weights = {"Q": problem.Q, "R": problem.R}
+    try:
+        compare(verified.statement.content(), COST_FIELDS, given_of(problem, "the user", weights))
+    except NoSolutionError as error:
+        raise BadInputError(f"{path}: {error}") from error
+    return verified.statement

@@ -1,0 +1,163 @@
+"""The command `hfa prove cost`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from hfa.options.argument_types import input_file, number, one_of, positive, span
+from hfa.options.command import command
+from hfa.options.games import WeightOptions
+from hfa.options.request import OfModel, option
+from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions
+from hfa.output import ProgressLine, print_report, show
+from hfa_support.errors import BadInputError
+from trim.linear.linear_model import linearize
+
+if TYPE_CHECKING:
+    from hfa.options.games import PlantOptions
+    from hfa_boxes.search.cost import CostBound
+    from hfa_optimal.problem import FlightProblem
+    from hfa_proof.commands.check import CheckRequest
+
+_OF_THE_SEARCH = ("degree", "margin", "seconds")
+_DEGREES = ("2", "4", "6", "8", "10")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
+    """Flights whose cost is to be bounded from below, or a certificate to be checked."""
+
+    start: None = None
+    limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    degree: int = option(
+        "degree of W: 2, 4, 6, 8 or 10; default 4",
+        "N",
+        lambda text: int(one_of(*_DEGREES)(text)),
+        default=4,
+    )
+    margin: float = option(
+        "part of the cost that W gives away, so that the proof ends; default 0.02",
+        "PART",
+        lambda text: _part(text),
+        default=0.02,
+    )
+    seconds: float = option(
+        "processor time after which nothing larger is proved; default 120",
+        "S",
+        positive,
+        default=120.0,
+    )
+    limits: Mapping[str, tuple[float, float]] = option(
+        "limits of a state in flight, in place of the flight envelope's; repeatable",
+        "NAME=LOW:HIGH",
+        OfModel(span),
+        names="--limit",
+        named=True,
+    )
+    check: Path | None = option(
+        "verify a certificate instead of proving", "FILE", input_file(".json")
+    )
+
+    def problem(self) -> FlightProblem:
+        """The flights to the trim."""
+        from hfa_optimal.problem import flight_problem
+
+        self.refuse(("delta",), "is of a game; the cost of a flight has no disturbance")
+        aircraft = self.flown_aircraft()
+        point = self.operating_point(aircraft)
+        game = self.game_on(linearize(aircraft, point))
+        return flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
+
+
+def _part(text: str) -> float:
+    """BadInputError unless it is between 0.0001 and 0.5."""
+    part = number(text)
+    if not 1e-4 <= part <= 0.5:
+        raise BadInputError("must be between 0.0001 and 0.5")
+    return part
+
+
+@command(CostRequest)
+def cost(request: CostRequest) -> int:
+    """Prove a lower bound of the cost of every flight of the nonlinear aircraft to its trim.
+
+    The cost is the integral of x'Qx + u'Ru, in deviations from the trim. W is a polynomial of the
+    initial condition. No flight within the envelope and the limits of the inputs that ends at the
+    trim costs less than W, or than the proved level where W is larger. -o FILE.json writes a
+    certificate, also when the run is interrupted; --check FILE verifies one. `hfa optimize
+    --bound FILE` compares flights with it. Exit 0: proved. Needs `pip install .[proof]`."""
+    from hfa_proof.arithmetic import flint_or_refusal
+
+    flint_or_refusal()
+    if request.check is not None:
+        return check(request, request.check)
+    if request.output is not None and request.output.suffix.lower() != ".json":
+        raise BadInputError(f"{request.output}: a certificate is a .json file; name one")
+    return _prove(request)
+
+
+def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
+    """Verify the certificate of a bound, for `hfa prove --check` too; the exit code."""
+    from hfa_boxes.check.cost_checker import check_cost_certificate
+    from hfa_boxes.cost_report import checked_bound_report
+    from hfa_boxes.fields import COST_FIELDS
+    from hfa_optimal.bound import given_of
+    from hfa_optimal.problem import flight_problem
+    from hfa_proof.commands.given import aircraft_option, names_aircraft
+    from hfa_proof.subject import Given, compare
+
+    request.refuse(_OF_THE_SEARCH, "does not go with --check: it changes nothing")
+    request.refuse(("plant",), "is linear, but the certificate is about a nonlinear aircraft")
+    request.refuse(("weights", "basis", "design"), "is no part of a bound; leave it out")
+    own = request.model if request.own else None
+    verified = check_cost_certificate(certificate, ProgressLine("check"), own)
+    typed = {name: value for name, value in request.changed_weights().items() if name != "delta"}
+    given = {name: Given(value, f"--{name}") for name, value in typed.items()}
+    if names_aircraft(cast("PlantOptions", request)):
+        option_named = aircraft_option(cast("PlantOptions", request))
+        aircraft = request.flown_aircraft()
+        point = request.operating_point(aircraft)
+        limits = getattr(request, "limits", None)
+        problem = flight_problem(aircraft, point, limits=limits)
+        given |= given_of(problem, option_named, {})
+    not_given = compare(verified.statement.content(), COST_FIELDS, given)
+    show(checked_bound_report(verified, not_given), request)
+    return 0
+
+
+def _prove(request: CostRequest) -> int:
+    from hfa_boxes.check.cost_checker import equilibrium_of, write_cost_certificate
+    from hfa_boxes.cost_report import found_bound_report
+    from hfa_boxes.search.cost import CostSearch
+    from hfa_optimal.bound import plant_of, unknowns_of
+    from hfa_optimal.starts import usual_box
+
+    problem = request.problem()
+    plant = plant_of(problem)
+    solved = unknowns_of(problem, plant)
+    trim = np.array([*plant.trim.values(), *plant.inputs.values()])
+    origin = request.provenance.to_dict()
+
+    def save(found: CostBound) -> None:
+        if request.output is not None:
+            write_cost_certificate(request.output, found.statement, found.witness, origin)
+
+    search = CostSearch(
+        plant,
+        equilibrium_of(plant, trim, solved),
+        solved,
+        (problem.Q, problem.R, problem.P),
+        usual_box(problem),
+        degree=request.degree,
+        margin=request.margin,
+        seconds=request.seconds,
+        progress=ProgressLine("cost"),
+        save=save,
+    )
+    print_report(found_bound_report(search.found(), search.starts), request)
+    return 0
