@@ -143,8 +143,9 @@ def verify(request: VerifyRequest) -> int:
     cost = request.limit_cost
     origin = named.game.names.origin
     if len(verdicts) == 1:
-        (verdict,) = verdicts.values()
-        report = verdict.report(limit_cost=cost, about=about(named, verdict, cost))
+        ((source, verdict),) = verdicts.items()
+        lines = about(named, verdict, cost)
+        report = verdict.report(limit_cost=cost, about=lines, source=source)
     else:
         from verification.critic.several import verdicts_report
 

@@ -249,10 +249,13 @@ class Verdict(Checked, Result, Reported):
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
         return data
 
-    def report(self, *, limit_cost: float | None = None, about: Sequence[str] = ()) -> Report:
+    def report(
+        self, *, limit_cost: float | None = None, about: Sequence[str] = (), source: str = ""
+    ) -> Report:
         """The verdict in the first line, every check, the sections, P and K entry by entry.
 
         limit_cost: percent, then decides the verdict.
+        source: the file of the critic.
         about: lines below the heading, in place of `weights`.
         """
         names = self.exact.names
@@ -264,7 +267,8 @@ class Verdict(Checked, Result, Reported):
         records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
         for section in self.sections:
             records = section.records or records
-        heading = [f"Critic on {names.origin}, against the exact {self.problem}"]
+        critic = f"Critic of {source}" if source else "Critic"
+        heading = [f"{critic} on {names.origin}, against the exact {self.problem}"]
         heading += about or (self.weights,)
         if self.reason:
             heading.append(f"Reason: {self.reason}")

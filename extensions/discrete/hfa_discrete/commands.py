@@ -78,7 +78,8 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
     with said_of(path):
         verdict = check_discrete(problem, critic, limit=request.limit_error, more=more, scope=scope)
     cost = request.limit_cost
-    report = verdict.report(limit_cost=cost, about=about(named, verdict, cost))
+    lines = about(named, verdict, cost)
+    report = verdict.report(limit_cost=cost, about=lines, source=str(path))
     report = report.with_data(**named.as_data(), **named.weights.as_data())
     show(report, request, notes=named.warnings)
     return 0 if verdict.holds(cost) else 1
