@@ -10,6 +10,7 @@ where it helps: a weak policy of a wrong sign flies as well as none.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -241,7 +242,9 @@ class _Trial:
         starts, _ = seeded_starts(place, 64, 0, False)
         trim = deployed.trim_vector(place.point)
         inputs = np.array(place.point.inputs)
-        rows = [np.array(deployed.observe(start, inputs, trim)).ravel() for start in starts]
+        commands = [deployed.command(start, inputs, trim) for start in starts]
+        observed = map(deployed.observe, starts, commands, repeat(trim))
+        rows = [np.array(each).ravel() for each in observed]
         size_here = np.sqrt(((np.array(rows) - mean) ** 2).mean(axis=0))
         return float(np.abs(np.log((size_here + _LEAST) / (size + _LEAST))).sum())
 
