@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -62,6 +63,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
     problem: what flies to where, at what price and within which limits.
     found: the flight and the proposal that it follows.
     others: flights of policies from the same start.
+    lower_bound: no flight from this start costs less, as a certificate proves; None without one.
 
     >>> import hfa
     >>> force = hfa.Signal("N", min=-1.0, max=1.0)
@@ -77,12 +79,14 @@ class BestFlight(StatesAndInputs, Result, Reported):
     made_by = "hfa optimize"
     keys = (
         "operating_point=point start cost proposed_cost spread linear_cost seconds saturated "
-        "states=state_names state_units inputs=input_names input_units Q R envelope policies"
+        "states=state_names state_units inputs=input_names input_units Q R envelope policies "
+        "lower_bound over_bound"
     )
 
     problem: FlightProblem
     found: Found
     others: tuple[Flown, ...] = field(default=(), repr=False)
+    lower_bound: float | None = None
 
     @property
     def point(self) -> OperatingPoint:
@@ -168,6 +172,14 @@ class BestFlight(StatesAndInputs, Result, Reported):
         return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
 
     @property
+    def over_bound(self) -> float | None:
+        """The cost over the lower bound: at most so many times the least; None without a positive
+        bound."""
+        if self.lower_bound is None or self.lower_bound <= 0.0:
+            return None
+        return self.cost / self.lower_bound
+
+    @property
     def compared(self) -> tuple[Flown, ...]:
         """The flights of `policies`."""
         return (self.found.linear, *self.others)
@@ -190,9 +202,8 @@ class BestFlight(StatesAndInputs, Result, Reported):
             table,
             tuple(lines),
             limits_table(self.problem),
-            f"No flight from this start was found that costs less; that none exists is not proved. "
-            f"The linear model without limits says {self.linear_cost:.6g}, which is no cost of the "
-            "aircraft.",
+            f"{self._bracket()} The linear model without limits gives {self.linear_cost:.6g}, "
+            "which is no cost of the aircraft.",
             Picture("flight", "The best flight found and the policies", self.figure),
         )
         return Report(self.title(), parts, data=self.as_data(), records=self._records())
@@ -201,13 +212,25 @@ class BestFlight(StatesAndInputs, Result, Reported):
         """Whose flight, from where, and its cost."""
         place = at_scheduled(self.point)
         whose = f"{self.model.title} {place}".strip()
-        lines = [f"Best flight found, {whose}: cost {self.cost:.6g}"]
+        first = f"Best flight found, {whose}: cost {self.cost:.6g}"
+        if self.over_bound is not None:
+            first += f", {bracket_text(self.over_bound)}"
+        lines = [first]
         for flown, policy in zip(self.compared, self.policies, strict=True):
             says = [] if policy.over_best is None else [f"{policy.over_best:.4g} x the best found"]
             says += ["lost"] if flown.lost else []
             lines.append(f"{policy.policy}: {', '.join(says)}")
         offs = [f"{name} {_off(self.model, name, value)}" for name, value in self.start.items()]
         return "\n".join([*lines, f"from {', '.join(offs) or 'the trim'}"])
+
+    def _bracket(self) -> str:
+        """How far the cost is from the least one, as far as that is known."""
+        if self.lower_bound is None:
+            return (
+                "No flight from this start was found that costs less; that none exists is not "
+                "proved."
+            )
+        return f"No flight from this start costs less than {self.lower_bound:.6g}, which is proved."
 
     def _checked(self) -> str:
         meshes = " and ".join(map(str, list(self.found.meshes)[-2:]))
@@ -236,6 +259,11 @@ class BestFlight(StatesAndInputs, Result, Reported):
         from hfa_support.reporting.figure import new_figure
 
         return drawn(new_figure(10.0, 8.0), self)
+
+
+def bracket_text(ratio: float) -> str:
+    """Of a cost, its ratio to a lower bound."""
+    return f"between 1.00 and {ratio:.2f} of the best possible"
 
 
 def _saturated(flight: str, names: Sequence[str]) -> str:
@@ -277,6 +305,7 @@ def best_flight(
     seconds: float | None = None,
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
+    bound: str | Path | None = None,
 ) -> BestFlight:
     """The flight of least ∫ z'Qz + v'Rv dt that was found from a start to a trim, z and v the
     deviations from it: proposed by collocation, believed once the simulator has flown it.
@@ -286,6 +315,7 @@ def best_flight(
     seconds: the horizon; chosen so that the end costs less than .1 % unless given
     inputs: those that move, the others held at the trim; all unless given
     limits: state -> (lowest, highest), absolute, in place of the flight envelope's
+    bound: certificate of `hfa prove cost`, which is verified; `.lower_bound` is its bound
 
     BadInputError for unknown names, a start outside the limits and a horizon that is too short.
     NoSolutionError, with the reason, where no flight was found or the simulator refutes it.
@@ -305,4 +335,10 @@ def best_flight(
     if seconds is not None:
         refuse_unless_positive("seconds", seconds, " s")
     problem = flight_problem(model, point, Q, R, inputs, limits)
-    return BestFlight(problem, BestFlights(problem).found(problem.deviations(start), seconds))
+    z = problem.deviations(start)
+    lower = None
+    if bound is not None:
+        from hfa_optimal.bound import lower_bound
+
+        lower = float(lower_bound(Path(bound), problem).bound(z[None])[0])
+    return BestFlight(problem, BestFlights(problem).found(z, seconds), lower_bound=lower)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_optimal.best_flight import PolicyFlight, limits_table
+from hfa_optimal.best_flight import PolicyFlight, bracket_text, limits_table
 from hfa_optimal.pilots import Pilot
 from hfa_optimal.problem import FlightProblem
 from hfa_optimal.search import AFTER, BestFlights
@@ -19,6 +20,9 @@ from hfa_support.reporting.results import Matrix, Result
 from hfa_support.reporting.text import Table
 from trim.point.operating_point import OperatingPoint, at_scheduled
 from verification.hfa_box import ordinary_box
+
+if TYPE_CHECKING:
+    from hfa_boxes.check.cost_statement import CostStatement
 
 #: A box is made so much smaller where it reaches beyond the limits.
 _INSIDE = 0.9
@@ -34,6 +38,7 @@ class StartFlights(Result):
     spread: of meshes and guesses; None where none was found.
     linear_cost: x'Px, of the linear model without limits.
     policies: their flights.
+    lower_bound: no flight from this start costs less, as a certificate proves; None without one.
     """
 
     start: Mapping[str, float]
@@ -42,6 +47,7 @@ class StartFlights(Result):
     spread: float | None
     linear_cost: float
     policies: Sequence[PolicyFlight]
+    lower_bound: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +80,7 @@ class StartsTable(Result, Reported):
 
     schema = "hfa.best-flights/1"
     made_by = "hfa optimize"
-    keys = "operating_point=point Q R starts found refused policies flights"
+    keys = "operating_point=point Q R starts found refused policies flights over_bound"
 
     problem: FlightProblem
     flights: tuple[StartFlights, ...]
@@ -116,6 +122,15 @@ class StartsTable(Result, Reported):
         rows = [each.policies for each in self.flights if each.cost is not None]
         return [_summary(column) for column in zip(*rows, strict=True)]
 
+    @property
+    def over_bound(self) -> Sequence[float]:
+        """The cost of each flight that was found over its positive lower bound."""
+        return [
+            each.cost / each.lower_bound
+            for each in self.flights
+            if each.cost is not None and each.lower_bound is not None and each.lower_bound > 0.0
+        ]
+
     def report(self) -> Report:
         """How many were found, each policy over the best, and why flights were refused."""
         place = at_scheduled(self.point)
@@ -125,6 +140,8 @@ class StartsTable(Result, Reported):
         )
         if self.starts < self.asked:
             title += f" (interrupted; {self.asked} asked for)"
+        if self.over_bound:
+            title += f", {bracket_text(max(self.over_bound))}"
         rows = []
         for each in self.policies:
             numbers = [_number(value) for value in (each.median, each.high, each.worst)]
@@ -132,6 +149,10 @@ class StartsTable(Result, Reported):
         header = ("cost over the best found", "lost", "median", "90 %", "worst")
         reasons = [each.reason for each in self.flights if each.reason is not None]
         refused = [(reason, str(reasons.count(reason))) for reason in dict.fromkeys(reasons)]
+        if self.over_bound:
+            median, high = (f"{np.quantile(self.over_bound, q):.4g}" for q in (0.5, 0.9))
+            worst = f"{max(self.over_bound):.4g}"
+            rows.append(("best found over the proved bound", "", median, high, worst))
         parts = [Table(header, rows)]
         if refused:
             parts.append(Table(("refused", "starts"), refused))
@@ -195,13 +216,17 @@ def starts_table(
     starts: np.ndarray,
     pilots: Sequence[Pilot] = (),
     progress: Progress | None = None,
+    bound: CostStatement | None = None,
 ) -> StartsTable:
     """The best flights from starts (N, k), and those of policies; what an interruption leaves is
     kept."""
     done: list[StartFlights] = []
     try:
         for start in starts:
-            done.append(flights_from(search, start, pilots))
+            flights = flights_from(search, start, pilots)
+            if bound is not None:
+                flights = replace(flights, lower_bound=float(bound.bound(start[None])[0]))
+            done.append(flights)
             if progress is not None:
                 progress(len(done), len(starts))
     except KeyboardInterrupt:

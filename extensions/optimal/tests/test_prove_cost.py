@@ -6,8 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import hfa
 from hfa.main import main
 from hfa_boxes.fields import COST_FIELDS
 from hfa_proof.subject import entries_of
@@ -61,3 +63,26 @@ def test_every_field_has_a_use(certificate: Path) -> None:
 def test_a_margin_beyond_its_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["prove", "cost", *AIRCRAFT, "--margin", "2"]) == 2
     assert "--margin must be between 0.0001 and 0.5" in capsys.readouterr().err
+
+
+def test_a_flight_is_bracketed(certificate: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Python and the command line give one bracket."""
+    words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--bound", str(certificate)]
+    assert main(words) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert "between 1.00 and 1.0" in first
+    model = hfa.load_model(PENDULUM)
+    point = hfa.find_operating_point(model)
+    start = {"angle": float(np.radians(10.0))}
+    best = hfa.best_flight(model, point, start, bound=certificate)
+    assert best.lower_bound is not None
+    assert 0.95 * best.cost < best.lower_bound < best.cost
+    assert f"and {best.over_bound:.2f} of" in first
+
+
+def test_a_bound_of_other_weights_is_refused(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--Q", "1,2"]
+    assert main([*words, "--bound", str(certificate)]) == 2
+    assert "another Q than --Q gives" in capsys.readouterr().err

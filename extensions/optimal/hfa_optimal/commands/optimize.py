@@ -22,6 +22,7 @@ from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
+    from hfa_boxes.check.cost_statement import CostStatement
     from hfa_optimal.pilots import Pilot
     from hfa_optimal.search import BestFlights
 
@@ -72,6 +73,11 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         names="--limit",
         named=True,
     )
+    bound: Path | None = option(
+        "certificate of `hfa prove cost`: print how far the cost is from the least possible",
+        "FILE",
+        input_file(".json"),
+    )
     picture: Path | None = picture_option("the best flight found, and those of the policies")
 
     def search(self) -> tuple[BestFlights, Game]:
@@ -121,12 +127,27 @@ def optimize(request: OptimizeRequest) -> int:
         request.refuse(("picture", "seconds"), "is of one flight; leave it out with --starts")
     search, game = request.search()
     pilots = request.pilots(search, game)
+    bound = None if request.bound is None else _bound(request.bound, search)
     if request.starts is not None:
-        return _table(request, search, pilots)
-    return _one(request, search, pilots)
+        return _table(request, search, pilots, bound)
+    return _one(request, search, pilots, bound)
 
 
-def _one(request: OptimizeRequest, search: BestFlights, pilots: list[Pilot]) -> int:
+def _bound(path: Path, search: BestFlights) -> CostStatement:
+    """The bound of a certificate, verified."""
+    from hfa_optimal.bound import lower_bound
+    from hfa_proof.arithmetic import flint_or_refusal
+
+    flint_or_refusal()
+    return lower_bound(path, search.problem, ProgressLine("bound"))
+
+
+def _one(
+    request: OptimizeRequest,
+    search: BestFlights,
+    pilots: list[Pilot],
+    bound: CostStatement | None,
+) -> int:
     """The best flight from one start."""
     from hfa_optimal.best_flight import BestFlight
     from hfa_optimal.search import AFTER
@@ -135,18 +156,24 @@ def _one(request: OptimizeRequest, search: BestFlights, pilots: list[Pilot]) -> 
     best = BestFlight(search.problem, search.found(start, request.seconds))
     seconds = (1.0 + AFTER) * best.seconds
     others = tuple(pilot.fly(search.flights, start, seconds) for pilot in pilots)
-    best = replace(best, others=others)
+    lower = None if bound is None else float(bound.bound(start[None])[0])
+    best = replace(best, others=others, lower_bound=lower)
     history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
     show(best.report(), request, figure=best.figure, only_in_files={"flight": history})
     return 0
 
 
-def _table(request: OptimizeRequest, search: BestFlights, pilots: list[Pilot]) -> int:
+def _table(
+    request: OptimizeRequest,
+    search: BestFlights,
+    pilots: list[Pilot],
+    bound: CostStatement | None,
+) -> int:
     """The best flights from many starts; exit 1 where none was found."""
     from hfa_optimal.starts import drawn_starts, starts_table
 
     assert request.starts is not None
     starts = drawn_starts(search.problem, request.starts, request.seed)
-    table = starts_table(search, starts, pilots, ProgressLine("optimize"))
+    table = starts_table(search, starts, pilots, ProgressLine("optimize"), bound)
     show(table.report(), request)
     return 0 if table.found else 1
