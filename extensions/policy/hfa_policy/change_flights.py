@@ -84,8 +84,8 @@ class ChangeFlights:
         raw = ca.SX.sym("raw", self.m)
         o = ca.mtimes(ca.reshape(P, self.k, self.k), deployed.observe(*arguments[:3])) + c
         seen = deployed.normalized(o)[1]
-        given = ca.mtimes(ca.reshape(S, self.m, self.m), raw)
-        moved = deployed.inputs(gain * deployed.action(given), *arguments[:3])
+        action = ca.mtimes(ca.reshape(S, self.m, self.m), deployed.action(raw))
+        moved = deployed.inputs(gain * action, *arguments[:3])
         steered = whole.steered._replace(
             enters=ca.Function("enters", arguments, [ca.densify(seen)]),
             moves=ca.Function("moves", [raw, *arguments], [ca.densify(moved)]),

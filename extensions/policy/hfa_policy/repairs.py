@@ -17,7 +17,7 @@ _DEGREES = 180.0 / np.pi
 
 
 class Repair(NamedTuple):
-    """One change of a card: o' = P o + c, the network gives S y in place of y, and a' = gain a.
+    """One change of a card: o' = P o + c and a' = gain S a.
 
     kind: of the mistake that it undoes.
     text: what would have to be so.
@@ -94,16 +94,22 @@ def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
 
 
 def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
-    """Two actions in each other's place."""
+    """Two actions in each other's place; a box stays with its place, as it is the network's."""
     names = list(card.action)
     for one, other in combinations(range(len(names)), 2):
         order = list(range(len(names)))
         order[one], order[other] = other, one
-        changed = card.changed(action={names[i]: card.action[names[i]] for i in order})
+        placed = zip(card.action.values(), (names[i] for i in order), strict=True)
+        changed = card.changed(action={name: _moving(card.action[name], at) for at, name in placed})
         text = f"the actions of {names[one]} and {names[other]} were exchanged"
         same = np.eye(len(card.observation))
         swap = np.eye(len(names))[order]
         yield Repair("actions", text, changed, same, np.ones(len(names)), swap)
+
+
+def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any]:
+    """The map of an action with the box of another place."""
+    return {key: part for key, part in {**entry, "box": place.get("box")}.items() if part}
 
 
 def _units(deployed: Deployed) -> Iterator[Repair]:
