@@ -43,7 +43,7 @@ _UNIVARIATE = {
 }
 _LARGEST_POWER = 12
 #: Matrices with a smaller part of entries that are not 0 are stored as sparse ones.
-_SPARSE = 0.15
+_SPARSE = 0.5
 
 
 class Node(NamedTuple):

@@ -20,7 +20,7 @@ from scipy.optimize import linprog
 from hfa_boxes.check.cost import CostInequality, Polynomial, solved_for
 from hfa_boxes.check.cost_checker import CostWitness
 from hfa_boxes.check.cost_statement import CostStatement, Piece
-from hfa_boxes.check.cover import OpenBoxError, RefutedError, cover
+from hfa_boxes.check.cover import Boxes, OpenBoxError, RefutedError, cover
 from hfa_boxes.check.plant import Equilibrium, Plant
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import NoSolutionError
@@ -41,6 +41,12 @@ _SHARES = (0.1, 0.4, 1.0, 1.8, 3.0)
 _ENDLESS = 10**9
 #: Refuted places that become rows of the next fit.
 _REFUTED = 60
+#: Boxes that are tried for their shape, of which this part may be undecided; how often an edge is
+#: doubled, and the most halvings.
+_TRIED = 100
+_OPEN = 0.5
+_STRETCHED = 3
+_DEEPEST_TRIED = 9
 #: Bits of a coefficient, so that its products with powers are doubles.
 _BITS = 45
 
@@ -162,14 +168,43 @@ class CostSearch:
         for _ in range(_REFUTED):
             piece = Piece(fit.M, fit.fitted(), c)
             fitted = time.process_time()
-            inequality = CostInequality(self.plant, self.equilibrium, self.Q, self.R, *piece)
             try:
-                boxes = cover(inequality, _ENDLESS, self._tell)
+                piece = self._stretched(piece, fit.places())
+                boxes = cover(self._inequality(piece), _ENDLESS, self._tell)
             except RefutedError as error:
-                fit.refuted(error.place)
+                fit.refuted(fit.M @ np.linalg.solve(piece.M, error.place))
                 continue
             return _Proved(piece, boxes, (fitted - begin, time.process_time() - fitted))
         raise OpenBoxError(f"{_REFUTED} polynomials were refuted", np.zeros(len(self.Q)))
+
+    def _inequality(self, piece: Piece) -> CostInequality:
+        return CostInequality(self.plant, self.equilibrium, self.Q, self.R, *piece)
+
+    def _stretched(self, piece: Piece, places: np.ndarray) -> Piece:
+        """The piece with coordinates divided by powers of 2, so that boxes are long where that
+        leaves most of them proved; places: (N, n), centres of boxes that are tried."""
+        inequality = self._inequality(piece)
+
+        def undecided(depths: np.ndarray) -> int:
+            tried = Boxes(places, np.tile(depths, (len(places), 1)))
+            return int(inequality.undecided(tried).sum())
+
+        n = len(self.Q)
+        depths = np.full(n, 3)
+        while undecided(depths) > _OPEN * len(places) and depths[0] < _DEEPEST_TRIED:
+            depths = depths + 1
+        for _ in range(_STRETCHED * n):
+            counts = [undecided(depths - row) for row in np.eye(n, dtype=int)]
+            if min(counts) > _OPEN * len(places):
+                break
+            depths[int(np.argmin(counts))] -= 1
+        powers_of_two = (depths.max() - depths).tolist()
+        M = np.ldexp(1.0, -np.array(powers_of_two))[:, None] * piece.M
+        terms = []
+        for value, powers in piece.W.terms:
+            shift = sum(a * power for a, power in zip(powers_of_two, powers, strict=True))
+            terms.append((float(np.ldexp(value, shift)), powers))
+        return Piece(M, Polynomial(n, tuple(terms)), piece.c)
 
 
 class _Fit:
@@ -286,6 +321,12 @@ class _Fit:
             self._rows.append(row[worst])
             self._sides.append(side[worst])
         return self.polynomial()
+
+    def places(self) -> np.ndarray:
+        """(N, n), coordinates of samples in the set, off the faces of the cube."""
+        y = self._ball(20 * _TRIED) @ self.M.T
+        inside = (self._values(y) <= self.c) & np.all(np.abs(y) < 0.8, axis=1)
+        return y[inside][:_TRIED]
 
     def refuted(self, y: np.ndarray) -> None:
         """Add rows at and about a place where g < 0."""
