@@ -31,6 +31,7 @@ def every_operation() -> ca.Function:
     expressions = [
         *(ca.sqrt(a) / (a + b**2), ca.sin(b) * ca.cos(a), ca.exp(b) - ca.log(a), ca.tan(b) * a**3),
         *(ca.atan(b) - 1 / a, a**1.5, ca.tanh(3 * b) * b, ca.fmax(b, 0.1 * b) + ca.fmin(b, 0.2)),
+        *(ca.atan2(b, a), ca.atan2(a, b), ca.atan2(-a, b - a), ca.asin(0.7 * b)),
         *(ca.fabs(b) * a, ca.expm1(ca.fmin(b, 0)) + ca.log1p(a), y[0] * y[1] * y[2] ** 3),
     ]
     return ca.Function("f", [y], [ca.vertcat(*expressions)])

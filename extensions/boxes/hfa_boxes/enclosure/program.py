@@ -172,8 +172,8 @@ class _Reader:
             return _SPECIAL[operation](self, first, last)
         raise BadInputError(
             f"{self._name}: uses {_called(operation)}, which is not enclosed; proofs on boxes take"
-            " sums, products, quotients, powers, roots, exp, log, tanh, sin, cos, tan, atan, min,"
-            " max and abs"
+            " sums, products, quotients, powers, roots, exp, log, tanh, sin, cos, tan, asin, atan,"
+            " atan2, min, max and abs"
         )
 
     def _maximum(self, first: Row, last: Row) -> Row:
@@ -223,6 +223,19 @@ class _Reader:
     def _tangent(self, first: Row, _: Row) -> Row:
         return self._quotient(self._node("sin", first), self._node("cos", first))
 
+    def _angle(self, first: Row, last: Row) -> Row:
+        """atan2(b, a) = 2 atan(b / (sqrt(a² + b²) + a)), which is not defined where b = 0 >= a."""
+        if not first:
+            raise BadInputError(f"{self._name}: uses atan2 of 0, which is not enclosed")
+        squares = _plus(self._product(first, first), self._product(last, last))
+        below = _plus(self._node("sqrt", squares), last)
+        return _plus({}, self._node("atan", self._quotient(first, below)), Fraction(2))
+
+    def _arcsine(self, first: Row, _: Row) -> Row:
+        """asin t = atan(t / sqrt(1 - t²)), for |t| < 1."""
+        below = self._node("sqrt", _plus({0: _ONE}, self._product(first, first), -_ONE))
+        return self._node("atan", self._quotient(first, below))
+
     def _less(self, first: Row, last: Row) -> Row:
         """1 where a < b; where a = b either value is allowed."""
         return self._node("step", _plus(last, first, -_ONE))
@@ -266,6 +279,8 @@ _SPECIAL: Mapping[int, Callable[[_Reader, Row, Row], Row]] = {
     ca.OP_POW: _Reader._power,
     ca.OP_CONSTPOW: _Reader._power,
     ca.OP_TAN: _Reader._tangent,
+    ca.OP_ATAN2: _Reader._angle,
+    ca.OP_ASIN: _Reader._arcsine,
     ca.OP_LT: _Reader._less,
     ca.OP_LE: _Reader._less,
     ca.OP_NOT: _Reader._not,
