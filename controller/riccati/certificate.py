@@ -16,7 +16,8 @@ import numpy as np
 
 from controller.riccati.balancing import spectrum
 from controller.riccati.derivations import by_eigenvectors, by_sign, largest
-from controller.riccati.normal_form import MODERATE, NormalForm
+from controller.riccati.normal_form import MODERATE, RANK, NormalForm
+from controller.riccati.reach import least_reach
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.checks import RELATIONS, Check, Checked, checked
 from hfa_support.reporting.results import Result
@@ -33,6 +34,15 @@ DISAGREEMENT = 1e-8
 #: has more digits.
 SETTLED = 1e-12
 
+#: A test of the plant: relation, limit, and the reason where it does not hold.
+TEST_OF_REACH = {
+    "reach": (
+        ">",
+        RANK,
+        "a change of {:.2g} of the entries of A and B leaves a mode that does not decay out of"
+        " reach",
+    ),
+}
 #: Name of a test of P alone: relation, limit, and the reason where it does not hold.
 TESTS_OF_P = {
     "residual": ("<=", RESIDUAL, "the Riccati equation is left with a residual of {:.2g}"),
@@ -53,6 +63,7 @@ TEST_OF_AGREEMENT = {
         "the second derivation gives another P (difference {:.2g})",
     ),
 }
+TESTS_OF_A_STACK = TEST_OF_REACH | TESTS_OF_P | TEST_OF_AGREEMENT
 #: Values of tests by name, each of one game or (N,) of a stack.
 Measured = dict[str, Any]
 
@@ -83,7 +94,7 @@ def certified_solution(form: NormalForm) -> Certified:
     """The solution of the normal form of one game.
 
     The derivations by eigenvectors and by the matrix sign come first. Where these have not the
-    digits, the Schur form and the sequence of LQR problems decide, in coordinates in which X is of
+    digits, the Schur form and a refined matrix sign decide, in coordinates in which X is of
     moderate size. Raises NoSolutionError with the reason of the first test that fails."""
     stack = certified_stack(form[None])
     if stack.holds[0]:
@@ -110,7 +121,7 @@ class CertifiedStack(NamedTuple):
         stable = values["hamiltonian_split"]
         return (
             *_hamiltonian_checks(distance, 0.0, stable, self.X.shape[-1]),
-            *checks_of(TESTS_OF_P | TEST_OF_AGREEMENT, values),
+            *checks_of(TESTS_OF_A_STACK, values),
         )
 
 
@@ -126,39 +137,52 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
         good &= derived.axis_distance >= AXIS_DISTANCE
         X = np.where(good[:, None, None], X, 0.0)
         measured = measured_solution(form, X) | measured_agreement(X, by_sign(form))
-        good &= all_hold(TESTS_OF_P | TEST_OF_AGREEMENT, measured)
+        measured["reach"] = least_reach(form.A, form.B)
+        good &= all_hold(TESTS_OF_A_STACK, measured)
     measured["hamiltonian_axis_distance"] = derived.axis_distance
     measured["hamiltonian_split"] = derived.stable
     return CertifiedStack(np.where(good[:, None, None], X, np.nan), good, measured)
 
 
 def carefully_certified(form: NormalForm) -> Certified:
-    """`certified_solution` by the Schur form and the sequence of LQR problems.
+    """`certified_solution` by the Schur form and a refined matrix sign.
 
     NoSolutionError with the reason in the last coordinates where all fail.
     """
+    _refuse_overflow(form)
+    reached = reach_checks(form)
+    refuse_failures(reached)
     turned = form.turned()
     try:
-        return _certified_in(turned)
+        X, accurate, checks = _certified_in(turned)
     except NoSolutionError:
         levelled = form.levelled()
         if levelled is turned:
             raise
-        return _certified_in(levelled, form)
+        X, accurate, checks = _certified_in(levelled, form)
+    return Certified(X, accurate, Certificate(checks[:2] + reached + checks[2:]))
 
 
-def _certified_in(form: NormalForm, given: NormalForm | None = None) -> Certified:
-    """`carefully_certified` in these coordinates; given: see `hamiltonian_checks`."""
-    from controller.riccati.careful_derivations import by_iteration, by_schur
+def reach_checks(form: NormalForm) -> tuple[Check, ...]:
+    """An input must reach every mode that does not decay by more than rounding; form: not turned,
+    as turning hides the entries that are 0."""
+    return checks_of(TEST_OF_REACH, {"reach": least_reach(form.A[None], form.B[None])[0]})
+
+
+def _certified_in(
+    form: NormalForm, given: NormalForm | None = None
+) -> tuple[np.ndarray, NormalForm, tuple[Check, ...]]:
+    """X in these coordinates, and its tests; given: see `hamiltonian_checks`."""
+    from controller.riccati.careful_derivations import by_refined_sign, by_schur
 
     checks = hamiltonian_checks(form, given)
     refuse_failures(checks)
     X = by_schur(form)
     checks += solution_checks(form, X)
     refuse_failures(checks)
-    checks += agreement_checks(X, by_iteration(form))
+    checks += agreement_checks(X, by_refined_sign(form))
     refuse_failures(checks)
-    return Certified(X, form, Certificate(checks))
+    return X, form, checks
 
 
 def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tuple[Check, ...]:

@@ -61,14 +61,14 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     return FromEigenvectors(X, largest(Z) / largest(X), stable, distance)
 
 
-def by_sign(form: NormalForm) -> np.ndarray:
+def by_sign(form: NormalForm, steps: int = SIGN_STEPS) -> np.ndarray:
     """X with (W + I) [I; X] = 0, W = sign(H) of each Hamiltonian, (N, n, n).
 
     H <- (c H + (c H)⁻¹) / 2 with c = |det H|^(-1/2n), until it settles.
     Source: Roberts, Int. J. Control 32 (1980), 677-687."""
     W = form.hamiltonian
     n = form.A.shape[-1]
-    for _ in range(SIGN_STEPS):
+    for _ in range(steps):
         c = np.exp(-np.linalg.slogdet(W)[1] / (2 * n))[:, None, None]
         last = W
         W = (c * W + _inverse(c * W)) / 2.0

@@ -9,11 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.certificate import Certified, certified_solution
+from controller.riccati.certificate import Certified, certified_solution, reach_checks
 from controller.riccati.delta_search import Answer, smallest_delta
-from controller.riccati.existence import ROUNDING, existence
+from controller.riccati.existence import existence
 from controller.riccati.frequency_response import square_root, swept_gain, system_gain
 from controller.riccati.normal_form import RANK, NormalForm
+from controller.riccati.reach import loses_rank, not_decaying, on_axis
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -136,6 +137,9 @@ def why_refused(form: NormalForm, failure: str, progress: Progress | None = None
 
 def _some_solution(form: NormalForm) -> Certified:
     """Of the problem without disturbance, or else of the game itself."""
+    (reached,) = reach_checks(form)
+    if not reached.ok:
+        raise NoSolutionError(lqr_obstacle(form, reached.reason))
     inside = form.turned()
     try:
         return certified_solution(inside.with_delta(math.inf))
@@ -219,26 +223,22 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
     undamped = ""
     paid = square_root(form.Q)
     for eigenvalue, error in _eigenvalues(form.A, size):
-        on_axis = 1j * eigenvalue.imag
-        shown = dependence(form.A.T, on_axis, paid, size)
+        shown = dependence(form.A.T, 1j * eigenvalue.imag, paid, size)
         if shown < least_shown:
             least_shown = shown
-            undamped = _mode_text(on_axis, error)
-        candidates = {eigenvalue}
-        if abs(eigenvalue.real) <= error:
-            candidates.add(on_axis)
-        for value in candidates:
-            mode = _mode_text(value, error)
-            if value.real >= 0.0:
-                reach = dependence(form.A, value, form.B.T, size)
-                if (reach, mode) < (least_reach, least_mode):
-                    least_reach = reach
-                    least_mode = mode
-                if not sentence and is_dependent(form.A, value, form.B.T, size):
-                    sentence = unreached.format(mode)
-            is_undamped = value.real == 0.0
-            if is_undamped and not sentence and is_dependent(form.A.T, value, form.Q, size):
-                sentence = hidden.format(mode)
+            undamped = _mode_text(1j * eigenvalue.imag, error)
+        mode = _mode_text(eigenvalue, error)
+        if eigenvalue.real >= -error:
+            unstable = complex(max(eigenvalue.real, 0.0), eigenvalue.imag)
+            reach = dependence(form.A, unstable, form.B.T, size)
+            if (reach, mode) < (least_reach, least_mode):
+                least_reach = reach
+                least_mode = mode
+            if not sentence and loses_rank(form.A, form.B.T, eigenvalue, not_decaying):
+                sentence = unreached.format(mode)
+        near_axis = abs(eigenvalue.real) <= error
+        if near_axis and not sentence and loses_rank(form.A.T, form.Q, eigenvalue, on_axis):
+            sentence = hidden.format(mode)
     return Obstacle(sentence, least_reach, least_mode, least_shown, undamped)
 
 
@@ -267,31 +267,9 @@ def _mode_text(eigenvalue: complex, error: float) -> str:
     return text
 
 
-def is_dependent(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> bool:
-    """Whether [A' - λI; rows] has no full column rank within rounding of its entries.
-
-    A singular value of rounding alone does not show it: fast states beside slow ones make one where
-    every mode is reached. Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem
-    7.3 (Oettli and Prager)."""
-    if dependence(A, value, rows, size) > RANK:
-        return False
-    vector = np.linalg.svd(_stacked(A, value, rows, size))[2][-1].conj()
-    rounding = 2 * len(A) * ROUNDING
-    vector[np.abs(vector) <= rounding * np.abs(vector).max()] = 0.0
-    parts = np.abs(vector)
-    left_by_A = np.abs(A.T @ vector - value * vector)
-    of_A = np.abs(A.T) @ parts + abs(value) * parts
-    is_kept = np.all(left_by_A <= rounding * of_A)
-    return bool(is_kept and np.all(np.abs(rows @ vector) <= rounding * (np.abs(rows) @ parts)))
-
-
 def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> float:
     """Smallest singular value of [A' - λI; rows], relative, the rows brought to the size of A
     first: 0 or rounding where it has no full column rank."""
-    stacked = _stacked(A, value, rows, size)
-    return float(np.linalg.svd(stacked, compute_uv=False)[-1]) / size
-
-
-def _stacked(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> np.ndarray:
     scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
-    return np.vstack([A.T - value * np.eye(len(A)), scaled])
+    stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
+    return float(np.linalg.svd(stacked, compute_uv=False)[-1]) / size

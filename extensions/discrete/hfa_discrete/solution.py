@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
-from controller.riccati.careful_derivations import by_iteration, by_schur, unrefined
+from controller.riccati.careful_derivations import by_refined_sign, by_schur, unrefined
 from controller.riccati.certificate import (
     INDEFINITENESS,
     RESIDUAL,
@@ -23,7 +23,8 @@ from controller.riccati.derivations import largest
 from controller.riccati.double_double import add, exact
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import RANK
-from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, dependence, is_dependent
+from controller.riccati.reach import loses_rank
+from controller.riccati.smallest_delta import TOLERANCE, DeltaMin, dependence
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.step_form import NoValueError, StepForm
 from hfa_support.arguments import checks_arguments
@@ -186,7 +187,7 @@ class _Certified(NamedTuple):
 
 def _certified(form: StepForm) -> _Certified:
     """X of the Schur form of the equivalent in continuous time, and its certificate: the tests of
-    X in discrete time, and that the sequence of LQR problems gives the same.
+    X in discrete time, and that a refined matrix sign gives the same.
 
     NoSolutionError when a test fails or a matrix that must be inverted is singular.
     """
@@ -195,7 +196,7 @@ def _certified(form: StepForm) -> _Certified:
         X = form.refined(by_schur(form.equivalent))
         checks = _checks(form, X)
         refuse_failures(checks)
-        checks += agreement_checks(X, by_iteration(form.equivalent))
+        checks += agreement_checks(X, by_refined_sign(form.equivalent))
     except np.linalg.LinAlgError as error:
         raise NoSolutionError("delta^2 I - discount E'P E is singular on the way") from error
     refuse_failures(checks)
@@ -253,8 +254,13 @@ def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
         if abs(value) < 1.0 - RANK:
             continue
         is_faint = problem.N.any() and dependence(A, value, B.T, size) <= FAINT_REACH
-        if is_faint or is_dependent(A, value, B.T, size):
+        if is_faint or loses_rank(A, B.T, value, _not_shrinking):
             raise NoSolutionError(_unreached(value))
+
+
+def _not_shrinking(values: np.ndarray) -> np.ndarray:
+    """The nearest eigenvalues on the unit circle or outside it."""
+    return values / np.minimum(np.abs(values), 1.0)
 
 
 def _unreached(value: complex) -> str:

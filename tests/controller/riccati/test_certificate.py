@@ -17,7 +17,7 @@ from tolerances import SAME_SOLUTION
 
 from controller import Game
 from controller.riccati.balancing import FEW, is_hurwitz, spectrum
-from controller.riccati.careful_derivations import by_iteration, schur_solution
+from controller.riccati.careful_derivations import schur_solution
 from controller.riccati.certificate import (
     Certificate,
     agreement_checks,
@@ -82,8 +82,6 @@ def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
             certificate.checks
         )
         assert named(certificate)["residual"].ok
-        with pytest.raises(NoSolutionError, match="Lanzon-Feng-Anderson"):
-            by_iteration(NormalForm.of(game))
         refused += 1
 
 

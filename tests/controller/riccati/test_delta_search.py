@@ -13,10 +13,11 @@ from game_samples import game_models, random_game
 from reference_riccati import reference_solution
 
 from controller import Game
+from controller.riccati.certificate import carefully_certified
 from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.existence import ROUNDING, existence, shown_gain, value_error
 from controller.riccati.normal_form import NormalForm
-from controller.riccati.smallest_delta import is_dependent
+from controller.riccati.reach import loses_rank, not_decaying
 from hfa_support import NoSolutionError
 from verification import minimum_delta, solve_game
 
@@ -171,7 +172,50 @@ def test_a_slow_mode_that_rounding_cannot_hide_is_not_called_unreached(
     A = turn @ np.diag([1e7, -300.0, 0.03, -1e-2]) @ turn.T
     B = turn @ np.array([[1.0], [30.0], [reach], [10.0]])
     slow = min(np.linalg.eigvals(A), key=lambda value: abs(value - 0.03))
-    assert is_dependent(A, complex(slow), B.T, 1e7) is unreached
+    assert loses_rank(A, B.T, complex(slow), not_decaying) is unreached
+
+
+@pytest.mark.parametrize("seed", [3, 24, 46])
+def test_an_unreached_mode_is_refused_whatever_the_last_bits(seed: int) -> None:
+    """In coordinates of units up to 1e8 apart, in which rounding reaches the mode by a few ulp: P
+    of these numbers is of the size 1e18 and follows their last bits."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    A = rng.standard_normal((n, n))
+    A[0] = np.eye(n)[0]
+    B = rng.standard_normal((n, 1))
+    B[0] = 0.0
+    T = rng.standard_normal((n, n)) * 10.0 ** rng.uniform(-4.0, 4.0, n)
+    A = T @ A @ np.linalg.inv(T)
+    for _ in range(4):
+        bits = 1.0 + np.finfo(float).eps * rng.integers(-1, 2, A.shape)
+        game = Game(A * bits, T @ B, np.eye(n), np.eye(n), np.eye(1), math.inf)
+        with pytest.raises(NoSolutionError, match="no input reaches the mode with eigenvalue 1"):
+            solve_game(game)
+
+
+def test_every_certificate_states_the_reach_of_unstable_modes() -> None:
+    """1e-5 where two modes of one input differ by so little; all where every mode decays."""
+    close = np.diag([1.0, 1.0 + 1e-4])
+    for game, expected in [
+        (Game(close, np.ones((2, 1)), np.eye(2), np.eye(2), np.eye(1), math.inf), 2e-5),
+        (chain([-1.0, -2.0], 1e-3), 1.0),
+    ]:
+        checks = {check.name: check.value for check in solve_game(game).certificate.checks}
+        assert checks["reach"] == pytest.approx(expected, rel=0.5)
+
+
+def test_the_second_derivation_settles_beside_the_smallest_delta() -> None:
+    """A sequence of LQR problems took more than 300 steps here."""
+    rng = np.random.default_rng(5)
+    for _ in range(4):
+        n = 4
+        parts = [rng.standard_normal((n, columns)) for columns in (n, 1, 1)]
+        game = Game(*parts, np.eye(n), np.eye(1), math.inf)
+        near = game.with_delta(minimum_delta(game).value * (1.0 + 1e-5))
+        form = NormalForm.of(near)
+        checks = carefully_certified(form).certificate.checks
+        assert checks[-1].name == "second_derivation"
 
 
 def refusal_of(solve: Callable[[], object]) -> str:

@@ -18,8 +18,6 @@ from reference_riccati import reference_solution, relative_error
 from scipy.linalg import LinAlgError, block_diag, solve_continuous_are
 
 from controller import Game
-from controller.riccati.careful_derivations import by_iteration
-from controller.riccati.certificate import certified_solution
 from controller.riccati.normal_form import NormalForm, relative_residual
 from controller.riccati.smallest_delta import lqr_obstacle
 from hfa_support import NoSolutionError
@@ -306,27 +304,6 @@ def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> Non
     assert verdicts["refused at the edge"] <= 0.01 * count
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= count // 4
     assert alone[True] >= count // 24
-
-
-@pytest.mark.parametrize("games", [30, pytest.param(90, marks=pytest.mark.slow)])
-def test_the_two_derivations_agree_on_existence(games: int) -> None:
-    rng = np.random.default_rng(3)
-    verdicts = Counter[tuple[bool, ...]]()
-    for number in range(games):
-        game = random_game(rng, scaled=number % 2 == 1)
-        verdicts[
-            tuple(_accepts(solver, game) for solver in (certified_solution, by_iteration))
-        ] += 1
-    assert set(verdicts) == {(True, True), (False, False)}
-    assert min(verdicts.values()) >= 2 * games // 9
-
-
-def _accepts(solver: Callable[[NormalForm], object], game: Game) -> bool:
-    try:
-        solver(NormalForm.of(game))
-    except NoSolutionError:
-        return False
-    return True
 
 
 def test_the_reference_is_the_solution_of_a_scalar_game() -> None:

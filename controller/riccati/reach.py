@@ -1,0 +1,97 @@
+"""How far a plant is from one with a mode that no input reaches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from controller.riccati.normal_form import RANK
+
+#: An eigenvalue with a real part above this part of -|A| may belong to a mode that does not decay.
+_NEAR = 1e-6
+#: Each takes the sizes of the vector before it as weights; the second halves what the first leaves.
+_PASSES = 3
+
+
+def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """The least relative change found of entries of A and B that leaves a mode that does not decay
+    out of reach, (N,); 1 where every mode decays.
+
+    A: (N, n, n)
+    B: (N, n, m)
+    """
+    values = np.linalg.eigvals(A)
+    sizes = np.linalg.norm(A, axis=(1, 2))
+    suspects = (values.real >= -_NEAR * sizes[:, None]) & (values.imag >= 0.0)
+    game = np.nonzero(suspects)[0]
+    reach = np.ones(len(A))
+    if game.size:
+        found = rank_distance(A[game], B.mT[game], values[suspects], not_decaying)
+        np.minimum.at(reach, game, found)
+    return reach
+
+
+def not_decaying(values: np.ndarray) -> np.ndarray:
+    """The nearest eigenvalues with a real part of at least 0."""
+    return np.maximum(values.real, 0.0) + 1j * values.imag
+
+
+def on_axis(values: np.ndarray) -> np.ndarray:
+    """The nearest eigenvalues on the imaginary axis."""
+    return 1j * values.imag
+
+
+def loses_rank(
+    A: np.ndarray,
+    rows: np.ndarray,
+    value: complex,
+    nearest: Callable[[np.ndarray], np.ndarray],
+) -> bool:
+    """Whether `rank_distance` of one matrix (n, n), rows (p, n) and eigenvalue is within `RANK`."""
+    return bool(rank_distance(A[None], rows[None], np.array([value]), nearest)[0] <= RANK)
+
+
+def rank_distance(
+    A: np.ndarray,
+    rows: np.ndarray,
+    values: np.ndarray,
+    nearest: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:
+    """The least relative change found of entries of A and rows with which [A' - λI; rows] has no
+    full column rank, (K,), up to 1: an upper bound, attained by one vector.
+
+    A: (K, n, n)
+    rows: (K, p, n)
+    values: (K,), where the search for λ begins
+    nearest: the allowed λ that are nearest to others
+
+    With λ the vector of the smallest singular value is sought, each row divided by the sizes of its
+    terms: fast states beside slow ones must not hide an entry. Source: Higham, Accuracy and
+    Stability of Numerical Algorithms, Theorem 7.3 (Oettli and Prager)."""
+    n = A.shape[-1]
+    both = np.concatenate([A.mT, rows], axis=1)
+    one = np.eye(both.shape[1], n)
+
+    def weights(at: np.ndarray, parts: np.ndarray) -> np.ndarray:
+        terms = (np.abs(both) + np.abs(at) * one) @ parts
+        return 1.0 / np.where(terms > 0.0, terms, 1.0)
+
+    at = nearest(values)[:, None, None]
+    weight = weights(at, np.ones((len(A), n, 1)))
+    least = np.ones(len(A))
+    for _ in range(_PASSES):
+        vector = np.linalg.svd(weight * (both - at * one))[2][:, -1, :, None].conj()
+        parts = np.abs(vector)
+        rounding = 8 * n * np.finfo(float).eps * parts.max(axis=1, keepdims=True)
+        vector = np.where(parts <= rounding, 0.0, vector)
+        image = both @ vector
+        conjugate = weight[:, :n] ** 2 * vector.conj()
+        rate = (conjugate * image[:, :n]).sum(axis=1) / (conjugate * vector).sum(axis=1)
+        at = nearest(rate)[:, :, None]
+        weight = weights(at, np.abs(vector))
+        changes = weight * np.abs(image - at * (one @ vector))
+        least = np.minimum(least, changes.max(axis=(1, 2)))
+        if least.min() > 1e3 * RANK:
+            break
+    return least
