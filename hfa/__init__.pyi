@@ -20,6 +20,7 @@ from hfa_identify.identified import identify as identify
 from hfa_model.choice import aircraft as aircraft
 from hfa_networks.files.network import from_network as from_network
 from hfa_optimal.best_flight import BestFlight as BestFlight, best_flight as best_flight
+from hfa_optimal.quickest import quickest_flight as quickest_flight
 from hfa_policy.assess import assess as assess
 from hfa_policy.assessment_report import Assessment as Assessment
 from hfa_policy.deployment import Deployment as Deployment

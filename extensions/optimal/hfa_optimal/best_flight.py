@@ -220,8 +220,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
             says = [] if policy.over_best is None else [f"{policy.over_best:.4g} x the best found"]
             says += ["lost"] if flown.lost else []
             lines.append(f"{policy.policy}: {', '.join(says)}")
-        offs = [f"{name} {_off(self.model, name, value)}" for name, value in self.start.items()]
-        return "\n".join([*lines, f"from {', '.join(offs) or 'the trim'}"])
+        return "\n".join([*lines, f"from {deviations_in_words(self.model, self.start)}"])
 
     def _bracket(self) -> str:
         """How far the cost is from the least one, as far as that is known."""
@@ -248,17 +247,22 @@ class BestFlight(StatesAndInputs, Result, Reported):
         """Draw the flight and those of the policies in a figure of pyplot; return its Axes."""
         from matplotlib import pyplot
 
-        from hfa_optimal.picture import drawn
-
-        figure = pyplot.figure(layout="constrained")
-        return np.array(drawn(figure, self).axes)
+        return np.array(self._drawn(pyplot.figure(layout="constrained")).axes)
 
     def figure(self) -> Figure:
         """The picture of `plot` on a figure of its own."""
-        from hfa_optimal.picture import drawn
         from hfa_support.reporting.figure import new_figure
 
-        return drawn(new_figure(10.0, 8.0), self)
+        return self._drawn(new_figure(10.0, 8.0))
+
+    def _drawn(self, figure: Figure) -> Figure:
+        from hfa_optimal.picture import drawn
+
+        flights = [(self.found.flown, f"best flight found: {self.cost:.5g}")]
+        for flown in self.compared:
+            cost = f"{flown.cost:.5g}" if flown.converges else "does not converge"
+            flights.append((flown, f"{flown.name}: {cost}"))
+        return drawn(figure, self.problem, flights, self.seconds, self.title())
 
 
 def bracket_text(ratio: float) -> str:
@@ -270,9 +274,14 @@ def _saturated(flight: str, names: Sequence[str]) -> str:
     return f"{flight}: {', '.join(names) or 'no input'} saturated"
 
 
+def deviations_in_words(model: Model, start: Mapping[str, float]) -> str:
+    """State -> deviation from the trim, as reports print it."""
+    return ", ".join(_off(model, name, value) for name, value in start.items()) or "the trim"
+
+
 def _off(model: Model, name: str, value: float) -> str:
     text = model.describe(name, value)
-    return text if text.startswith("-") else f"+{text}"
+    return f"{name} {text}" if text.startswith("-") else f"{name} +{text}"
 
 
 def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
@@ -298,7 +307,7 @@ def limits_table(problem: FlightProblem) -> Table:
 def best_flight(
     model: Model,
     point: OperatingPoint,
-    start: Mapping[str, float],
+    start: Mapping[str, float] | OperatingPoint,
     Q: np.ndarray | Mapping[str, float] | None = None,
     R: np.ndarray | Mapping[str, float] | None = None,
     *,
@@ -310,7 +319,8 @@ def best_flight(
     """The flight of least ∫ z'Qz + v'Rv dt that was found from a start to a trim, z and v the
     deviations from it: proposed by collocation, believed once the simulator has flown it.
 
-    start: state of the linear model -> deviation from the trim, in the units of the model
+    start: state of the linear model -> deviation from the trim, in the units of the model; or
+        another trim
     Q, R: as `hfa.game` takes them; R of the inputs that move
     seconds: the horizon; chosen so that the end costs less than .1 % unless given
     inputs: those that move, the others held at the trim; all unless given

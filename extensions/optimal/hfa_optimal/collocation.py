@@ -17,7 +17,7 @@ from hfa_optimal.problem import MARGIN, FlightProblem
 DEGREE = 3
 #: Length of the last interval over that of the first, at most.
 _LONGEST_GROWTH = 60.0
-_OPTIONS = {
+OPTIONS: dict[str, Any] = {
     "print_time": False,
     "error_on_fail": False,
     "show_eval_warnings": False,
@@ -30,7 +30,7 @@ _OPTIONS = {
 #: Roughness, as a part of the largest, that every interval of an adapted mesh counts at least.
 _EVEN = 1e-3
 #: Largest violation of the transcribed equations, in nominal sizes, of what is flown at all.
-_FEASIBLE = 1e-6
+FEASIBLE = 1e-6
 
 
 class Proposal(NamedTuple):
@@ -70,7 +70,7 @@ class Proposal(NamedTuple):
         count = len(self.lengths)
         interval = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, count - 1)
         tau = (times - ends[interval]) / self.lengths[interval]
-        z = np.einsum("ij,ijk->ik", _lagrange(_points(), tau), self.nodes[interval])
+        z = np.einsum("ij,ijk->ik", _lagrange(collocation_points(), tau), self.nodes[interval])
         v = self.v[interval] + tau[:, None] * (self.v[interval + 1] - self.v[interval])
         late = times > ends[-1] * (1.0 + 1e-12)
         z[late] = 0.0
@@ -78,7 +78,7 @@ class Proposal(NamedTuple):
         return z, v
 
 
-def _points() -> np.ndarray:
+def collocation_points() -> np.ndarray:
     """0 and the collocation points in an interval of length 1."""
     return np.array([0.0, *ca.collocation_points(DEGREE, "radau")])
 
@@ -124,7 +124,7 @@ def adapted_mesh(
     `_on_steps`."""
     of_states = np.sqrt(np.abs(np.diag(problem.P)))
     of_inputs = np.sqrt(np.diag(problem.R))
-    leading = np.einsum("j,ijk->ik", _leading(_points()), proposal.nodes)
+    leading = np.einsum("j,ijk->ik", _leading(collocation_points()), proposal.nodes)
     bent = np.diff(np.diff(proposal.v, axis=0) / proposal.lengths[:, None], axis=0)
     kinks = np.abs(bent * of_inputs).sum(axis=1)
     at_ends = np.maximum(np.append(kinks, 0.0), np.append(0.0, kinks))
@@ -139,6 +139,36 @@ def adapted_mesh(
 def _leading(points: np.ndarray) -> np.ndarray:
     """Values at the points -> the leading coefficient of their polynomial."""
     return np.array([1.0 / np.prod(point - points[points != point]) for point in points])
+
+
+def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """The unknowns of a program: v at the begin; of each interval z at its points, v at its end.
+
+    z: (N DEGREE, k). v: (N + 1, m)."""
+    inner = np.hstack([z.reshape(len(v) - 1, -1), v[1:]])
+    return np.concatenate([v[0], inner.ravel()])
+
+
+def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
+    """The matrix from the unknowns of a program to (z, v) at all collocation points, one below the
+    other, of k states and m inputs."""
+    inner = DEGREE * k + m
+    columns = m + intervals * inner
+    rows: list[int] = []
+    places: list[int] = []
+    values: list[float] = []
+    for point in range(intervals * DEGREE):
+        interval, number = divmod(point, DEGREE)
+        row = point * (k + m)
+        end = m + interval * inner + DEGREE * k
+        begin = end - inner if interval else 0
+        tau = collocation_points()[1 + number]
+        rows += list(range(row, row + k + m)) + list(range(row + k, row + k + m))
+        first = m + interval * inner + number * k
+        places += list(range(first, first + k))
+        places += list(range(begin, begin + m)) + list(range(end, end + m))
+        values += [1.0] * k + [1.0 - tau] * m + [tau] * m
+    return ca.DM.triplet(rows, places, ca.DM(values), intervals * DEGREE * (k + m), columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,12 +198,12 @@ class Transcription:
         of_states, of_inputs = problem.sizes
         limits = problem.inner_limits(start, margin)
         below, above = (
-            self._row(
+            unknowns_in_order(
                 np.tile(of_z / of_states, (len(z), 1)), np.tile(of_v / of_inputs, (len(v), 1))
             )
             for of_z, of_v in zip(limits, problem.input_limits, strict=True)
         )
-        guess = self._row(z / of_states, v / of_inputs)
+        guess = unknowns_in_order(z / of_states, v / of_inputs)
         scale = 1.0 / max(float(start @ problem.P @ start), 1e-12)
         parameters = np.concatenate([start / of_states, lengths, [scale]])
         solved = self._solver(
@@ -191,37 +221,7 @@ class Transcription:
             v=np.vstack([row[:m], inner[:, -m:]]) * of_inputs,
             cost=float(solved["f"]) / scale,
             tail=float(z[-1, -1] @ problem.P @ z[-1, -1]),
-            feasible=bool(np.isfinite(row).all() and violation <= _FEASIBLE),
-        )
-
-    def _row(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The unknowns in their order: v at the begin; of each interval z at its points, v at its
-        end."""
-        inner = np.hstack([z.reshape(self.intervals, -1), v[1:]])
-        return np.concatenate([v[0], inner.ravel()])
-
-    def _both(self) -> ca.DM:
-        """What takes the unknowns to (z, v) at all collocation points, one below the other."""
-        k, m = len(self.problem.states), len(self.problem.inputs)
-        inner = DEGREE * k + m
-        columns = m + self.intervals * inner
-        rows: list[int] = []
-        places: list[int] = []
-        values: list[float] = []
-        for point in range(self.intervals * DEGREE):
-            interval, number = divmod(point, DEGREE)
-            row = point * (k + m)
-            end = m + interval * inner + DEGREE * k
-            begin = end - inner if interval else 0
-            tau = _points()[1 + number]
-            rows += list(range(row, row + k + m)) + list(range(row + k, row + k + m))
-            places += list(
-                range(m + interval * inner + number * k, m + interval * inner + number * k + k)
-            )
-            places += list(range(begin, begin + m)) + list(range(end, end + m))
-            values += [1.0] * k + [1.0 - tau] * m + [tau] * m
-        return ca.DM.triplet(
-            rows, places, ca.DM(values), self.intervals * DEGREE * (k + m), columns
+            feasible=bool(np.isfinite(row).all() and violation <= FEASIBLE),
         )
 
     @cached_property
@@ -231,7 +231,7 @@ class Transcription:
         k, both = len(problem.states), len(problem.states) + len(problem.inputs)
         N = self.intervals
         points = N * DEGREE
-        chosen = self._both()
+        chosen = points_of_unknowns(k, both - k, N)
         w = ca.MX.sym("w", chosen.columns())
         p = ca.MX.sym("p", k + N + 1)
         start, lengths, scale = ca.vertsplit(p, [0, k, k + N, k + N + 1])
@@ -240,7 +240,7 @@ class Transcription:
         rows = ca.reshape(ca.mtimes(chosen, w), both, points)
         z = rows[:k, :]
         begins = ca.horzcat(start, z[:, DEGREE - 1 : points - 1 : DEGREE])
-        derivatives, _, quadrature = ca.collocation_coeff(_points()[1:].tolist())
+        derivatives, _, quadrature = ca.collocation_coeff(collocation_points()[1:].tolist())
         seconds = ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, points)
         shares = seconds * ca.repmat(ca.DM(quadrature).T, 1, N)
         unit = ca.DM.eye(N)
@@ -270,8 +270,8 @@ class Transcription:
         of_unknowns = ca.mtimes(chosen.T, ca.mtimes(at_points, chosen))
         hessian = ca.triu(of_unknowns + 2.0 * of_cost * scale * last)
 
-        options: dict[str, Any] = {
-            **_OPTIONS,
+        options = {
+            **OPTIONS,
             "jac_g": ca.Function("jac_g", [w, p], [g, jacobian], ["x", "p"], ["g", "jac:g:x"]),
             "hess_lag": ca.Function(
                 "hess_lag",

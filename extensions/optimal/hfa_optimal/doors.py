@@ -9,6 +9,7 @@ OPTIMIZE = CommandEntry(
     example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
     results=(
         "hfa_optimal.best_flight:BestFlight",
+        "hfa_optimal.quickest:QuickestFlight",
         "hfa_optimal.starts:StartsTable",
     ),
 )

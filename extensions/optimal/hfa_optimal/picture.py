@@ -1,4 +1,4 @@
-"""The picture of the best flight found and of the policies from the same start; draws alone."""
+"""The picture of flights from the same start; draws alone."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_optimal.best_flight import BestFlight
+from hfa_aircraft.model import Model
 from hfa_optimal.flights import Flown
+from hfa_optimal.problem import FlightProblem
 from hfa_support.reporting.text import shown_unit, shown_values
 
 if TYPE_CHECKING:
@@ -18,38 +19,42 @@ if TYPE_CHECKING:
 _BEYOND = 0.3
 
 
-def drawn(figure: Figure, best: BestFlight) -> Figure:
-    """A panel a state of the linear model, and one for each input that moves."""
-    problem = best.problem
+def drawn(
+    figure: Figure,
+    problem: FlightProblem,
+    flights: list[tuple[Flown, str]],
+    seconds: float,
+    title: str,
+) -> Figure:
+    """A panel a state of the linear model, and one for each input that moves.
+
+    flights: with what the legend calls them; the first is the one found."""
     names = [*problem.states, *problem.inputs]
     panels = figure.subplots(-(-len(names) // 3), 3, sharex=True).ravel()
-    flights = [(best.found.flown, f"best flight found: {best.cost:.5g}")]
-    for flown in best.compared:
-        cost = f"{flown.cost:.5g}" if flown.converges else "does not converge"
-        flights.append((flown, f"{flown.name}: {cost}"))
     for name, axes in zip(names, panels, strict=False):
-        _draw(axes, best, name, flights)
+        _draw(axes, problem, name, flights)
+        axes.set_xlim(0.0, seconds)
     for axes in panels[len(names) :]:
         axes.set_axis_off()
     for axes in panels[max(0, len(names) - 3) : len(names)]:
         axes.set_xlabel("time, s", fontsize=8)
         axes.tick_params(labelbottom=True)
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=2, fontsize=8, title=best.title()
-    )
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8, title=title)
     return figure
 
 
-def _draw(axes: Axes, best: BestFlight, name: str, flights: list[tuple[Flown, str]]) -> None:
+def _draw(axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[Flown, str]]) -> None:
     """A signal in all flights, with its limits; the view is that of the flights that converge."""
-    unit = best.model.unit(name)
-    limits = best.model.limits[name]
-    if name in best.envelope:
-        limits = tuple(best.envelope[name])
+    model = problem.model
+    unit = model.unit(name)
+    limits = model.limits[name]
+    if name in problem.envelope.names:
+        place = list(problem.envelope.names).index(name)
+        limits = (problem.envelope.lowest[place], problem.envelope.highest[place])
     seen = []
     for number, (flown, label) in enumerate(flights):
-        values = shown_values(_column(best, flown, name), unit)
+        values = shown_values(_column(model, flown, name), unit)
         style = "-" if number == 0 else "--"
         axes.plot(flown.times, values, style, color=f"C{number}", linewidth=1.1, label=label)
         if number == 0 or flown.converges:
@@ -61,14 +66,13 @@ def _draw(axes: Axes, best: BestFlight, name: str, flights: list[tuple[Flown, st
     for limit in shown_values(np.array(limits), unit):
         if low - room < limit < high + room:
             axes.axhline(float(limit), color="black", linestyle=":", linewidth=0.8)
-    axes.set_xlim(0.0, best.seconds)
     axes.set_ylabel(f"{name}, {shown_unit(unit)}", fontsize=8)
     axes.tick_params(labelsize=7)
     axes.ticklabel_format(useOffset=False)
     axes.grid(alpha=0.3)
 
 
-def _column(best: BestFlight, flown: Flown, name: str) -> np.ndarray:
-    if name in best.model.states:
-        return flown.states[:, list(best.model.states).index(name)]
-    return flown.inputs[:, list(best.model.inputs).index(name)]
+def _column(model: Model, flown: Flown, name: str) -> np.ndarray:
+    if name in model.states:
+        return flown.states[:, list(model.states).index(name)]
+    return flown.inputs[:, list(model.inputs).index(name)]

@@ -23,6 +23,8 @@ from trim.point.operating_point import OperatingPoint
 #: How far inside the limits of the states a proposal stays, as a part of the distance from the
 #: trim, so that a flight that follows it stays within them.
 MARGIN = 2e-3
+#: Two trims have the same value of a state within this part of its nominal size.
+_SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,15 +127,34 @@ class FlightProblem:
         of_both = np.outer(of_states, of_states)
         return self.Q * of_both, self.R * np.outer(of_inputs, of_inputs), self.P * of_both
 
-    def deviations(self, start: Mapping[str, float]) -> np.ndarray:
-        """A start by name as z, (k,). BadInputError for an unknown name, for a number that is not
-        finite, and outside the limits."""
+    def deviations(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
+        """A start by name, or another trim, as z, (k,). BadInputError for an unknown name, for a
+        number that is not finite, outside the limits, and for a trim that no flight reaches."""
+        if isinstance(start, OperatingPoint):
+            return self._deviations_of(start)
         z = np.zeros(len(self.states))
         for name, value in start.items():
             refuse_unknown("a flight has no initial deviation of", name, self.states)
             if not is_finite(value):
                 raise BadInputError(f"the start has {name} = {shown(value)}; give a number")
             z[self.states.index(name)] = value
+        self.refuse_outside(z)
+        return z
+
+    def _deviations_of(self, other: OperatingPoint) -> np.ndarray:
+        """Another trim as z, (k,)."""
+        other.refuse_other(self.model)
+        off = np.array(other.states) - np.array(self.point.states)
+        for place, name in enumerate(self.model.states):
+            if (
+                place not in self.places
+                and abs(off[place]) > _SAME * self.model.states[name].nominal
+            ):
+                raise BadInputError(
+                    f"the two trims differ in {name}, which the linear model leaves out; "
+                    "hold it at one value"
+                )
+        z = off[self.places]
         self.refuse_outside(z)
         return z
 

@@ -75,7 +75,7 @@ def test_an_interruption_keeps_what_is_found() -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ([], "name one: --start NAME=VALUE,... or --starts N"),
+        ([], "name one: --start NAME=VALUE,..., --starts N or --to NAME=VALUE"),
         (["--start", "height=3"], "names the unknown state 'height'"),
         (["--start", "speed"], "has no value of speed"),
         (["--start", "speed=500"], "begin within the limits"),

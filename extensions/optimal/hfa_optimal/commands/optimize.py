@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa.options.argument_types import input_file, positive, quantity, span, whole
+from hfa.options.argument_types import input_file, one_of, positive, quantity, span, whole
 from hfa.options.command import command
 from hfa.options.critics import critic_path
 from hfa.options.games import SeedOption, WeightOptions
@@ -24,9 +24,13 @@ if TYPE_CHECKING:
     from controller.game.zero_sum import Game
     from hfa_boxes.check.cost_statement import CostStatement
     from hfa_optimal.pilots import Pilot
+    from hfa_optimal.problem import FlightProblem
     from hfa_optimal.search import BestFlights
+    from trim.point.operating_point import OperatingPoint
 
 _MOST_STARTS = 10_000
+#: Options that do not belong to the quickest flight.
+_OF_COST = ("starts", "weights", "policy", "seconds")
 
 
 def _deviations(model: Model, text: str) -> dict[str, float]:
@@ -53,6 +57,18 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         "NAME=VALUE,...",
         OfModel(_deviations),
         names="--start",
+    )
+    to: Mapping[str, float] = option(
+        "fly to the trim with this value, from the one that the other options name; repeatable",
+        "NAME=VALUE",
+        OfModel(quantity),
+        named=True,
+    )
+    minimize: str = option(
+        "cost (default), or time to the trim, whatever the cost",
+        "WHAT",
+        one_of("cost", "time"),
+        default="cost",
     )
     starts: int | None = option(
         "a table over so many starts, drawn in the usual box", "N", whole(1, _MOST_STARTS)
@@ -86,11 +102,26 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         from hfa_optimal.search import BestFlights
 
         aircraft = self.flown_aircraft()
-        point = self.operating_point(aircraft)
+        point = self.end().operating_point(aircraft)
         game = self.game_on(linearize(aircraft, point))
         problem = flight_problem(aircraft, point, game.Q, game.R, limits=self.limits)
         count = 1 if self.starts is None else self.starts
         return BestFlights(problem, count), game
+
+    def end(self) -> OptimizeRequest:
+        """The request with the options of the trim that flights end in."""
+        held = dict(self.to)
+        for name in held:
+            if name in self.model.parameters:
+                raise BadInputError(f"--to {name}: it is a parameter, which no flight changes")
+        at = held.pop(self.model.schedule, self.at)
+        return replace(self, at=at, hold={**self.hold, **held})
+
+    def begin(self, problem: FlightProblem) -> Mapping[str, float] | OperatingPoint:
+        """Where the flight begins: a trim, or deviations from the one that it ends in."""
+        if self.to:
+            return self.operating_point(problem.model)
+        return self.deviations or {}
 
     def pilots(self, search: BestFlights, game: Game) -> list[Pilot]:
         """The exact policy of a game with a disturbance, and those of the files."""
@@ -119,10 +150,15 @@ def optimize(request: OptimizeRequest) -> int:
     flights within the limits. The simulator flies them, and its cost is reported. That no flight
     costs less is not proved. The comparison uses the same initial condition and contains the linear
     optimum, the exact game policy, both saturated at the limits of the inputs, and the policies of
-    --weights and --policy. --starts N gives a table over many initial conditions. Exit 1: no flight
-    was found, or the simulator refutes it."""
-    if (request.deviations is None) == (request.starts is None):
-        raise BadInputError("name one: --start NAME=VALUE,... or --starts N")
+    --weights and --policy. --starts N gives a table over many initial conditions. --to flies from
+    one trim to another, --minimize time as quickly as possible. Exit 1: no flight was found, or the
+    simulator refutes it."""
+    begins = (request.deviations is not None, request.starts is not None, bool(request.to))
+    if begins.count(True) != 1:
+        raise BadInputError("name one: --start NAME=VALUE,..., --starts N or --to NAME=VALUE")
+    if request.minimize == "time":
+        request.refuse(_OF_COST, "belongs to flights of least cost; leave it out")
+        return _quickest(request)
     if request.starts is not None:
         request.refuse(("picture", "seconds"), "is of one flight; leave it out with --starts")
     search, game = request.search()
@@ -131,6 +167,21 @@ def optimize(request: OptimizeRequest) -> int:
     if request.starts is not None:
         return _table(request, search, pilots, bound)
     return _one(request, search, pilots, bound)
+
+
+def _quickest(request: OptimizeRequest) -> int:
+    """The quickest flight from one start."""
+    from hfa_optimal.quickest import quickest_flight
+
+    search, game = request.search()
+    problem = search.problem
+    start = request.begin(problem)
+    best = quickest_flight(
+        problem.model, problem.point, start, game.Q, game.R, limits=request.limits
+    )
+    history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
+    show(best.report(), request, figure=best.figure, only_in_files={"flight": history})
+    return 0
 
 
 def _bound(path: Path, search: BestFlights) -> CostStatement:
@@ -152,7 +203,7 @@ def _one(
     from hfa_optimal.best_flight import BestFlight
     from hfa_optimal.search import AFTER
 
-    start = search.problem.deviations(request.deviations or {})
+    start = search.problem.deviations(request.begin(search.problem))
     best = BestFlight(search.problem, search.found(start, request.seconds))
     seconds = (1.0 + AFTER) * best.seconds
     others = tuple(pilot.fly(search.flights, start, seconds) for pilot in pilots)

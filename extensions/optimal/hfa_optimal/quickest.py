@@ -1,0 +1,317 @@
+"""The quickest flight found from a start to a trim: proposed, then flown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_optimal.best_flight import deviations_in_words, envelope_pairs, limits_table
+from hfa_optimal.collocation import DEGREE, Proposal, adapted_mesh, collocation_points
+from hfa_optimal.flights import Flights, Flown
+from hfa_optimal.problem import FlightProblem, flight_problem
+from hfa_optimal.quickest_program import TimeProgram
+from hfa_optimal.search import BestFlights
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.reporting.report import Picture, Report, Reported
+from hfa_support.reporting.results import Matrix, Result, Vector
+from hfa_support.reporting.text import Table, short_number, shown_unit
+from trim.point.operating_point import OperatingPoint, at_scheduled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Intervals of the meshes, coarsest first. Two after each other agree to `_MESHES_AGREE`.
+_MESHES = (30, 60, 120)
+_MESHES_AGREE = 0.005
+#: Parts of the distance from the trim to each limit that a proposal leaves to the policy that
+#: follows it; a larger one is tried where the flight left the limits or did not arrive.
+_RESERVES = (0.002, 0.008, 0.032)
+#: The flight has arrived where each state is nearer to the trim than this part of its largest
+#: deviation on the way.
+ARRIVED = 0.02
+#: Times of the guesses, as parts of the horizon of the linear loop.
+_GUESSES = (0.3, 0.1)
+_NONE_WITHIN = (
+    "IPOPT finds none that satisfies the equations within the limits, from any guess; that none "
+    "exists is not proved"
+)
+#: After the arrival the linear policy holds the trim for this part of the time of the flight.
+_HELD = 0.5
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class QuickestFlight(StatesAndInputs, Result, Reported):
+    """The quickest flight found from a start to a trim within limits. It was flown by the
+    simulator, so that the least time is at most its own; that none is quicker is not proved.
+
+    problem: what flies to where and within which limits.
+    proposal: what the flight follows.
+    flown: the flight, with the linear policy after the arrival.
+    meshes: intervals -> time that was proposed, s.
+    reserve: part of the distance to each limit that the proposal leaves to the policy.
+    """
+
+    schema = "hfa.quickest-flight/1"
+    made_by = "hfa optimize"
+    keys = (
+        "operating_point=point start seconds spread reserve box arrival saturated "
+        "states=state_names state_units inputs=input_names input_units envelope"
+    )
+
+    problem: FlightProblem
+    proposal: Proposal
+    flown: Flown
+    meshes: dict[int, float]
+    reserve: float
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The trim that the flight ends in."""
+        return self.problem.point
+
+    @property
+    def model(self) -> Model:
+        """Which aircraft flies."""
+        return self.problem.model
+
+    @property
+    def start(self) -> Mapping[str, float]:
+        """State -> its deviation from the trim at the begin."""
+        pairs = zip(self.problem.states, self.proposal.start.tolist(), strict=True)
+        return {name: value for name, value in pairs if value}
+
+    @property
+    def seconds(self) -> float:
+        """Time of the flight, s."""
+        return self.proposal.cost
+
+    @property
+    def spread(self) -> float:
+        """Relative difference of the times on the last two meshes."""
+        before, last = list(self.meshes.values())[-2:]
+        return abs(last / before - 1.0)
+
+    @property
+    def box(self) -> Mapping[str, float]:
+        """State -> half-width of the box about the trim in which the flight arrives."""
+        return dict(zip(self.problem.states, arrival_box(self.proposal).tolist(), strict=True))
+
+    @property
+    def arrival(self) -> Mapping[str, float]:
+        """State -> its deviation from the trim at the end of the time."""
+        at_end = deviations_at(self.problem, self.flown, self.seconds)
+        return dict(zip(self.problem.states, at_end.tolist(), strict=True))
+
+    @property
+    def saturated(self) -> Sequence[str]:
+        """Inputs that were at a limit, or at the part of it that the proposal uses."""
+        lowest, highest = self.problem.input_limits
+        used = 1.0 - 1.01 * self.reserve
+        at_limit = (self.proposal.v <= used * lowest) | (self.proposal.v >= used * highest)
+        names = np.array(self.problem.inputs)[at_limit.any(axis=0)]
+        return [str(name) for name in names]
+
+    @property
+    def time(self) -> Vector:
+        """(N,), s."""
+        return self.flown.times
+
+    @property
+    def states(self) -> Matrix:
+        """(N, n), absolute, columns `state_names`."""
+        return self.flown.states
+
+    @property
+    def inputs(self) -> Matrix:
+        """(N, m), absolute, columns `input_names`."""
+        return self.flown.inputs
+
+    @property
+    def envelope(self) -> Mapping[str, Vector]:
+        """State -> lowest and highest value that the flight keeps to."""
+        return envelope_pairs(self.problem)
+
+    def report(self) -> Report:
+        """Its time, where it begins and arrives, and within which limits."""
+        rows = []
+        most = np.abs(self.proposal.nodes).max(axis=(0, 1))
+        for name, farthest in zip(self.problem.states, most.tolist(), strict=True):
+            unit = self.model.unit(name)
+            values = (self.start.get(name, 0.0), farthest, self.arrival[name], self.box[name])
+            numbers = [short_number(value, unit) for value in values]
+            rows.append((name, shown_unit(unit), *numbers))
+        header = ("off the trim", "unit", "begin", "largest", "arrival", "box")
+        parts = (
+            self._checked(),
+            Table(header, rows),
+            f"Saturated: {', '.join(self.saturated) or 'no input'}.",
+            limits_table(self.problem),
+            "No quicker flight was found; that none exists is not proved.",
+            Picture("flight", "The quickest flight found", self.figure),
+        )
+        return Report(self.title(), parts, data=self.as_data(), records=self._records())
+
+    def title(self) -> str:
+        """Whose flight, how long it takes, and from where."""
+        whose = f"{self.model.title} {at_scheduled(self.point)}".strip()
+        begin = deviations_in_words(self.model, self.start)
+        return f"Quickest flight found, to {whose}: {self.seconds:.4g} s\nfrom {begin}"
+
+    def _checked(self) -> str:
+        meshes = " and ".join(map(str, list(self.meshes)[-2:]))
+        return (
+            f"Flown with the simulator: at {self.seconds:.4g} s each state is within "
+            f"{100 * ARRIVED:g} % of its largest deviation. Meshes of {meshes} intervals: within "
+            f"{100 * self.spread:.2g} %. The proposal leaves {100 * self.reserve:.2g} % of the "
+            "distance to each limit to the policy that follows it."
+        )
+
+    def _records(self) -> Table:
+        rows = np.column_stack([self.time, self.states, self.inputs]).tolist()
+        return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
+
+    def figure(self) -> Figure:
+        """The states and inputs over time."""
+        from hfa_optimal.picture import drawn
+        from hfa_support.reporting.figure import new_figure
+
+        flights = [(self.flown, f"quickest flight found: {self.seconds:.4g} s")]
+        seconds = float(self.time[-1])
+        return drawn(new_figure(10.0, 8.0), self.problem, flights, seconds, self.title())
+
+
+def arrival_box(proposal: Proposal) -> np.ndarray:
+    """(k,), half-widths of the box about the trim in which a flight has arrived."""
+    return np.asarray(ARRIVED * np.abs(proposal.nodes).max(axis=(0, 1)))
+
+
+def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.ndarray:
+    """(k,), z of a flight at a time, s."""
+    z = flown.states[:, problem.places] - np.array(problem.point.states)[problem.places]
+    return np.array([np.interp(seconds, flown.times, column) for column in z.T])
+
+
+def not_arrived(problem: FlightProblem, flown: Flown, proposal: Proposal) -> str:
+    """Why the simulation refutes a proposal; "" where it does not."""
+    if flown.departure is not None:
+        return f"the flight that follows the proposal {flown.departure.text()}"
+    box = arrival_box(proposal)
+    for seconds in (proposal.cost, float(flown.times[-1])):
+        parts = np.abs(deviations_at(problem, flown, seconds)) / box
+        worst = int(np.argmax(parts))
+        if not parts[worst] <= 1.0:
+            name = problem.states[worst]
+            off = 100 * ARRIVED * parts[worst]
+            return (
+                f"the flight that follows the proposal is at {seconds:.4g} s off the trim by "
+                f"{off:.3g} % of the largest deviation of {name}; {100 * ARRIVED:g} % are allowed"
+            )
+    return ""
+
+
+@checks_arguments
+def quickest_flight(
+    model: Model,
+    point: OperatingPoint,
+    start: Mapping[str, float] | OperatingPoint,
+    Q: Any = None,
+    R: Any = None,
+    *,
+    inputs: Sequence[str] | None = None,
+    limits: Mapping[str, Any] | None = None,
+) -> QuickestFlight:
+    """The quickest flight that was found from a start to a trim: proposed by collocation, believed
+    once the simulator has flown it and has arrived.
+
+    start: another trim, or state of the linear model -> deviation from the trim
+    Q, R: of the linear policy that follows the proposal, as `hfa.game` takes them
+    inputs: those that move, the others held at the trim; all unless given
+    limits: state -> (lowest, highest), absolute, in place of the flight envelope's
+
+    BadInputError for unknown names and a start outside the limits. NoSolutionError, with the
+    reason, where no flight was found or the simulator refutes it.
+
+    >>> import hfa
+    >>> cart = hfa.Model(
+    ...     "cart",
+    ...     {"position": hfa.Signal("m"), "velocity": hfa.Signal("m/s")},
+    ...     {"force": hfa.Signal("N", min=-1.0, max=1.0)},
+    ...     lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
+    ...     trim={"position": 0.0},
+    ... )
+    >>> point = hfa.find_operating_point(cart)
+    >>> round(hfa.quickest_flight(cart, point, {"position": 4.0}).seconds, 1)  # 2 sqrt(4)
+    4.0
+    """
+    problem = flight_problem(model, point, Q, R, inputs, limits)
+    search = BestFlights(problem)
+    z = problem.deviations(start)
+    v = np.zeros(len(problem.inputs))
+    if isinstance(start, OperatingPoint):
+        v = (np.array(start.inputs) - np.array(point.inputs))[problem.moved]
+    return quickest(search.flights, z, v, search.horizon(z))
+
+
+def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> QuickestFlight:
+    """The quickest flight found from a start.
+
+    z: (k,), deviations of the start. v: (m,), inputs with which guesses begin.
+    horizon: s, of the linear loop"""
+    problem = flights.problem
+    if not z.any():
+        raise BadInputError("the flight begins at its end; give a start off the trim")
+    best = _from_guesses(TimeProgram(problem, _MESHES[0]), z, v, horizon)
+    meshes = {_MESHES[0]: best.cost}
+    for count in _MESHES[1:]:
+        program = TimeProgram(problem, count)
+        before, best = best, _on_finer(flights, best, count)
+        best = program.solve(best, _RESERVES[0])
+        if not best.feasible:
+            raise NoSolutionError(f"no flight found: {_NONE_WITHIN}")
+        meshes[count] = best.cost
+        change = abs(best.cost / before.cost - 1.0)
+        reason = f"two meshes differ by {100 * change:.2g} %"
+        if change > _MESHES_AGREE:
+            continue
+        for reserve in _RESERVES:
+            if reserve > _RESERVES[0]:
+                best = program.solve(best, reserve)
+            flown = flights.follow(best, (1.0 + _HELD) * best.cost)
+            reason = not_arrived(problem, flown, best) if best.feasible else _NONE_WITHIN
+            if not reason:
+                return QuickestFlight(problem, best, flown, meshes, reserve)
+    raise NoSolutionError(f"no flight found: {reason}")
+
+
+def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: float) -> Proposal:
+    """The quickest proposal that comes of straight lines to the trim. NoSolutionError where none
+    does."""
+    count = program.intervals
+    inside = ((np.arange(count)[:, None] + collocation_points()[1:]) / count).ravel()
+    states = ((1.0 - inside)[:, None] * z).reshape(count, DEGREE, -1)
+    inputs = (1.0 - np.linspace(0.0, 1.0, count + 1))[:, None] * v
+    best: Proposal | None = None
+    for part in _GUESSES:
+        lengths = np.full(count, part * horizon / count)
+        guess = Proposal(lengths, z, states, inputs, part * horizon, 0.0, True)
+        proposal = program.solve(guess, _RESERVES[0])
+        if proposal.feasible and (best is None or proposal.cost < best.cost):
+            best = proposal
+    if best is None:
+        raise NoSolutionError(f"no flight found: {_NONE_WITHIN}")
+    return best
+
+
+def _on_finer(flights: Flights, proposal: Proposal, count: int) -> Proposal:
+    """A proposal on a mesh of that many intervals."""
+    lengths = adapted_mesh(flights.problem, proposal, count, flights.step)
+    ends = np.append(0.0, np.cumsum(lengths))
+    inside = (ends[:-1, None] + lengths[:, None] * collocation_points()[1:]).ravel()
+    z = proposal.at(inside)[0].reshape(count, DEGREE, -1)
+    return proposal._replace(lengths=lengths, z=z, v=proposal.at(ends)[1])

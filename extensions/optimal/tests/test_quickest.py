@@ -1,0 +1,103 @@
+"""The quickest flight found, against a closed form, another integrator and planted errors."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import hfa
+from hfa.main import main
+from hfa_optimal.quickest import QuickestFlight, not_arrived
+
+GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
+
+
+def cart() -> hfa.Model:
+    """A double integrator with a bounded input."""
+    return hfa.Model(
+        "cart",
+        {"position": hfa.Signal("m", min=-20.0, max=20.0), "velocity": hfa.Signal("m/s")},
+        {"force": hfa.Signal("N", min=-2.0, max=2.0)},
+        lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
+        trim={"position": 0.0},
+    )
+
+
+@pytest.fixture(scope="module")
+def moved() -> QuickestFlight:
+    model = cart()
+    begin = hfa.find_operating_point(model, hold={"position": 8.0})
+    return hfa.quickest_flight(model, hfa.find_operating_point(model), begin)
+
+
+def test_double_integrator_in_closed_form(moved: QuickestFlight) -> None:
+    """2 sqrt(d / u_max), with the reserve of the input."""
+    least = 2.0 * np.sqrt(8.0 / 2.0)
+    assert least <= moved.seconds <= 1.005 * least
+    assert moved.saturated == ["force"]
+    assert moved.spread < 0.005
+
+
+def test_a_speed_limit_in_closed_form() -> None:
+    """d / v + v / u: the cart cruises at its limit."""
+    model = cart()
+    point = hfa.find_operating_point(model)
+    best = hfa.quickest_flight(model, point, {"position": 8.0}, limits={"velocity": (-2.0, 2.0)})
+    assert best.seconds == pytest.approx(8.0 / 2.0 + 2.0 / 2.0, rel=5e-3)
+    assert np.abs(best.states[:, 1]).max() <= 2.0
+
+
+def test_another_integrator_arrives(moved: QuickestFlight) -> None:
+    """SciPy's, with the inputs as they were flown."""
+
+    def rate(t: float, x: np.ndarray) -> list[float]:
+        u = [np.interp(t, moved.time, column) for column in moved.inputs.T]
+        return list(moved.model.rates_at(x, u).values())
+
+    rows = solve_ivp(rate, (0.0, moved.seconds), moved.states[0], rtol=1e-8, max_step=0.01)
+    assert (np.abs(rows.y[:, -1]) <= list(moved.box.values())).all()
+
+
+def test_a_flight_that_misses_is_refuted(moved: QuickestFlight) -> None:
+    late = moved.flown._replace(times=1.3 * moved.time)
+    assert "is at 4.0" in not_arrived(moved.problem, late, moved.proposal)
+    assert not not_arrived(moved.problem, moved.flown, moved.proposal)
+
+
+def test_the_aircraft_morphs_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["optimize", "--dihedral", "14", "--to", "dihedral=15", "--minimize", "time"]
+    assert main([*words, "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["start"]["dihedral"] == pytest.approx(-np.radians(1.0), rel=1e-6)
+    assert 0.1 < data["seconds"] < 1.5
+    for name, width in data["box"].items():
+        assert abs(data["arrival"][name]) <= width
+
+
+def test_the_cheapest_flight_between_two_trims(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["optimize", "--aircraft", GTM, "--at", "44", "--to", "speed=45", "--json"]
+    assert main(words) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["start"]["speed"] == pytest.approx(-1.0)
+    assert data["policies"][0]["over_best"] >= 0.999
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--to", "speed=45", "--start", "alpha=1"], "name one: --start"),
+        (["--to", "height=3"], "height"),
+        (["--at", "45", "--to", "speed=45", "--minimize", "time"], "begins at its end"),
+        (["--to", "speed=45", "--minimize", "fuel"], "use one of cost, time"),
+        (["--starts", "3", "--minimize", "time"], "belongs to flights of least cost"),
+    ],
+)
+def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["optimize", "--aircraft", GTM, *words]) == 2
+    error = capsys.readouterr().err.strip()
+    assert says in error
+    assert "\n" not in error
