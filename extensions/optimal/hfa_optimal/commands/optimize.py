@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _MOST_STARTS = 10_000
 #: Options that do not belong to the quickest flight.
-_OF_COST = ("starts", "weights", "policy", "seconds")
+_OF_COST = ("starts", "weights", "policy", "seconds", "bound")
 
 
 def _deviations(model: Model, text: str) -> dict[str, float]:
