@@ -21,6 +21,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = {
     "hfa": "what a script needs",
     "hfa.paper": "the paper's level flight, game and parameters",
+    "hfa.extend": "what a package of your own imports",
     "hfa_aircraft": "aircraft as models",
     "hfa_support": "errors and reports",
     "hfa_model": "the flexible aircraft",

@@ -32,7 +32,7 @@ def overview() -> Parser:
             "Trims, linear models, games, flights and proofs; "
             "critics checked against the exact solution."
         ),
-        epilog="\n\n".join(_group(name, entries) for name, entries in by_group.items()),
+        epilog="\n\n".join(_group(name, entries) for name, entries in by_group.items() if entries),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)

@@ -39,9 +39,7 @@ def load_model(text: str) -> Model:
             read = _read(offer, text)
             return replace(read, source=(text, _digest(read, text)), made_by=reloaded)
     if not colon or not name.isidentifier():
-        schemes = [f"{each}:NAME" for each in offered(AIRCRAFT) if not each.startswith(".")]
-        files = [f"FILE{each}" for each in offered(AIRCRAFT) if each.startswith(".")]
-        forms = ", ".join(("FILE.py:NAME", *schemes, *files))
+        forms = ", ".join(("FILE.py:NAME", *forms_of_packages()))
         raise BadInputError(f"{shown(text)} is no aircraft; give {forms} or package.module:NAME")
     try:
         module = _executed(where) if where.endswith(".py") else _imported(where)
@@ -71,6 +69,12 @@ def load_model(text: str) -> Model:
     if not isinstance(model, Model):
         raise BadInputError(f"{where}: {_what_is_there(module, name, model)}")
     return replace(model, source=(text, sources), made_by=reloaded)
+
+
+def forms_of_packages() -> list[str]:
+    """How aircraft that packages read are named: schemes as NAME:NAME, then suffixes as FILE.xml."""
+    names = sorted(offered(AIRCRAFT), key=lambda name: name.startswith("."))
+    return [f"FILE{name}" if name.startswith(".") else f"{name}:NAME" for name in names]
 
 
 def _format_of(text: str) -> EntryPoint | None:

@@ -58,7 +58,7 @@ def part(door: str, name: str, what: str) -> Any:
     as the message says it."""
     if name not in offered(door):
         raise BadInputError(
-            f"{what} needs a package that offers {name!r} at {door}; install one that does"
+            f"{what} needs a package that offers {name!r} at {door}; install one that does".strip()
         )
     return loaded(offered(door)[name])
 

@@ -213,10 +213,6 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
                 raise BadInputError(
                     f"--set {name} belongs to networks; give the file of one by --weights"
                 )
-    if len(paths) == 1 and paths[0].suffix.lower() == ".onnx" and "activation" in request.set:
-        raise BadInputError(
-            f"{paths[0]}: --set activation belongs to a state dict; an ONNX file says it"
-        )
     if (request.discount is None) != (request.dt is None):
         raise BadInputError("--discount and --dt belong together; neither has a default")
     if request.discount is not None:
@@ -237,12 +233,6 @@ def _check_file(
     path: Path, request: VerifyRequest, named: NamedGame, scope: Scope, files: int
 ) -> Verdict:
     """The verdict on the critic in a file, or on the last of a history; of `files` files."""
-    if path.suffix.lower() == ".zip":
-        warnings.warn(
-            f"{path}: its normalizer, clip and action map are not in it, this is about the network "
-            "alone; `hfa assess CARD.toml` judges the policy as it is deployed",
-            stacklevel=2,
-        )
     critics = critics_in(path, named.game, request.reading())
     critic = critics[-1]
     if request.discount is not None:

@@ -131,7 +131,7 @@ class LearningOptions(SeedOption):
 
 
 def _design(model: Model, name: str) -> Any:
-    return part(PARTS, "design", "--design")(name, model)
+    return part(PARTS, "design", "")(name, model)
 
 
 def design_option(

@@ -131,14 +131,19 @@ class HfaOptions(Request):
         }
 
 
+def _aircraft_help(_: Model | None) -> str:
+    """The forms of an aircraft's name: Python, and what packages read."""
+    from hfa_aircraft.loading import forms_of_packages
+
+    forms = ("your own, executed (or package.module:NAME)", *forms_of_packages())
+    return f"{', '.join(forms)}; default: the HFA"
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AircraftOptions(HfaOptions):
     """The HFA, or an aircraft of the user's own."""
 
-    aircraft: str | None = option(
-        "your own, executed (or package.module:NAME), or jsbsim:NAME, FILE.xml; default: the HFA",
-        "FILE.py:NAME",
-    )
+    aircraft: str | None = option(_aircraft_help, "FILE.py:NAME")
 
 
 def named_model(typed: Mapping[str, Any]) -> Model:

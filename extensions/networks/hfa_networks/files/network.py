@@ -92,7 +92,21 @@ def from_network(
 
 
 def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
-    """The critic that the network of a file is."""
+    """The critic that the network of a file is.
+
+    Warns where the file holds the network of a policy without its normalizer. BadInputError where
+    an activation is given for a file that states it."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".onnx" and reading.activation is not None:
+        raise BadInputError(
+            f"{path}: --set activation belongs to a state dict; an ONNX file says it"
+        )
+    if suffix == ".zip":
+        warnings.warn(
+            f"{path}: its normalizer, clip and action map are not in it, this is about the network "
+            "alone; `hfa assess CARD.toml` judges the policy as it is deployed",
+            stacklevel=2,
+        )
     return from_network(
         game,
         path,

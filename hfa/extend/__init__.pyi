@@ -1,0 +1,20 @@
+"""Names for a package that adds an aircraft format or a command."""
+
+from controller.critic.critic_file import Reading as Reading
+from hfa.doors import CommandEntry as CommandEntry
+from hfa.options.argument_types import (
+    input_file as input_file,
+    one_of as one_of,
+    positive as positive,
+    whole as whole,
+)
+from hfa.options.command import command as command
+from hfa.options.request import Request as Request, option as option
+from hfa.options.trims import (
+    AircraftOptions as AircraftOptions,
+    OneTrimOptions as OneTrimOptions,
+    OutputOptions as OutputOptions,
+)
+from hfa.output import ProgressLine as ProgressLine, show as show
+from hfa_support.reporting.report import Report as Report
+from hfa_support.reporting.text import Table as Table
