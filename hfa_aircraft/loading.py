@@ -72,7 +72,7 @@ def load_model(text: str) -> Model:
 
 
 def forms_of_packages() -> list[str]:
-    """How aircraft that packages read are named: schemes as NAME:NAME, then suffixes as FILE.xml."""
+    """The forms in which packages read aircraft: first jsbsim:NAME and others, then FILE.xml."""
     names = sorted(offered(AIRCRAFT), key=lambda name: name.startswith("."))
     return [f"FILE{name}" if name.startswith(".") else f"{name}:NAME" for name in names]
 

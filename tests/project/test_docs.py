@@ -12,7 +12,6 @@ commands of docs/NAME.md draw."""
 from __future__ import annotations
 
 import contextlib
-import difflib
 import doctest
 import importlib
 import inspect
@@ -26,11 +25,13 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 from cli import Result, hfa
+from package_page import PAGE
+from pages import COMMAND, Block, blocks_of, difference
 from project import PACKAGES, ROOT
 
 from hfa.doors import commands
@@ -39,44 +40,9 @@ from hfa.doors import commands
 SOURCE = re.compile(
     r"\n*^hfa \d+\.\d+\.\d+, \d{4}-\d\d-\d\d.*(\nnot the identified aircraft: .*)?$", re.M
 )
-_FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
-_COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
-
-
-class Block(NamedTuple):
-    """One fenced block: its language, its text, the line on which its text begins, and whether it
-    takes long."""
-
-    language: str
-    text: str
-    line: int
-    slow: bool
 
 
 _NONE = Block("", "", 0, slow=False)
-
-
-def blocks_of(document: str) -> list[Block]:
-    """The fenced blocks of a Markdown document, in order."""
-    return [
-        Block(match[1], match[3], document.count("\n", 0, match.start(3)) + 1, match[2] is not None)
-        for match in _FENCE.finditer(document)
-    ]
-
-
-def difference(expected: str, actual: str) -> str:
-    """Empty when the actual output is the expected one, with "..." for any lines; else a readable
-    comparison."""
-    lines = [line.rstrip() for line in expected.strip("\n").splitlines()]
-    pattern = "".join(r"(?:.*\n)*?" if line == "..." else re.escape(line) + r"\n" for line in lines)
-    output = "".join(f"{line.rstrip()}\n" for line in actual.strip("\n").splitlines())
-    if re.fullmatch(pattern, output):
-        return ""
-    return "\n".join(
-        difflib.unified_diff(
-            lines, output.splitlines(), "the document", "what happens", lineterm="", n=1
-        )
-    )
 
 
 def complaints(document: str, *, name: str = "document", slow: bool = False) -> list[str]:
@@ -105,7 +71,7 @@ def _wrong(
         printed, error = _run_python(block, namespace, name)
         yield error or difference(after.text if after.language == "text" else "", printed)
     if block.language == "console":
-        for command in _COMMAND.finditer(block.text):
+        for command in COMMAND.finditer(block.text):
             wrong = _wrong_with(command[1], int(command[2] or 0), command[3])
             yield wrong and f"$ {command[1]}\n{wrong}"
 
@@ -165,6 +131,8 @@ def _study(module: str, words: list[str]) -> Result:
 
 PICTURES = ROOT / "docs" / "pictures"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+#: The commands of the other page need its package: `test_doors.py` runs them.
+RUN_HERE = [path for path in DOCUMENTS if path != PAGE]
 
 
 def text_of(path: Path) -> str:
@@ -176,10 +144,10 @@ def is_slow(path: Path) -> bool:
 
 
 CASES = [
-    *(pytest.param(path, False, id=path.stem) for path in DOCUMENTS),
+    *(pytest.param(path, False, id=path.stem) for path in RUN_HERE),
     *(
         pytest.param(path, True, id=f"{path.stem} whole", marks=pytest.mark.slow)
-        for path in filter(is_slow, DOCUMENTS)
+        for path in filter(is_slow, RUN_HERE)
     ),
 ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 import subprocess
 import sys
@@ -10,6 +11,8 @@ from pathlib import Path
 
 import pytest
 from cli import Result, hfa_process
+from package_page import PAGE, write_package
+from pages import COMMAND, blocks_of, difference
 from project import FOLDERS, ROOT, SETTINGS
 
 EXTENSIONS = tuple(sorted(path.name for path in ROOT.glob("extensions/*/hfa_*")))
@@ -17,9 +20,9 @@ EXTENSIONS = tuple(sorted(path.name for path in ROOT.glob("extensions/*/hfa_*"))
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder into which pip has installed the toy, a distribution of its own."""
-    source = tmp_path_factory.mktemp("source") / "toy"
-    shutil.copytree(ROOT / "tests" / "project" / "toy", source)
+    """A folder into which pip has installed the package that docs/extending.md shows."""
+    source = tmp_path_factory.mktemp("source")
+    write_package(source)
     site = tmp_path_factory.mktemp("site")
     options = ("--quiet", "--no-deps", "--no-build-isolation", "--disable-pip-version-check")
     words = [sys.executable, "-m", "pip", "install", *options, "--target", site, source]
@@ -32,32 +35,50 @@ def run(site: Path, folder: Path, *words: str) -> Result:
     return hfa_process(*words, folder=folder, PYTHONPATH=str(site))
 
 
-def test_a_package_adds_an_aircraft_and_a_command(site: Path, tmp_path: Path) -> None:
-    (tmp_path / "my.cart").write_text("2 0.5")
-    trimmed = run(site, tmp_path, "trim", "--aircraft", "my.cart", "--json")
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the aircraft of docs/extending.md."""
+    write_package(tmp_path)
+    shutil.rmtree(tmp_path / "hfa_pointmass")
+    return tmp_path
+
+
+def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> None:
+    trimmed = run(site, folder, "trim", "--aircraft", "trainer.pm", "--at", "55", "--json")
     assert trimmed.code == 0, trimmed.err
-    assert json.loads(trimmed.out)["operating_point"]["inputs"]["thrust"] == pytest.approx(5.0)
-    greeted = run(site, tmp_path, "greet", "aircraft", "--aircraft", "my.cart", "--loudly")
-    assert (greeted.code, greeted.out) == (0, "HELLO, CART\n")
-    overview = run(site, tmp_path, "--help").out
-    assert "\ngreeting\n  greet aircraft  say the name of an aircraft\n" in overview
-    unknown = run(site, tmp_path, "greet", "plane")
+    lift = json.loads(trimmed.out)["operating_point"]["inputs"]["lift_coefficient"]
+    assert lift == pytest.approx(1200 * 9.80665 / (0.5 * 1.225 * 55**2 * 16.2))
+    overview = run(site, folder, "--help").out
+    assert "\npoint mass" in overview
+    assert "\n  level thrust    thrust and lift-to-drag ratio" in overview
+    unknown = run(site, folder, "level", "speed")
     assert (unknown.code, unknown.out) == (2, "")
-    assert "unknown word 'plane' behind `hfa greet`" in unknown.err
+    assert "unknown word 'speed' behind `hfa level`" in unknown.err
+    assert "FILE.pm" in run(site, folder, "trim", "--help").out
 
 
-def test_an_aircraft_of_a_package_is_nobody_elses(site: Path, tmp_path: Path) -> None:
-    """A reader that fills no `source`: the footer names its file, a changed file has another hash,
-    and workers read it again."""
-    (tmp_path / "my.cart").write_text("2 0.5")
-    text = run(site, tmp_path, "trim", "--aircraft", "my.cart").out
-    assert "plant my.cart (SHA-256 " in text.splitlines()[-1]
-    assert "parameters" not in text
-    (tmp_path / "my.cart").write_text("2 0.6")
-    assert run(site, tmp_path, "trim", "--aircraft", "my.cart").out != text
-    words = ("--hold", "speed=1:4:1", "--workers", "2", "-o", "cart.zarr")
-    swept = run(site, tmp_path, "sweep", "--aircraft", "my.cart", *words)
-    assert (swept.code, "trimmed             4" in swept.out) == (0, True), swept.out + swept.err
+def test_commands_of_the_page_run(site: Path, folder: Path) -> None:
+    """Each command of docs/extending.md gives its exit code and prints what the page shows."""
+    consoles = [
+        block for block in blocks_of(PAGE.read_text("utf-8")) if block.language == "console"
+    ]
+    commands = [found for block in consoles for found in COMMAND.finditer(block.text)]
+    assert len(commands) >= 6
+    for command in commands:
+        done = run(site, folder, *shlex.split(command[1])[1:])
+        assert done.code == int(command[2] or 0), f"{command[1]}: {done.out}{done.err}"
+        assert not difference(command[3], done.out + done.err)
+
+
+def test_an_aircraft_of_a_package_is_nobody_elses(site: Path, folder: Path) -> None:
+    """A reader that fills no `source`: the footer names its file, and a changed file has another
+    hash."""
+    text = run(site, folder, "trim", "--aircraft", "trainer.pm").out
+    assert "plant trainer.pm (SHA-256 " in text.splitlines()[-1]
+    assert "parameters identified" not in text
+    changed = (folder / "trainer.pm").read_text("utf-8").replace("1200", "1300")
+    (folder / "trainer.pm").write_text(changed, encoding="utf-8")
+    assert run(site, folder, "trim", "--aircraft", "trainer.pm").out != text
 
 
 def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,44 @@
+"""The fenced blocks of the documents, and what their commands print."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import NamedTuple
+
+_FENCE = re.compile(r"^```(\w*)( slow)?\n(.*?)^```$", re.M | re.S)
+#: A command, its exit code, and what it prints.
+COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n)*)", re.M)
+
+
+class Block(NamedTuple):
+    """One fenced block: its language, its text, the line on which its text begins, and whether it
+    takes long."""
+
+    language: str
+    text: str
+    line: int
+    slow: bool
+
+
+def blocks_of(document: str) -> list[Block]:
+    """The fenced blocks of a Markdown document, in order."""
+    return [
+        Block(match[1], match[3], document.count("\n", 0, match.start(3)) + 1, match[2] is not None)
+        for match in _FENCE.finditer(document)
+    ]
+
+
+def difference(expected: str, actual: str) -> str:
+    """Empty when the actual output is the expected one, with "..." for any lines; else a readable
+    comparison."""
+    lines = [line.rstrip() for line in expected.strip("\n").splitlines()]
+    pattern = "".join(r"(?:.*\n)*?" if line == "..." else re.escape(line) + r"\n" for line in lines)
+    output = "".join(f"{line.rstrip()}\n" for line in actual.strip("\n").splitlines())
+    if re.fullmatch(pattern, output):
+        return ""
+    return "\n".join(
+        difflib.unified_diff(
+            lines, output.splitlines(), "the document", "what happens", lineterm="", n=1
+        )
+    )
