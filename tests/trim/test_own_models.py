@@ -74,6 +74,16 @@ def test_slow_flights_of_the_book(
     np.testing.assert_allclose(computed, [alpha, throttle, elevator], rtol=4e-3)
 
 
+def test_no_row_with_free_states_depends_on_others() -> None:
+    """Bit for bit, where searches begin at a slope about the centre of a cell."""
+    speeds = np.linspace(200.0, 700.0, 300)[:, None]
+    whole = trim_points(F16, ("speed",), speeds)
+    for rows in (slice(7, 8), slice(100, 140)):
+        part = trim_points(F16, ("speed",), speeds[rows])
+        np.testing.assert_array_equal(part.states, whole.states[rows])
+        np.testing.assert_array_equal(part.A, whole.A[rows])
+
+
 @pytest.mark.parametrize(
     ("kind", "name"),
     [

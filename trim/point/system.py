@@ -21,9 +21,10 @@ from trim.point.condition import TrimCondition
 
 #: Norm of the scaled residuals from which one more step ends at rounding.
 NEARLY = 1e-7
-#: Steps of Newton's method that one evaluation takes, and with how many unknowns at most.
-FULL_STEPS = 4
-FEW = 6
+#: Steps of Newton's method that one evaluation takes, of one point and of many, which begin near
+#: their ends; and with how many unknowns at most.
+_STEPS, _STEPS_OF_MANY = 4, 2
+_FEW = 6
 _UNLIMITED = (-math.inf, math.inf)
 #: Where an angle without limits is looked for, by unit: to either side of 0.
 _USUAL = {"rad": math.pi / 2, "deg": 90.0}
@@ -94,23 +95,6 @@ class Equations:
         return RowFunction(ca.Function("residual", [self.z, self.c], parts))
 
     @cached_property
-    def step_rows(self) -> RowFunction:
-        """(z, c) -> z after `FULL_STEPS` steps of Newton's method, none of them halved, and whether
-        it is settled: |r| fell at each of them, to `NEARLY` before the last."""
-        moved = self.residual[: self.moved]
-        after = self.z - ca.solve(self.jacobian, moved)
-        step = ca.Function("step", [self.z, self.c], [after, ca.norm_2(moved)], {"cse": True})
-        z, norm = step(self.z, self.c)
-        settled = ca.SX(1)
-        for _ in range(FULL_STEPS - 1):
-            before = norm
-            z, norm = step(z, self.c)
-            falls = ca.logic_or(norm < before, norm <= NEARLY)
-            settled = ca.logic_and(settled, falls)
-        settled = ca.logic_and(settled, norm <= NEARLY)
-        return RowFunction(ca.Function("steps", [self.z, self.c], [z, settled], {"cse": True}))
-
-    @cached_property
     def point_rows(self) -> RowFunction:
         """(z, c) -> x, u, the watched outputs y, r, and the derivatives of r row by row, in one
         column."""
@@ -130,6 +114,25 @@ class Equations:
         A, B = (ca.vec(ca.densify(jacobian).T) for jacobian in jacobians)
         flat = ca.vertcat(self.x, self.u, self.y, A, B, self.residual)
         return RowFunction(ca.Function("linear", [self.z, self.c], [ca.cse(ca.densify(flat))]))
+
+
+@lru_cache(maxsize=32)
+def step_rows(equations: Equations, steps: int) -> RowFunction:
+    """(z, c) -> z after so many steps of Newton's method, none of them halved, and whether it is
+    settled: |r| fell at each of them, to `NEARLY` before the last."""
+    moved = equations.residual[: equations.moved]
+    after = equations.z - ca.solve(equations.jacobian, moved)
+    arguments = [equations.z, equations.c]
+    step = ca.Function("step", arguments, [after, ca.norm_2(moved)], {"cse": True})
+    z, norm = step(*arguments)
+    settled = ca.SX(1)
+    for _ in range(steps - 1):
+        before = norm
+        z, norm = step(z, equations.c)
+        falls = ca.logic_or(norm < before, norm <= NEARLY)
+        settled = ca.logic_and(settled, falls)
+    ends = [z, ca.logic_and(settled, norm <= NEARLY)]
+    return RowFunction(ca.Function("steps", arguments, ends, {"cse": True}))
 
 
 def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] = ()) -> Structure:
@@ -275,6 +278,7 @@ class TrimSystem:
     row_scales: (e,), one scaled unit of each equation
     moved: number of equations that the unknowns can move, the first ones
     is_quick: whether `quick_steps` is worth its evaluation
+    steps: how many of Newton's method it takes
     """
 
     def __init__(
@@ -304,7 +308,8 @@ class TrimSystem:
         self.watched = condition.limits_on([name for name, _ in self.structure.watched])
         self.row_scales = self.equations.row_scales
         self.moved = self.equations.moved
-        self.is_quick = self.equations.square and len(self.scales) <= FEW
+        self.is_quick = self.equations.square and len(self.scales) <= _FEW
+        self.steps = _STEPS_OF_MANY if varied and not self.only_inputs else _STEPS
 
     @property
     def only_inputs(self) -> bool:
@@ -335,9 +340,9 @@ class TrimSystem:
     def quick_steps(
         self, z: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """z (N, k) after `FULL_STEPS` steps of Newton's method, none of them halved; which points
-        are settled, and which are not (N,)."""
-        after, flags = self.equations.step_rows(z, c)
+        """z (N, k) after a few steps of Newton's method, none of them halved; which points are
+        settled, and which are not (N,)."""
+        after, flags = step_rows(self.equations, self.steps)(z, c)
         settled = flags[:, 0] == 1.0
         return after, settled, ~settled
 

@@ -19,6 +19,7 @@ from trim.point.condition import (
     usual_condition,
     with_first_alternatives,
 )
+from trim.point.halving import newton_step
 from trim.point.newton import newton
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.solve import find_operating_point
@@ -35,7 +36,9 @@ TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
 #: sweep has the same bits each time.
 COMPILE_FROM = 30_000
 #: Width of the cells at whose centers points with free states begin, in nominal values.
-_CELL = 0.02
+_CELL = 0.03
+#: Largest change of a scaled unknown over a cell.
+_STEEPEST = 0.2
 #: Rounds in which points begin again at settled neighbours, at most.
 _ROUNDS = 100
 
@@ -104,10 +107,9 @@ def trim_points(
         _settle_alone(system, points, i, variables, values[i], start)
         if progress is not None:
             progress(done, len(values))
-    trimmed = points.status == TRIMMED
-    if not trimmed.all():
-        points.A[~trimmed] = np.nan
-        points.B[~trimmed] = np.nan
+    untrimmed = points.status != TRIMMED
+    points.A[untrimmed] = np.nan
+    points.B[untrimmed] = np.nan
     return points
 
 
@@ -197,12 +199,10 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     count = len(values)
     if not system.equations.square or not count:
         nothing = np.full(count, NO_TRIM, dtype=np.int8)
-        states = np.full((count, n), np.nan)
-        inputs = np.full((count, m), np.nan)
-        A = np.full((count, n, n), np.nan)
-        B = np.full((count, n, m), np.nan)
-        return Points(nothing, states, inputs, A, B, {}, nothing == NO_TRIM)
-    c = system.constants(count, dict(zip(variables, values.T, strict=True)))
+        shapes = ((n,), (m,), (n, n), (n, m))
+        x, u, A, B = (np.full((count, *shape), np.nan) for shape in shapes)
+        return Points(nothing, x, u, A, B, {}, nothing == NO_TRIM)
+    c = _constants(system, variables, values)
     z = _starts(system, variables, values)
     z, settled = newton(system, z, c)
     if not settled.all():
@@ -225,29 +225,52 @@ def _starts(
     variables: tuple[str, ...],
     values: np.ndarray,
 ) -> np.ndarray:
-    """(N, k), the unknowns where the search for each point begins.
+    """(N, k), the unknowns where the search for each point begins: linear in the values about the
+    solution at the centre of the point's cell.
 
-    Inputs alone have one solution. With states free there may be others: all points begin where the
-    model says (`begin`), or at solutions of the same coarse grid (a fiftieth of the nominal
-    values), the model's, so that no row depends on its neighbours."""
+    The cells are the model's, 3 % of the nominal values wide, so that no row depends on its
+    neighbours. Their searches begin where the model says. A slope that is steeper than `_STEEPEST`
+    may lead to another solution and counts as 0. Inputs alone have one solution: their searches
+    begin as those of single trims do, with the same bits."""
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
-    if system.model.begin is not None:
-        starts = np.tile(system.start, (len(values), 1))
-        columns = dict(zip(variables, values.T, strict=True))
-        begun = system.model.begin({**system.condition.imposed, **columns})
-        for column, name in enumerate(system.equations.unknowns):
-            if name in begun:
-                starts[:, column] = begun[name] / system.scales[column]
-        return starts
     signals = {**system.model.rates, **system.model.signals}
     widths = np.array([_CELL * signals[name].nominal for name in variables])
-    cells, cell = np.unique(np.round(values / widths), axis=0, return_inverse=True)
-    columns = dict(zip(variables, (cells * widths).T, strict=True))
-    starts = np.tile(system.start, (len(cells), 1))
-    z, settled = newton(system, starts, system.constants(len(cells), columns))
-    z[~settled] = starts[~settled]
-    return z[cell.ravel()]
+    places = values / widths
+    cells, cell = np.unique(np.round(places), axis=0, return_inverse=True)
+    cell = cell.ravel()
+    begun = _begun(system, variables, cells * widths)
+    centers, known = newton(system, begun, _constants(system, variables, cells * widths))
+    centers[~known] = begun[~known]
+    z = centers[cell]
+    for column in range(len(variables)):
+        beside = cells.copy()
+        beside[:, column] += 0.5
+        residual, jacobian = system.residuals(
+            centers, _constants(system, variables, beside * widths)
+        )
+        slopes = 2.0 * newton_step(jacobian, residual[:, : system.moved])
+        slopes[~known | ~(np.abs(slopes).max(axis=1) < _STEEPEST)] = 0.0
+        z += slopes[cell] * (places - cells[cell])[:, [column]]
+    return z
+
+
+def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
+    """(N, k), the unknowns where the model says that searches at these values begin."""
+    starts = np.tile(system.start, (len(values), 1))
+    if system.model.begin is None:
+        return starts
+    columns = dict(zip(variables, values.T, strict=True))
+    begun = system.model.begin({**system.condition.imposed, **columns})
+    for column, name in enumerate(system.equations.unknowns):
+        if name in begun:
+            starts[:, column] = begun[name] / system.scales[column]
+    return starts
+
+
+def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
+    """The constants of the equations at each row of values."""
+    return system.constants(len(values), dict(zip(variables, values.T, strict=True)))
 
 
 def _settle_from_neighbours(
