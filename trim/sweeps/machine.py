@@ -140,6 +140,12 @@ void {symbol}_newton(long long count, const double *c, double *z, signed char *s
         status[i] = (signed char)newton(c + i * C, z + i * K);
 }}
 
+void {symbol}_residual(long long count, const double *c, const double *z, double *r, double *J)
+{{
+    for (long long i = 0; i < count; i++)
+        evaluate(z + i * K, c + i * C, r + i * E, J + i * K * K);
+}}
+
 void {symbol}_linear(long long count, const double *c, const double *z, double *flat)
 {{
     for (long long i = 0; i < count; i++) {{
@@ -153,13 +159,17 @@ void {symbol}_linear(long long count, const double *c, const double *z, double *
 
 
 class CompiledTrim:
-    """The two loops of a library: Newton's method, and the linear models."""
+    """The loops of a library: Newton's method, the equations, and the linear models.
 
-    def __init__(self, symbol: str, library: Path, flat: int) -> None:
+    rows: numbers of equations, and of a row of `Equations.linear_rows`
+    """
+
+    def __init__(self, symbol: str, library: Path, rows: tuple[int, int]) -> None:
         functions = ctypes.CDLL(str(library))
         self._newton = getattr(functions, f"{symbol}_newton")
+        self._residual = getattr(functions, f"{symbol}_residual")
         self._linear = getattr(functions, f"{symbol}_linear")
-        self._flat = flat
+        self._rows = rows
 
     def newton(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """z (N, k) after Newton's method from z (N, k) with the constants c (N, ..), which points
@@ -171,9 +181,20 @@ class CompiledTrim:
         self._newton(count, _address(constants), _address(ends), _address(status))
         return ends, status == _SETTLED, status == _SINGULAR
 
+    def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """r (N, e) and J (N, k, k)."""
+        unknowns = np.ascontiguousarray(z)
+        constants = np.ascontiguousarray(c)
+        count, k = z.shape
+        residual = np.empty((count, self._rows[0]))
+        jacobian = np.empty((count, k, k))
+        arrays = map(_address, (constants, unknowns, residual, jacobian))
+        self._residual(ctypes.c_longlong(count), *arrays)
+        return residual, jacobian
+
     def linear(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
         """(N, ..), a row of `Equations.linear_rows` a point."""
-        flat = np.empty((len(z), self._flat))
+        flat = np.empty((len(z), self._rows[1]))
         unknowns = np.ascontiguousarray(z)
         constants = np.ascontiguousarray(c)
         count = ctypes.c_longlong(len(z))
@@ -204,6 +225,12 @@ class CompiledSystem(TrimSystem):
         if self.machine is None:
             return super().quick_steps(z, c)
         return self.machine.newton(z, c)
+
+    def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
+        if self.machine is None:
+            return super().residuals(z, c)
+        return self.machine.residuals(z, c)
 
     def linear_rows(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
         """(N, ..), a row of `Equations.linear_rows` a point."""
@@ -236,9 +263,10 @@ def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | 
         "singular": _SINGULAR,
     }
     functions = str(generator.dump())
+    rows = (residual.numel_out(0), linear.numel_out(0))
     return compiled(
         lambda symbol: _C_TEXT.format(functions=functions, symbol=symbol, **numbers, **sizes),
-        lambda symbol, library: CompiledTrim(symbol, library, linear.numel_out(0)),
+        lambda symbol, library: CompiledTrim(symbol, library, rows),
     )
 
 
