@@ -180,11 +180,7 @@ def test_every_stored_verdict_follows_from_its_figures_and_no_other_target_is_mi
     missed = [figure["job"] for figure in report.stored()["figures"] if figure["reached"] == "NO"]
     assert missed == [
         "one trim and its exact A, B, from Python",
-        "10000 points of an F-16 with 5 unknowns, generated C",
-        "10000 points of an F-16 with 12 unknowns, no compiler",
-        "10000 points of an F-16 with 12 unknowns, generated C",
         "10000 points of the 737 of JSBSim, kcas x altitude, no compiler",
-        "10000 points of the 737 of JSBSim, kcas x altitude, generated C",
         "a step of 50 ms of one environment of the c172p",
     ]
     for figure in report.stored()["figures"]:
