@@ -1,4 +1,4 @@
-"""How the tests run: the environment, and the fixtures of all rooms in the processes that run
+"""How the tests run: the environment, and the fixtures of all packages in the processes that run
 tests."""
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import hfa_model
-from hfa.doors import commands
+from hfa.entry_points import commands
 from hfa.main import filled
 from hfa.options.parser import Parser
 from hfa_support.version import VERSION
@@ -46,7 +46,7 @@ autodoc_typehints_description_target = "documented_params"
 toc_object_entries_show_parents = "hide"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
-# Types of other libraries and of rooms without a page of their own lead nowhere.
+# Types of other libraries and of packages without a page of their own lead nowhere.
 nitpick_ignore_regex = [("py:(class|obj|data)", ".*")]
 autodoc_member_order = "bysource"
 # Names in backquotes are links where they have an entry.

@@ -9,7 +9,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any, Literal
 
-from hfa.doors import commands
+from hfa.entry_points import commands
 from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.results import Result

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from hfa.doors import command_named, commands, found_in, words_after
+from hfa.entry_points import command_named, commands, found_in, words_after
 from hfa.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from hfa.options.parser import Parser, unknown
 from hfa_support.errors import BadInputError, NoSolutionError, on_one_line, shortened

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 
-from hfa.doors import CommandEntry, commands
+from hfa.entry_points import CommandEntry, commands
 from hfa.options.parser import Parser
 from hfa_support.version import VERSION
 

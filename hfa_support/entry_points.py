@@ -1,6 +1,6 @@
-"""The doors: what installed packages offer to a core that does not know them, as entry points.
+"""Entry points: what installed packages offer to a core that does not import them.
 
-`importlib.metadata` is imported, and the distributions are listed, when a door is asked first."""
+`importlib.metadata` is imported, and the distributions are listed, when a group is read first."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hfa_support.errors import BadInputError, on_one_line
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-#: Commands by their words, "prove.region" for `hfa prove region`: a `hfa.doors.CommandEntry`.
+#: Commands by their words, "prove.region" for `hfa prove region`: a `CommandEntry`.
 COMMANDS = "hfa.commands"
 #: Aircraft by scheme, "jsbsim" of jsbsim:NAME, or by suffix, ".xml": text -> Model.
 AIRCRAFT = "hfa.aircraft"
@@ -24,18 +24,18 @@ PARTS = "hfa.parts"
 
 
 @cache
-def offered(door: str) -> dict[str, EntryPoint]:
-    """Name -> entry point, of all that is offered at a door, in the order of the names.
+def offered(group: str) -> dict[str, EntryPoint]:
+    """Name -> entry point, of all that is offered in a group, in the order of the names.
 
     BadInputError where two packages offer the same name."""
     from importlib.metadata import entry_points
 
     found: dict[str, EntryPoint] = {}
-    for entry in sorted(entry_points(group=door), key=lambda each: each.name):
+    for entry in sorted(entry_points(group=group), key=lambda each: each.name):
         other = found.setdefault(entry.name, entry)
         if other.value != entry.value:
             raise BadInputError(
-                f"{_package(other)} and {_package(entry)} both offer {entry.name} at {door};"
+                f"{_package(other)} and {_package(entry)} both offer {entry.name} in {group};"
                 " remove one of them"
             )
     return found
@@ -53,14 +53,14 @@ def loaded(entry: EntryPoint) -> Any:
         ) from error
 
 
-def part(door: str, name: str, what: str) -> Any:
-    """What is offered under a name at a door. BadInputError where nothing is; what: that needs it,
+def part(group: str, name: str, what: str) -> Any:
+    """What is offered under a name in a group. BadInputError where nothing is; what: that needs it,
     as the message says it."""
-    if name not in offered(door):
+    if name not in offered(group):
         raise BadInputError(
-            f"{what} needs a package that offers {name!r} at {door}; install one that does".strip()
+            f"{what} needs a package that offers {name!r} in {group}; install one that does".strip()
         )
-    return loaded(offered(door)[name])
+    return loaded(offered(group)[name])
 
 
 def _package(entry: EntryPoint) -> str:

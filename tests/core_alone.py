@@ -1,7 +1,7 @@
 """The tests of the core where no extension is installed: `make test-core`.
 
 A new environment has the libraries of this one and the core's packages, and nothing of the folder
-extensions/: no module of it can be imported, and nothing is offered at the doors."""
+extensions/: no module of it can be imported, and no entry point is offered."""
 
 from __future__ import annotations
 

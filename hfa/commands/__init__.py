@@ -1,2 +1,2 @@
-"""The commands of the core, each a function with its options (`Command`); `hfa.doors.CORE` lists
+"""The commands of the core, each a function with its options (`Command`); `hfa.entry_points.CORE` lists
 them."""

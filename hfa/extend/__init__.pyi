@@ -1,7 +1,7 @@
 """Names for a package that adds an aircraft format or a command."""
 
 from controller.critic.critic_file import Reading as Reading
-from hfa.doors import CommandEntry as CommandEntry
+from hfa.entry_points import CommandEntry as CommandEntry
 from hfa.options.argument_types import (
     input_file as input_file,
     one_of as one_of,

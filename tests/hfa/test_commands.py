@@ -14,7 +14,7 @@ from cli import answer, hfa
 from game_files import AT_15
 
 import hfa_model
-from hfa.doors import commands
+from hfa.entry_points import commands
 from hfa.main import DONE, FAILED
 from hfa_aircraft.model import Model
 from hfa_model import (

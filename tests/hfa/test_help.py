@@ -9,7 +9,7 @@ import pytest
 from cli import hfa
 from project import ROOT
 
-from hfa.doors import commands
+from hfa.entry_points import commands
 
 NAMES = list(commands())
 #: In an order in which each finds the files of those before.

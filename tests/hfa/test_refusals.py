@@ -11,7 +11,7 @@ import pytest
 from cli import assert_refused, hfa
 from game_files import small, stored
 
-from hfa.doors import commands
+from hfa.entry_points import commands
 from hfa.main import BAD_INPUT, FAILED
 
 DIGITS = "9" * 5000

@@ -34,7 +34,7 @@ from package_page import PAGE
 from pages import COMMAND, Block, blocks_of, difference
 from project import PACKAGES, ROOT
 
-from hfa.doors import commands
+from hfa.entry_points import commands
 
 #: The lines at the end of an output that name where it comes from; a document need not show them.
 SOURCE = re.compile(

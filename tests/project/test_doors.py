@@ -83,7 +83,7 @@ def test_an_aircraft_of_a_package_is_nobody_elses(site: Path, folder: Path) -> N
 
 def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:
     (tmp_path / "stranger.py").write_text(
-        "from hfa.doors import CommandEntry\nfrom hfa.options.command import command\n"
+        "from hfa.entry_points import CommandEntry\nfrom hfa.options.command import command\n"
         "RUN = CommandEntry('model', 'run', 'stranger:run')\n"
         "@command(dict)\ndef run(request):\n    return 0\n"
     )
@@ -121,18 +121,18 @@ def test_a_name_that_two_packages_offer_is_refused(tmp_path: Path) -> None:
     assert run(tmp_path, tmp_path, "trim", "--dihedral", "10").code == 0
 
 
-def test_the_wall_has_every_package() -> None:
+def test_the_contract_has_every_package() -> None:
     """The contract that the core knows no extension is about everything but the core."""
     packages = set(FOLDERS)
     core = packages - set(EXTENSIONS)
     contracts = SETTINGS["importlinter"]["contracts"]
-    (wall,) = (
+    (contract,) = (
         contract for contract in contracts if contract["name"].startswith("The core knows no")
     )
     assert len(EXTENSIONS) >= 8
-    assert set(wall["forbidden_modules"]) == set(EXTENSIONS)
-    assert set(wall["source_modules"]) == core
-    assert "ignore_imports" not in wall
+    assert set(contract["forbidden_modules"]) == set(EXTENSIONS)
+    assert set(contract["source_modules"]) == core
+    assert "ignore_imports" not in contract
     assert packages | {"studies"} == set(SETTINGS["importlinter"]["root_packages"])
     (layers,) = (
         contract for contract in contracts if contract["name"].startswith("An extension imports")

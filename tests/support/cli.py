@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import pytest
 from project import COMMANDS_OF_EXTENSIONS
 
-from hfa.doors import commands
+from hfa.entry_points import commands
 from hfa.formats import formats
 from hfa.main import BAD_INPUT, DONE, main
 from hfa_support import BadInputError

@@ -22,7 +22,7 @@ from game_files import small
 from hostile_files import NUMBERS, WORDS, hostile_claims, hostile_file, hostile_store
 
 import hfa_model
-from hfa.doors import command_named, commands, found_in
+from hfa.entry_points import command_named, commands, found_in
 from hfa.main import filled
 from hfa.options.parser import Parser
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hfa.doors import words_after
+from hfa.entry_points import words_after
 from hfa.options.argument_types import input_file
 from hfa.options.command import command
 from hfa.options.games import PlantOptions, design_option

@@ -1,6 +1,6 @@
 """Entry points of this extension for the command `hfa`."""
 
-from hfa.doors import CommandEntry
+from hfa.entry_points import CommandEntry
 
 PRINTED = CommandEntry(
     "critic",

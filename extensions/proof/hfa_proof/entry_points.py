@@ -1,6 +1,6 @@
 """What this extension offers to the command `hfa`."""
 
-from hfa.doors import CommandEntry
+from hfa.entry_points import CommandEntry
 
 CHECK = CommandEntry(
     "proof",
