@@ -152,7 +152,7 @@ def is_network(path: Path) -> bool:
 
 
 def _format_of(path: Path) -> str:
-    """Return the entry point in `CRITICS` by which a file is read; "" for the arrays of this module."""
+    """Return the entry point in `CRITICS` that reads a file; "" for the arrays of this module."""
     suffix = path.suffix.lower()
     names: list[str] = []
     try:
