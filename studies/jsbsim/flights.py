@@ -1,7 +1,7 @@
 """Flights of 30 s from drawn states, with steps of the throttle and the stick: ours, whose lags of
 engines and filters are states, against JSBSim's at three of its steps.
 
-`python -m studies.jsbsim.flights [NAME ...]` prints the table of docs/jsbsim.md, a line each.
+`python -m studies.jsbsim.flights [NAME ...]` prints the table of README.md, a line each.
 JSBSim flies over a sphere so large that it is flat, without rotation.
 """
 

@@ -31,7 +31,7 @@ HEADER = ("file", "verdict")
 NAMED = ("the answer belongs to another plant", "one entry of the answer")
 _HEAD = """# Printed answers of others
 
-Judge an answer that a paper, a manual or a repository prints together with its plant:
+`hfa printed` judges an answer that a paper, a manual or a repository prints with its plant:
 
 ```console
 $ hfa printed studies/published/sources/radp_suspension.toml
@@ -39,17 +39,16 @@ as printed: all 20 entries
 ...
 ```
 
-[Each verdict](critics.md#a-printed-answer) is about digits: that an answer belongs to another plant
-says nothing about how it came there. [The table of results](../studies/published/results.csv) has
-every answer with its whole verdict, and [its folder](../studies/published/sources) a file for each:
-the text that was opened (repository, path and commit, or address and date), what was worked out,
-and the numbers, digit by digit. `python -m studies.published` judges all of them and writes the
-table and this page.
+[Each verdict](critics.md#a-printed-answer) concerns digits. "The answer belongs to another plant"
+does not state the cause. [The table of results](../studies/published/results.csv) lists every
+answer with its whole verdict. [Its folder](../studies/published/sources) has a file for each, with
+the source that was opened (repository, path and commit, or address and date) and the numbers, digit
+by digit. `python -m studies.published` judges all of them and writes the table and this page.
 """
 _PAPER = """
 ## The aircraft of the paper
 
-It prints no P, K or W. `hfa regenerate` gives back A and B:
+The paper prints no P, K or W. `hfa regenerate` reproduces A and B:
 """
 
 
@@ -120,8 +119,8 @@ def _lines_of_the_paper() -> list[str]:
         errors = [abs(entry.half_units) for entry in pair.entries if not entry.is_zero]
         right = sum(error <= 1.0 for error in errors)
         lines.append(
-            f"- {pair.published.dihedral_deg:g} deg: {right} of {len(errors)} entries, the farthest"
-            f" {max(errors):.2f} half units off"
+            f"- {pair.published.dihedral_deg:g} deg: {right} of {len(errors)} entries, at most"
+            f" {max(errors):.2f} half units"
         )
     return lines
 

@@ -235,7 +235,7 @@ def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
     [
         ("{} without the disturbance", {"disturbance": STILL}),
         (
-            "{} with its sign turned",
+            "{} with its sign changed",
             {
                 "disturbance": Waveform(
                     STILL.constant,
@@ -244,7 +244,7 @@ def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
                 )
             },
         ),
-        ("{} with that of the angle's command turned", (7.0, -0.1, 0.0, 0.0, 0.5, 0.0)),
+        ("{} with that of the angle's command changed", (7.0, -0.1, 0.0, 0.0, 0.5, 0.0)),
         ("{} with that of the dihedral's", (7.0, 0.1, 0.0, 0.0, -0.5, 0.0)),
     ],
 )
