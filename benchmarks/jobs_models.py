@@ -14,14 +14,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-import hfa_model
 from benchmarks.report import Limit, Row, in_turn, shortest
 from controller.hfa_game import published_game
 from controller.riccati.game_batch import solve_games
+from hfa.paper import default_parameters
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
-from hfa_model import LINEAR_STATES, STATES, Parameters, default_parameters
+from hfa_model import LINEAR_STATES, STATES, Parameters
 from hfa_model.atmosphere import density
+from hfa_model.choice import aircraft
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import c_compiler
 from trim.hfa.level_flight import level_flight
@@ -68,7 +69,9 @@ def _games(quick: bool) -> list[Row]:
 
     count = 20 if quick else 1000
     flights = trim_points(
-        hfa_model.aircraft(), ("dihedral",), np.radians(np.linspace(0.0, 20.0, count))[:, None]
+        aircraft(),
+        ("dihedral",),
+        np.radians(np.linspace(0.0, 20.0, count))[:, None],
     )
     index = [STATES.index(name) for name in LINEAR_STATES]
     A = flights.A[:, index][:, :, index]
@@ -221,21 +224,21 @@ def evaluations(
 
 def _trim(quick: bool) -> list[Row]:
     """One trim with its linear model, from Python."""
-    aircraft = hfa_model.aircraft()
+    flexible = aircraft()
     system = peer_system()
 
     condition = level_flight(np.radians(10.0))
 
     def ours():
         for _ in range(100):
-            linearize(aircraft, find_operating_point(aircraft, condition))
+            linearize(flexible, find_operating_point(flexible, condition))
 
     def peer():
         for _ in range(20):
             peer_point(system, np.radians(10.0))
 
     timing = in_turn(ours, peer, units=100, peer_units=20, repeats=1 if quick else 7)
-    exact = level_model(aircraft, np.radians(10.0))
+    exact = level_model(flexible, np.radians(10.0))
     _, model = peer_point(system, np.radians(10.0))
     error = max(np.abs(model.A - exact.A).max(), np.abs(model.B - exact.B).max())
     angle = np.radians(np.full((1, 1), 10.0))
@@ -246,7 +249,7 @@ def _trim(quick: bool) -> list[Row]:
             timing,
             4.0,
             f"largest error of the peer's entries {error:.1e}, of ours rounding",
-            limit=evaluations(aircraft, ("dihedral",), angle, None, False),
+            limit=evaluations(flexible, ("dihedral",), angle, None, False),
         )
     ]
 
@@ -254,16 +257,16 @@ def _trim(quick: bool) -> list[Row]:
 def _angles(quick: bool) -> list[Row]:
     """Many dihedral angles of the HFA."""
     count, peer_count = _counts(quick)
-    aircraft = hfa_model.aircraft()
+    flexible = aircraft()
     system = peer_system()
     angles = np.radians(np.linspace(0.0, 20.0, count))
 
     def ours(compile_code: bool, modes: bool = False):
-        flights = trim_points(aircraft, ("dihedral",), angles[:, None], compile_code=compile_code)
+        flights = trim_points(flexible, ("dihedral",), angles[:, None], compile_code=compile_code)
         assert (flights.status == TRIMMED).all()
         if modes:
             rows = [STATES.index(name) for name in LINEAR_STATES]
-            track_modes(flights.A[:, rows][:, :, rows], LINEAR_STATES, aircraft)
+            track_modes(flights.A[:, rows][:, :, rows], LINEAR_STATES, flexible)
 
     def peer():
         for angle in angles[:: count // peer_count]:
@@ -275,7 +278,7 @@ def _angles(quick: bool) -> list[Row]:
     rows = []
     for compiled, how, target in ((False, "no compiler", 10.0), (True, "generated C", 200.0)):
         if compiled <= (c_compiler() is not None):
-            limit = evaluations(aircraft, ("dihedral",), angles[:, None], None, compiled)
+            limit = evaluations(flexible, ("dihedral",), angles[:, None], None, compiled)
             timing = in_turn(partial(ours, compiled), peer, *units)
             rows.append(Row(f"{job}, {how}", name, timing, target, limit=limit))
     job += " with tracked modes, every residual and limit checked"

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-import hfa_model
+import hfa
 from benchmarks.jobs_flight import STEP, FlightCase
 from benchmarks.report import Comparison, Limit, Row, Size, in_turn, value_text
 from controller.hfa_game import published_game
@@ -81,7 +81,7 @@ def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     The envelope is as good as none, so that every member flies to the end.
     """
     case = FlightCase()
-    aircraft = hfa_model.aircraft()
+    aircraft = hfa.aircraft()
     point = find_operating_point(aircraft, level_flight(float(np.radians(5.0))))
     initial = np.array([*case.start[:6], 0.0])
     signals = (case.reference, case.disturbance)
@@ -92,7 +92,7 @@ def critic_plan(members: int, duration: float = 20.0) -> MonteCarlo:
 
 def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
     """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
-    aircraft = hfa_model.aircraft()
+    aircraft = hfa.aircraft()
     scenario = Scenario(duration, uncertainty=_UNCERTAIN)
     model = level_model(aircraft, float(np.radians(15.0)))
     law = GainPolicy("exact", solve_game(published_game(model.A, model.B)).K)
@@ -174,7 +174,7 @@ def _sized(job: str, count: int) -> Size:
         path = Path(folder) / "store.zarr"
         start = time.perf_counter()
         if job == "sweep":
-            stream_sweep(SweepPlan({"dihedral": steps}, hfa_model.aircraft()), path)
+            stream_sweep(SweepPlan({"dihedral": steps}, hfa.aircraft()), path)
         else:
             stream_members(gain_plan(count, duration=0.1), path)
         seconds = (time.perf_counter() - start) / count

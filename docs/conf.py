@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import hfa_model
+import hfa
 from hfa.entry_points import commands
 from hfa.main import filled
 from hfa.options.parser import Parser
@@ -57,7 +57,7 @@ suppress_warnings = ["misc.highlighting_failure"]
 
 def commands_page() -> str:
     """The complete help of every command."""
-    aircraft = hfa_model.aircraft()
+    aircraft = hfa.aircraft()
     parts = ["# Commands"]
     for name, entry in commands().items():
         parser = filled(Parser(prog=f"hfa {name}"), entry.load(), aircraft)

@@ -16,18 +16,21 @@ from docstrings import describe_attributes, escaped
 from sphinx.pycode import ModuleAnalyzer
 
 ROOT = Path(__file__).parent.parent
-#: Package -> what its page of the reference is about. A name of several packages has its entry on
-#: the first page.
+#: Package -> what its page of the reference is about.
 PACKAGES = {
     "hfa": "what a script needs",
     "hfa.paper": "the paper's level flight, game and parameters",
     "hfa.extend": "what a package of your own imports",
     "hfa_aircraft": "aircraft as models",
-    "hfa_support": "errors and reports",
     "hfa_model": "the flexible aircraft",
+    "hfa_air": "its unsteady dynamics",
     "trim": "trims and linear models",
-    "controller": "games, laws and flights",
-    "verification": "checks and proofs",
+    "controller": "games, critics and learning",
+    "verification": "checks",
+    "hfa_flight": "flights of the nonlinear aircraft",
+    "hfa_servo": "designs of controllers",
+    "hfa_discrete": "games in discrete time",
+    "hfa_proof": "certificates",
 }
 
 
@@ -42,7 +45,8 @@ def names_of(package: str) -> list[str]:
 
 def imports_of(package: str) -> list[ast.ImportFrom]:
     """The imports of names, not of modules, in the stub of a package."""
-    stub = ast.parse((ROOT / package.replace(".", "/") / "__init__.pyi").read_text("utf-8"))
+    folder = Path(inspect.getfile(importlib.import_module(package))).parent
+    stub = ast.parse((folder / "__init__.pyi").read_text("utf-8"))
     return [entry for entry in stub.body if isinstance(entry, ast.ImportFrom) and entry.module]
 
 
@@ -64,20 +68,11 @@ def value_of(package: str, name: str) -> object:
     return getattr(importlib.import_module(package), name)
 
 
-def home_of(package: str, name: str) -> str:
-    """The first of `PACKAGES` that has the name for the same: its entry is on that page."""
-    return next(
-        candidate
-        for candidate in PACKAGES
-        if name in names_of(candidate) and value_of(candidate, name) is value_of(package, name)
-    )
-
-
 def names_page(package: str) -> str:
     """A table of the names with their first sentences, then their entries."""
     names = names_of(package)
-    rows = [_row(home_of(package, name), name) for name in names]
-    entries = [_entry(package, name) for name in names if home_of(package, name) == package]
+    rows = [_row(package, name) for name in names]
+    entries = [_entry(package, name) for name in names]
     returned = [
         _class_entry(f"{kind.__module__}.{kind.__qualname__}", kind) for kind in results()[package]
     ]

@@ -12,8 +12,9 @@ from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.learning.certified import learn as learn
 from controller.riccati.gare import Solution as Solution, solve_game as solve_game
-from hfa_aircraft import Model as Model, Signal as Signal
 from hfa_aircraft.loading import load_model as load_model
+from hfa_aircraft.model import Model as Model
+from hfa_aircraft.signals import Signal as Signal
 from hfa_derivatives.aircraft import from_derivatives as from_derivatives
 from hfa_flight.nonlinear_flight import Flight as Flight, fly as fly
 from hfa_identify.identified import identify as identify

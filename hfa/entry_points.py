@@ -92,19 +92,6 @@ CORE = {
     ),
 }
 
-#: Former words, for one version -> what took their place.
-MOVED = {
-    "reproduce": "a study, python -m studies.section5,",
-    "study": "a study, python -m studies.update_law,",
-    "servo": "a study, python -m studies.servo,",
-    "map": "`hfa fly --initial NAME=VALUE`",
-    "schedule": "`hfa fly --controller GAINS --command dihedral=TIME:VALUE`",
-    "monte-carlo": "`hfa fly --samples N`",
-    "lpv": "`hfa prove models`",
-    "validate": "a study, python -m studies.validation,",
-    "verify --printed": "`hfa printed FILE`",
-}
-
 
 def commands() -> dict[str, CommandEntry]:
     """Words -> command, "prove region" for `hfa prove region`: of the core and of all packages.
@@ -146,13 +133,9 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     """The name of the command that a command line begins with, and the words of its options; ""
     where the first word is none.
 
-    BadInputError for former words, for an unknown word behind the first, and where an option
-    comes first.
+    BadInputError for an unknown word behind the first, and where an option comes first.
     """
     first = words[0] if words else ""
-    for name in (first, *(f"{first} {word.partition('=')[0]}" for word in words[1:])):
-        if name in MOVED:
-            raise BadInputError(f"`hfa {name}` is {MOVED[name]} now")
     if first in CORE:
         return first, words[1:]
     both = [".".join(words[:2]), *(f"{first}.{word}" for word in words[2:])]

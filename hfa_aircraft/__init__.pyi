@@ -2,5 +2,3 @@
 converted."""
 
 from .control_systems import from_control as from_control, to_control as to_control
-from .model import Model as Model
-from .signals import Signal as Signal

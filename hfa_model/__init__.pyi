@@ -1,9 +1,6 @@
 """The aircraft: three rigid panels on two hinges, seven states, five inputs, written
 symbolically."""
 
-from hfa_air.unsteady import UNSTEADY as UNSTEADY
-
-from .choice import aircraft as aircraft
 from .declaration import (
     is_hfa as is_hfa,
     loads as loads,
@@ -12,11 +9,7 @@ from .declaration import (
 )
 from .parameter_files import save_parameters as save_parameters
 from .parameter_samples import sample_parameters as sample_parameters
-from .parameters import (
-    Parameters as Parameters,
-    default_parameters as default_parameters,
-    load_parameters as load_parameters,
-)
+from .parameters import Parameters as Parameters, load_parameters as load_parameters
 from .printed_matrices import published_models as published_models
 from .variants import VARIANTS as VARIANTS
 from .vectors import (

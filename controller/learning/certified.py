@@ -531,7 +531,7 @@ def learn(
     progress: called with (fraction done, 1, residual)
     options: fields of `CertifiedSettings`
 
-    Whether what was learned is right the judge says (`verification.check_critic`), who knows A.
+    Whether what was learned is right the judge says (`hfa.check_critic`), who knows A.
     Raises BadInputError for an unknown law or option and for data that cannot determine the
     weights; NoSolutionError when the law cannot reach its end: no game value at this delta, (A, B)
     not stabilizable, overflow.

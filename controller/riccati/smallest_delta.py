@@ -83,7 +83,7 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
     solution.
 
     >>> import hfa
-    >>> from verification import minimum_delta
+    >>> from controller import minimum_delta
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
     >>> round(minimum_delta(game).value, 4)
     1.0

@@ -15,7 +15,8 @@ from hfa.options.command import command
 from hfa.options.request import OfModel, option
 from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
 from hfa.output import failure_as_data, show
-from hfa_aircraft import Model
+from hfa_aircraft.model import Model
+from hfa_model import choice
 from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -150,7 +151,7 @@ def _of_the_hfa(request: LinearizeRequest, condition: TrimCondition, model: Line
     if _is_printed(model):
         bands = entry_bands(parameters, condition, model) if bands_known(parameters) else None
         name = next((variant for variant in VARIANTS if variant != request.dynamics), "")
-        changed = hfa_model.aircraft(name, parameters.values)
+        changed = choice.aircraft(name, parameters.values)
         with suppress(BadInputError, NoSolutionError):  # it has no trim there
             comparison = linear_model.linearize(
                 changed, find_operating_point(changed, condition, model.point)

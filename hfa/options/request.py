@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
-    from hfa_aircraft import Model
+    from hfa_aircraft.model import Model
     from hfa_support.provenance import Provenance
 
 

@@ -9,7 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import hfa_model
 from hfa.options.argument_types import (
     PICTURES,
     breakpoint_value,
@@ -19,6 +18,7 @@ from hfa.options.argument_types import (
 )
 from hfa.options.request import OfModel, Request, option
 from hfa_aircraft.model import Model
+from hfa_model import choice
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_model.variants import further_dynamics, variant_named
 from hfa_support.entry_points import PARTS, part
@@ -164,7 +164,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
         note_read(typed["aircraft"].rpartition(":")[0])
         return load_model(typed["aircraft"])
     values = (typed.get("parameters") or default_parameters()).values
-    return hfa_model.aircraft(typed.get("dynamics", HfaOptions.dynamics), values)
+    return choice.aircraft(typed.get("dynamics", HfaOptions.dynamics), values)
 
 
 # The trim.

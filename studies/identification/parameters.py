@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import hfa_model
+import hfa
 from hfa_model.declaration import Equations
 from hfa_model.parameter_files import save_parameters
 from hfa_model.parameters import FIELDS, Parameters, ParameterSet
@@ -237,7 +237,7 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
     """Identify, then collect the evidence; a few seconds. progress: called with (stages done,
     stages in all)."""
     best, starts = identify(seed)
-    aircraft = hfa_model.aircraft(Published(), best.parameters.values)
+    aircraft = hfa.aircraft(Published(), best.parameters.values)
     rng = np.random.default_rng(seed)
     tables = {
         model.dihedral_deg: compare(regenerate(aircraft, model), model)
@@ -308,7 +308,7 @@ class _Problem:
     parameters θ."""
 
     def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
-        own = replace(hfa_model.aircraft(), equations=Equations(structure))
+        own = replace(hfa.aircraft(), equations=Equations(structure))
         self._layout = own.layout
         self._held = [level_flight(model.dihedral).imposed for model in models]
         self._dihedrals = np.array([model.dihedral for model in models])
@@ -352,9 +352,7 @@ class _Problem:
             values = []
             jacobians = []
             for k, inputs in enumerate(self.trim_inputs(theta)):
-                v = np.array(
-                    [self._held[k].get(name, 0.0) for name in hfa_model.aircraft().variables]
-                )
+                v = np.array([self._held[k].get(name, 0.0) for name in hfa.aircraft().variables])
                 v[self._free] = inputs
                 found, by_p = entries_at(self._layout, v, self._p, self._free, self._rows)
                 printed, half = self._printed[2 * k : 2 * k + 2]

@@ -10,10 +10,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from hfa import find_operating_point
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
-from trim import find_operating_point
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from hfa import find_operating_point, linearize
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
 from studies.jsbsim.study import positions
-from trim import find_operating_point, linearize
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 

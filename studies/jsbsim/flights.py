@@ -15,10 +15,10 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import root
 
+from hfa import find_operating_point
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.reference import GRAVITY, answered
-from trim import find_operating_point
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 

@@ -12,7 +12,7 @@ from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-import hfa_model
+import hfa
 from hfa.output import ProgressLine
 from hfa_printed.printed_file import PrintedFile, load_printed
 from hfa_printed.printed_verdict import check_printed
@@ -115,7 +115,7 @@ def page_of(rows: list[Row]) -> str:
 def _lines_of_the_paper() -> list[str]:
     """How many printed entries of A and B are regenerated at each printed angle."""
     lines = []
-    for pair in regenerate_all(hfa_model.aircraft()).pairs:
+    for pair in regenerate_all(hfa.aircraft()).pairs:
         errors = [abs(entry.half_units) for entry in pair.entries if not entry.is_zero]
         right = sum(error <= 1.0 for error in errors)
         lines.append(

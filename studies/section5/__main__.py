@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 from matplotlib.image import imread
 
-from hfa_model import default_parameters
+from hfa import BadInputError, NoSolutionError
+from hfa.paper import default_parameters
 from hfa_page.claims import claims_table as shown_claims
 from hfa_page.results import ClaimsData
-from hfa_support import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.jsonable import json_text
 from hfa_support.provenance import Provenance, parameter_hash

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from hfa.extend import Check
 from hfa_model import LINEAR_STATES, published_models
 from hfa_model.printed_matrices import published_data
-from hfa_support import Check
 from hfa_support.files import read_toml
 from hfa_support.jsonable import finite_or_none
 from hfa_support.reporting.checks import checked

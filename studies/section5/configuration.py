@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from controller import Waveform
+from hfa_flight import Waveform
 from hfa_flight.signals import Harmonic
 from hfa_support.files import read_toml
 from hfa_support.jsonable import jsonable

@@ -11,20 +11,13 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-import hfa_model
-from controller import (
-    Game,
-    Policy,
-    Scenario,
-    Stack,
-    Waveform,
-    basis,
-    learn,
-    published_game,
-    random_pool,
-)
+import hfa
+from controller import Stack, basis, random_pool
 from controller.game.basis import Basis
 from controller.game.training_run import TrainingRun
+from hfa import Game, Solution, check_critic, from_weights, learn, solve_game
+from hfa.paper import published_game
+from hfa_flight import Policy, Scenario, Waveform
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.flight_history import Deviations
 from hfa_flight.policies import Measurements, column_by_column
@@ -41,8 +34,6 @@ from studies.section5.metrics import Critic, flight_metrics, learning_metrics, r
 from studies.update_law.integral_rl import baseline_weights, learn_by_integrals
 from studies.update_law.published_law import PublishedSettings, published_law
 from trim.hfa.printed import regenerate
-from verification import check_critic, from_weights, solve_game
-from verification.exact_solution import Solution
 
 #: The two aircraft of Section 5.1, degrees of dihedral.
 CASE_I = 15.0
@@ -167,7 +158,7 @@ def make_setting(configuration: Configuration, matrices: str = "regenerated") ->
     refuse_unknown("unknown matrices", matrices, MATRICES)
     cases = []
     for published in published_models():
-        model = regenerate(hfa_model.aircraft(), published)
+        model = regenerate(hfa.aircraft(), published)
         source = published if matrices == "printed" else model
         cases.append(
             PaperCase(

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from controller import Game
 from controller.game.basis import Basis
 from controller.game.settling import settled_at
+from hfa import Game
 from hfa_flight.flight_history import Deviations
 from hfa_model import INPUTS, LINEAR_STATES
 from studies.section5.configuration import Configuration

@@ -11,11 +11,13 @@ import shlex
 import sys
 from pathlib import Path
 
+import hfa
 import hfa_model
-from controller import load_controller
+from hfa import BadInputError, NoSolutionError
+from hfa.extend import Report
+from hfa.paper import default_parameters
 from hfa_aircraft.model import Model
-from hfa_model import default_parameters
-from hfa_support import BadInputError, NoSolutionError, Report
+from hfa_servo import load_controller
 from hfa_support.errors import on_one_line, refuse_unknown
 from hfa_support.provenance import Provenance, parameter_hash
 
@@ -27,7 +29,7 @@ def main() -> int:
     """
     arguments = parser().parse_args(sys.argv[1:] or ["fly", "-o", "out/servo", "--resume"])
     try:
-        aircraft = hfa_model.aircraft(arguments.dynamics)
+        aircraft = hfa.aircraft(arguments.dynamics)
         report: Report = arguments.run(arguments, aircraft)
     except (BadInputError, NoSolutionError, OSError) as error:
         print(f"studies.servo: {on_one_line(str(error))}", file=sys.stderr)
@@ -98,9 +100,7 @@ def _fly(arguments: argparse.Namespace, aircraft: Model) -> Report:
         "only": arguments.law,
         "resume": arguments.resume,
     }
-    controllers = {
-        path: load_controller(path, hfa_model.aircraft()) for path in arguments.controller
-    }
+    controllers = {path: load_controller(path, hfa.aircraft()) for path in arguments.controller}
     where = (controllers, arguments.output, _origin(aircraft))
     return servo_report([run_case(aircraft, name, *where, **settings) for name in names])
 
@@ -112,7 +112,7 @@ def _requirements(arguments: argparse.Namespace, aircraft: Model) -> Report:
     name = arguments.controller
     return requirements(
         aircraft,
-        designed_servo(aircraft) if name is None else load_controller(name, hfa_model.aircraft()),
+        designed_servo(aircraft) if name is None else load_controller(name, hfa.aircraft()),
     )
 
 

@@ -13,28 +13,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+import hfa
 import hfa_model
-from controller import (
-    ActuatorFault,
-    CommandSteps,
-    GainPolicy,
-    Policy,
-    Scenario,
-    ScheduledController,
-    design_controller,
-    flight_envelope,
-    load_design,
-    published_game,
-)
+from hfa import BadInputError, OperatingPoint, find_operating_point, linearize, solve_game
+from hfa.extend import Report
+from hfa.paper import level_flight, published_game
 from hfa_aircraft.model import Model
+from hfa_flight import ActuatorFault, CommandSteps, GainPolicy, Policy, Scenario, flight_envelope
 from hfa_flight.nonlinear_flight import Flight, fly
 from hfa_flight.signals import CommandedStates
 from hfa_model import INPUTS, LINEAR_STATES
+from hfa_servo import ScheduledController, design_controller, load_design
 from hfa_servo.design import Actuator
 from hfa_servo.measured_outputs import MeasuredOutputs
 from hfa_servo.servo_policy import servo_policy
 from hfa_servo.tracked import Tracked, tracked
-from hfa_support import BadInputError, Report
 from hfa_support.errors import refuse_unknown
 from hfa_support.files import write_text
 from hfa_support.jsonable import json_text
@@ -44,8 +37,6 @@ from hfa_support.reporting.text import Table
 from studies.finished import finished, stamped
 from studies.servo.flights import flown_actuators
 from studies.servo.simvfa import REGULATED, adaptive_law, reference_servo
-from trim import OperatingPoint, find_operating_point, level_flight, linearize
-from verification import solve_game
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -147,7 +138,7 @@ def _flown(on: Start, controller: ScheduledController) -> Policy:
 @lru_cache(maxsize=2)
 def designed_servo(aircraft: Model) -> ScheduledController:
     """The servo of the package, at the angles of its design; the same for all cases."""
-    design = load_design("servo", hfa_model.aircraft()).of(aircraft)
+    design = load_design("servo", hfa.aircraft()).of(aircraft)
     assert design.shaping is not None
     return design_controller(aircraft, design, np.array(design.shaping.breakpoints))
 

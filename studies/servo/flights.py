@@ -11,27 +11,28 @@ from typing import Any
 
 import numpy as np
 
-from controller import (
+from hfa import LinearModel
+from hfa.extend import Report
+from hfa.paper import level_model
+from hfa_aircraft.model import Model
+from hfa_flight import (
     ActuatorBank,
     ActuatorFault,
     CommandSteps,
     OneMinusCosine,
     Scenario,
-    ScheduledController,
     Uncertainty,
     Waveform,
     flight_envelope,
 )
-from hfa_aircraft.model import Model
 from hfa_flight.nonlinear_flight import Flight, fly
 from hfa_model import INPUTS, LINEAR_STATES, Input
 from hfa_model.vectors import CONTROL_LIMITS
+from hfa_servo import ScheduledController
 from hfa_servo.design import Actuator
 from hfa_servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
 from hfa_servo.servo_policy import servo_policy
-from hfa_support import Report
 from hfa_support.reporting.text import Table
-from trim import LinearModel, level_model
 
 #: s: step of a flight, how often the envelope is looked at, and how long a flight in a gust lasts.
 STEP = 0.02

@@ -9,16 +9,17 @@ from typing import Any
 
 import numpy as np
 
+import hfa
 import hfa_model
-from controller import design_controller, load_design
+from hfa.extend import Report
+from hfa.paper import level_model
 from hfa_aircraft.model import Model
+from hfa_servo import design_controller, load_design
 from hfa_servo.servo_loop import check_margins
-from hfa_support import Report
 from hfa_support.reporting.text import Table
 from studies.servo.comparison import CASES, TRIM_DEG, fly_case
 from studies.servo.flights import ASKED, REAL, gust_held
 from studies.servo.simvfa import REGULATED
-from trim import level_model
 
 #: Factors on the gain of A_z; s of the commands: the first three steps; ft/s: the largest gust that
 #: is tried.
@@ -30,7 +31,7 @@ LARGEST = 60.0
 def front(aircraft: Model) -> Report:
     """At 11 deg, order 1: rms of A_z with the fault of `order-1-fault`, largest updrafts held,
     smallest margins."""
-    design = load_design("servo", hfa_model.aircraft()).of(aircraft)
+    design = load_design("servo", hfa.aircraft()).of(aircraft)
     model = level_model(aircraft, math.radians(TRIM_DEG))
     assert design.shaping is not None
     points: list[dict[str, Any]] = []

@@ -16,19 +16,21 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+import hfa
 import hfa_model
-from controller import CommandSteps, ScheduledController, design_model, load_design
+from hfa import OperatingPoint, solve_game
+from hfa.paper import level_model
 from hfa_aircraft.model import Model
+from hfa_flight import CommandSteps
 from hfa_flight.policies import Measurements, Policy
 from hfa_flight.signals import COMMAND_FILTER
 from hfa_model import INPUTS, LINEAR_STATES
+from hfa_servo import ScheduledController, load_design
 from hfa_servo.design import Design
-from hfa_servo.design_model import DesignModel
+from hfa_servo.design_model import DesignModel, design_model
 from hfa_servo.measured_outputs import MeasuredOutputs
 from hfa_servo.servo_policy import MatrixTables
 from hfa_support.provenance import parameter_hash
-from trim import OperatingPoint, level_model
-from verification import solve_game
 
 #: What is measured besides the integrals, and what is regulated.
 RATE = "pitch_rate"
@@ -129,7 +131,7 @@ def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
 def simvfa_design(name: str) -> Design:
     """SimVFA's settings with actuators of order 1 or 2: `simvfa-1` or `simvfa-2`."""
     return replace(
-        load_design(str(Path(__file__).parent / "designs" / f"{name}.toml"), hfa_model.aircraft()),
+        load_design(str(Path(__file__).parent / "designs" / f"{name}.toml"), hfa.aircraft()),
         name=name,
     )
 
@@ -181,7 +183,7 @@ def reference_servo(aircraft: Model, design: str, dihedrals: np.ndarray) -> Sche
         parameters=parameter_hash(hfa_model.parameters_of(aircraft)),
         command_filter=COMMAND_FILTER,
         about={"design": design, "source": "Qu, Thomsen, Annaswamy 2018"},
-        model=hfa_model.aircraft(),
+        model=hfa.aircraft(),
     )
 
 

@@ -15,28 +15,18 @@ from functools import cache
 
 import numpy as np
 
-import hfa_model
-from controller import (
-    GainPolicy,
-    OneMinusCosine,
-    Scenario,
-    ScheduledController,
-    design_controller,
-    flight_envelope,
-    fly,
-    load_design,
-    published_game,
-)
+import hfa
+from hfa import LinearModel, Model, fly, solve_game
+from hfa.paper import level_model, published_game
 from hfa_air.unsteady import UNSTEADY
+from hfa_flight import GainPolicy, OneMinusCosine, Scenario, flight_envelope
+from hfa_servo import ScheduledController, design_controller, load_design
 from hfa_servo.design import Actuator
 from hfa_servo.servo_loop import servo_loop, servo_margins, servo_plant
-from hfa_support import Model
 from studies.servo.flights import largest_held
 from studies.servo.simvfa import simvfa_design
-from trim import LinearModel, level_model
-from verification import solve_game
 
-PLANTS: dict[str, Model] = {name: hfa_model.aircraft(name) for name in ("published", "newton")}
+PLANTS: dict[str, Model] = {name: hfa.aircraft(name) for name in ("published", "newton")}
 PLANTS["unsteady"] = UNSTEADY
 
 
@@ -96,8 +86,8 @@ def main() -> None:
         " and 2"
     )
     for name, of in (("servo", "published"), ("servo", "newton"), ("simvfa-1", "published")):
-        design = load_design(name, hfa_model.aircraft()) if name == "servo" else simvfa_design(name)
-        table = design_controller(hfa_model.aircraft(of), design, np.radians(angles))
+        design = load_design(name, hfa.aircraft()) if name == "servo" else simvfa_design(name)
+        table = design_controller(hfa.aircraft(of), design, np.radians(angles))
         for degrees in angles:
             for plant in PLANTS:
                 orders = (1, 2) if name == "servo" else (1,)

@@ -16,7 +16,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hfa_support import BadInputError, NoSolutionError
+from hfa import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.jsonable import json_text
 from studies.finished import finished, stamped

@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller import Game, Stack, basis, random_pool
+from controller import Stack, basis, random_pool
 from controller.game.basis import Basis
 from controller.game.training_run import TrainingRun
 from controller.learning.bellman_equations import StackEquations
 from controller.learning.recording import choose
 from controller.learning.ticks import Run, training_run
-from hfa_support import BadInputError, NoSolutionError
+from hfa import BadInputError, Game, NoSolutionError
 
 #: Rows of history of a run; the steps between two rows are one tick of the runner.
 ROWS = 1000

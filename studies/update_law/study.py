@@ -11,15 +11,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller import Game, learn, published_game, random_pool, run
+from controller import random_pool, run
 from controller.game.settling import settled_at
 from controller.game.training_run import TrainingRun
 from controller.riccati.balancing import is_hurwitz
+from hfa import Game, NoSolutionError, check_critic, from_weights, learn
+from hfa.paper import published_game
 from hfa_model import published_models
-from hfa_support import NoSolutionError
 from hfa_support.jsonable import jsonable
 from studies.update_law.published_law import PublishedSettings, published_law
-from verification import check_critic, from_weights, relative_error
+from verification import relative_error
 
 SCHEMA = "hfa.published-study/2"
 #: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of

@@ -13,22 +13,15 @@ import zarr
 from cli import answer, hfa
 from game_files import AT_15
 
-import hfa_model
+from hfa import find_operating_point, linearize
 from hfa.entry_points import commands
 from hfa.main import DONE, FAILED
+from hfa.paper import default_parameters, level_flight
 from hfa_aircraft.model import Model
-from hfa_model import (
-    INPUTS,
-    LINEAR_STATES,
-    STATES,
-    default_parameters,
-    load_parameters,
-    save_parameters,
-)
+from hfa_model import INPUTS, LINEAR_STATES, STATES, choice, load_parameters, save_parameters
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 from hfa_support.provenance import parameter_hash
 from studies.identification.parameters import ASSUMED
-from trim import find_operating_point, level_flight, linearize
 
 LINEAR_MODEL_KEYS = {
     *(
@@ -76,9 +69,7 @@ def test_trim_json() -> None:
         list(point["inputs"]) == list(point["input_units"]) == list(data["margins"]) == list(INPUTS)
     )
     assert (
-        list(point["residuals"])
-        == list(data["scaled_residuals"])
-        == list(hfa_model.aircraft().steady)
+        list(point["residuals"]) == list(data["scaled_residuals"]) == list(choice.aircraft().steady)
     )
     assert max(map(abs, data["scaled_residuals"].values())) <= data["balance_limit"] == 1e-10
     assert (point["states"]["speed"], point["states"]["altitude"]) == (68.0, 40000.0)
@@ -209,7 +200,7 @@ def test_without_names_every_state_is_an_output() -> None:
     np.testing.assert_array_equal(data["C"], np.eye(6))
     np.testing.assert_array_equal(data["D"], np.zeros((6, 5)))
     assert (data["disturbances"], set(data["disturbance_units"])) == (
-        list(hfa_model.aircraft().disturbances),
+        list(choice.aircraft().disturbances),
         {"ft/s"},
     )
     assert (np.shape(data["E"]), data["F"]) == ((6, 7), [[0.0] * 7] * 6)
@@ -245,7 +236,7 @@ def test_names_choose_rows_and_columns_in_their_order() -> None:
 def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> None:
     assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
     point = find_operating_point(published_aircraft, level_flight(np.radians(15.0)))
-    winds = tuple(hfa_model.aircraft().disturbances)
+    winds = tuple(choice.aircraft().disturbances)
     model = linearize(
         published_aircraft,
         point,

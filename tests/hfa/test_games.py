@@ -14,10 +14,10 @@ from cli import answer, hfa
 from game_files import AT_15, HISTORY, LABELS, QUICK, small
 from known_models import game_at
 
+from hfa import solve_game
 from hfa.main import DONE, FAILED
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
-from verification import solve_game
 
 # Solve.
 

@@ -156,12 +156,9 @@ def test_bad_requests(command: str, words: str, named: str) -> None:
     [
         ("--frobnicate", "unknown option --frobnicate (see `hfa --help`)"),
         ("--dihedral 10 trim", "the command comes first: hfa trim --dihedral"),
-        ("map --dihedral 10", "`hfa map` is `hfa fly --initial NAME=VALUE` now"),
-        ("validate", "`hfa validate` is a study, python -m studies.validation, now"),
         ("trim --at 10 --dihedral 12", "--dihedral is given twice, 10 and 12; give it once"),
         ("trim --hold speed=70 --hold speed=71", "speed is given twice, 70 and 71; give it once"),
         ("frobnicate", "unknown command 'frobnicate' (see `hfa --help`)"),
-        ("monte-carlo --dihedral 10", "`hfa monte-carlo` is `hfa fly --samples N` now"),
         ("linearise", "unknown command 'linearise'; did you mean linearize?"),
         ("x" * 5000, "unknown command 'xxxx"),
         *((f"{command} --frobnicate", f"hfa {command} --help") for command in commands()),

@@ -11,9 +11,9 @@ import pytest
 from cli import Terminal, answer, assert_refused, hfa
 from game_files import AT_15, LABELS, QUICK, checks_of, small, stored
 
-from controller import Game, load_game
+from controller import load_game
+from hfa import Game, solve_game
 from hfa.main import BAD_INPUT, DONE, FAILED
-from verification import solve_game
 
 # Verify.
 

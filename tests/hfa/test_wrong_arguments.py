@@ -15,9 +15,11 @@ from project import ROOT
 
 import controller
 import hfa
+import hfa_flight
+import hfa_servo
 import trim
 import verification
-from hfa_support import BadInputError, NoSolutionError
+from hfa import BadInputError, NoSolutionError
 
 #: Public functions with arguments that they take; each argument is replaced in turn.
 Calls = Mapping[str, tuple[Callable[..., Any], dict[str, Any]]]
@@ -26,16 +28,16 @@ Calls = Mapping[str, tuple[Callable[..., Any], dict[str, Any]]]
 @cache
 def right_calls() -> Calls:
     model = hfa.aircraft()
-    condition = trim.level_flight(0.2)
+    condition = hfa.paper.level_flight(0.2)
     point = hfa.find_operating_point(model, condition)
     linear = hfa.linearize(model, point)
-    game = controller.published_game(linear)
+    game = hfa.paper.published_game(linear)
     exact = hfa.solve_game(game)
     critic = hfa.from_gain(game, exact.K)
     history = controller.critics_over_time(game, np.array([0.0, 1.0]), K=np.array([exact.K] * 2))
-    policy = controller.GainPolicy("exact", exact.K)
-    envelope = controller.flight_envelope(model, point)
-    scenario = controller.Scenario(duration=0.01)
+    policy = hfa_flight.GainPolicy("exact", exact.K)
+    envelope = hfa_flight.flight_envelope(model, point)
+    scenario = hfa_flight.Scenario(duration=0.01)
     x = ca.SX.sym("x", 6)
     square = ca.Function("square", [x], [x.T @ x])
     functions: dict[Callable[..., Any], dict[str, Any]] = {
@@ -63,8 +65,8 @@ def right_calls() -> Calls:
         },
         hfa.from_network: {"game": game, "source": square, "network": "V="},
         hfa.check_critic: {"game": game, "critic": critic, "limit": 1e-6, "scope": None},
-        trim.level_flight: {"dihedral": 0.1, "limits": {}},
-        trim.level_model: {"model": model, "scheduled": 0.2},
+        hfa.paper.level_flight: {"dihedral": 0.1, "limits": {}},
+        hfa.paper.level_model: {"model": model, "scheduled": 0.2},
         trim.release: {"condition": condition, "free": ("speed",), "hold": {"throttle": 40.0}},
         trim.trim_points: {
             "model": model,
@@ -74,10 +76,10 @@ def right_calls() -> Calls:
         },
         trim.modes_of: {"A": linear.A, "states": linear.states},
         trim.trim_report: {"model": model, "condition": condition, "point": point},
-        trim.TrimCondition: {"model": model, "imposed": dict(condition.imposed)},
-        controller.published_game: {"A": linear},
-        controller.flight_envelope: {"model": model, "point": point},
-        controller.fly: {
+        hfa.TrimCondition: {"model": model, "imposed": dict(condition.imposed)},
+        hfa.paper.published_game: {"A": linear},
+        hfa_flight.flight_envelope: {"model": model, "point": point},
+        hfa.fly: {
             "model": model,
             "point": point,
             "policy": policy,
@@ -86,19 +88,19 @@ def right_calls() -> Calls:
             "predict": False,
         },
         controller.basis: {"name": "quadratic", "states": 6},
-        controller.GainSchedule: {
+        hfa_flight.GainSchedule: {
             "breakpoints": np.array([0.1, 0.2]),
             "gains": np.array([exact.K, exact.K]),
             "model": model,
         },
-        controller.load_design: {"name": "paper", "model": model},
+        hfa_servo.load_design: {"name": "paper", "model": model},
         controller.random_pool: {"game": game, "count": 3, "seed": 0},
-        verification.analyse_game: {"game": game},
-        verification.minimum_delta: {"game": game},
-        verification.bounded_real_gain: {"game": game, "K": exact.K},
-        verification.disk_margin: {"game": game, "K": exact.K},
+        controller.analyse_game: {"game": game},
+        controller.minimum_delta: {"game": game},
+        controller.bounded_real_gain: {"game": game, "K": exact.K},
+        controller.disk_margin: {"game": game, "K": exact.K},
         verification.relative_error: {"value": exact.K, "exact": exact.K},
-        verification.solve_games: {"A": np.array([game.A]), "B": np.array([game.B]), "like": game},
+        controller.solve_games: {"A": np.array([game.A]), "B": np.array([game.B]), "like": game},
         verification.check_history: {"game": game, "critics": history},
         verification.Scope: {"flights": 10, "seconds": 0.0},
     }

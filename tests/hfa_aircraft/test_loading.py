@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from cli import assert_refused, hfa
 
+from hfa import BadInputError
 from hfa_aircraft.loading import load_model
-from hfa_support import BadInputError
 
 AIRCRAFT = """
 import sys

@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 import pytest
 
+from hfa import BadInputError, find_operating_point
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
-from hfa_support import BadInputError
-from trim import find_operating_point
 
 
 def cart(**declared: Any) -> Model:

@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 from extension import Extension
 
-import hfa_model
-from controller import Game, published_game
+import hfa
+from controller import minimum_delta
+from hfa import BadInputError, Game, TrimCondition, find_operating_point, linearize, solve_game
+from hfa.paper import published_game
 from hfa_aircraft.model import Model
 from hfa_aircraft.native_units import native_of
 from hfa_aircraft.signals import Signal
 from hfa_aircraft.units import in_si
-from hfa_support import BadInputError
 from hfa_support.units import si_factor
-from trim import TrimCondition, find_operating_point, linearize, trim_report
+from trim import trim_report
 from trim.point.condition import usual_condition
-from verification import minimum_delta, solve_game
 
 envelopes = Extension("hfa_flight.envelope")
 
 ANGLE = 0.2
-MODELS = [hfa_model.aircraft("published"), hfa_model.aircraft("newton")]
+MODELS = [hfa.aircraft("published"), hfa.aircraft("newton")]
 
 
 def factors(model: Model, names: tuple[str, ...]) -> np.ndarray:

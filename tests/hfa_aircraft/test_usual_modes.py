@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from hfa_support import Model, Signal
-from trim import find_operating_point, linearize, sweep
+from hfa import Model, Signal, find_operating_point, linearize, sweep
 
 _UNITS = {
     "V": "ft/s",

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from ambiance import Atmosphere
 
+from hfa import BadInputError
 from hfa_model.atmosphere import HIGHEST_ALTITUDE, density, speed_of_sound, temperature
-from hfa_support import BadInputError
 
 METRE_PER_FOOT = 0.3048
 KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # of one slug/ft^3

@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from random_points import RATE_SCALES, random_points
 
+import hfa
 import hfa_model
+from hfa import TrimCondition, find_operating_point, linearize
+from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from hfa_model import STATES, VARIANTS, Input, Parameters, State
 from hfa_model.aerodynamics import aircraft_loads
@@ -19,10 +22,10 @@ from hfa_model.dynamics import rates_from_loads
 from hfa_model.parameters import FIELDS, Field
 from hfa_model.variants import Published, Variant
 from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
-from trim import TrimCondition, find_operating_point, level_flight, linearize, release
+from trim import release
 from trim.hfa.printed import eigenvalue_errors
 
-RATE_UNITS = tuple(map(hfa_model.aircraft().rate_unit, STATES))
+RATE_UNITS = tuple(map(hfa.aircraft().rate_unit, STATES))
 
 
 def unit_size(unit: str, length: float, mass: float, time: float) -> float:
@@ -134,7 +137,7 @@ def longer_chord(p: Parameters, factor: float) -> Parameters:
 
 @pytest.mark.parametrize("change", [heavier, longer_chord])
 def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> None:
-    other_aircraft = hfa_model.aircraft(
+    other_aircraft = hfa.aircraft(
         hfa_model.variant_of(aircraft), change(hfa_model.parameters_of(aircraft), 1.7)
     )
     condition = level_flight(float(np.radians(15.0)))
@@ -144,7 +147,7 @@ def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> No
     )
     for before, after in ((first.A, second.A), (first.B, second.B)):
         np.testing.assert_allclose(after, before, rtol=1e-12, atol=1e-12 * np.abs(before).max())
-    forgotten = hfa_model.aircraft(
+    forgotten = hfa.aircraft(
         hfa_model.variant_of(aircraft),
         hfa_model.parameters_of(other_aircraft)._replace(
             induced_drag=hfa_model.parameters_of(aircraft).induced_drag
@@ -168,15 +171,15 @@ def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Model) -> None:
         level_flight(0.0), free=("alpha",), hold={"aileron_outer": 0.0, "elevator_outer": -0.05}
     )
     # Without the hinge three equations for three unknowns: alpha, throttle and the center elevator.
-    unhinged = {name: 0.0 for name in hfa_model.aircraft().steady if name != "dihedral_rate"}
+    unhinged = {name: 0.0 for name in hfa.aircraft().steady if name != "dihedral_rate"}
     rigid_point = find_operating_point(
-        aircraft, TrimCondition(hfa_model.aircraft(), elastic.imposed, unhinged)
+        aircraft, TrimCondition(hfa.aircraft(), elastic.imposed, unhinged)
     )
     rigid = linearize(aircraft, rigid_point).select(("speed", "alpha", "pitch", "pitch_rate"))
     reference = np.linalg.eigvals(rigid.A)
     errors = []
     for stiffness in (1e10, 1e11, 1e12):
-        stiff = hfa_model.aircraft(
+        stiff = hfa.aircraft(
             hfa_model.variant_of(aircraft),
             hfa_model.parameters_of(aircraft)._replace(hinge_stiffness=stiffness),
         )

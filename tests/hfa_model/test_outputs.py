@@ -10,13 +10,14 @@ import pytest
 from known_models import model_at
 from random_points import random_points, rising
 
+import hfa
 import hfa_model
+from hfa import BadInputError, find_operating_point
+from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from hfa_model import STATES, Input, Parameters, State
 from hfa_model.kinematics import center_height, outer_height
 from hfa_model.outputs import moment_of, outputs_of
-from hfa_support import BadInputError
-from trim import find_operating_point, level_flight
 
 
 def outputs(
@@ -153,7 +154,7 @@ def test_an_updraft_raises_the_angle_through_the_air_alone(published_aircraft: M
     ],
 )
 def test_loads_out_of_range_are_refused(name: str, value: float, message: str) -> None:
-    model = hfa_model.aircraft()
+    model = hfa.aircraft()
     point = find_operating_point(model, level_flight(0.1))
     state = State(*point.states)._replace(**{name: value})
     with pytest.raises(BadInputError, match=message):

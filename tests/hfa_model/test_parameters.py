@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from cli import refusal
 
+import hfa
 import hfa_model
+from hfa import BadInputError
 from hfa_aircraft.model import Model
 from hfa_model import Parameters, load_parameters, published_models, save_parameters
 from hfa_model.parameters import FIELDS, ParameterSet
 from hfa_model.printed_matrices import PublishedModel
-from hfa_support import BadInputError
 
 
 def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) -> None:
@@ -93,9 +94,7 @@ def test_wrong_entries_are_refused(
 def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
     for name in ("panel_mass", "panel_span", "chord"):
         with pytest.raises(BadInputError, match=f"parameter {name} is -1; it must be positive"):
-            hfa_model.aircraft(
-                parameters=hfa_model.parameters_of(aircraft)._replace(**{name: -1.0})
-            )
+            hfa.aircraft(parameters=hfa_model.parameters_of(aircraft)._replace(**{name: -1.0}))
 
 
 def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:

@@ -8,18 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import hfa_model
+import hfa
+from hfa import BadInputError, LinearModel, find_operating_point, linearize
+from hfa.paper import level_flight
 from hfa_model import LINEAR_STATES, STATES, Parameters, sample_parameters
 from hfa_model.parameters import ParameterSet
-from hfa_support import BadInputError
-from trim import (
-    LinearModel,
-    entry_bands,
-    find_operating_point,
-    level_flight,
-    linearize,
-    trim_points,
-)
+from trim import entry_bands, trim_points
 from trim.hfa.printed import Bands
 
 COUNT = 6000
@@ -43,7 +37,7 @@ def coverage(
     standard errors."""
     angle, model, bands = at_angle
     values = np.hstack([np.full((len(samples), 1), angle), samples])
-    flights = trim_points(hfa_model.aircraft(), ("dihedral", *Parameters._fields), values)
+    flights = trim_points(hfa.aircraft(), ("dihedral", *Parameters._fields), values)
     assert (flights.status == 0).all()
     entries = np.concatenate(
         [flights.A[:, DETERMINED][:, :, DETERMINED], flights.B[:, DETERMINED]], axis=2

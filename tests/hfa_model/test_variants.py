@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from random_points import random_points
 
+import hfa
 import hfa_model
 from hfa_aircraft.model import Model
 from hfa_model import Parameters, State
@@ -110,16 +111,16 @@ def worst(aircraft: Model, repairs: tuple[str, ...]) -> float:
 
 
 def test_newton_is_gibsons_report_after_four_repairs(parameters: Parameters) -> None:
-    assert worst(hfa_model.aircraft("newton", parameters), REPAIRS) < 1e-12
+    assert worst(hfa.aircraft("newton", parameters), REPAIRS) < 1e-12
 
 
 @pytest.mark.parametrize("repairs", [*combinations(REPAIRS, 3), ()], ids=str)
 def test_none_of_the_four_can_be_left_out(parameters: Parameters, repairs: tuple[str, ...]) -> None:
-    assert worst(hfa_model.aircraft("newton", parameters), repairs) > 1e-2
+    assert worst(hfa.aircraft("newton", parameters), repairs) > 1e-2
 
 
 def test_published_is_gibsons_report_but_for_the_lever_and_the_hinge_inertia(
     parameters: Parameters,
 ) -> None:
-    assert worst(hfa_model.aircraft(GibsonsLever(), parameters), ()) < 1e-12
-    assert worst(hfa_model.aircraft("published", parameters), ()) > 1e-2
+    assert worst(hfa.aircraft(GibsonsLever(), parameters), ()) < 1e-12
+    assert worst(hfa.aircraft("published", parameters), ()) > 1e-2

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pytest
 
-from hfa_support import BadInputError
+from hfa import BadInputError
 from hfa_support.arguments import checks_arguments
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from cli import assert_refused, hfa
 
-from hfa_support import BadInputError
+from hfa import BadInputError
 from hfa_support.files import LARGEST, read_json, read_toml
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hfa_support import BadInputError
+from hfa import BadInputError
 from hfa_support.files import remove_unfinished, temporary_folder, write_text, written_whole
 
 

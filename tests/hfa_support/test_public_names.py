@@ -1,24 +1,44 @@
 """Public names of packages."""
 
+import re
+from collections import Counter
+
 import pytest
+from project import FOLDERS, PACKAGES
 
 import hfa
 import trim
 from hfa_support.version import VERSION
 
+STUBS = [
+    *(FOLDERS[name] / "__init__.pyi" for name in PACKAGES),
+    *(FOLDERS["hfa"] / name / "__init__.pyi" for name in ("paper", "extend")),
+]
+
 
 def test_an_unknown_name_is_answered_with_the_nearest() -> None:
-    for package in (hfa, trim):
-        with pytest.raises(AttributeError, match="'linearise'; did you mean linearize"):
-            package.linearise  # noqa: B018
-    assert set(dir(trim)) >= {"linearize", "sweep"}
+    with pytest.raises(AttributeError, match="'linearise'; did you mean linearize"):
+        hfa.linearise  # noqa: B018
+    with pytest.raises(AttributeError, match="'modes_off'; did you mean modes_of"):
+        trim.modes_off  # noqa: B018
+    assert set(dir(hfa)) >= {"linearize", "sweep"}
 
 
-def test_names_of_the_paper_answer_at_their_old_place_for_one_version() -> None:
-    for name in ("default_parameters", "level_flight", "level_model", "published_game"):
-        with pytest.warns(DeprecationWarning, match=f"hfa.{name} is hfa.paper.{name} now"):
-            old = getattr(hfa, name)
-        assert old is getattr(hfa.paper, name)
+def test_one_name_stands_in_one_package() -> None:
+    names = Counter(
+        name for stub in STUBS for name in re.findall(r" as (\w+)", stub.read_text("utf-8"))
+    )
+    assert len(names) > 100
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_the_core_stubs_name_no_extension() -> None:
+    """`hfa` alone offers names of extensions, each imported when it is used."""
+    core = [stub for stub in STUBS if "extensions" not in stub.parts and stub.parent.name != "hfa"]
+    assert len(core) >= 6
+    for stub in core:
+        known = re.findall(r"^from (hfa_\w+)", stub.read_text("utf-8"), re.M)
+        assert set(known) <= {"hfa_aircraft", "hfa_model", "hfa_support"}
 
 
 def test_the_version_and_the_packages_within_are_public_too() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hfa_support import BadInputError
+from hfa import BadInputError
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked
 
 DECLARED = {

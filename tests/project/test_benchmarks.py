@@ -8,12 +8,13 @@ import pytest
 from known_models import model_at
 from project import ROOT
 
-import hfa_model
+import hfa
 from benchmarks import __main__ as bench, report
 from benchmarks.jobs_flight import FlightCase, c_flight, difference
 from benchmarks.jobs_models import f16_case, f16_peer, peer_point, peer_system, six_state_rates
 from benchmarks.report import Comparison, Limit, Row
-from hfa_model import LINEAR_STATES, STATES, default_parameters
+from hfa.paper import default_parameters
+from hfa_model import LINEAR_STATES, STATES
 from hfa_support.native import machine_code as generated
 from trim import trim_points
 
@@ -42,7 +43,7 @@ def largest_difference_of_rates(peer, count: int = 200) -> float:
     inputs = rng.uniform(
         [0.0, -0.2, -0.2, -0.2, -0.2], [100.0, 0.2, 0.2, 0.2, 0.2], size=(count, 5)
     )
-    aircraft = hfa_model.aircraft(parameters=PARAMETERS)
+    aircraft = hfa.aircraft(parameters=PARAMETERS)
     seen = [STATES.index(name) for name in LINEAR_STATES]
     full = np.insert(states, STATES.index("altitude"), ALTITUDE, axis=1)
     ours = np.array([aircraft.at(x, u).f[seen] for x, u in zip(full, inputs, strict=True)])

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import controller
+import hfa
+import hfa_flight
 import hfa_model
-import hfa_support
+import hfa_proof
 import trim
 import verification
 from hfa_flight.gain_schedule import GainSchedule
@@ -56,36 +58,34 @@ COMPARED = {
 
 @lru_cache(maxsize=1)
 def results() -> dict[str, Any]:
-    aircraft = hfa_model.aircraft()
-    condition = trim.level_flight(15 * hfa_model.DEGREE)
-    point = trim.find_operating_point(aircraft, condition)
-    model = trim.linearize(aircraft, point)
-    game = controller.published_game(model)
-    family = verification.Family(aircraft)
-    gain = verification.solve_game(game).K
-    gains = GainSchedule(np.radians([15.0, 15.25]), np.stack([gain, gain]), hfa_model.aircraft())
+    aircraft = hfa.aircraft()
+    condition = hfa.paper.level_flight(15 * hfa_model.DEGREE)
+    point = hfa.find_operating_point(aircraft, condition)
+    model = hfa.linearize(aircraft, point)
+    game = hfa.paper.published_game(model)
+    family = hfa_proof.Family(aircraft)
+    gain = hfa.solve_game(game).K
+    gains = GainSchedule(np.radians([15.0, 15.25]), np.stack([gain, gain]), hfa.aircraft())
     regeneration = verification.regenerate_all(aircraft)
     names = (
         aircraft,
-        hfa_model.default_parameters(),
+        hfa.paper.default_parameters(),
         point,
         model,
-        trim.entry_bands(hfa_model.default_parameters(), condition, model),
-        trim.sweep(aircraft, {"speed": [20.0, 66.0, 68.0]}),
+        trim.entry_bands(hfa.paper.default_parameters(), condition, model),
+        hfa.sweep(aircraft, {"speed": [20.0, 66.0, 68.0]}),
         regeneration,
         regeneration.pairs[0],
-        controller.learn(game),
-        verification.solve_game(game),
-        verification.check_critic(
-            game, verification.from_gain(game, verification.solve_game(game).K)
-        ),
+        hfa.learn(game),
+        hfa.solve_game(game),
+        hfa.check_critic(game, hfa.from_gain(game, hfa.solve_game(game).K)),
         game,
-        verification.from_gain(game, gain),
-        verification.analyse_game(game),
+        hfa.from_gain(game, gain),
+        controller.analyse_game(game),
         hfa_model.published_models()[0],
-        verification.prove_schedule(family, gains, 15.0, 15.25),
-        controller.GainPolicy("mine", gain),
-        controller.Scenario(gust=controller.OneMinusCosine(100.0, 3.0, 68.0)),
+        hfa_proof.prove_schedule(family, gains, 15.0, 15.25),
+        hfa_flight.GainPolicy("mine", gain),
+        hfa_flight.Scenario(gust=hfa_flight.OneMinusCosine(100.0, 3.0, 68.0)),
     )
     return dict(zip(SHOWN, names, strict=True))
 
@@ -125,19 +125,19 @@ def test_linear_models_are_equal_by_their_values() -> None:
 
 def test_a_failed_trim_can_be_sent_too() -> None:
     with pytest.raises(trim.TrimError) as caught:
-        trim.find_operating_point(results()["Model"], trim.level_flight(0.1, speed=30.0))
+        hfa.find_operating_point(results()["Model"], hfa.paper.level_flight(0.1, speed=30.0))
     again = pickle.loads(pickle.dumps(caught.value))
     assert (str(again), again.attempt) == (str(caught.value), caught.value.attempt)
 
 
 def test_the_game_of_a_model_is_the_game_of_its_matrices() -> None:
     model = results()["LinearModel"]
-    of_model = controller.published_game(model, delta=150.0)
-    of_matrices = controller.published_game(model.A, model.B, delta=150.0)
+    of_model = hfa.paper.published_game(model, delta=150.0)
+    of_matrices = hfa.paper.published_game(model.A, model.B, delta=150.0)
     for name in ("A", "B", "E", "Q", "R", "delta"):
         np.testing.assert_array_equal(getattr(of_model, name), getattr(of_matrices, name))
-    with pytest.raises(hfa_support.BadInputError, match="give A and B, or a linear model"):
-        controller.published_game(model.A)
+    with pytest.raises(hfa.BadInputError, match="give A and B, or a linear model"):
+        hfa.paper.published_game(model.A)
 
 
 def test_games_are_equal_by_their_values() -> None:

@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import pytest
 from project import COMMANDS_OF_EXTENSIONS
 
+from hfa import BadInputError
 from hfa.entry_points import commands
 from hfa.formats import formats
 from hfa.main import BAD_INPUT, DONE, main
-from hfa_support import BadInputError
 
 #: The console script beside the interpreter that runs the tests.
 SCRIPT = Path(sys.executable).with_name("hfa")

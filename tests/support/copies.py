@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from hfa_support import BadInputError
+from hfa import BadInputError
 
 KINDS = ("bits", "order", "units", "turn")
 #: Matrices with a row a state, and with a column a state, in the state y = T z: T M and M T⁻¹.

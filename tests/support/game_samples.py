@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from known_models import game_at
 
-from controller import Game, published_game
+from hfa import Game, solve_game
+from hfa.extend import Check
+from hfa.paper import published_game
 from hfa_model import VARIANTS, published_models
-from hfa_support import Check
-from verification import solve_game
 
 #: The initial state of the paper's experiments (Section 5.1).
 INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])

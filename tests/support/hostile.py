@@ -21,10 +21,10 @@ from cli import Result, hfa, unchecked_hfa
 from game_files import small
 from hostile_files import NUMBERS, WORDS, hostile_claims, hostile_file, hostile_store
 
-import hfa_model
 from hfa.entry_points import command_named, commands, found_in
 from hfa.main import filled
 from hfa.options.parser import Parser
+from hfa_model import choice
 
 #: Seconds of the processor that a command may take, unless it announces that it takes long.
 LONGEST = 10.0
@@ -119,7 +119,7 @@ class Hanging(BaseException):
 
 def _hostile_words(chance: random.Random) -> list[str]:
     command, words = found_in(chance.choice(LINES).split())
-    parser = filled(Parser(), command_named(command).load(), hfa_model.aircraft())
+    parser = filled(Parser(), command_named(command).load(), choice.aircraft())
     more = [name for name in parser._option_string_actions if name != "--workers"]
     for _ in range(chance.randint(1, 3)):
         at = chance.randint(0, len(words))
@@ -163,14 +163,15 @@ def seeds() -> Mapping[str, bytes]:
     from servo_cases import SIMVFA
     from small_aircraft import glider
 
-    from controller import save_controller
-    from hfa_model import default_parameters, save_parameters
+    from hfa.paper import default_parameters
+    from hfa_model import save_parameters
+    from hfa_servo import save_controller
 
     with tempfile.TemporaryDirectory() as name, chdir(name):
         save_parameters(default_parameters(), Path("parameters.toml"), "a copy")
         Path("condition.toml").write_text(CONDITION, encoding="utf-8")
         Path("design.toml").write_bytes(Path(SIMVFA["simvfa-1"]).read_bytes())
-        save_controller(Path("controller.npz"), small_controller(hfa_model.aircraft()))
+        save_controller(Path("controller.npz"), small_controller(choice.aircraft()))
         angles = [14.9, 15.1]
         K = np.array([exact_gain(angle) for angle in angles])
         np.savez("table.npz", dihedral_deg=angles, K=K)

@@ -9,13 +9,11 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import brentq
 
-import hfa_model
-from controller import Game, published_game
-from hfa_aircraft import Model
+import hfa
+from hfa import Game, LinearModel, Model, solve_game
+from hfa.paper import level_model, published_game
 from hfa_model import load_parameters
 from hfa_model.atmosphere import density
-from trim import LinearModel, level_model
-from verification import solve_game
 
 #: Density of SimVFA (B. Thomsen, 2018) at 40,000 ft, slug/ft³; ours is 1.6e-5 of it more.
 _RELEASED_DENSITY = 5.872675956988981e-4
@@ -26,12 +24,12 @@ def released_simulation() -> tuple[Model, float]:
     altitude = brentq(
         lambda height: float(density(height)) - _RELEASED_DENSITY, 39_000.0, 41_000.0, xtol=1e-9
     )
-    return hfa_model.aircraft(parameters=load_parameters("gibson-2011-simulation").values), altitude
+    return hfa.aircraft(parameters=load_parameters("gibson-2011-simulation").values), altitude
 
 
 @lru_cache(maxsize=64)
 def model_at(degrees: float, dynamics: str = "published") -> LinearModel:
-    aircraft = hfa_model.aircraft(dynamics)
+    aircraft = hfa.aircraft(dynamics)
     return level_model(aircraft, math.radians(degrees))
 
 

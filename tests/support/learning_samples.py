@@ -10,10 +10,11 @@ from game_samples import game_models
 from reference_riccati import Reference, reference_solution, relative_error
 from scipy.linalg import solve_continuous_lyapunov
 
-from controller import Game, basis, random_pool
+from controller import basis, random_pool
 from controller.game.basis import Basis
 from controller.game.training_run import TrainingRun
 from controller.learning.bellman_equations import StackEquations
+from hfa import Game
 
 QUADRATIC = basis("quadratic", 6)
 #: Of the six states: ft/s and rad.

@@ -6,8 +6,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from hfa_support import Model
-from trim import find_operating_point, release
+from hfa import Model, find_operating_point
+from trim import release
 from trim.point.condition import usual_condition
 from trim.point.operating_point import OperatingPoint
 

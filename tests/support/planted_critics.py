@@ -7,9 +7,8 @@ from functools import cache
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
-from controller import Game, basis
-from verification import solve_game
-from verification.exact_solution import Solution
+from controller import basis
+from hfa import Game, Solution, solve_game
 
 
 def weights_of(P: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-import hfa_model
+import hfa
 from hfa_model import Input, Parameters, State
 from hfa_model.kinematics import STILL_AIR, Winds, winds_named
 from hfa_model.outputs import moment_of
@@ -15,7 +15,7 @@ from hfa_model.vectors import INPUT_SIGNALS, STATE_SIGNALS, Quantity
 STATE_SCALES = State(*(s.nominal for s in STATE_SIGNALS))
 INPUT_SCALES = Input(*(s.nominal for s in INPUT_SIGNALS))
 #: One scaled unit of each rate.
-RATE_SCALES = State(*map(hfa_model.aircraft().rate_scale, hfa_model.aircraft().states))
+RATE_SCALES = State(*map(hfa.aircraft().rate_scale, hfa.aircraft().states))
 _LOWEST_STATE = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)
 _HIGHEST_STATE = State(300.0, 0.35, 65_000.0, 1.0, 1.0, 1.2, 1.0)
 _LOWEST_INPUT = Input(0.0, -0.35, -0.35, -0.5, -0.5)
@@ -32,7 +32,7 @@ def random_points(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 def symbols() -> list[ca.SX]:
     """New symbols x (7,), u (5,), p (18,)."""
-    return hfa_model.aircraft().layout.symbols("x", "u", "p")
+    return hfa.aircraft().layout.symbols("x", "u", "p")
 
 
 def by_name(x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[State, Input, Parameters]:

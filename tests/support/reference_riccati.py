@@ -12,7 +12,7 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 
-from controller import Game
+from hfa import Game
 
 DIGITS = 60
 #: Carried beyond the digits that are asked for.

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from known_models import exact_gain, game_at, model_at
 
-import hfa_model
-from controller import Game
+import hfa
+from hfa import Game, OperatingPoint
+from hfa.paper import default_parameters
 from hfa_aircraft.model import Model
-from hfa_model import VARIANTS, Parameters, default_parameters
+from hfa_model import VARIANTS, Parameters
 from hfa_model.parameters import ParameterSet
-from trim import OperatingPoint
 
 
 @pytest.fixture
@@ -36,12 +36,12 @@ def parameters(parameter_set: ParameterSet) -> Parameters:
 @pytest.fixture(scope="session", params=sorted(VARIANTS))
 def aircraft(request: pytest.FixtureRequest, parameters: Parameters) -> Model:
     """The identified aircraft, once with each set of equations."""
-    return hfa_model.aircraft(request.param, parameters)
+    return hfa.aircraft(request.param, parameters)
 
 
 @pytest.fixture(scope="session")
 def published_aircraft(parameters: Parameters) -> Model:
-    return hfa_model.aircraft("published", parameters)
+    return hfa.aircraft("published", parameters)
 
 
 @pytest.fixture(scope="session")

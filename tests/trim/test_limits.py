@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hfa import find_operating_point, sweep
+from hfa.paper import level_flight
 from hfa_aircraft.model import Model
-from trim import TrimError, find_operating_point, level_flight, sweep
+from trim import TrimError
 from trim.limits import SLACK, Limits
 
 

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 
-import hfa_model
-from hfa_support import BadInputError, NoSolutionError
-from trim import LinearModel, find_operating_point, linearize, sweep
+import hfa
+from hfa import BadInputError, LinearModel, NoSolutionError, find_operating_point, linearize, sweep
 
-MODEL = hfa_model.aircraft()
+MODEL = hfa.aircraft()
 
 
 @cache

@@ -17,9 +17,9 @@ import pytest
 from cli import answer, assert_refused, hfa
 from own_models import F16, GTM, NAVION, navion, trimmed
 
+from hfa import BadInputError, Model, Signal, find_operating_point, linearize, sweep
 from hfa_aircraft import from_control, to_control
-from hfa_support import BadInputError, Model, Signal
-from trim import TrimError, find_operating_point, linearize, release, sweep
+from trim import TrimError, release
 from trim.point.condition import usual_condition
 from trim.point.solve import other_trims
 from trim.point.trim_report import trim_report
@@ -451,10 +451,10 @@ FAULTS = {
     "A = 3": "holds 3, not a Model, under A; define a Model",
     "B = 3": "has no name A; define a Model",
     "1 / 0": "ZeroDivisionError: division by zero; correct the file",
-    "import hfa_support as s; A = s.Model('a', {'x': s.Signal(nominal=0)}, {}, None)": (
+    "import hfa as s; A = s.Model('a', {'x': s.Signal(nominal=0)}, {}, None)": (
         "nominal and rate positive"
     ),
-    "import hfa_support as s; A = s.Model('a', {'x': s.Signal()}, {'x': s.Signal()}, None)": (
+    "import hfa as s; A = s.Model('a', {'x': s.Signal()}, {'x': s.Signal()}, None)": (
         "x is declared twice"
     ),
 }
@@ -473,7 +473,7 @@ WITH_A_TABLE = """
 from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
-from hfa_support import Model, Signal
+from hfa import Model, Signal
 
 @dataclass
 class Drag:

@@ -38,7 +38,7 @@ class TrimCondition:
     a name is unknown, or a value is not finite or lies outside its limits.
 
     >>> import hfa
-    >>> from trim import TrimCondition
+    >>> from hfa import TrimCondition
     >>> model = hfa.aircraft()
     >>> TrimCondition(model, {**model.trim, "speed": 70.0}).free
     ('throttle', 'aileron_outer', 'elevator_center', 'elevator_outer')

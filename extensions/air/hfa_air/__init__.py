@@ -1,1 +1,5 @@
 """Air with mass and memory: the `unsteady` dynamics of the highly flexible aircraft."""
+
+from hfa_support.public_names import public_names
+
+__getattr__, __dir__ = public_names(__name__, __file__)

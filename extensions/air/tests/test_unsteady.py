@@ -16,11 +16,12 @@ from scipy import special
 from unsteady_energy import derived_unsteady
 
 import hfa_air.unsteady as source
+from hfa import find_operating_point, linearize
+from hfa.paper import level_model
 from hfa_air.unsteady import EFFECTS, KUESSNER, LAG_STATES, UNSTEADY, WAGNER, Lag
 from hfa_model import STATES, VARIANTS, Input, Parameters, State
 from hfa_model.atmosphere import density
 from hfa_model.kinematics import DISTURBANCES, winds_named
-from trim import find_operating_point, level_model, linearize
 from trim.point.condition import usual_condition
 
 DEGREES = np.pi / 180

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import hfa
+from hfa import find_operating_point, linearize
 from hfa_derivatives.aircraft import from_derivatives
-from trim import find_operating_point, linearize
 
 #: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1, without C_Lq and
 #: with C_nbeta 0.0701, as its examples 4.3 and 5.2 take them.

@@ -1,1 +1,5 @@
 """Games in discrete time: their exact solution, critics of them, and Q-learning."""
+
+from hfa_support.public_names import public_names
+
+__getattr__, __dir__ = public_names(__name__, __file__)

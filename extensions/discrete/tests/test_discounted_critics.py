@@ -13,10 +13,10 @@ from known_models import game_at
 from planted_critics import gain, value
 from tolerances import SAME_FORMULA
 
-from controller import Game
+from hfa import Game, from_gain, from_value
 from hfa.main import BAD_INPUT, FAILED
+from hfa_discrete import solve_discounted
 from hfa_discrete.critic_check import check_discounted
-from verification import from_gain, from_value, solve_discounted
 
 pytestmark = pytest.mark.usefixtures("folder")
 

@@ -9,8 +9,10 @@ from reference_riccati import relative_error
 from reference_steps import reference_step_value
 from tolerances import FEW_ROUNDINGS, SAME_SOLUTION
 
-from controller import Game
+from controller import minimum_delta
+from hfa import BadInputError, Game, NoSolutionError, solve_game
 from hfa.main import FAILED
+from hfa_discrete import solve_discounted
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.solution import (
     minimum_delta_discrete,
@@ -19,8 +21,6 @@ from hfa_discrete.solution import (
     value_checks,
 )
 from hfa_discrete.step_form import StepForm
-from hfa_support import BadInputError, NoSolutionError
-from verification import minimum_delta, solve_discounted, solve_game
 
 
 def _game(seed: int = 0, n: int = 4, delta: float = 20.0) -> Game:

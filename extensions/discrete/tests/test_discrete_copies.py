@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from copies import copies
 
-from controller import Game
+from hfa import Game, NoSolutionError
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.solution import minimum_delta_discrete, sampled, solve_discrete
-from hfa_support import NoSolutionError
 
 KINDS = ("ordinary", "without weights", "cheap", "sampled", "near the circle", "both poles")
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from controller import Game
+from hfa import BadInputError, Game, NoSolutionError
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.q_learning import Steps, learn_steps, random_steps
 from hfa_discrete.solution import minimum_delta_discrete, solve_discrete
-from hfa_support import BadInputError, NoSolutionError
 
 
 def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> DiscreteGame:

@@ -1,1 +1,5 @@
 """One simulated flight: plant, policy, actuators and gusts in one loop."""
+
+from hfa_support.public_names import public_names
+
+__getattr__, __dir__ = public_names(__name__, __file__)

@@ -57,7 +57,7 @@ class OneMinusCosine(Gust):
     Source: FAR 25.341(a)(2); MIL-F-8785C, Section 3.7.1.3, whose gust ends at its peak.
     BadInputError when a number is not positive or not finite.
 
-    >>> from controller import OneMinusCosine
+    >>> from hfa_flight import OneMinusCosine
     >>> OneMinusCosine(length=400.0, peak=5.0, speed=100.0, begin=1.0).until
     5.0
     """

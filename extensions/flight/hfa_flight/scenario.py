@@ -106,7 +106,7 @@ class Scenario(Shown):
     BadInputError when the times do not fit each other or the actuators, are too long, or there are
     two gusts.
 
-    >>> from controller import OneMinusCosine, Scenario
+    >>> from hfa_flight import OneMinusCosine, Scenario
     >>> gust = OneMinusCosine(length=400.0, peak=5.0, speed=68.0)
     >>> Scenario(duration=12.0, gust=gust).ticks
     1200

@@ -12,25 +12,15 @@ import pytest
 from known_models import game_at, model_at
 from project import ROOT
 
-import hfa_model
-from controller import (
-    ActuatorBank,
-    ActuatorFault,
-    GainPolicy,
-    Scenario,
-    Waveform,
-    flight_envelope,
-    fly,
-)
+import hfa
+from hfa import BadInputError, LinearModel, fly, solve_game
+from hfa_flight import ActuatorBank, ActuatorFault, GainPolicy, Scenario, Waveform, flight_envelope
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.flight_history import Deviations
 from hfa_flight.policies import OpenLoop
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import INPUTS, LINEAR_STATES, Input, published_models
 from hfa_model.vectors import CONTROL_LIMITS
-from hfa_support import BadInputError
-from trim import LinearModel
-from verification import solve_game
 
 N = 6
 M = len(INPUTS)
@@ -119,7 +109,7 @@ def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
 
 def lost(weights: str, lag: float) -> bool:
     """A command of one degree for 200 s behind actuators of that lag, 60 deg/s for the surfaces."""
-    aircraft = hfa_model.aircraft("newton")
+    aircraft = hfa.aircraft("newton")
     point = model_at(15.0, "newton").point
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     actuators = ActuatorBank(

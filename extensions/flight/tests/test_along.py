@@ -11,9 +11,9 @@ from own_models import F16, NAVION, trimmed
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from hfa import BadInputError
 from hfa_aircraft import to_control
 from hfa_flight.along import models_along
-from hfa_support import BadInputError
 
 
 def test_along_a_flight_small_deviations_follow_the_linear_model() -> None:

@@ -15,13 +15,14 @@ from game_files import stored
 from known_models import model_at
 from network_files import torch_file
 
-from controller import Game, basis, save_controller
+from controller import basis
+from hfa import Game, solve_game
 from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits
 from hfa_model import LINEAR_STATES
+from hfa_servo import save_controller
 from hfa_stores.zarr_store import open_store
 from studies.servo.simvfa import reference_servo
-from verification import solve_game
 
 
 @pytest.fixture(autouse=True)

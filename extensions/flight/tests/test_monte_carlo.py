@@ -12,17 +12,18 @@ import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 from random_points import rates, rising
 
-import hfa_model
-from controller import (
+import hfa
+from hfa import BadInputError, find_operating_point, fly
+from hfa.paper import level_flight
+from hfa_flight import (
     GainPolicy,
     MonteCarlo,
     OneMinusCosine,
     Scenario,
     Uncertainty,
     flight_envelope,
-    fly,
+    monte_carlo_store,
 )
-from hfa_flight import monte_carlo_store
 from hfa_flight.monte_carlo import fly_member, fly_members, member_row
 from hfa_flight.monte_carlo_report import member_report
 from hfa_flight.monte_carlo_store import MEMBER_STEPS, chunk_of, run_monte_carlo, stream_members
@@ -30,9 +31,7 @@ from hfa_flight.scenario import with_errors
 from hfa_flight.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
 from hfa_model.variants import variant_named
-from hfa_support import BadInputError
 from hfa_support.native import machine_code as generated
-from trim import find_operating_point, level_flight
 
 ALPHA = STATES.index("alpha")
 SEEN = [STATES.index(name) for name in LINEAR_STATES]
@@ -125,7 +124,7 @@ def assert_same_flight(plan: MonteCarlo, member: int, p: Parameters | None = Non
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_a_member_is_its_flight_step_by_step(plan: MonteCarlo, dynamics: str) -> None:
-    aircraft = hfa_model.aircraft(dynamics, PARAMETERS)
+    aircraft = hfa.aircraft(dynamics, PARAMETERS)
     point = find_operating_point(aircraft, level_flight(plan.point.states.dihedral))
     flown = replace(plan, model=aircraft, point=point)
     assert_same_flight(with_scenario(flown, duration=0.05), 3)
@@ -185,7 +184,7 @@ def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> N
     ):
         with pytest.raises(BadInputError, match=said):
             fly(
-                hfa_model.aircraft(parameters=PARAMETERS),
+                hfa.aircraft(parameters=PARAMETERS),
                 plan.point,
                 plan.policy,
                 scenario=scenario,
@@ -226,7 +225,7 @@ def test_plans_are_equal_when_they_give_the_same_results(
 
 
 def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -> None:
-    no_moment = hfa_model.aircraft(parameters=PARAMETERS._replace(zero_lift_moment=0.0))
+    no_moment = hfa.aircraft(parameters=PARAMETERS._replace(zero_lift_moment=0.0))
     moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
     for said, make in (
         ("does nothing", lambda: replace(moment, model=no_moment)),

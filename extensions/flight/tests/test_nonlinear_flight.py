@@ -11,7 +11,9 @@ from flown_cases import SMALL, FlownCase, flown, signal
 from random_points import STATE_SCALES
 from scipy.integrate import solve_ivp
 
-from controller import (
+from hfa import BadInputError, find_operating_point
+from hfa.paper import level_flight
+from hfa_flight import (
     ActuatorBank,
     Dryden,
     GainPolicy,
@@ -27,8 +29,6 @@ from hfa_flight.signals import Harmonic
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, STATES, Input, State
 from hfa_model.vectors import CONTROL_LIMITS
-from hfa_support import BadInputError
-from trim import find_operating_point, level_flight
 
 N = len(LINEAR_STATES)
 

@@ -10,12 +10,12 @@ from known_models import exact_gain, model_at
 from numpy.typing import NDArray
 from threads import Rows, differing
 
-import hfa_model
+import hfa
+from hfa.paper import default_parameters
 from hfa_flight.monte_carlo import MonteCarlo, fly_members
 from hfa_flight.per_thread import cached_per_thread
 from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import Scenario, Uncertainty
-from hfa_model import default_parameters
 from hfa_model.vectors import STATES
 from trim.limits import Limits
 
@@ -26,7 +26,7 @@ def test_a_monte_carlo() -> None:
     point = model_at(15.0).point
     law = GainPolicy("exact", exact_gain(15.0))
     scenario = Scenario(0.2, uncertainty=Uncertainty({"panel_mass": 0.1}))
-    aircraft = hfa_model.aircraft(parameters=PARAMETERS)
+    aircraft = hfa.aircraft(parameters=PARAMETERS)
     everywhere = Limits.of(aircraft, STATES, dict.fromkeys(STATES, (-1e9, 1e9)))
     plan = MonteCarlo(24, 0, aircraft, point, law, scenario, everywhere)
     assert differing(lambda number: fly_members(plan, 4 * number, 4 * number + 4), range(6)) == []

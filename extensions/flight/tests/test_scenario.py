@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
 
-from controller import (
+from hfa import BadInputError
+from hfa_flight import (
     ActuatorBank,
     ActuatorFault,
     CommandSteps,
@@ -21,15 +22,14 @@ from controller import (
     Scenario,
     Uncertainty,
     Waveform,
+    scenario,
 )
-from hfa_flight import scenario
 from hfa_flight.air import UPDRAFT
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.policies import OpenLoop
 from hfa_flight.scenario import with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, Input, Parameters
-from hfa_support import BadInputError
 
 ACTUATORS = ActuatorBank(*(Input(*[each] * 5) for each in (0.1, -0.5, 0.4, 1.0)))
 TIMES = np.array([1.0, 4.0])

@@ -12,12 +12,12 @@ import pytest
 from flown_cases import seen
 from known_models import exact_gain, model_at
 
-from controller import CommandSteps, GainSchedule, Scenario, flight_envelope, fly
+from hfa import BadInputError, fly
+from hfa_flight import CommandSteps, GainSchedule, Scenario, flight_envelope
 from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.policies import Measurements
 from hfa_flight.scheduled_gains import ScheduledGainPolicy, scheduled_gains
 from hfa_model import LINEAR_STATES, STATES
-from hfa_support import BadInputError
 from trim.hfa.level_flight import level_flight
 
 N = len(LINEAR_STATES)

@@ -14,19 +14,28 @@ import pytest
 from own_models import NAVION
 from scipy.integrate import solve_ivp
 
-from controller import (
+from hfa import (
+    BadInputError,
+    Game,
+    NoSolutionError,
+    OperatingPoint,
+    Signal as Declared,
+    find_operating_point,
+    fly,
+    linearize,
+    solve_game,
+)
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import record
+from hfa_flight import (
     ActuatorBank,
     CommandSteps,
     GainPolicy,
-    Game,
     MonteCarlo,
     OneMinusCosine,
     Scenario,
     flight_envelope,
-    fly,
 )
-from hfa_aircraft.model import Model
-from hfa_aircraft.signals import record
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, Plant
 from hfa_flight.flight_history import Deviations
 from hfa_flight.limit_cycle import Decay, LimitCycle, limit_cycle, oscillation
@@ -36,11 +45,8 @@ from hfa_flight.policies import OpenLoop, open_loop
 from hfa_flight.signals import Harmonic, Waveform
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import STATES
-from hfa_support import BadInputError, NoSolutionError, Signal as Declared
-from trim import OperatingPoint, find_operating_point, linearize
 from trim.limits import Limits
 from trim.point.condition import usual_condition
-from verification import solve_game
 
 SPEED = STATES.index("speed")
 

@@ -5,11 +5,11 @@ import importlib.util
 import pytest
 from small_aircraft import written
 
+from hfa import find_operating_point, linearize
 from hfa_aircraft.loading import load_model
 from studies.jsbsim.constructs.jet import SLOTS, jet
 from studies.jsbsim.flights import difference, drawn, trimmed
 from studies.jsbsim.reference import answered
-from trim import find_operating_point, linearize
 from trim.point.condition import release, usual_condition
 
 needs_jsbsim = pytest.mark.skipif(

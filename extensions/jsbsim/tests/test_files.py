@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, written
 
+from hfa import BadInputError, find_operating_point
 from hfa_aircraft.loading import load_model
-from hfa_support import BadInputError
 from studies.jsbsim.constructs.jet import slope
-from trim import find_operating_point
 from trim.point.condition import release, usual_condition
 
 TABLE = "<table> <independentVar>aero/alpha-rad</independentVar> <tableData>{}</tableData> </table>"

@@ -4,9 +4,9 @@ import importlib.util
 
 import pytest
 
+from hfa import find_operating_point, linearize
 from hfa_jsbsim.reader import read_model
 from studies.jsbsim.reference import GRAVITY, RADIUS, measured
-from trim import find_operating_point, linearize
 from trim.point.condition import release, usual_condition
 
 pytestmark = pytest.mark.skipif(

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from small_aircraft import CONTROL, LIFT, REST, force, glider, written
 
+from hfa import BadInputError, find_operating_point, linearize
 from hfa_aircraft.loading import load_model
 from hfa_jsbsim.reader import read_model
-from hfa_support import BadInputError
 from studies.jsbsim.constructs.jet import coefficient, jet, slope
 from studies.jsbsim.reference import AXES, GRAVITY, RADIUS, answered
 from studies.jsbsim.study import positions
-from trim import find_operating_point, linearize
 from trim.point.condition import release, usual_condition
 
 needs_jsbsim = pytest.mark.skipif(

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from small_aircraft import glider, written
 
+from hfa import BadInputError, find_operating_point, linearize
 from hfa_aircraft.loading import load_model
-from hfa_support import BadInputError
-from trim import find_operating_point, linearize
 from trim.point.condition import release, usual_condition
 from trim.point.reasons import explained
 from trim.point.solve import TrimError

@@ -12,16 +12,17 @@ from game_files import stored
 from game_samples import failed_names
 from network_files import torch_file
 
-from controller import Game, basis
+from controller import basis
 from controller.critic.critic import Critic, from_parts
 from controller.critic.expressions import from_functions
+from hfa import Game, from_gain, from_network, from_value, from_weights
 from hfa.main import DONE, FAILED
 from hfa_discrete.critic_check import check_discounted, check_discrete
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.implied_policy import discrete_critic, policy_of_next
 from hfa_discrete.solution import DiscreteSolution, solve_discrete
 from hfa_networks.judge.network_flights import InSteps, flown_losses
-from verification import Scope, from_gain, from_network, from_value, from_weights
+from verification import Scope
 from verification.critic.critic_errors import Box
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -189,7 +190,7 @@ def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_line
 @pytest.mark.slow
 def test_a_network_of_a_discounted_game_is_searched_and_flown(game: Game) -> None:
     """Exact weights in a state dict pass; the same behind a tanh that saturates do not."""
-    from verification import solve_discounted
+    from hfa_discrete import solve_discounted
 
     K = solve_discounted(game, 0.99, 0.01).K
     right = from_network(game, torch_file("right.pt", {"weight": -K}))

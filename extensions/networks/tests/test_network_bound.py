@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controller import Game
 from controller.hfa_game import ORDINARY_DEVIATIONS
+from hfa import Game, check_critic, from_network, solve_game
 from hfa_networks.judge.network_bound import Proof, _halves, prove
 from hfa_networks.judge.relaxation import (
     _LINES as LINES,
@@ -21,7 +21,7 @@ from hfa_networks.judge.relaxation import (
     _tanh,
     _tanh_lines,
 )
-from verification import Scope, check_critic, from_network, solve_game
+from verification import Scope
 from verification.critic.critic_errors import Box
 from verification.critic.verdict import Verdict
 from verification.hfa_box import ordinary_box

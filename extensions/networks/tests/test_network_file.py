@@ -15,11 +15,10 @@ import numpy as np
 import pytest
 from network_files import refusal, safetensors_file, square_layers, torch_file, two_layers
 
-from controller import Game
 from controller.critic.critic_file import Reading, critic_in
+from hfa import BadInputError, Game
 from hfa_networks.files.network import from_network
 from hfa_networks.files.network_file import network_in
-from hfa_support import BadInputError
 
 HERE = Path(__file__).parent
 TORCH = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["state_dict"]

@@ -10,10 +10,9 @@ from game_samples import failed_names
 from network_files import ONES, QUADRATIC, onnx_file, torch_file
 from planted_critics import gain, value
 
-from controller import Game
 from controller.hfa_game import ORDINARY_DEVIATIONS
+from hfa import Game, check_critic, from_network, solve_game
 from hfa_networks.judge.network_search import Comparison, search
-from verification import check_critic, from_network, solve_game
 from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
 

@@ -25,12 +25,11 @@ from network_files import (
 )
 from planted_critics import gain, value, weights_of
 
-from controller import Game, critic_in, load_game
+from controller import critic_in, load_game
 from controller.critic.features import features_of
 from controller.hfa_game import ORDINARY_DEVIATIONS
+from hfa import BadInputError, Game, check_critic, from_network, from_weights, solve_game
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa_support import BadInputError
-from verification import check_critic, from_network, from_weights, solve_game
 from verification.critic.scope import Scope
 from verification.hfa_box import ordinary_box
 

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from network_files import onnx_file, refusal, torch_file
 
-from controller import Game
+from hfa import BadInputError, Game
 from hfa_networks.files.network import from_network
 from hfa_networks.files.network_file import network_in
 from hfa_networks.files.q_function import policy_of
-from hfa_support import BadInputError
 
 HERE = Path(__file__).parent
 RNG = np.random.default_rng(9)

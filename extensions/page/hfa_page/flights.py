@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import hfa_model
 from hfa_flight.envelope import limits_text
+from hfa_model import choice
 from hfa_page.results import FlightsData
 from hfa_support.errors import BadInputError
 from hfa_support.files import read_json
@@ -115,6 +115,6 @@ def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
 
 
 def _limit(name: str, lowest: float, highest: float) -> str:
-    unit = hfa_model.aircraft().unit(name)
+    unit = choice.aircraft().unit(name)
     text = f"{name} {limits_text(lowest, highest, unit)}"
     return text if unit == "1" else f"{text} {shown_unit(unit)}"

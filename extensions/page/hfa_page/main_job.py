@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-import hfa_model
 from controller.critic.critic import from_weights
 from controller.hfa_game import published_game
 from controller.learning.certified import learn
 from controller.riccati.solution_report import AnalysedGame, analyse_game
 from hfa_aircraft.model import Model
+from hfa_model import choice
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import published_models
 from hfa_model.variants import variant_named
@@ -147,7 +147,7 @@ def main_job(
 
     asked: the sweep visits these too. flight, start: the trimmed flight, as of `sweep`; the printed
     pairs are at the paper's condition."""
-    aircraft = hfa_model.aircraft(variant_named(dynamics), parameters.values)
+    aircraft = choice.aircraft(variant_named(dynamics), parameters.values)
     progress(0.0, 1.0, "printed pairs")
     regeneration = regenerate_all(aircraft)
     progress(0.05, 1.0, "sweep")

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import hfa_model
+import hfa
+from hfa import LinearModel
 from hfa_model.printed_matrices import published_models
 from hfa_page.beside_the_print import matrices_beside_the_print
-from trim import LinearModel, regenerate
+from trim import regenerate
 
 
 def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None:
     published = published_models()[0]
-    model = regenerate(hfa_model.aircraft(), published)
+    model = regenerate(hfa.aircraft(), published)
 
     def tones(model: LinearModel) -> list[list[str]]:
         rows = [row for table in matrices_beside_the_print(model, published) for row in table.rows]

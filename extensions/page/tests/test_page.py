@@ -19,6 +19,8 @@ from project import ROOT
 
 import hfa
 import hfa_model
+from controller import analyse_game
+from hfa import BadInputError, NoSolutionError, sweep
 from hfa_aircraft.model import Model
 from hfa_model.parameters import ParameterSet
 from hfa_page.claims import Claims, claims_section, load_claims
@@ -26,10 +28,8 @@ from hfa_page.flights import flights_section, load_flights
 from hfa_page.job_report import angle_report, any_angle, glosses, verdict_sentence, verdicts
 from hfa_page.main_job import MainJob, main_job, with_game
 from hfa_page.plots import front_view, in_script, locus_plot
-from hfa_support import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report
-from trim import modes_of, sweep
-from verification import analyse_game
+from trim import modes_of
 from verification.critic.critic_check import check_critic
 
 
@@ -219,7 +219,7 @@ def test_hover_shows_the_modes(job: MainJob) -> None:
         for angle, frequency, damping in trace.get("customdata", ()):
             if np.isfinite(frequency):
                 point = next(point for point in job.points if point.dihedral_deg == angle)
-                modes = modes_of(point.model.A, point.model.states, hfa_model.aircraft().modes)
+                modes = modes_of(point.model.A, point.model.states, hfa.aircraft().modes)
                 assert (
                     min(
                         abs(mode.frequency - frequency) + abs(mode.damping - damping)

@@ -13,7 +13,7 @@ from cli import Result, assert_refused, hfa
 from project import ROOT
 
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa_model import default_parameters
+from hfa.paper import default_parameters
 from hfa_page.job_report import plotly_script
 from hfa_page.main_job import MOST_SWEPT
 from hfa_support.provenance import parameter_hash

@@ -1,2 +1,6 @@
 """Proofs for every value of the scheduling variable: nothing outside but the command and studies
 imports them."""
+
+from hfa_support.public_names import public_names
+
+__getattr__, __dir__ = public_names(__name__, __file__)

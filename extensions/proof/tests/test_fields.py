@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from proof_cases import PLANT, certificate, forge, model_of
 
-import hfa_model
+import hfa
+from hfa import BadInputError
 from hfa_proof.checker.checker import Verified, check_certificate
 from hfa_proof.checker.reading import Malformed
 from hfa_proof.checker.statement import read_statement
@@ -20,7 +21,6 @@ from hfa_proof.commands.given import given_for
 from hfa_proof.fields import FIELDS
 from hfa_proof.search.checked_report import checked_report
 from hfa_proof.subject import Field, Given, compare, entries_of
-from hfa_support import BadInputError
 from hfa_support.errors import NoSolutionError
 
 WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
@@ -56,7 +56,7 @@ def request_for(kind: str, folder: Path) -> CheckRequest:
     """The options that give all that can be given of the subject of a certificate."""
     statement = certificate(kind)["statement"]
     weights = folder / "weights.npz"
-    options: dict[str, Any] = {"model": hfa_model.aircraft(), "weights": weights}
+    options: dict[str, Any] = {"model": hfa.aircraft(), "weights": weights}
     if kind == "plant":
         plant = folder / "plant.npz"
         np.savez(plant, **{name: getattr(PLANT, name) for name in ("A", "B", "E", "Q", "R")})
@@ -131,7 +131,7 @@ def test_what_is_not_given_is_named() -> None:
 def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
     """None is ignored: an aircraft beside a plant's certificate, a plant beside an aircraft's, a
     design without its controller."""
-    model = hfa_model.aircraft()
+    model = hfa.aircraft()
     for kind, options in (
         ("plant", {"dynamics": "published"}),
         ("plant", {"at": (14.0,)}),
@@ -155,9 +155,7 @@ def test_a_value_with_another_gain_is_not_about_this_gain(tmp_path: Path) -> Non
     assert not statement.gain_of_value
     weights = tmp_path / "weights.npz"
     np.savez(weights, W=np.array(made["statement"]["critic"]["W"])[:, 0])
-    request = CheckRequest(
-        model=hfa_model.aircraft(), weights=weights, typed=frozenset({"weights"})
-    )
+    request = CheckRequest(model=hfa.aircraft(), weights=weights, typed=frozenset({"weights"}))
     with pytest.raises(NoSolutionError, match="gain_of_value"):
         compare(made["statement"], FIELDS["game"], given_for(statement, request))
     claimed = copy.deepcopy(made)

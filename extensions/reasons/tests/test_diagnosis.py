@@ -26,13 +26,13 @@ from planted_mistakes import (
 )
 from project import ROOT
 
-from controller import Game, basis
+from controller import basis
 from controller.critic.critic import Critic
 from examples.train_a_network import fit
+from hfa import Game, check_critic, from_gain, from_value, from_weights
 from hfa.main import FAILED
 from hfa_reasons.diagnosis import diagnose, diagnose_discrete
 from hfa_reasons.other_games import discounted
-from verification import check_critic, from_gain, from_value, from_weights
 from verification.critic.critic_check import LIMIT
 from verification.critic.critic_errors import critic_errors
 from verification.critic.scope import Nearby, Scheduled, Scope

@@ -9,9 +9,8 @@ from game_files import AT_15, stored
 from game_samples import failed_names, game_in
 from planted_critics import gain, other_root, value, weights_of
 
-from controller import Game
+from hfa import Game, check_critic, from_gain, from_value, from_weights
 from hfa.main import DONE, FAILED
-from verification import check_critic, from_gain, from_value, from_weights
 
 pytestmark = pytest.mark.usefixtures("folder")
 

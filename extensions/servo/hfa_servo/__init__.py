@@ -1,2 +1,6 @@
 """Subjects of the design of a controller: the aircraft with actuators, integrals of outputs and
 weights."""
+
+from hfa_support.public_names import public_names
+
+__getattr__, __dir__ = public_names(__name__, __file__)

@@ -16,17 +16,23 @@ from scipy.io import loadmat
 from servo_cases import A_Z, measured_servo, simvfa_design
 from tolerances import SAME_FORMULA
 
-import hfa_model
-from controller import ScheduledController, design_model, load_controller, save_controller
+import hfa
+from hfa import BadInputError, NoSolutionError, solve_game
+from hfa.paper import default_parameters
 from hfa_aircraft.model import Model
-from hfa_model import default_parameters
+from hfa_servo import (
+    GeneralizedPlant,
+    ScheduledController,
+    load_controller,
+    save_controller,
+    solve_plant,
+)
 from hfa_servo.controllers import LinearController, controller_at, design_controller
 from hfa_servo.design import Design
+from hfa_servo.design_model import design_model
 from hfa_servo.generalized_plant import closed_plant
 from hfa_servo.servo_loop import ServoLoop, check_margins, servo_loop, servo_plant
-from hfa_support import BadInputError, NoSolutionError
 from hfa_support.reporting.text import Table
-from verification import GeneralizedPlant, solve_game, solve_plant
 
 ANGLES = np.radians([9.0, 11.0])
 
@@ -155,16 +161,16 @@ def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Model
     with pytest.raises(
         BadInputError, match="designed for published dynamics, the aircraft has newton"
     ):
-        controller.refuse_other(hfa_model.aircraft("newton"), 0.1, 0.2)
+        controller.refuse_other(hfa.aircraft("newton"), 0.1, 0.2)
     heavier = default_parameters().values._replace(panel_mass=11.0)
     with pytest.raises(BadInputError, match="an aircraft with other parameters"):
-        controller.refuse_other(hfa_model.aircraft(parameters=heavier), 0.1, 0.2)
+        controller.refuse_other(hfa.aircraft(parameters=heavier), 0.1, 0.2)
 
 
 def test_a_file_gives_the_controller_back(published_aircraft: Model, tmp_path: Path) -> None:
     saved = small_controller(published_aircraft)
     save_controller(tmp_path / "small.npz", saved)
-    found = load_controller(tmp_path / "small.npz", hfa_model.aircraft())
+    found = load_controller(tmp_path / "small.npz", hfa.aircraft())
     assert found == saved
     assert found.about == saved.about
     assert found != small_controller(published_aircraft, name="other")
@@ -186,7 +192,7 @@ def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: P
         kept = {key: value for key, value in content.items() if value is not None}
         np.savez(tmp_path / name, **kept)
         with pytest.raises(BadInputError, match=f"{name}: {message}"):
-            load_controller(tmp_path / name, hfa_model.aircraft())
+            load_controller(tmp_path / name, hfa.aircraft())
 
     save_controller(tmp_path / "good.npz", small_controller(published_aircraft))
     refused("plant.npz", "this is no controller file", schema="hfa.plant/1")
@@ -202,7 +208,7 @@ def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: P
     )
     for name in ("good.json", "good.mat"):
         with pytest.raises(BadInputError, match=f"{name}: a controller is read from a .npz file"):
-            load_controller(tmp_path / name, hfa_model.aircraft())
+            load_controller(tmp_path / name, hfa.aircraft())
     with pytest.raises(BadInputError, match=r"a controller is written as \.npz or \.mat"):
         save_controller(tmp_path / "good.json", small_controller(published_aircraft))
 
@@ -302,5 +308,5 @@ def test_a_planted_unstable_controller_is_found_with_its_actuator(
 def test_the_controller_of_another_aircraft_is_refused(published_aircraft: Model) -> None:
     with pytest.raises(BadInputError, match="was designed for published dynamics"):
         check_margins(
-            hfa_model.aircraft("newton"), gentle(published_aircraft, 0.0), np.radians([5.0]), (2.0,)
+            hfa.aircraft("newton"), gentle(published_aircraft, 0.0), np.radians([5.0]), (2.0,)
         )

@@ -15,10 +15,11 @@ from scipy.io import loadmat
 from servo_cases import SIMVFA, simvfa_design
 from tolerances import SAME_FORMULA
 
-import hfa_model
-from controller import design_model, load_controller
 from hfa_aircraft.model import Model
 from hfa_aircraft.units import in_si
+from hfa_model import choice
+from hfa_servo import load_controller
+from hfa_servo.design_model import design_model
 
 # Solve.
 
@@ -155,7 +156,7 @@ def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
         f"Margins of controller {SIMVFA['simvfa-1']}, published dynamics: PASS, 12 of 12 loops"
         " stable" in made.out
     )
-    controller = load_controller("servo.npz", hfa_model.aircraft())
+    controller = load_controller("servo.npz", choice.aircraft())
     assert controller.about["provenance"]["command"].startswith(
         f"hfa design --design {SIMVFA['simvfa-1']}"
     )
@@ -170,7 +171,7 @@ def test_a_controller_in_metres_is_the_controller_in_feet() -> None:
     metres = hfa(*words, "--units", "si", "-o", "metres.npz")
     assert (feet.code, metres.code) == (0, 0)
     assert metres.out.split("\n\n")[:-1] == feet.out.split("\n\n")[:-1]
-    model = hfa_model.aircraft()
+    model = choice.aircraft()
     for aircraft, factor in ((model, 1.0), (in_si(model), 0.3048)):
         one = load_controller("feet.npz", aircraft)
         other = load_controller("metres.npz", aircraft)

@@ -20,17 +20,17 @@ from random_points import rising
 from servo_cases import SIMVFA, simvfa_design
 from tolerances import SAME_FORMULA
 
+import hfa
 import hfa_model
-from controller import Game, design_model, load_design, published_game
+from hfa import BadInputError, Game, find_operating_point, linearize, solve_game
+from hfa.paper import level_flight, published_game
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES
 from hfa_model.outputs import moment_of, outputs_of
+from hfa_servo import load_design
 from hfa_servo.design import NAMED, Actuator, Design, design_of, signal_unit
-from hfa_servo.design_model import DesignModel
+from hfa_servo.design_model import DesignModel, design_model
 from hfa_servo.servo_policy import MeasuredOutputs
-from hfa_support import BadInputError
-from trim import find_operating_point, level_flight, linearize
-from verification import solve_game
 
 DESIGNS = ROOT / "extensions/servo/hfa_servo"
 
@@ -44,7 +44,7 @@ def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None
     own = tmp_path / "own.toml"
     more = "[sensors]\npitch_rate = 1e-4\n[disturbance]\nupdraft = 2.0\ncommands = 3.0\n"
     own.write_text(Path(SIMVFA["simvfa-2"]).read_text(encoding="utf-8") + more, encoding="utf-8")
-    design = load_design(str(own), hfa_model.aircraft())
+    design = load_design(str(own), hfa.aircraft())
     assert design.disturbances == {"updraft": 2.0, "commands": 3.0}
     assert design.actuators == dict.fromkeys(design.inputs, Actuator(2, 2.0, 0.7, 1.0))
     assert simvfa_design("simvfa-1").disturbances == {"states": 1.0}
@@ -76,7 +76,7 @@ def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None
 def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
-    assert message in refusal(lambda name: load_design(name, hfa_model.aircraft()), path)
+    assert message in refusal(lambda name: load_design(name, hfa.aircraft()), path)
 
 
 def test_a_name_that_is_neither_is_said() -> None:
@@ -84,7 +84,7 @@ def test_a_name_that_is_neither_is_said() -> None:
         BadInputError,
         match="no design of that name and no readable file; the names are paper, servo",
     ):
-        load_design("nobody", hfa_model.aircraft())
+        load_design("nobody", hfa.aircraft())
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_a_name_that_is_neither_is_said() -> None:
     ],
 )
 def test_a_name_says_its_unit(name: str, unit: str) -> None:
-    assert signal_unit(hfa_model.aircraft(), name) == unit
+    assert signal_unit(hfa.aircraft(), name) == unit
 
 
 #: Weights that no actuator or integral needs.
@@ -140,7 +140,7 @@ def test_in_the_peer_s_air_its_own_parameters_give_every_digit_of_its_gains(degr
 
 
 def test_the_paper_s_design_is_the_paper_s_game(published_aircraft: Model, game: Game) -> None:
-    built = design_at(published_aircraft, load_design("paper", hfa_model.aircraft()), 15.0).game()
+    built = design_at(published_aircraft, load_design("paper", hfa.aircraft()), 15.0).game()
     for name in ("A", "B", "E", "Q", "R"):
         np.testing.assert_array_equal(getattr(built, name), getattr(game, name))
     assert built.delta == game.delta
@@ -190,7 +190,7 @@ def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_the_integral_of_a_short_period_output_feels_the_air(dynamics: str) -> None:
     """As in flight: e' = ... + F w. Left out, as it once was, the differences show it."""
-    aircraft = hfa_model.aircraft(dynamics)
+    aircraft = hfa.aircraft(dynamics)
     built = design_at(
         aircraft, replace(simvfa_design("simvfa-1"), disturbances={"updraft": 1.0}), 11.0
     )
@@ -276,7 +276,7 @@ def test_an_actuator_follows_its_command(published_aircraft: Model, order: int) 
         ("throttle",),
         {"throttle": weak},
         input_weights={"throttle": 1.0},
-        model=hfa_model.aircraft(),
+        model=hfa.aircraft(),
     )
     assert design.disturbances == {"states": 1.0}
     built = design_at(published_aircraft, design, 5.0)
@@ -325,4 +325,4 @@ def test_a_value_in_place_of_a_table_of_a_variant_is_named(entry: str, value: ob
     table = {"states": {"alpha": 1.0}} if entry == "weights" else {}
     data = {"inputs": ["throttle"], entry: table, "newton": {entry: value}}
     with pytest.raises(BadInputError, match=entry):
-        design_of("mine.toml", data, hfa_model.aircraft())
+        design_of("mine.toml", data, hfa.aircraft())

@@ -19,15 +19,15 @@ from reference_riccati import reference_solution, relative_error
 from servo_cases import simvfa_design
 from tolerances import SAME_FORMULA, TWO_BRACKETS
 
-from controller import Game, design_model
+from controller import minimum_delta
 from controller.riccati.frequency_response import peak_gain
 from controller.riccati.smallest_delta import DeltaMin
+from hfa import BadInputError, Game, NoSolutionError, solve_game
 from hfa_aircraft.model import Model
-from hfa_servo import generalized_plant
+from hfa_servo import GeneralizedPlant, generalized_plant, solve_plant
+from hfa_servo.design_model import design_model
 from hfa_servo.generalized_plant import central_controller, closed_plant, stored_plant
 from hfa_servo.plant_report import solution_of_plant
-from hfa_support import BadInputError, NoSolutionError
-from verification import GeneralizedPlant, minimum_delta, solve_game, solve_plant
 
 DOUBLE = {"A": [[0.0, 1.0], [0.0, 0.0]], "B1": [[0.0, 0.0], [1.0, 0.0]], "B2": [[0.0], [1.0]]}
 DOUBLE |= {

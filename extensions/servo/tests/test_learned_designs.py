@@ -14,12 +14,13 @@ from project import ROOT
 from reference_riccati import relative_error
 from servo_cases import SIMVFA, simvfa_design
 
-import hfa_model
-from controller import Game, basis, design_model, learn, load_design
+import hfa
+from controller import basis
 from controller.learning.recording import natural_spread
+from hfa import Game, Solution, learn, solve_game
+from hfa_servo import GeneralizedPlant, load_design
 from hfa_servo.design import Actuator, Design
-from verification import GeneralizedPlant, solve_game
-from verification.exact_solution import Solution
+from hfa_servo.design_model import design_model
 
 #: Of a finite game; the smallest one of `simvfa-1` is 95.
 DELTA = 200.0
@@ -37,11 +38,7 @@ SIZES = {
 def design_of(name: str) -> Design:
     """three inputs: of `simvfa-2` with the ailerons of the center panel moved too."""
     if name != "three inputs":
-        return (
-            simvfa_design(name)
-            if name in SIMVFA
-            else load_design(str(SEARCHED), hfa_model.aircraft())
-        )
+        return simvfa_design(name) if name in SIMVFA else load_design(str(SEARCHED), hfa.aircraft())
     two = simvfa_design("simvfa-2")
     more = {"aileron_center": Actuator(2)}
     weights = {**two.input_weights, "aileron_center": 50.0}
@@ -52,7 +49,7 @@ def design_of(name: str) -> Design:
 
 @cache
 def exact(name: str) -> tuple[Game, Solution]:
-    built = design_model(hfa_model.aircraft(), model_at(11.0), design_of(name))
+    built = design_model(hfa.aircraft(), model_at(11.0), design_of(name))
     game = built.game() if built.sensors else built.game().with_delta(DELTA)
     if name == "its filter":
         game = GeneralizedPlant.measured(game, built.C, built.V).sides[1].game(game.delta)

@@ -14,25 +14,25 @@ from known_models import model_at
 from scipy.linalg import eigvals, solve_continuous_are, solve_continuous_lyapunov
 from servo_cases import A_Z
 
-import hfa_model
-from controller import design_controller, design_model, load_design
+import hfa
+from hfa import BadInputError, NoSolutionError
 from hfa_aircraft.model import Model
-from hfa_servo import loop_shaping
+from hfa_servo import design_controller, load_design, loop_shaping
 from hfa_servo.controllers import controller_at
 from hfa_servo.design import Actuator, Design
+from hfa_servo.design_model import design_model
 from hfa_servo.loop_shaping import output_weights, robust_check, robust_controller
 from hfa_servo.scheduled_controller import ScheduledController
 from hfa_servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
-from hfa_support import BadInputError, NoSolutionError
 
 INPUTS = ("throttle", "aileron_center", "aileron_outer", "elevator_center")
 
 
 def shaped_plant(degrees: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B, C of W2 G W1 of the servo, put together here by series connection."""
-    design = load_design("servo", hfa_model.aircraft())
+    design = load_design("servo", hfa.aircraft())
     assert design.shaping is not None
-    built = design_model(hfa_model.aircraft(), model_at(degrees), design)
+    built = design_model(hfa.aircraft(), model_at(degrees), design)
     weights = output_weights(design.shaping.outputs_at(np.radians(degrees)))
     gains = np.array([design.shaping.inputs[name] for name in design.inputs])
     k = len(weights.A)
@@ -123,8 +123,8 @@ def test_a_mode_that_is_not_seen_has_no_controller() -> None:
 @cache
 def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController:
     """The designed servo at its own angles, or at these."""
-    aircraft = hfa_model.aircraft(dynamics)
-    design = load_design("servo", hfa_model.aircraft()).of(hfa_model.aircraft(dynamics))
+    aircraft = hfa.aircraft(dynamics)
+    design = load_design("servo", hfa.aircraft()).of(hfa.aircraft(dynamics))
     assert design.shaping is not None
     return design_controller(
         aircraft, design, np.radians(degrees) if degrees else np.array(design.shaping.breakpoints)
@@ -138,9 +138,7 @@ def test_every_loop_has_6_db_and_45_deg_behind_all_four_actuators(
 ) -> None:
     """At every integer angle, also between the angles of the design; and 20 ms of delay in all
     inputs at once."""
-    table = check_margins(
-        hfa_model.aircraft(dynamics), servo(dynamics), np.radians(angles), (2.0, 10.0)
-    )
+    table = check_margins(hfa.aircraft(dynamics), servo(dynamics), np.radians(angles), (2.0, 10.0))
     assert (len(table.rows), table.ok) == (4 * len(angles), True)
     assert len(table.single) == 4 * len(angles) * 7
     assert min(each.gain for each in table.single) >= 6.0
@@ -154,7 +152,7 @@ def test_it_is_stable_with_half_the_effectiveness_and_20_ms(dynamics: str) -> No
     rad/s."""
     from control import pade, ss, tf
 
-    aircraft = hfa_model.aircraft(dynamics)
+    aircraft = hfa.aircraft(dynamics)
     controller = servo(dynamics)
     delay = ss(tf(*pade(0.02, 3)))
     for degrees in (0.0, 11.0, 20.0):
@@ -226,7 +224,7 @@ def test_the_model_answers_a_command_and_the_loop_feels_none_of_it(
 ) -> None:
     """Behind the actuators that the model has, measured and modelled outputs agree: measuring adds
     nothing, and at rest both outputs are where the command is."""
-    design = load_design("servo", hfa_model.aircraft())
+    design = load_design("servo", hfa.aircraft())
     model = model_at(11.0)
     controller = servo("published", (11.0,))
     found = controller_at(published_aircraft, model, design)
@@ -294,12 +292,12 @@ def test_a_design_that_cannot_be_shaped_is_refused(
     path = tmp_path / "own.toml"
     path.write_text(text.replace(*change, 1), encoding="utf-8")
     with pytest.raises(BadInputError) as refused:
-        load_design(str(path), hfa_model.aircraft())
+        load_design(str(path), hfa.aircraft())
     assert message in str(refused.value)
 
 
 def test_a_shaped_design_has_no_game(published_aircraft: Model) -> None:
-    design: Design = load_design("servo", hfa_model.aircraft())
+    design: Design = load_design("servo", hfa.aircraft())
     with pytest.raises(
         BadInputError, match="is a loop shaping and has no game; make it with hfa design"
     ):
@@ -315,9 +313,9 @@ def pencil_of(
         inputs,
         sensors=dict.fromkeys(outputs, 1.0),
         input_weights=dict.fromkeys(inputs, 1.0),
-        model=hfa_model.aircraft(),
+        model=hfa.aircraft(),
     )
-    built = design_model(hfa_model.aircraft(dynamics), model_at(degrees, dynamics), design)
+    built = design_model(hfa.aircraft(dynamics), model_at(degrees, dynamics), design)
     return np.block([[built.A, built.B], [built.C, built.D]])
 
 

@@ -16,10 +16,10 @@ from plant_references import gain_of, of_slycot
 from controller.riccati.existence import stable_subspace
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin
+from hfa import NoSolutionError
+from hfa_servo import solve_plant
 from hfa_servo.generalized_plant import GeneralizedPlant, conditions
 from hfa_servo.plant_side import Side
-from hfa_support import NoSolutionError
-from verification import solve_plant
 
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning")
 #: A search ends within 2.5e-7, SB10AD's own where its loop still keeps the gain that it states.

@@ -9,9 +9,9 @@ import time
 
 import pytest
 
+from hfa import BadInputError, NoSolutionError
 from hfa_stores import workers as module
 from hfa_stores.workers import open_workers
-from hfa_support import BadInputError, NoSolutionError
 
 
 def _square(value: int) -> int:

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hfa import BadInputError
 from hfa_stores import zarr_store
 from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store, open_store
-from hfa_support import BadInputError
 
 ROWS = 10
 CHUNK = 3

@@ -10,9 +10,9 @@ import pytest
 from game_files import stored
 from tolerances import FEW_ROUNDINGS
 
-from controller import Game, critic_in, critics_over_time
+from controller import critic_in, critics_over_time
 from controller.critic.critic_file import Reading, critics_in, stored_parts
-from hfa_support import BadInputError
+from hfa import BadInputError, Game
 
 #: Two states, one input: 3 weights, 4 entries of P, 2 of K.
 GAME = Game(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from controller.critic.features import features_of
-from hfa_support import BadInputError
+from hfa import BadInputError
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from scipy.sparse import csc_array, issparse
 
 from controller.game import mat_file
 from controller.game.array_file import read_arrays
-from hfa_support import BadInputError
+from hfa import BadInputError
 
 pytestmark = pytest.mark.usefixtures("folder")
 

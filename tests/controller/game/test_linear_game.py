@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import hfa
+from hfa import LinearModel
 from hfa_support.errors import BadInputError
-from trim import LinearModel
 
 
 @pytest.fixture(scope="module")

@@ -13,11 +13,12 @@ from game_files import SMALL
 from game_samples import game_models
 from tolerances import SAME_FORMULA
 
-from controller import Game, basis, published_game
+from controller import basis
 from controller.game.basis import BASES, Basis
 from controller.game.zero_sum import is_semidefinite
+from hfa import BadInputError, Game
+from hfa.paper import published_game
 from hfa_model import LINEAR_STATES, published_models
-from hfa_support import BadInputError
 
 #: Of the paper's basis.
 QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")

@@ -25,15 +25,14 @@ from learning_samples import (
 from reference_riccati import reference_solution, relative_error
 from scipy.integrate import solve_ivp
 
-from controller import Game, Stack, basis, learn, random_pool, record, run
+from controller import Stack, basis, random_pool, record, run
 from controller.game.basis import BASES
 from controller.learning import certified
 from controller.learning.bellman_equations import LQ, StackEquations, newton_step
 from controller.learning.certified import CertifiedSettings, Point, after, certified_law, decay_rate
+from hfa import BadInputError, Game, NoSolutionError, check_critic, from_weights, learn, solve_game
 from hfa_model import VARIANTS
-from hfa_support import BadInputError, NoSolutionError
 from studies.update_law.integral_rl import probing_flight
-from verification import check_critic, from_weights, solve_game
 
 # The solution.
 

@@ -13,12 +13,11 @@ from reference_riccati import reference_solution, relative_error
 from scipy.linalg import solve_continuous_lyapunov
 from tolerances import FEW_ROUNDINGS
 
-from controller import Game, learn
+from controller import minimum_delta
 from controller.game.training_run import TrainingRun
 from controller.learning import ticks
 from controller.learning.bellman_equations import Riccati, control_root
-from hfa_support import BadInputError
-from verification import check_critic, from_weights, minimum_delta
+from hfa import BadInputError, Game, check_critic, from_weights, learn
 
 
 def short_run(seed: int = 4, **more: Any) -> TrainingRun:

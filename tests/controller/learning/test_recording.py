@@ -9,11 +9,11 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, build, published, stable_game
 from tolerances import SAME_FORMULA
 
-from controller import Game, Stack, basis, random_pool, record
+from controller import Stack, basis, random_pool, record
 from controller.game.basis import BASES
 from controller.learning.bellman_equations import GAME, LQ, PartialGame
 from controller.learning.recording import choose, excitation, natural_spread, rank, unit_rows
-from hfa_support import BadInputError
+from hfa import BadInputError, Game
 from studies.update_law.integral_rl import probing_flight
 
 

@@ -15,7 +15,7 @@ from game_samples import failed_names, random_game
 from planted_critics import other_root
 from tolerances import SAME_SOLUTION
 
-from controller import Game
+from controller import minimum_delta
 from controller.riccati.balancing import FEW, is_hurwitz, spectrum
 from controller.riccati.careful_derivations import schur_solution
 from controller.riccati.certificate import (
@@ -25,9 +25,9 @@ from controller.riccati.certificate import (
     solution_checks,
 )
 from controller.riccati.normal_form import NormalForm, relative_residual
+from hfa import Game, NoSolutionError, solve_game
+from hfa.extend import Check
 from hfa.main import FAILED
-from hfa_support import Check, NoSolutionError
-from verification import minimum_delta, solve_game
 
 I2 = np.eye(2)
 

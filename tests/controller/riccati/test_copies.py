@@ -16,11 +16,10 @@ from copies import KINDS, copies
 from game_samples import game_models, random_game
 from tolerances import TWO_BRACKETS
 
-from controller import Game
+from controller import minimum_delta
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
-from hfa_support import NoSolutionError
-from verification import minimum_delta, solve_game
+from hfa import Game, NoSolutionError, solve_game
 
 #: Above and below delta_min, relative: far, and so near that a wrong digit shows.
 NEAR = (1e-1, 1e-4, -1e-4, -1e-1)
@@ -108,8 +107,8 @@ import json, os, sys
 if sys.argv[1] == "one":
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 import numpy as np
-from controller import Game
-from verification import minimum_delta
+from hfa import Game
+from controller import minimum_delta
 rng = np.random.default_rng(7)
 found = []
 for n in (6, 40):

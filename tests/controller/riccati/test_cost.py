@@ -11,11 +11,10 @@ import pytest
 from game_samples import INITIAL, failed_names, game_models
 from tolerances import FEW_ROUNDINGS
 
-from controller import Game
+from controller import bounded_real_gain
 from controller.riccati.cost import cost_check, cost_matrix, flight_cost, loss_matrix
 from controller.riccati.solution_report import meaning_checks
-from hfa_support import NoSolutionError
-from verification import bounded_real_gain, check_critic, from_value, solve_game
+from hfa import Game, NoSolutionError, check_critic, from_value, solve_game
 
 
 def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:

@@ -12,14 +12,13 @@ import pytest
 from game_samples import game_models, random_game
 from reference_riccati import reference_solution
 
-from controller import Game
+from controller import minimum_delta
 from controller.riccati.certificate import carefully_certified
 from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.existence import ROUNDING, existence, shown_gain, value_error
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.reach import loses_rank, not_decaying
-from hfa_support import NoSolutionError
-from verification import minimum_delta, solve_game
+from hfa import Game, NoSolutionError, solve_game
 
 EXACT = 0.6823938
 

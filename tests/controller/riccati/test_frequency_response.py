@@ -11,7 +11,7 @@ import pytest
 from game_samples import failed_names, game_models, random_game
 from tolerances import TWO_GAINS
 
-from controller import Game
+from controller import bounded_real_gain, minimum_delta
 from controller.riccati.existence import existence
 from controller.riccati.frequency_response import (
     SweptGain,
@@ -20,7 +20,7 @@ from controller.riccati.frequency_response import (
     swept_gain,
 )
 from controller.riccati.normal_form import NormalForm
-from verification import bounded_real_gain, minimum_delta, solve_game
+from hfa import Game, solve_game
 
 
 def test_gain_of_the_game_policy_is_below_delta_by_both_methods(game: Game) -> None:

@@ -16,13 +16,12 @@ from game_samples import game_models, random_game, regenerated_models
 from reference_riccati import reference_solution, relative_error
 from tolerances import FEW_ROUNDINGS, SAME_FORMULA
 
-from controller import Game
+from controller import analyse_game, minimum_delta
 from controller.riccati.careful_derivations import by_refined_sign
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin
-from hfa_support import NoSolutionError
-from verification import analyse_game, minimum_delta, solve_game
+from hfa import Game, NoSolutionError, solve_game
 
 MODELS = sorted(game_models())
 OURS = regenerated_models()

@@ -6,21 +6,21 @@ import tracemalloc
 import numpy as np
 import pytest
 
-import hfa_model
-from controller import Game, published_game
+import hfa
+from controller import minimum_delta, solve_games
 from controller.riccati import certificate
 from controller.riccati.certificate import certified_stack
 from controller.riccati.derivations import by_sign
 from controller.riccati.normal_form import NormalForm
+from hfa import BadInputError, Game, NoSolutionError, solve_game
+from hfa.paper import published_game
 from hfa_model import LINEAR_STATES, STATES, VARIANTS
-from hfa_support import BadInputError, NoSolutionError
 from trim import trim_points
-from verification import minimum_delta, solve_game, solve_games
 
 
 def _models(dynamics: str, count: int) -> tuple[np.ndarray, np.ndarray]:
     angles = np.radians(np.linspace(0, 20, count))[:, None]
-    flights = trim_points(hfa_model.aircraft(dynamics), ("dihedral",), angles)
+    flights = trim_points(hfa.aircraft(dynamics), ("dihedral",), angles)
     rows = [STATES.index(name) for name in LINEAR_STATES]
     return flights.A[:, rows][:, :, rows], flights.B[:, rows]
 

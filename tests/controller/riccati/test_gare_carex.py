@@ -18,11 +18,10 @@ import pytest
 import scipy.linalg
 from reference_riccati import reference_solution
 
-from controller import Game
+from controller import minimum_delta
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
-from hfa_support import BadInputError, NoSolutionError
-from verification import minimum_delta, solve_game
+from hfa import BadInputError, Game, NoSolutionError, solve_game
 
 #: Of the largest entry of X. The scaled ones test what the conditioning of X does, of the order of
 #: 1e16.

@@ -17,11 +17,10 @@ from game_samples import random_game
 from reference_riccati import reference_solution, relative_error
 from scipy.linalg import LinAlgError, block_diag, solve_continuous_are
 
-from controller import Game
+from controller import minimum_delta
 from controller.riccati.normal_form import NormalForm, relative_residual
 from controller.riccati.smallest_delta import lqr_obstacle
-from hfa_support import NoSolutionError
-from verification import minimum_delta, solve_game
+from hfa import Game, NoSolutionError, solve_game
 
 #: A right answer may be refused where a delta this much smaller has none.
 MARGIN = 1e-3

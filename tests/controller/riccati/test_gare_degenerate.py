@@ -14,10 +14,9 @@ from copies import in_units
 from reference_riccati import reference_solution
 from tolerances import SAME_SOLUTION, TWO_BRACKETS
 
-from controller import Game
+from controller import minimum_delta
 from controller.riccati.solution_report import analyse_game
-from hfa_support import NoSolutionError
-from verification import minimum_delta, solve_game
+from hfa import Game, NoSolutionError, solve_game
 
 #: Of P in units that give it a unit diagonal.
 EXACT = 1e-12

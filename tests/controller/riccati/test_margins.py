@@ -13,11 +13,10 @@ from game_samples import game_models
 from scipy.optimize import minimize
 from tolerances import SAME_FORMULA, TWO_BRACKETS, TWO_GAINS
 
-from controller import Game
+from controller import bounded_real_gain, disk_margin, minimum_delta
 from controller.riccati.loop_margins import loop_margins, margin_of
 from controller.riccati.margins import best_scaling, scaled_norm
-from hfa_support import NoSolutionError
-from verification import bounded_real_gain, disk_margin, minimum_delta, solve_game
+from hfa import Game, NoSolutionError, solve_game
 
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:

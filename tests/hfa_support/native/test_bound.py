@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from threads import Rows, differing
 
-import hfa_model
+import hfa
 from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.sweeps.sweep import run_points
 
@@ -20,7 +20,7 @@ def test_a_sweep(compile_code: bool) -> None:
             [np.radians(rng.uniform(0.0, 20.0, 200)), rng.uniform(25.0, 75.0, 200)]
         )
         rows = run_points(
-            hfa_model.aircraft(), ("dihedral", "speed"), values, LEVEL_FLIGHT, None, compile_code
+            hfa.aircraft(), ("dihedral", "speed"), values, LEVEL_FLIGHT, None, compile_code
         )
         return {name: rows[name] for name in ("states", "inputs", "A", "B", "eigenvalues")}
 

@@ -14,7 +14,7 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.io import loadmat
 
-from hfa_support import Check, Report
+from hfa.extend import Check, Report
 from hfa_support.reporting.checks import at_least, at_most, below
 from hfa_support.reporting.data_files import save_data
 from hfa_support.reporting.figure import new_figure, save

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import hfa_model
+import hfa
 from hfa_model import INPUTS, LINEAR_STATES, Parameters, State, published_models
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel
@@ -47,7 +47,7 @@ def printed(parameters: Parameters) -> list[PublishedModel]:
     rounds."""
     models = []
     for published in published_models():
-        exact = regenerate(hfa_model.aircraft(parameters=parameters), published)
+        exact = regenerate(hfa.aircraft(parameters=parameters), published)
         A = 2 * published.half_unit_A * np.round(exact.A / (2 * published.half_unit_A))
         B = 2 * published.half_unit_B * np.round(exact.B / (2 * published.half_unit_B))
         models.append(replace(published, A=A, B=B))
@@ -190,9 +190,7 @@ def test_the_expected_sum_is_what_drawn_rounding_errors_leave(
     models = published_models()
 
     def entries(values: Parameters) -> np.ndarray:
-        pairs = [
-            (regenerate(hfa_model.aircraft(parameters=values), model), model) for model in models
-        ]
+        pairs = [(regenerate(hfa.aircraft(parameters=values), model), model) for model in models]
         parts = [
             (exact.A / model.half_unit_A, exact.B / model.half_unit_B) for exact, model in pairs
         ]
@@ -229,7 +227,7 @@ def test_one_angle_determines_all_but_one_combination() -> None:
         fitted = fit([known], Published())
         # Known to 1 %: the singular value s leaves a standard error 1/(s √3).
         assert np.count_nonzero(fitted.singular_values * np.sqrt(3) > 100) == len(IDENTIFIED) - 1
-        model = regenerate(hfa_model.aircraft(parameters=fitted.parameters.values), unknown)
+        model = regenerate(hfa.aircraft(parameters=fitted.parameters.values), unknown)
         computed = np.hstack([model.A, model.B])
         print_ = np.hstack([unknown.A, unknown.B])
         errors = np.abs(computed - print_).max(axis=1) / np.abs(print_).max(axis=1)
@@ -285,7 +283,7 @@ def test_the_released_constants_in_their_thinner_air_print_the_paper(
     ):
         values[name] *= density
     values["induced_drag"] /= density
-    aircraft = hfa_model.aircraft(parameters=parameters._replace(**values))
+    aircraft = hfa.aircraft(parameters=parameters._replace(**values))
     largest = max(
         abs(entry.half_units)
         for published in published_models()

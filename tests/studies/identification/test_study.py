@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from hfa.main import run_alone
-from hfa_model import default_parameters, load_parameters
+from hfa.paper import default_parameters
+from hfa_model import load_parameters
 from studies.identification.__main__ import identification
 from studies.identification.parameters import ALTERNATIVES
 

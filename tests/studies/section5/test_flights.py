@@ -14,8 +14,9 @@ from flown_cases import SMALL, FlownCase
 from linear_flight import simulate
 from project import ROOT
 
-from controller import GainPolicy, Scenario, Waveform, fly
 from controller.learning.certified import learned_value
+from hfa import fly, solve_game
+from hfa_flight import GainPolicy, Scenario, Waveform
 from hfa_flight.signals import Harmonic
 from studies.section5.configuration import PaperFlight, section5_configuration
 from studies.section5.critic_policy import forcing
@@ -39,7 +40,6 @@ from studies.section5.flights import (
 from studies.section5.learning_in_flight import certified_gains
 from studies.section5.metrics import TRACKED
 from studies.update_law.integral_rl import baseline_gain
-from verification import solve_game
 
 #: Ten times the paper's step: the gains are smooth, and a flight takes a second.
 COARSE: dict[str, Any] = {"flight": {"step": 1e-3}}

@@ -16,10 +16,11 @@ from game_samples import INITIAL, game_models
 from linear_flight import LinearFlight, simulate
 from scipy.integrate import quad
 
-from controller import Game, published_game, random_pool
+from controller import random_pool
+from hfa import BadInputError, Game, solve_game
+from hfa.paper import published_game
 from hfa_flight.signals import zero
 from hfa_model import published_models
-from hfa_support import BadInputError
 from studies.section5.configuration import PaperFlight
 from studies.section5.critic_policy import CriticPolicy, forcing
 from studies.section5.feedforward import Exosystem, exosystem, exosystem_feedforward
@@ -32,7 +33,6 @@ from studies.update_law.published_law import (
     published_law,
     update_direction,
 )
-from verification import solve_game
 
 REFERENCE = PaperFlight.REFERENCE
 PAPER = exosystem(

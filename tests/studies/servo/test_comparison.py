@@ -16,12 +16,13 @@ from known_models import model_at
 from project import ROOT
 from servo_cases import A_Z
 
-import hfa_model
-from controller import OneMinusCosine, design_controller, save_controller
+import hfa
+from hfa import BadInputError
 from hfa_aircraft.model import Model
+from hfa_flight import OneMinusCosine
+from hfa_servo import design_controller, save_controller
 from hfa_servo.design import Actuator
 from hfa_servo.servo_loop import check_margins, servo_loop, servo_margins, servo_plant
-from hfa_support import BadInputError
 from studies.servo.__main__ import main
 from studies.servo.comparison import CASES, ServoFlight, designed_servo, fly_case, laws_of, rows_of
 from studies.servo.flights import delayed, flown, gust_held, slowest_delayed
@@ -178,7 +179,7 @@ def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_20_ms_are_stood_at_half_the_effectiveness_and_a_planted_gain_is_not(dynamics: str) -> None:
-    aircraft = hfa_model.aircraft(dynamics)
+    aircraft = hfa.aircraft(dynamics)
     controller = designed_servo(aircraft)
     assert slowest_delayed(aircraft, controller, (0.0, 11.0, 20.0)) < 0.0
     assert slowest_delayed(aircraft, replace(controller, C=20.0 * controller.C), (11.0,)) > 0.0
@@ -188,7 +189,7 @@ def test_20_ms_are_stood_at_half_the_effectiveness_and_a_planted_gain_is_not(dyn
 def test_the_stored_requirements_are_of_the_shipped_design(dynamics: str) -> None:
     """The margins of the stored table, the smallest of which are at these angles, come out
     again."""
-    aircraft = hfa_model.aircraft(dynamics)
+    aircraft = hfa.aircraft(dynamics)
     stored = json.loads(
         (FOLDER / "results" / f"requirements_{dynamics}.json").read_text(encoding="utf-8")
     )["requirements"]
@@ -204,9 +205,7 @@ def test_the_stored_requirements_are_of_the_shipped_design(dynamics: str) -> Non
 
 
 def test_the_lags_of_the_air_reach_the_servo_and_make_its_loop_unstable() -> None:
-    servo = design_controller(
-        hfa_model.aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0])
-    )
+    servo = design_controller(hfa.aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0]))
     assert margins("published", 5.0, servo, 1) == pytest.approx((-0.133, 1.63), abs=6e-3)
     assert margins("newton", 15.0, servo, 1) == pytest.approx((-0.101, 1.07), abs=6e-3)
     assert margins("unsteady", 15.0, servo, 1)[0] == pytest.approx(0.048, abs=6e-4)

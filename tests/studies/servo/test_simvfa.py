@@ -12,10 +12,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controller import design_model
+from hfa.paper import level_model
 from hfa_aircraft.model import Model
 from hfa_flight.policies import Measurements
 from hfa_model import INPUTS
+from hfa_servo.design_model import design_model
 from studies.servo.simvfa import (
     A0,
     A1,
@@ -30,7 +31,6 @@ from studies.servo.simvfa import (
     reference_servo,
     simvfa_design,
 )
-from trim import level_model
 
 ANGLES = np.radians([0.0, 11.0, 20.0])
 

@@ -12,7 +12,7 @@ from reference_riccati import relative_error
 
 from controller import basis, run
 from controller.riccati.balancing import is_hurwitz
-from hfa_support import BadInputError, NoSolutionError
+from hfa import BadInputError, NoSolutionError
 from studies.update_law.integral_rl import (
     IntegralLearning,
     IrlSettings,

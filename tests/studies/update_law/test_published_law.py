@@ -11,10 +11,10 @@ import pytest
 from learning_samples import PUBLISHED, QUADRATIC, published, stable_game, value_of_policies
 from reference_riccati import reference_solution, relative_error
 
-from controller import Game, basis, run
+from controller import basis, run
 from controller.game.training_run import TrainingRun
+from hfa import Game, NoSolutionError
 from hfa_model.published_data import published_data
-from hfa_support import NoSolutionError
 from studies.update_law.published_law import (
     PublishedLaw,
     PublishedSettings,

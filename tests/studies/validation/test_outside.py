@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import hfa_model
+import hfa
+from hfa.paper import level_model
 from hfa_aircraft.model import Model
 from hfa_model import Parameters, State, dynamics, load_parameters, published_models
 from hfa_model.aerodynamics import Loads
@@ -25,7 +26,7 @@ from studies.validation.outside import (
     third_printed_entries,
     validate,
 )
-from trim import compare, level_model, regenerate
+from trim import compare, regenerate
 
 
 def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
@@ -38,7 +39,7 @@ def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
 
 
 def test_first_principles_are_not_what_was_released(parameters: Parameters) -> None:
-    validation = validate(hfa_model.aircraft("newton", parameters))
+    validation = validate(hfa.aircraft("newton", parameters))
     failed = {check.name: check.reason for check in validation.checks if not check.ok}
     assert "eigenvalue_30_ft_s" in failed
     assert "A(dihedral_rate, dihedral_rate)" in failed["third_printed_model_half_units"]
@@ -58,9 +59,7 @@ def test_a_wrong_parameter_is_seen(
     parameters: Parameters, name: str, factor: float, check: str
 ) -> None:
     wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
-    failed = [
-        check for check in validate(hfa_model.aircraft(parameters=wrong)).checks if not check.ok
-    ]
+    failed = [check for check in validate(hfa.aircraft(parameters=wrong)).checks if not check.ok]
     assert check in {check.name for check in failed}
     assert all(check.reason for check in failed)
 
@@ -115,12 +114,9 @@ def test_in_the_air_of_the_simulation_its_values_pass() -> None:
         "induced_drag": released.induced_drag / thin
     }
     assert thin == pytest.approx(1 - 1.61e-5, abs=1e-7)
-    assert (
-        sum(not check.ok for check in validate(hfa_model.aircraft(parameters=released)).checks) == 4
-    )
+    assert sum(not check.ok for check in validate(hfa.aircraft(parameters=released)).checks) == 4
     assert all(
-        check.ok
-        for check in validate(hfa_model.aircraft(parameters=released._replace(**theirs))).checks
+        check.ok for check in validate(hfa.aircraft(parameters=released._replace(**theirs))).checks
     )
 
 
@@ -167,7 +163,7 @@ def test_cos_squared_with_a_free_factor_fits_the_print_and_fails_outside(
 ) -> None:
     """Two printed angles fix its two constants and so cannot refute it; 30 ft/s up to 45 deg
     does."""
-    other_aircraft = hfa_model.aircraft(FreeFactor(), parameters._replace(inertia_roll=9840.2))
+    other_aircraft = hfa.aircraft(FreeFactor(), parameters._replace(inertia_roll=9840.2))
     misses = [
         entry.half_units
         for model in published_models()
@@ -196,7 +192,7 @@ def test_gibsons_figure_was_not_drawn_with_his_printed_hinge_inertia(
     parameters: Parameters, variant: Variant, at_0: float, at_45: float
 ) -> None:
     """The figure shows -7.25 at 0 and -7.85 at 45 deg: + and cos(η²)."""
-    validation = validate(hfa_model.aircraft(variant, parameters))
+    validation = validate(hfa.aircraft(variant, parameters))
     assert [root for _, _, root in validation.fast_roots] == pytest.approx([at_0, at_45], rel=2e-3)
     assert "gibson_fig_7_fast_root" in failed(validation)
 
@@ -214,7 +210,7 @@ def test_an_inertia_that_is_off_at_one_angle_is_seen(
         def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
             return super().hinge_inertia(dihedral, p) * off_at(dihedral, degrees, 2e-5)
 
-    assert "eigenvalue_30_ft_s" in failed(validate(hfa_model.aircraft(Off(), parameters)))
+    assert "eigenvalue_30_ft_s" in failed(validate(hfa.aircraft(Off(), parameters)))
     ours = dynamics._pitch_acceleration
 
     def with_another_inertia(x: State, loads: Loads, p: Parameters) -> Quantity:
@@ -224,4 +220,4 @@ def test_an_inertia_that_is_off_at_one_angle_is_seen(
         """Anew, with the acceleration above."""
 
     monkeypatch.setattr(dynamics, "_pitch_acceleration", with_another_inertia)
-    assert "eigenvalue_30_ft_s" in failed(validate(hfa_model.aircraft(Compiled(), parameters)))
+    assert "eigenvalue_30_ft_s" in failed(validate(hfa.aircraft(Compiled(), parameters)))

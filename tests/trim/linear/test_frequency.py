@@ -11,9 +11,9 @@ import pytest
 from cli import answer, assert_refused, hfa
 from own_models import F16, NAVION, trimmed
 
-import hfa_model
-from hfa_support import BadInputError
-from trim import LinearModel, level_model, linearize
+from hfa import BadInputError, LinearModel, linearize
+from hfa.paper import level_model
+from hfa_model import choice
 from trim.linear.frequency import bode_figure, transfers
 from trim.linear.modes import spectrum
 from trim.linear.transfer import StateSpace, Transfer, gain_and_roots, transmission_zeros
@@ -24,8 +24,8 @@ OMEGA = np.logspace(-3, 2, 40)
 @pytest.fixture(scope="module", params=["hfa", "f16", "navion"])
 def model(request: pytest.FixtureRequest) -> LinearModel:
     if request.param == "hfa":
-        point = level_model(hfa_model.aircraft(), 0.2).point
-        return linearize(hfa_model.aircraft(), point, outputs=("gamma", "speed", "dihedral"))
+        point = level_model(choice.aircraft(), 0.2).point
+        return linearize(choice.aircraft(), point, outputs=("gamma", "speed", "dihedral"))
     foreign = F16.with_parameters(xcg=0.3) if request.param == "f16" else NAVION
     return linearize(foreign, trimmed(foreign), outputs=("gamma", "speed", "roll_rate"))
 
@@ -131,7 +131,7 @@ def test_residualized_models_are_those_of_python_control(model: LinearModel) -> 
 
 
 def test_what_cannot_be_done_is_said() -> None:
-    model = level_model(hfa_model.aircraft(), 0.2)
+    model = level_model(choice.aircraft(), 0.2)
     with pytest.raises(BadInputError, match="pitch cannot follow the other states"):
         model.select(residualize=("pitch",))
     with pytest.raises(BadInputError, match="no state is left in the model"):
@@ -146,9 +146,9 @@ def test_what_cannot_be_done_is_said() -> None:
 
 
 def test_a_bode_plot_holds_every_mode_and_six_outputs_at_most() -> None:
-    point = level_model(hfa_model.aircraft(), 0.2).point
-    states = linearize(hfa_model.aircraft(), point)
-    model = linearize(hfa_model.aircraft(), point, outputs=(*states.states, "gamma"))
+    point = level_model(choice.aircraft(), 0.2).point
+    states = linearize(choice.aircraft(), point)
+    model = linearize(choice.aircraft(), point, outputs=(*states.states, "gamma"))
     figure = bode_figure(model)
     panels = [axes for axes in figure.axes if axes.get_title()]
     assert [axes.get_title().partition(",")[0] for axes in panels] == list(model.states)
@@ -170,8 +170,8 @@ def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
     data = answer(*words, "--picture", str(tmp_path / "bode.svg"))
     si = answer(*words, "--units", "si")
     assert (tmp_path / "bode.svg").read_text().count("<svg") == 1
-    point = level_model(hfa_model.aircraft(), float(np.radians(10.0))).point
-    first = transfers(linearize(hfa_model.aircraft(), point, outputs=("gamma", "speed")))[0]
+    point = level_model(choice.aircraft(), float(np.radians(10.0))).point
+    first = transfers(linearize(choice.aircraft(), point, outputs=("gamma", "speed")))[0]
     assert data["transfers"][0]["gain"] == first.gain
     assert data["transfers"][0]["zeros"] == [[zero.real, zero.imag] for zero in first.zeros]
     for in_si, in_feet in zip(si["transfers"][:2], data["transfers"][:2], strict=True):

@@ -12,8 +12,8 @@ import pytest
 from cli import hfa
 from extension import Extension
 
-from hfa_aircraft import Model, Signal
-from trim import find_operating_point, level_flight, linearize, sweep
+from hfa import Model, Signal, find_operating_point, linearize, sweep
+from hfa.paper import level_flight
 from trim.point.condition import usual_condition
 
 stores = Extension("hfa_stores.sweep_store")
@@ -125,7 +125,7 @@ def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> No
 
 KINKED = """
 import casadi as ca
-from hfa_support import Model, Signal
+from hfa import Model, Signal
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
 CART = Model(

@@ -12,24 +12,17 @@ import pytest
 from extension import Extension
 from known_models import model_at, released_simulation
 
+import hfa
 import hfa_model
+from hfa import BadInputError, LinearModel, OperatingPoint, find_operating_point, linearize
+from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Parameters, published_models
 from hfa_model.kinematics import DISTURBANCES
 from hfa_model.parameters import ParameterSet
 from hfa_model.printed_matrices import PublishedModel
-from hfa_support import BadInputError
 from studies.identification.parameters import IDENTIFIED
-from trim import (
-    LinearModel,
-    OperatingPoint,
-    compare,
-    entry_bands,
-    find_operating_point,
-    level_flight,
-    linearize,
-    regenerate,
-)
+from trim import compare, entry_bands, regenerate
 from trim.hfa.printed import (
     Bands,
     bands_known,
@@ -70,9 +63,7 @@ def test_every_printed_entry_is_regenerated(
 def test_a_parameter_one_percent_off_is_seen(
     parameters: Parameters, published: PublishedModel, name: str
 ) -> None:
-    wrong = hfa_model.aircraft(
-        parameters=parameters._replace(**{name: getattr(parameters, name) * 1.01})
-    )
+    wrong = hfa.aircraft(parameters=parameters._replace(**{name: getattr(parameters, name) * 1.01}))
     assert half_units(regenerate(wrong, published), published) > 3.0
 
 
@@ -106,7 +97,7 @@ CONDITION = level_flight(np.radians(10.0))
 
 
 def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
-    aircraft = hfa_model.aircraft(dynamics, parameters.values)
+    aircraft = hfa.aircraft(dynamics, parameters.values)
     return entry_bands(
         parameters, CONDITION, linearize(aircraft, find_operating_point(aircraft, CONDITION))
     )
@@ -119,7 +110,7 @@ def test_a_band_is_two_standard_errors_of_the_rounding(
     """sqrt(diag(J C J')), with J from differences of whole trims and models."""
 
     def entries(values: Parameters) -> np.ndarray:
-        aircraft = hfa_model.aircraft(dynamics, values)
+        aircraft = hfa.aircraft(dynamics, values)
         model = linearize(aircraft, find_operating_point(aircraft, CONDITION))
         return np.hstack([model.A, model.B])
 
@@ -202,7 +193,7 @@ def test_a_point_of_other_dynamics_is_refused(
     with pytest.raises(
         BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"
     ):
-        linearize(hfa_model.aircraft("newton", parameters), point)
+        linearize(hfa.aircraft("newton", parameters), point)
 
 
 def over_ground(aircraft: Model) -> Model:

@@ -9,17 +9,11 @@ import numpy as np
 import pytest
 from own_models import F16, NAVION, trimmed
 
-import hfa_model
+import hfa
+from hfa import Model, OperatingPoint, TrimCondition, find_operating_point, linearize
+from hfa.paper import level_model
 from hfa_model import LINEAR_STATES
-from hfa_support import Model
-from trim import (
-    OperatingPoint,
-    TrimCondition,
-    find_operating_point,
-    level_model,
-    linearize,
-    modes_of,
-)
+from trim import modes_of
 from trim.hfa.printed import eigenvalue_errors
 from trim.linear.handling_qualities import handling_qualities
 from trim.linear.modes import modes_table
@@ -31,7 +25,7 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
     (mode,) = modes_of(
         np.array([[0.0, 1.0], [-9.0, -6.0 * damping]]),
         ("alpha", "pitch_rate"),
-        hfa_model.aircraft().modes,
+        hfa.aircraft().modes,
     )
     assert mode.frequency == pytest.approx(3.0, rel=1e-14)
     assert mode.damping == pytest.approx(damping, rel=1e-13)
@@ -96,7 +90,7 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
     A = np.array([[-1.0, 2.0, 0.3], [-3.0, -0.5, 0.1], [0.2, 0.4, -0.1]])
     states = ("alpha", "pitch_rate", "speed")
     h = 1e-6
-    for mode in modes_of(A, states, hfa_model.aircraft().modes):
+    for mode in modes_of(A, states, hfa.aircraft().modes):
         shifts = []
         for k in range(3):
             moved = [np.linalg.eigvals(A + sign * h * np.diag(np.eye(3)[k])) for sign in (1, -1)]
@@ -111,7 +105,7 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
 @pytest.mark.parametrize("degrees", [0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 16.0, 17.5, 20.0])
 def test_modes_of_the_aircraft(aircraft: Model, degrees: float) -> None:
     model = level_model(aircraft, float(np.radians(degrees)))
-    modes = modes_of(model.A, model.states, hfa_model.aircraft().modes)
+    modes = modes_of(model.A, model.states, hfa.aircraft().modes)
     names = [mode.name for mode in modes]
     assert len(set(names)) == len(names)
     assert {name.partition(" (")[0] for name in names} == {"short period", "phugoid", "dihedral"}
@@ -184,9 +178,9 @@ def test_printed_modes_and_load_factors(model: Model) -> None:
 
 def test_two_real_eigenvalues_have_the_frequency_of_their_product() -> None:
     """The short period of the HFA is real at 30 deg."""
-    model = level_model(hfa_model.aircraft(), float(np.radians(30.0)))
+    model = level_model(hfa.aircraft(), float(np.radians(30.0)))
     roots = [mode.eigenvalue for mode in model.modes if mode.name.startswith("short period")]
-    qualities = values(hfa_model.aircraft(), model.point)
+    qualities = values(hfa.aircraft(), model.point)
     assert len(roots) == 2
     assert qualities["short period frequency"] == pytest.approx(
         math.sqrt(abs(np.prod(roots))), rel=1e-12

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from own_models import F16, NAVION, trimmed
 
-import hfa_model
-from hfa_aircraft import Model, Signal
-from trim import find_operating_point, level_model, linearize
+import hfa
+from hfa import Model, Signal, find_operating_point, linearize
+from hfa.paper import level_model
 from trim.linear.linear_report import units_in_words
 from trim.point.condition import usual_condition
 
@@ -28,7 +28,7 @@ def test_columns_in_other_units_are_named() -> None:
     assert "A and B in rad, ft, s, but elevator" in model.report().title
     units = {row[:3]: row[4] for row in model.report().records.rows}
     assert units["B", "pitch_rate", "elevator"] == "(rad/s^2)/(deg)"
-    assert units_in_words(level_model(hfa_model.aircraft(), 0.1)) == "rad, ft, s"
+    assert units_in_words(level_model(hfa.aircraft(), 0.1)) == "rad, ft, s"
 
 
 @pytest.mark.parametrize(

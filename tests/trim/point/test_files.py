@@ -11,10 +11,12 @@ from pathlib import Path
 import pytest
 from cli import refusal
 
-import hfa_model
+import hfa
+from hfa import OperatingPoint, find_operating_point
+from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from studies.validation.outside import released_trims
-from trim import OperatingPoint, find_operating_point, level_flight, load_condition
+from trim import load_condition
 
 
 def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
@@ -24,7 +26,7 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
     for saved in (point, awkward):
         path = tmp_path / "point.json"
         saved.save(path)
-        assert OperatingPoint.load(path, hfa_model.aircraft()) == saved
+        assert OperatingPoint.load(path, hfa.aircraft()) == saved
     assert [path.name for path in tmp_path.iterdir()] == ["point.json"]
 
 
@@ -32,7 +34,7 @@ def test_a_point_that_was_read_reports_states_and_inputs_and_keeps_its_residuals
     point: OperatingPoint, tmp_path: Path
 ) -> None:
     point.save(tmp_path / "point.json")
-    report = OperatingPoint.load(tmp_path / "point.json", hfa_model.aircraft()).report()
+    report = OperatingPoint.load(tmp_path / "point.json", hfa.aircraft()).report()
     assert report.text().count("\nstate") == len(point.states)
     assert report.text().count("\ninput") == len(point.inputs)
     assert "residual" not in report.text()
@@ -56,7 +58,7 @@ def test_wrong_files_are_refused(
     text, count = re.subn(pattern, replacement, json.dumps(point.to_dict()), count=1, flags=re.S)
     assert count == 1
     path.write_text(text, encoding="utf-8")
-    assert words in refusal(lambda file: OperatingPoint.load(file, hfa_model.aircraft()), path)
+    assert words in refusal(lambda file: OperatingPoint.load(file, hfa.aircraft()), path)
 
 
 def test_the_paper_s_condition_is_the_default() -> None:

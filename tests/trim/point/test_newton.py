@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from own_models import F16
 
-from hfa_support import Model, Signal
+from hfa import Model, Signal
 from hfa_support.native.machine_code import c_compiler
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.halving import newton_step

@@ -9,19 +9,13 @@ from random_points import INPUT_SCALES, RATE_SCALES
 
 import hfa
 import hfa_model
+from hfa import BadInputError, NoSolutionError, OperatingPoint, TrimCondition, find_operating_point
+from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from hfa_model import STATES, Input, State
 from hfa_model.aerodynamics import aircraft_loads
 from hfa_model.dynamics import rates_from_loads
-from hfa_support import BadInputError, NoSolutionError
-from trim import (
-    OperatingPoint,
-    TrimCondition,
-    TrimError,
-    find_operating_point,
-    level_flight,
-    release,
-)
+from trim import TrimError, release
 from trim.point.condition import usual_condition
 from trim.sweeps.points import BEYOND_LIMITS, TRIMMED, trim_points
 
@@ -240,11 +234,11 @@ def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], 
 
 def test_contradictions_are_refused() -> None:
     with pytest.raises(BadInputError, match="unknown trim variable 'pitch'"):
-        TrimCondition(hfa_model.aircraft(), {**BASE.imposed, "pitch": 0.0})
+        TrimCondition(hfa.aircraft(), {**BASE.imposed, "pitch": 0.0})
     with pytest.raises(BadInputError, match="unknown rate 'gamma'"):
-        TrimCondition(hfa_model.aircraft(), BASE.imposed, {"gamma": 0.0})
+        TrimCondition(hfa.aircraft(), BASE.imposed, {"gamma": 0.0})
     with pytest.raises(BadInputError, match="condition is 10; give a TrimCondition"):
-        find_operating_point(hfa_model.aircraft(), 10)  # type: ignore[arg-type]
+        find_operating_point(hfa.aircraft(), 10)  # type: ignore[arg-type]
 
 
 # At the edges: a Jacobian without full rank, wings at 0 and nearly 90 degrees, no air.
@@ -256,7 +250,7 @@ def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
     with pytest.raises(
         TrimError, match=r"no trim: .*; aileron_outer moves none of them, set something else free\)"
     ):
-        find_operating_point(hfa_model.aircraft(hfa_model.variant_of(aircraft), without), BASE)
+        find_operating_point(hfa.aircraft(hfa_model.variant_of(aircraft), without), BASE)
     with pytest.raises(TrimError) as refusal:
         find_operating_point(aircraft, release(BASE, hold={"aileron_outer": 0.3}))
     assert "moves none" not in str(refusal.value)
@@ -267,7 +261,7 @@ def test_controls_that_cannot_be_told_apart_are_named(aircraft: Model) -> None:
     one cannot."""
     p = hfa_model.parameters_of(aircraft)
     far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
-    alike = hfa_model.aircraft(hfa_model.variant_of(aircraft), far)
+    alike = hfa.aircraft(hfa_model.variant_of(aircraft), far)
     same = "elevator_outer moves them only as elevator_center does; set something else free"
     with pytest.raises(TrimError, match=rf"^no trim: .*; {same}\); 8 other starts failed too$"):
         find_operating_point(alike, BASE)
@@ -324,9 +318,7 @@ def strong(published_aircraft: Model) -> Model:
     parameters = hfa_model.parameters_of(published_aircraft)
     thrust = 100 * parameters.thrust_per_throttle
     mass = 0.9 * parameters.panel_mass
-    return hfa_model.aircraft(
-        parameters=parameters._replace(thrust_per_throttle=thrust, panel_mass=mass)
-    )
+    return hfa.aircraft(parameters=parameters._replace(thrust_per_throttle=thrust, panel_mass=mass))
 
 
 @pytest.mark.parametrize(("gamma", "alpha"), ANGLES)
@@ -381,7 +373,7 @@ def test_what_is_held_and_freed_by_name_is_what_the_command_holds_and_frees() ->
 
 def test_an_operating_point_lists_its_names() -> None:
     """Iteration gives the names that `point[name]` takes, each once."""
-    model = hfa_model.aircraft()
+    model = hfa.aircraft()
     point = find_operating_point(model)
     names = list(point)
     assert names[:2] == ["speed", "alpha"]

@@ -18,19 +18,14 @@ from known_models import model_at
 from random_points import RATE_SCALES
 
 import hfa_model
+from hfa import OperatingPoint, TrimCondition, find_operating_point
+from hfa.extend import Report
+from hfa.paper import level_flight
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
+from hfa_model import choice
 from hfa_model.trim_loads import performance
-from hfa_support import Report
-from trim import (
-    OperatingPoint,
-    TrimCondition,
-    find_operating_point,
-    level_flight,
-    release,
-    trim_figure,
-    trim_report,
-)
+from trim import release, trim_figure, trim_report
 from trim.hfa.front_view import panels_from_the_front
 from trim.point.margins import all_margins
 
@@ -49,7 +44,7 @@ def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(
     point, report = reported(published_aircraft, condition)
     shown = report.text()
     for name, margin in all_margins(condition, point).items():
-        factor = math.degrees(1.0) if hfa_model.aircraft().unit(name).startswith("rad") else 1.0
+        factor = math.degrees(1.0) if choice.aircraft().unit(name).startswith("rad") else 1.0
         limits = (
             ""
             if math.isinf(margin.lowest)
@@ -89,11 +84,11 @@ def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Mod
     """A residual planted just above the tolerance of one equation fails that one alone."""
     point, report = reported(published_aircraft, BASE)
     assert len(re.findall(r"^rate of .* PASS$", report.text(), re.M)) == len(
-        hfa_model.aircraft().steady
+        choice.aircraft().steady
     )
     assert "FAIL" not in report.text()
     assert all(entry["ok"] for entry in report.data["equations"].values())
-    for name in hfa_model.aircraft().steady:
+    for name in choice.aircraft().steady:
         tolerance = 1e-10 * getattr(RATE_SCALES, name)
         assert report.data["equations"][name]["tolerance"] == pytest.approx(tolerance)
         for factor, verdict in ((1.01, "FAIL"), (-1.01, "FAIL"), (0.99, "PASS")):

@@ -7,9 +7,8 @@ import pytest
 from own_models import F16
 from random_points import STATE_SCALES
 
-import hfa_model
-from hfa_support import Model
-from trim import sweep
+import hfa
+from hfa import Model, sweep
 from trim.sweeps.mode_tracking import track_modes
 
 STATES = ("alpha", "pitch_rate", "speed")
@@ -37,7 +36,7 @@ def test_eigenvalues_that_cross_keep_their_columns() -> None:
     nearest = np.abs(expected[3, 0] - expected[4, 1]) < np.abs(expected[3, 0] - expected[4, 0])
     assert nearest
     np.testing.assert_allclose(
-        track_modes(models_with(expected), STATES, hfa_model.aircraft()), expected, atol=1e-12
+        track_modes(models_with(expected), STATES, hfa.aircraft()), expected, atol=1e-12
     )
 
 
@@ -48,7 +47,7 @@ def test_shapes_that_hardly_differ_leave_the_word_to_the_eigenvalues() -> None:
         [models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])]
     )
     np.testing.assert_allclose(
-        track_modes(A, STATES, hfa_model.aircraft()), np.repeat(values, 2, axis=0), atol=1e-9
+        track_modes(A, STATES, hfa.aircraft()), np.repeat(values, 2, axis=0), atol=1e-9
     )
 
 
@@ -69,9 +68,9 @@ def test_a_pair_that_meets_two_real_eigenvalues_has_one_order(real: tuple[float,
     two = np.diag([*real, -0.1])
     scales = np.array([getattr(STATE_SCALES, name) for name in STATES])
     path = scales[:, None] * np.array([pair, two, pair]) / scales
-    tracked = track_modes(path, STATES, hfa_model.aircraft())
+    tracked = track_modes(path, STATES, hfa.aircraft())
     np.testing.assert_allclose(tracked, [[1j, -1j, -0.1], [-1, 1, -0.1], [1j, -1j, -0.1]])
-    backwards = track_modes(path[1:], STATES, hfa_model.aircraft())
+    backwards = track_modes(path[1:], STATES, hfa.aircraft())
     np.testing.assert_allclose(backwards, tracked[1:])
 
 
@@ -90,9 +89,7 @@ def test_a_grid_is_followed_from_neighbour_to_neighbour(
     for axis in range(len(sizes)):
         along = np.moveaxis(index, axis, 0)
         for mode, next_mode in zip(along[:-1].ravel(), along[1:].ravel(), strict=True):
-            step = track_modes(
-                result.A[[mode, next_mode]], result.model.linear, hfa_model.aircraft()
-            )
+            step = track_modes(result.A[[mode, next_mode]], result.model.linear, hfa.aircraft())
             assert set(zip(*step.round(9).tolist(), strict=True)) == set(
                 zip(*result.eigenvalues[[mode, next_mode]].round(9).tolist(), strict=True)
             )

@@ -15,21 +15,13 @@ from extension import Extension
 from known_models import model_at
 
 import hfa_model
+from hfa import BadInputError, TrimCondition, find_operating_point, linearize, sweep
+from hfa.paper import level_flight
 from hfa_aircraft.model import Model
-from hfa_model import DEGREE, INPUTS, STATES, VARIANTS, Parameters
+from hfa_model import DEGREE, INPUTS, STATES, VARIANTS, Parameters, choice
 from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
-from hfa_support import BadInputError
 from hfa_support.linear_table import LinearTable
-from trim import (
-    TrimCondition,
-    TrimError,
-    find_operating_point,
-    level_flight,
-    linearize,
-    load_condition,
-    release,
-    sweep,
-)
+from trim import TrimError, load_condition, release
 from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, is_square, trim_points
 from trim.sweeps.sweep import Sweep, run_plan, run_points
@@ -79,7 +71,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
         single = condition_at(condition, result.variables, row)
         model = aircraft
         if name == "mass":
-            model = hfa_model.aircraft(
+            model = choice.aircraft(
                 hfa_model.variant_of(aircraft),
                 hfa_model.parameters_of(aircraft)._replace(panel_mass=float(row[0])),
             )
@@ -229,7 +221,7 @@ def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Model, tmp_pat
     base = release(level_flight(0.0), free=("gamma",))
     swept = sweep(published_aircraft, columns, condition=base, listed=True)
     np.testing.assert_array_equal(data["A"], swept.A)
-    lighter = hfa_model.aircraft(
+    lighter = choice.aircraft(
         parameters=hfa_model.parameters_of(published_aircraft)._replace(panel_mass=9.3)
     )
     held = {"speed": 68.0, "dihedral": float(np.radians(10.0)), "climb_rate": 1.0}
@@ -264,7 +256,7 @@ WORDS = "the equations overflow or divide by zero at this condition with these p
     ("variables", "condition"), [(LEVEL, LEVEL_FLIGHT), (LEVEL[:3], GLIDE)], ids=["level", "glide"]
 )
 def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, variables, condition):
-    aircraft = hfa_model.aircraft(dynamics)
+    aircraft = choice.aircraft(dynamics)
     k = len(variables)
     values = np.random.default_rng(4).uniform(LOWEST[:k], HIGHEST[:k], size=(25, k))
     points = trim_points(aircraft, variables, values, condition, compile_code=compile_code)
@@ -290,7 +282,7 @@ def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
         part = trim_points(aircraft, variables, values[rows])
         np.testing.assert_array_equal(part.A, whole.A[rows])
         np.testing.assert_array_equal(part.inputs, whole.inputs[rows])
-    heavy = hfa_model.aircraft(
+    heavy = choice.aircraft(
         hfa_model.variant_of(aircraft),
         hfa_model.parameters_of(aircraft)._replace(panel_mass=values[7, 2]),
     )
@@ -316,7 +308,7 @@ def test_each_point_carries_its_status(aircraft: Model) -> None:
     assert np.isfinite(points.A).all(axis=(1, 2)).tolist() == [
         status == TRIMMED for status in statuses.values()
     ]
-    limits = np.array([hfa_model.aircraft().limits[name] for name in (*STATES, *INPUTS)])
+    limits = np.array([choice.aircraft().limits[name] for name in (*STATES, *INPUTS)])
     at = np.hstack([points.states, points.inputs])[:5]
     within = ((at >= limits[:, 0]) & (at <= limits[:, 1])).all(axis=1)
     assert within.tolist() == [status == TRIMMED for status in statuses.values()][:5]
@@ -348,7 +340,7 @@ def test_a_parameter_that_varies_is_that_of_single_trims(published_aircraft: Mod
     parameters = hfa_model.parameters_of(published_aircraft)
     masses = parameters.panel_mass * np.array([[1.0], [1.1]])
     heavier = parameters._replace(panel_mass=float(masses[1, 0]))
-    single = find_operating_point(hfa_model.aircraft(parameters=heavier), level_flight(0.0))
+    single = find_operating_point(choice.aircraft(parameters=heavier), level_flight(0.0))
     inputs = trim_points(published_aircraft, ("panel_mass",), masses).inputs
     assert inputs[1].tolist() == list(single.inputs)
     assert inputs[0].tolist() != inputs[1].tolist()
@@ -362,17 +354,17 @@ def test_an_extreme_parameter_is_refused(
     """One at which the first guess, the rates or their Jacobian overflow."""
     with pytest.raises(BadInputError, match=f"{WORDS}; take other values"):
         find_operating_point(
-            hfa_model.aircraft(parameters=parameters._replace(**{name: value})),
+            choice.aircraft(parameters=parameters._replace(**{name: value})),
             release(level_flight(0.0), free=free),
         )
     # In a sweep it is a row.
     reasons = sweep(
-        hfa_model.aircraft(parameters=parameters._replace(**{name: value})),
+        choice.aircraft(parameters=parameters._replace(**{name: value})),
         {"dihedral": [0.0, 0.2]},
     ).reasons
     assert WORDS in reasons[0]
     points = trim_points(
-        hfa_model.aircraft(parameters=parameters),
+        choice.aircraft(parameters=parameters),
         (name,),
         np.array([[value], [getattr(parameters, name)]]),
     )
@@ -392,7 +384,7 @@ def test_wrong_tables_are_refused(aircraft: Model) -> None:
 
 def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> None:
     axes = {"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}
-    plan = SweepPlan(axes, hfa_model.aircraft(parameters=parameters))
+    plan = SweepPlan(axes, choice.aircraft(parameters=parameters))
     dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
     counts = stores.stored_sweep(plan, dataset, tmp_path).counts
     assert counts == {"missing": 0, "trimmed": 4, "beyond limits": 0, "no trim": 0}
@@ -422,7 +414,7 @@ def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
     dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
     plan = SweepPlan(
         {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)},
-        hfa_model.aircraft(parameters=parameters),
+        choice.aircraft(parameters=parameters),
     )
     whole = plan.values(0, 28)
     assert (plan.count, len(whole), whole[:4, 1].tolist()) == (28, 28, [25.0, 60.0, 68.0, 75.0])
@@ -433,11 +425,11 @@ def test_a_range_too_long_or_too_far_is_refused(parameters: Parameters) -> None:
     with pytest.raises(
         BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"
     ):
-        SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, hfa_model.aircraft(parameters=parameters))
+        SweepPlan({"dihedral": Steps(0.0, 0.1, 15)}, choice.aircraft(parameters=parameters))
     with pytest.raises(BadInputError, match="has 1,234,570,000 points, at most 1,000,000,000"):
         SweepPlan(
             {"dihedral": Steps(0.0, 1e-9, 123457), "speed": Steps(60.0, 1e-6, 10**4)},
-            hfa_model.aircraft(parameters=parameters),
+            choice.aircraft(parameters=parameters),
         )
 
 
@@ -507,7 +499,7 @@ def test_points_that_were_trimmed_one_by_one_are_counted(
 
 
 def test_the_root_locus_shows_direction_and_values() -> None:
-    swept = sweep(hfa_model.aircraft(), {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0, 20.0])})
+    swept = sweep(choice.aircraft(), {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0, 20.0])})
     for axes in swept.figure().axes:
         labels = [text.get_text() for text in axes.texts]
         assert {"5", "10", "15"} <= {*labels}

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller import Game
 from controller.critic.critic import from_value
 from controller.riccati import normal_form
-from verification import solve_game
+from hfa import Game, solve_game
 from verification.critic.critic_check import check_critic
 
 

@@ -14,24 +14,30 @@ from game_files import AT_15, stored
 from game_samples import failed_names, game_in
 from planted_critics import gain, other_root, solved, value, weights_of
 
-from controller import Game, basis, critics_over_time, learn
+from controller import basis, critics_over_time
 from controller.critic.critic import Critic
 from controller.game.basis import BASES
 from controller.game.training_run import Excitation, TrainingRun
 from controller.hfa_game import ORDINARY_DEVIATIONS
 from controller.riccati.normal_form import NormalForm
-from hfa.main import BAD_INPUT
-from hfa_aircraft import Model, Signal
-from hfa_model import INPUTS, LINEAR_STATES
-from hfa_support import BadInputError, NoSolutionError
-from trim import TrimCondition, find_operating_point, linearize
-from verification import (
+from hfa import (
+    BadInputError,
+    Game,
+    Model,
+    NoSolutionError,
+    Signal,
+    TrimCondition,
     check_critic,
-    check_history,
+    find_operating_point,
     from_gain,
     from_value,
     from_weights,
+    learn,
+    linearize,
 )
+from hfa.main import BAD_INPUT
+from hfa_model import INPUTS, LINEAR_STATES
+from verification import check_history
 from verification.critic.about_trim import box_within_limits
 from verification.critic.critic_errors import box_errors, matrix_errors
 from verification.critic.figures import verdict_figure

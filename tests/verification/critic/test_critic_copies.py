@@ -9,7 +9,7 @@ from copies import copies
 from game_samples import game_models
 
 from controller.critic.critic import from_gain, from_value
-from verification import check_critic, solve_game
+from hfa import check_critic, solve_game
 
 
 @pytest.mark.parametrize(

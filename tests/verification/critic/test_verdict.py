@@ -12,18 +12,20 @@ from game_files import stored
 from planted_critics import gain, other_root, value
 from tolerances import SAME_FORMULA
 
-import hfa_model
-from controller import Game
 from controller.critic.critic import Critic
 from controller.hfa_game import ORDINARY_DEVIATIONS
-from trim import find_operating_point, level_flight, linearize
-from verification import (
-    Scope,
+from hfa import (
+    Game,
     check_critic,
+    find_operating_point,
     from_gain,
     from_value,
+    linearize,
     solve_game,
 )
+from hfa.paper import level_flight
+from hfa_model import choice
+from verification import Scope
 from verification.critic.about_trim import nonlinear_plant
 from verification.hfa_box import ordinary_box
 
@@ -106,7 +108,7 @@ def test_all_errors_are_compared_at_the_states_that_any_search_reaches(game: Gam
 
 
 def test_a_network_is_flown_within_the_limits_of_the_controls() -> None:
-    model = hfa_model.aircraft()
+    model = choice.aircraft()
     point = find_operating_point(model, level_flight(np.radians(15.0)))
     plant = nonlinear_plant(linearize(model, point))
     z = np.zeros(6)

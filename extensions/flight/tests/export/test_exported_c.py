@@ -17,15 +17,17 @@ from project import ROOT
 from random_points import INPUT_SCALES, STATE_SCALES, rising, state_rates, symbols
 
 import hfa_model
-from controller import ActuatorBank, CommandSteps, GainPolicy, Scenario, ScheduledController
+from hfa import BadInputError, OperatingPoint, find_operating_point, linearize
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
+from hfa_flight import ActuatorBank, CommandSteps, GainPolicy, Scenario
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.export.aircraft_c import AIRCRAFT_FILES, c_model_texts
 from hfa_flight.policies import Measurements
 from hfa_flight.signals import CommandedStates
 from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, STATES as HFA_STATES, Input
+from hfa_servo import ScheduledController
 from hfa_servo.controller_c import (
     COMMANDED,
     CONTROLLER_FILES,
@@ -35,10 +37,8 @@ from hfa_servo.controller_c import (
     longest_step,
 )
 from hfa_servo.servo_policy import servo_policy
-from hfa_support import BadInputError
 from hfa_support.files import write_texts
 from hfa_support.native.c_code import c_function
-from trim import OperatingPoint, find_operating_point, linearize
 from trim.point.condition import usual_condition
 
 pytestmark = needs_gcc

@@ -13,8 +13,9 @@ from controllers import integrating_controller
 from own_models import NAVION
 from scipy.integrate import solve_ivp
 
-from controller import ActuatorBank, CommandSteps, GainPolicy, Policy, Scenario, Waveform
+from hfa import OperatingPoint, sweep
 from hfa_aircraft.model import Model
+from hfa_flight import ActuatorBank, CommandSteps, GainPolicy, Policy, Scenario, Waveform
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.export import fmu
 from hfa_flight.export.exported_loop import (
@@ -31,7 +32,6 @@ from hfa_model import LINEAR_STATES, STATES, Input
 from hfa_servo.controller_c import controller_steering
 from hfa_servo.servo_policy import servo_policy
 from hfa_support.provenance import Provenance
-from trim import OperatingPoint, sweep
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytest.importorskip("fmpy.validation")  # not loaded with FMPy

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa
 
-from controller import published_game
 from controller.game.array_file import read_arrays
-from verification import solve_game
+from hfa import solve_game
+from hfa.paper import published_game
 
 OCTAVE = shutil.which("octave-cli")
 pytestmark = pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")

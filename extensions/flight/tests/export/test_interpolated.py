@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from c_files import COMPILER, needs_gcc
 
-import hfa_model
+import hfa
+from hfa import BadInputError, sweep
+from hfa.paper import level_model
 from hfa_flight.export.interpolated import InterpolatedModel
-from hfa_support import BadInputError
-from trim import level_model, sweep
 
 GRID = {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0]), "speed": np.array([60.0, 68.0, 76.0])}
 
 
 @pytest.fixture(scope="module")
 def model() -> InterpolatedModel:
-    return InterpolatedModel(sweep(hfa_model.aircraft(), GRID))
+    return InterpolatedModel(sweep(hfa.aircraft(), GRID))
 
 
 def test_it_is_exact_at_the_points_and_bilinear_between(model: InterpolatedModel) -> None:
-    exact = level_model(hfa_model.aircraft(), float(GRID["dihedral"][2]))
+    exact = level_model(hfa.aircraft(), float(GRID["dihedral"][2]))
     here = model.at(dihedral=GRID["dihedral"][2], speed=68.0)
     np.testing.assert_allclose(here.A, exact.A, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(here.inputs, exact.input_offsets, rtol=1e-9, atol=1e-12)
@@ -67,10 +67,10 @@ def test_the_error_falls_with_the_square_of_the_step(model: InterpolatedModel) -
     """At the middles of the cells, where exact models are made anew."""
     finer = {name: np.linspace(axis[0], axis[-1], 2 * len(axis) - 1) for name, axis in GRID.items()}
     errors = []
-    for between in (model, InterpolatedModel(sweep(hfa_model.aircraft(), finer))):
+    for between in (model, InterpolatedModel(sweep(hfa.aircraft(), finer))):
         axes = zip(GRID, between.axes, strict=True)
         middles = {name: (axis[1:] + axis[:-1]) / 2 for name, axis in axes}
-        exact = sweep(hfa_model.aircraft(), middles)
+        exact = sweep(hfa.aircraft(), middles)
         near = between.at(**dict(zip(GRID, exact.values.T, strict=True)))
         pairs = (near.A, exact.A), (near.B, exact.B)
         errors.append(
@@ -88,6 +88,4 @@ def test_what_cannot_be_interpolated_is_named(model: InterpolatedModel) -> None:
     with pytest.raises(BadInputError, match="give dihedral, speed, by name"):
         model.at(speed=68.0)
     with pytest.raises(BadInputError, match="no trim at dihedral 0 deg, speed 5 ft/s"):
-        InterpolatedModel(
-            sweep(hfa_model.aircraft(), {"dihedral": [0.0, 0.1], "speed": [5.0, 68.0]})
-        )
+        InterpolatedModel(sweep(hfa.aircraft(), {"dihedral": [0.0, 0.1], "speed": [5.0, 68.0]}))

@@ -10,21 +10,12 @@ import numpy as np
 import pytest
 from known_models import exact_gain, game_at, model_at
 
-import hfa_model
-from controller import (
-    GainPolicy,
-    Game,
-    Policy,
-    Scenario,
-    Waveform,
-    flight_envelope,
-    fly,
-)
-from hfa_aircraft import Model
+import hfa
+from hfa import Game, Model, OperatingPoint, fly
+from hfa_flight import GainPolicy, Policy, Scenario, Waveform, flight_envelope
 from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.policies import Measurements
 from hfa_model import LINEAR_STATES, Parameters
-from trim import OperatingPoint
 from trim.limits import Limits
 
 N = len(LINEAR_STATES)
@@ -45,7 +36,7 @@ class FlownCase:
 def case_at(parameters: Parameters, dynamics: str, degrees: float) -> FlownCase:
     point = model_at(degrees, dynamics).point
     law = GainPolicy("exact", exact_gain(degrees, dynamics))
-    aircraft = hfa_model.aircraft(dynamics, parameters)
+    aircraft = hfa.aircraft(dynamics, parameters)
     return FlownCase(
         aircraft, point, game_at(degrees, dynamics), law, flight_envelope(aircraft, point)
     )

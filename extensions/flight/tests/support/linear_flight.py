@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from controller import Game
+from hfa import Game
 
 #: A policy or a forcing: (t, z) -> vector.
 Feedback = Callable[[float, np.ndarray], np.ndarray]

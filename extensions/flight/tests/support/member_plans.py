@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import hfa_model
-from controller import GainPolicy, MonteCarlo, Scenario, Uncertainty, Waveform, flight_envelope
+import hfa
+from hfa import OperatingPoint
+from hfa.paper import default_parameters
+from hfa_flight import GainPolicy, MonteCarlo, Scenario, Uncertainty, Waveform, flight_envelope
 from hfa_flight.signals import Harmonic
-from hfa_model import default_parameters
-from trim import OperatingPoint
 
 PARAMETERS = default_parameters().values
 EVERYTHING = Uncertainty(
@@ -33,7 +33,7 @@ def plan(point: OperatingPoint, gain: np.ndarray) -> MonteCarlo:
         disturbance=Waveform(np.zeros(6), np.zeros(6), (wave,)),
         uncertainty=EVERYTHING,
     )
-    aircraft = hfa_model.aircraft(parameters=PARAMETERS)
+    aircraft = hfa.aircraft(parameters=PARAMETERS)
     law = GainPolicy("exact", gain)
     envelope = flight_envelope(aircraft, point)
     return MonteCarlo(12, 7, aircraft, point, law, scenario, envelope)

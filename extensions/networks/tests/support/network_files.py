@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hfa import BadInputError
 from hfa_networks.files.network_file import network_in
-from hfa_support import BadInputError
 
 #: z'Pz: x P, times x, summed.
 QUADRATIC = [("MatMul", "x P", "h"), ("Mul", "x h", "terms"), ("MatMul", "terms ones", "y")]

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from flint import arb
 
-import hfa_model
 from hfa_aircraft.model import Model
+from hfa_model import choice
 from hfa_model.variants import VARIANTS, further_dynamics
 from hfa_proof.arithmetic.balls import lowest_sign
 from hfa_proof.checker.reading import Fields, require
@@ -582,7 +582,7 @@ def model_of(name: Any, source: Any, own: Model | None) -> Model:
 
 @cache
 def _own_aircraft(dynamics: str) -> Model:
-    return hfa_model.aircraft(dynamics)
+    return choice.aircraft(dynamics)
 
 
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:

@@ -14,11 +14,11 @@ from proof_cases import family, model_at
 from random_points import rates_function
 
 import hfa_model
+from hfa import BadInputError
 from hfa_model import VARIANTS
 from hfa_proof.arithmetic import ball_function
 from hfa_proof.arithmetic.ball_function import BallFunction, Undecided
 from hfa_proof.arithmetic.balls import exact
-from hfa_support import BadInputError
 
 Balls = list[Any]
 

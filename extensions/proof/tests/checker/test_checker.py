@@ -11,18 +11,18 @@ import pytest
 from flint import arb, arb_mat
 from proof_cases import PROOFS, certificate, content, exact_loop, forge, model_of
 
-import hfa_model
+import hfa
+from hfa import BadInputError
 from hfa_model import INPUTS, STATES
+from hfa_proof import Family, check_certificate, prove_schedule
 from hfa_proof.arithmetic.balls import TaylorModel
 from hfa_proof.checker import trims
 from hfa_proof.checker.reading import Fields, Rejected
 from hfa_proof.checker.statement import content_of, read_statement
 from hfa_proof.checker.witness import TrimBox
 from hfa_proof.search.checked_report import checked_report
-from hfa_support import BadInputError
 from trim import release
 from trim.hfa.level_flight import LEVEL_FLIGHT
-from verification import Family, check_certificate, prove_schedule
 
 Content = dict[str, Any]
 
@@ -102,7 +102,7 @@ def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
     """Of the trim's equations along each unknown, against central differences; pitch = alpha +
     gamma."""
     condition = release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0})
-    flights = Family(hfa_model.aircraft(), condition)
+    flights = Family(hfa.aircraft(), condition)
     proof = prove_schedule(flights, exact_loop(14.0, 14.125), 14.0, 14.0625)
     box = content(proof)["witness"]["loop"][0]
     found = list[Any]()

@@ -37,9 +37,9 @@ from proof_cases import (
     of_the_other_trim,
 )
 
+from hfa import BadInputError
+from hfa_proof import check_certificate, prove_schedule, prove_solution
 from hfa_proof.checker.reading import Malformed, Rejected
-from hfa_support import BadInputError
-from verification import check_certificate, prove_schedule, prove_solution
 
 
 def assert_refused(made: Content, kind: str, path: Path) -> None:

@@ -27,11 +27,11 @@ from forged_certificates import (
 )
 from proof_cases import PROOFS, certificate, forge, model_of
 
+from hfa import BadInputError
+from hfa_proof import check_certificate
 from hfa_proof.checker.reading import Malformed, Rejected
 from hfa_proof.search.checked_report import checked_report
-from hfa_support import BadInputError
 from hfa_support.reporting.report import Report
-from verification import check_certificate
 
 LARGE_GAMES = [
     pytest.param(kind, marks=pytest.mark.slow) for kind in ("one of two", "solution", "critic")

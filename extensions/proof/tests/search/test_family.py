@@ -12,18 +12,18 @@ import pytest
 from known_models import model_at
 from proof_cases import family
 
-import hfa_model
-from hfa_model import default_parameters
+import hfa
+from hfa import BadInputError, NoSolutionError
+from hfa.paper import default_parameters, level_model
+from hfa_proof import Family
 from hfa_proof.arithmetic.ball_function import Undecided
 from hfa_proof.arithmetic.balls import exact
 from hfa_proof.checker.trims import LinearModelBox, Rejected, linear_model_on
 from hfa_proof.checker.witness import TrimBox
 from hfa_proof.search.family import Box, TrimSearch, bisected
-from hfa_support import BadInputError, NoSolutionError
 from hfa_support.linear_table import LinearTable
-from trim import level_model, release
+from trim import release
 from trim.hfa.level_flight import LEVEL_FLIGHT
-from verification import Family
 
 
 def linear_model(flights: Family, low: float, high: float) -> LinearModelBox:
@@ -59,7 +59,7 @@ def test_what_the_error_of_a_parameter_does_lies_in_its_enclosure(name: str) -> 
     linear = linear_model(replace(family(), spread={name: width}), 12.0, 12.03125)
     for sign in (-1.0, 1.0):
         moved = values._replace(**{name: getattr(values, name) + sign * width})
-        ends.append(level_model(hfa_model.aircraft(parameters=moved), math.radians(12.015625)))
+        ends.append(level_model(hfa.aircraft(parameters=moved), math.radians(12.015625)))
     for part in ("A", "B"):
         expected = (getattr(ends[1], part) - getattr(ends[0], part)) / 2.0
         found = getattr(linear, part)

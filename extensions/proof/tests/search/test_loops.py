@@ -13,11 +13,11 @@ from cli import hfa
 from known_models import exact_gain, model_at
 from proof_cases import content, delayed_abscissa, family, forge, through_actuators
 
-import hfa_model
-from controller import ScheduledController
 from controller.hfa_game import usual_game
+from hfa import BadInputError, Model, Signal, linearize, solve_game
 from hfa_aircraft.loading import load_model
-from hfa_model import INPUTS, LINEAR_STATES
+from hfa_model import INPUTS, LINEAR_STATES, choice
+from hfa_proof import Family, check_certificate, prove_schedule
 from hfa_proof.arithmetic.balls import doubles
 from hfa_proof.checker.loop import closed_loop
 from hfa_proof.checker.reading import Rejected
@@ -25,10 +25,8 @@ from hfa_proof.search.checked_report import checked_report
 from hfa_proof.search.family import Box, TrimSearch
 from hfa_proof.search.loops import loop_of_gains, loop_of_servo
 from hfa_proof.search.uncertain_loop import common_lyapunov, decrease
+from hfa_servo import ScheduledController
 from hfa_servo.design import Actuator
-from hfa_support import BadInputError, Model, Signal
-from trim import linearize
-from verification import Family, check_certificate, prove_schedule, solve_game
 
 SENSORS = (*LINEAR_STATES, "vertical_acceleration_short_period")
 
@@ -59,7 +57,7 @@ def filtered(gain: float = 1.0, lag: float = 0.002, direct: float = 0.0) -> Sche
         trim_inputs=np.zeros((2, 5)),
         dynamics="published",
         parameters="",
-        model=hfa_model.aircraft(),
+        model=choice.aircraft(),
     )
 
 

@@ -10,9 +10,9 @@ from known_models import exact_gain, model_at
 from proof_cases import ORIGIN, family
 from random_points import INPUT_SCALES
 
+from hfa import NoSolutionError
+from hfa_proof import check_certificate, prove_models
 from hfa_proof.search.checked_report import checked_report
-from hfa_support import NoSolutionError
-from verification import check_certificate, prove_models
 
 WITHIN = 4.9e-4
 

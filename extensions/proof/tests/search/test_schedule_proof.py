@@ -21,16 +21,16 @@ from proof_cases import (
     unstable_between,
 )
 
-import hfa_model
+import hfa
+from hfa import BadInputError
+from hfa.paper import default_parameters
 from hfa_flight.gain_schedule import GainSchedule
-from hfa_model import default_parameters
+from hfa_proof import check_certificate, prove_models, prove_schedule
 from hfa_proof.arithmetic import PRECISION
 from hfa_proof.checker.statement import Run
 from hfa_proof.search import certificate
 from hfa_proof.search.certificate import CertificateFile, Proof
 from hfa_proof.search.loops import Loop
-from hfa_support import BadInputError
-from verification import check_certificate, prove_models, prove_schedule
 
 
 def counts(runs: tuple[Run, ...]) -> list[tuple[int, int]]:
@@ -184,7 +184,7 @@ def test_what_cannot_be_proved_of_is_refused() -> None:
     """Gains beyond all numbers; intervals without angles, which no box would refute; angles beyond
     the table."""
     huge = np.full((2, 5, 6), 1e308)
-    table = GainSchedule(np.radians([14.0, 15.0]), huge, hfa_model.aircraft())
+    table = GainSchedule(np.radians([14.0, 15.0]), huge, hfa.aircraft())
     with pytest.raises(BadInputError, match="too large to compute with"):
         prove_schedule(family(), table, 14.5, 14.6)
     for low, high in ((15.0, 14.0), (14.5, 14.5), (14.0, float("nan"))):
@@ -210,7 +210,7 @@ def test_what_cannot_be_proved_of_is_refused() -> None:
 )
 def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, ...]) -> None:
     with pytest.raises(BadInputError):
-        GainSchedule(np.radians(angles), np.zeros(shape), hfa_model.aircraft())
+        GainSchedule(np.radians(angles), np.zeros(shape), hfa.aircraft())
 
 
 @pytest.mark.slow

@@ -14,17 +14,17 @@ from known_models import game_at
 from proof_cases import ORIGIN, content, family, forge, proved, scalar_game
 from reference_riccati import reference_solution
 
-from controller import Game, basis
+from controller import basis, minimum_delta
 from controller.critic.critic import from_gain, from_parts
 from controller.riccati.smallest_delta import DeltaMin
+from hfa import BadInputError, Game, NoSolutionError, solve_game
 from hfa_networks.files.network import from_network
+from hfa_proof import check_certificate, prove_critic, prove_solution
 from hfa_proof.arithmetic.balls import TaylorModel, matrix, norm
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.riccati import solution_on
 from hfa_proof.search.checked_report import checked_report
 from hfa_proof.search.solution_proof import ExactGame, prove_delta_min
-from hfa_support import BadInputError, NoSolutionError
-from verification import check_certificate, minimum_delta, prove_critic, prove_solution, solve_game
 
 ONE = np.eye(1)
 

@@ -11,12 +11,18 @@ from typing import Any
 import numpy as np
 from proof_cases import between, delayed_abscissa, loop_in_doubles, model_of
 
-import hfa_model
-from controller import Game, basis
+import hfa
+from controller import basis
+from hfa import (
+    Game,
+    NoSolutionError,
+    OperatingPoint,
+    TrimCondition,
+    find_operating_point,
+    linearize,
+    solve_game,
+)
 from hfa_aircraft.model import Model
-from hfa_support import NoSolutionError
-from trim import OperatingPoint, TrimCondition, find_operating_point, linearize
-from verification import solve_game
 
 Content = dict[str, Any]
 #: Rounding of doubles beside what a certificate states to all digits.
@@ -38,7 +44,7 @@ class FlightInDoubles:
     """The trims of a statement's flight."""
 
     def __init__(self, flight: Content, kind: str) -> None:
-        model = model_of(kind) or hfa_model.aircraft(flight["dynamics"])
+        model = model_of(kind) or hfa.aircraft(flight["dynamics"])
         self.flight = flight
         self.model: Model = model.with_parameters(**flight["parameters"])
 

@@ -14,25 +14,20 @@ from typing import Any
 import numpy as np
 from known_models import exact_gain, game_at, model_at
 
-import hfa_model
-from controller import Game, basis, published_game
+import hfa
+from controller import basis
 from controller.critic.critic import from_parts
+from hfa import Game, solve_game
+from hfa.paper import default_parameters, published_game
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
-from hfa_model import INPUTS, LINEAR_STATES, default_parameters
+from hfa_model import INPUTS, LINEAR_STATES
+from hfa_proof import Family, prove_critic, prove_models, prove_schedule, prove_solution
 from hfa_proof.checker.checker import sealed
 from hfa_proof.checker.statement import Controller, FixedActuators
 from hfa_proof.search.certificate import Proof
 from hfa_proof.search.loops import Intervals, Loop, exact_gains, loop_of_gains
 from hfa_support.provenance import Provenance
-from verification import (
-    Family,
-    prove_critic,
-    prove_models,
-    prove_schedule,
-    prove_solution,
-    solve_game,
-)
 
 #: What the certificates of the tests bear.
 ORIGIN = Provenance("a test", "published")
@@ -40,13 +35,13 @@ ORIGIN = Provenance("a test", "published")
 
 def family(dynamics: str = "published") -> Family:
     """The paper's flights of the identified aircraft."""
-    return Family(hfa_model.aircraft(dynamics, default_parameters().values))
+    return Family(hfa.aircraft(dynamics, default_parameters().values))
 
 
 def exact_loop(*angles: float, dynamics: str = "published") -> Loop:
     """The exact game's gains at the angles, deg."""
     gains = np.array([exact_gain(angle, dynamics) for angle in angles])
-    return loop_of_gains(hfa_model.aircraft(dynamics), angles, gains)
+    return loop_of_gains(hfa.aircraft(dynamics), angles, gains)
 
 
 def through_actuators(*angles: float, delay: float = 0.02, slowest: float = 1.8) -> Loop:
@@ -64,7 +59,7 @@ def through_actuators(*angles: float, delay: float = 0.02, slowest: float = 1.8)
         Q = np.pad(game.Q, (0, 5))
         gains.append(solve_game(Game(A, B, np.eye(11), Q, 300 * game.R, np.inf)).K)
     intervals = Intervals((slowest, 10.0), (0.5, 1.0), delay)
-    return loop_of_gains(hfa_model.aircraft(), angles, np.array(gains), intervals)
+    return loop_of_gains(hfa.aircraft(), angles, np.array(gains), intervals)
 
 
 def scalar_game(delta: float) -> Game:
@@ -180,7 +175,7 @@ def unstable_between(low: float, high: float) -> Loop:
         )
         abscissae = np.linalg.eigvals(loops).real.max(axis=1)
         if abscissae[0] < -0.1 and abscissae[2] < -0.1 and abscissae[1] > 0.2:
-            return loop_of_gains(hfa_model.aircraft(), [low, high], np.array([first, last]))
+            return loop_of_gains(hfa.aircraft(), [low, high], np.array([first, last]))
     raise AssertionError("no such table was found")
 
 

@@ -12,11 +12,10 @@ from learning_samples import value_of_policies
 from planted_critics import gain, other_root, solved, value, weights_of
 from scipy.linalg import solve_continuous_are
 
-from controller import Game
 from controller.critic.critic import Critic
+from hfa import Game, from_gain, from_value, from_weights
 from hfa_reasons.other_games import discounted, euler, held, held_whole
 from hfa_support.errors import NoSolutionError
-from verification import from_gain, from_value, from_weights
 
 #: Radians in a degree.
 DEGREE = math.pi / 180.0

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+import hfa
 import hfa_model
-from controller import ScheduledController
 from hfa_aircraft.model import Model
+from hfa_servo import ScheduledController
 from hfa_support.provenance import parameter_hash
 
 
@@ -35,7 +36,7 @@ def small_controller(aircraft: Model, **changed: object) -> ScheduledController:
         "command_filter": (0.5, 2.0),
         "about": {"description": "a test"},
     }
-    return ScheduledController(**(settings | changed), model=hfa_model.aircraft())  # type: ignore[arg-type]
+    return ScheduledController(**(settings | changed), model=hfa.aircraft())  # type: ignore[arg-type]
 
 
 def integrating_controller(aircraft: Model, **changed: object) -> ScheduledController:
