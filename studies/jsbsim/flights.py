@@ -64,7 +64,7 @@ def main(names: Sequence[str]) -> int:
     return 0
 
 
-def line(name: str, count: int, seed: int = 1) -> str:
+def line(name: str, count: int, seed: int = 2) -> str:
     """The row of an aircraft: medians over drawn states of the largest difference from JSBSim at
     each of its steps, in usual sizes of the states; the ratios of these; and, at the shortest, the
     difference of engines that follow their throttles at once."""
@@ -98,8 +98,8 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
 
 
 def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
-    """Flights from states about a trim, with three steps of the throttle and a pulse of the stick,
-    as `answered` takes them."""
+    """Flights from states about a trim, with three steps of the throttle and pulses of elevator,
+    aileron and rudder, as `answered` takes them."""
     rng = np.random.default_rng(seed)
     state = point.states._asdict()
     inputs = point.inputs._asdict()
@@ -116,7 +116,11 @@ def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
             [1.0, {"throttle": rng.uniform(0.2, 0.9)}],
             [3.0, {"elevator": stick}],
             [4.0, {"elevator": inputs.get("elevator", 0.0)}],
+            [6.0, {"aileron": inputs.get("aileron", 0.0) + rng.uniform(-0.1, 0.1)}],
+            [7.0, {"aileron": inputs.get("aileron", 0.0)}],
             [10.0, {"throttle": rng.uniform(0.2, 0.9)}],
+            [14.0, {"rudder": inputs.get("rudder", 0.0) + rng.uniform(-0.1, 0.1)}],
+            [15.0, {"rudder": inputs.get("rudder", 0.0)}],
             [20.0, {"throttle": rng.uniform(0.2, 0.9)}],
         ]
         flight = {"state": start, "commands": inputs, "changes": changes, "flight": _SECONDS}

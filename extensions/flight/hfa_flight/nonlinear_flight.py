@@ -27,6 +27,7 @@ from hfa_flight.envelope import (
 from hfa_flight.flight_history import Deviations
 from hfa_flight.flown_policy import flown_policy
 from hfa_flight.limit_cycle import Decay, LimitCycle, oscillation
+from hfa_flight.own_steps import JSBSIM, RUNGE_KUTTA, USUAL_STEP, in_own_steps, refuse_method
 from hfa_flight.policies import GainPolicy, OpenLoop
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
@@ -63,6 +64,8 @@ def fly(
     scenario: Scenario | None = None,
     envelope: Limits | Mapping[str, tuple[float, float]] | None = None,
     predict: bool = True,
+    method: str = RUNGE_KUTTA,
+    step: float | None = None,
     progress: Progress | None = None,
 ) -> Flight:
     """Simulate X' = f(X, U, w) + d with U = U0 + u of a policy, and with `predict` x' = A x + B u +
@@ -78,6 +81,9 @@ def fly(
     scenario: what else happens during the flight; all of it drawn
     envelope: limits of the states, or those that differ from `flight_envelope(model, point)`
     predict: whether the linear model flies too
+    method: "runge-kutta", or "jsbsim": an aircraft of JSBSim in frames as JSBSim's own, over its
+        own earth, its engines and filters with their lags
+    step: of these frames, s; 1/120 unless given
     progress: called during the nonlinear flight
 
     The prediction is of the aircraft as designed: without the parameter errors. Both end at the
@@ -94,11 +100,18 @@ def fly(
     (1001, 7)
     """
     happens = _happening(model, Scenario() if scenario is None else scenario, seconds, initial)
+    refuse_method(method)
+    if method == JSBSIM:
+        frame = USUAL_STEP if step is None else float(step)
+        happens = replace(happens, step=frame, tick=frame)
+    elif step is not None:
+        raise BadInputError(f"step belongs to method {JSBSIM}; leave it out")
     flown, happens = flown_policy(policy, point, happens)
     plant = NonlinearPlant(with_errors(model, happens), point)
     loop = ClosedLoop(plant, flown, happens)
     within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
-    result = fly_within(CompiledLoop(loop), within, progress=progress)
+    compiled = in_own_steps(loop) if method == JSBSIM else CompiledLoop(loop)
+    result = replace(fly_within(compiled, within, progress=progress), method=method)
     start = result.flight.limited[0] + np.array(point.states)
     refuse_start(within, start, happens.moving_air)
     if not predict:
@@ -183,6 +196,7 @@ class Flight(StatesAndInputs, Result, Reported):
     predicted: the same flight of the linear model, None when none was asked for
     decay: what oscillates to the end and becomes smaller: name, time to half in s, frequency in
         rad/s; None when nothing does.
+    method: "runge-kutta" or "jsbsim"
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -197,8 +211,8 @@ class Flight(StatesAndInputs, Result, Reported):
         "dynamics=point.dynamics states=state_names state_units inputs=input_names input_units "
         "operating_point=point scenario envelope=envelope_limits within_limits held departure "
         "limit_cycle=cycle decay? exceeded flown final largest_deviation rms_error "
-        "share_beyond_control_limits checks policy largest_difference_from_linear? commanded? "
-        "warnings"
+        "share_beyond_control_limits checks policy method largest_difference_from_linear? "
+        "commanded? warnings"
     )
 
     envelope: Limits
@@ -208,6 +222,7 @@ class Flight(StatesAndInputs, Result, Reported):
     cycle: LimitCycle | None
     predicted: Deviations | None = None
     decay: Decay | None = None
+    method: str = RUNGE_KUTTA
 
     @property
     def point(self) -> OperatingPoint:
@@ -354,6 +369,8 @@ class Flight(StatesAndInputs, Result, Reported):
         if scheduled:
             flight += f", {scheduled}"
         flight += f", law {self.loop.policy.name}"
+        if self.method == JSBSIM:
+            flight += f", JSBSim's steps of 1/{1.0 / self.loop.scenario.step:g} s over its earth"
         if isinstance(self.loop.policy, GainPolicy):
             flight += ", frozen"
         duration = f"{self.flown:g} s"

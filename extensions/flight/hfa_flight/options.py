@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hfa.options.argument_types import input_file, number, quantity, span
+from hfa.options.argument_types import input_file, number, one_of, positive, quantity, span
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
 from hfa.options.games import (
     DEFAULT_LAW,
@@ -31,6 +31,7 @@ from hfa_flight.actuators import ActuatorBank, ActuatorFault
 from hfa_flight.air import UPDRAFT, gust_speed
 from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_flight.gusts import Dryden, Gust, OneMinusCosine
+from hfa_flight.own_steps import JSBSIM, METHODS, RUNGE_KUTTA
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
 from hfa_support.entry_points import PARTS, part
@@ -87,6 +88,13 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
     if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
         raise BadInputError(f"is {text!r}; the times must increase, from 0 on")
     return steps
+
+
+def fraction(text: str) -> float:
+    """A positive number, also as 1/120."""
+    above, slash, below = text.partition("/")
+    value = positive(above)
+    return value / positive(below) if slash else value
 
 
 def weights_option() -> Any:
@@ -364,6 +372,21 @@ class FlightOptions(ScenarioOptions):
         _COMMAND,
         OfModel(_command),
         named=True,
+    )
+
+    method: str = option(
+        f"{JSBSIM}: an aircraft of JSBSim in frames as JSBSim's own",
+        "NAME",
+        one_of(*METHODS),
+        default=RUNGE_KUTTA,
+        rare=True,
+    )
+    frame: float | None = option(
+        f"of the frames of --method {JSBSIM}; 1/120",
+        "S",
+        fraction,
+        names="--step",
+        rare=True,
     )
 
     def flight(self) -> PlannedFlight:

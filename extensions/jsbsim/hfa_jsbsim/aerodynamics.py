@@ -132,7 +132,9 @@ class Aerodynamics:
 
     def _lift_squared(self) -> Any:
         """(lift / (q S))^2."""
-        return (self._lift() / (self._motion.pressure_head * self._wings.area)) ** 2
+        in_frames = self._properties.step > 0.0  # of the lift of the frame before
+        lift = self._properties.remember("lift", self._lift) if in_frames else self._lift()
+        return (lift / (self._motion.pressure_head * self._wings.area)) ** 2
 
     def loads(self) -> tuple[ca.SX, ca.SX]:
         """Force, lb, and moment about the center of gravity, ft lb, in body axes."""

@@ -34,9 +34,9 @@ from hfa_jsbsim.clock import moves_with_time
 from hfa_jsbsim.control_system import add_control_systems
 from hfa_jsbsim.engines import STEP, Effect, EngineFile, Surroundings
 from hfa_jsbsim.functions import function_value, named, table_value
-from hfa_jsbsim.parts import LOADED, Parts
+from hfa_jsbsim.parts import LOADED, SYSTEMS, Parts
 from hfa_jsbsim.powerplant import computing
-from hfa_jsbsim.properties import Properties, Writer, plain
+from hfa_jsbsim.properties import AFTER_ALL, BEFORE_AIR, Properties, Writer, plain
 from hfa_jsbsim.reactions import Reactions
 from hfa_jsbsim.surfaces import (
     PilotInput,
@@ -81,7 +81,7 @@ class Equations:
         """gusty: whether the air moves at the aircraft; else there are no gusts."""
         self.parts = parts
         self.notes: list[str] = []
-        self.properties = Properties(parts.choices.filters)
+        self.properties = Properties(parts.choices.filters, parts.choices.step)
         names = [*STATES, *_engine_states(parts)]
         self.states = {name: ca.SX.sym(name) for name in names}
         self.inputs = {name: PilotInput(ca.SX.sym(name)) for name in _COMMANDS}
@@ -111,7 +111,14 @@ class Equations:
         reactions = Reactions(parts.section("external_reactions"), self.properties)
         self._define_reactions(reactions)
         self._around = Surroundings(
-            self.properties, self.motion, self, x, parts.tanks, self.parameters
+            self.properties,
+            self.motion,
+            self,
+            x,
+            parts.tanks,
+            self.parameters,
+            self.properties.step or STEP,
+            self._planet_rates(),
         )
         self._engines = [self._add_engine(file, self._around) for file in parts.engines]
         self._reach_throttles()
@@ -131,6 +138,10 @@ class Equations:
         if air_loads.hysteresis and "aero/stall-hyst-norm" in self.properties.asked:
             self.notes.append(air_loads.hysteresis)
         self.notes += self.properties.notes
+
+    def _planet_rates(self) -> Any:
+        """The rotation of the earth, rad/s, in body axes."""
+        return 0.0
 
     def _throttles(self) -> list[str]:
         """The names of the throttles: one, or one an engine."""
@@ -196,7 +207,7 @@ class Equations:
             properties.define(full_name, self.inputs[name].symbol)
         for name, full_name in _LEVERS.items():
             properties.define(full_name, self.parameters[name])
-        pressure_ratio = properties.read("atmosphere/delta", "")
+        pressure_ratio = properties.before("atmosphere/delta")
         for file in self.parts.engines:
             own_throttle = f"throttle{file.number}"
             name = own_throttle if own_throttle in self.inputs else "throttle"
@@ -213,7 +224,7 @@ class Equations:
                 properties.compute(f"fcs/{lever}-pos-norm[{file.number}]", follow)
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
-        properties.define_initial("simulation/dt", STEP)
+        properties.define_initial("simulation/dt", properties.step or STEP)
         for name in ("gear/wow", "propulsion/refuel"):
             properties.define_initial(name, 0.0)
         for along, turn in zip("xyz", "lmn", strict=True):
@@ -296,7 +307,18 @@ class Equations:
             for element in section.all("property"):
                 self._define_property(element, overrides=element.file != section.file)
             for part in named(section):
-                self._define_function(part, number)
+                self._define_function(part, number, self._order_of(section, part))
+
+    def _order_of(self, section: Element, function: Element) -> int:
+        """When a function runs: of the control system before its components, of the air outside
+        the axes before these."""
+        if not self.properties.step:
+            return AFTER_ALL
+        if section.name in SYSTEMS:
+            return 0
+        if section.name == "aerodynamics" and function in section.children:
+            return BEFORE_AIR
+        return AFTER_ALL
 
     def _define_property(self, element: Element, overrides: bool) -> None:
         """Give a property of a file its value, unless it has one and this does not override it;
@@ -321,7 +343,7 @@ class Equations:
         elif not rights and (overrides or not self.properties.is_known(element.text)):
             self.properties.define_initial(element.text, value)
 
-    def _define_function(self, element: Element, number: int | None) -> None:
+    def _define_function(self, element: Element, number: int | None, order: int) -> None:
         """Let a function or a table set the property of its name. Who reads the property that it
         copies its value to is told to read that name."""
         name = "-".join(element.attributes["name"].split(" "))
@@ -341,7 +363,8 @@ class Equations:
 
         if "#" not in name or number is not None:
             full_name = name.replace("#", str(number))
-            self.properties.compute(full_name, Writer(compute, element.where, element=element))
+            writer = Writer(compute, element.where, order, element=element)
+            self.properties.compute(full_name, writer)
 
     def _add_engine(self, file: EngineFile, around: Surroundings) -> Writer:
         """Let an engine set its properties; the value of what is returned is its effect."""

@@ -5,11 +5,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 
+from hfa_jsbsim.component_parts import (
+    beyond,
+    detents,
+    ends_of,
+    input_of,
+    inputs_of,
+    parameter,
+    settling,
+)
+from hfa_jsbsim.frame_components import WITH_MEMORY
 from hfa_jsbsim.functions import function_value, table_value
 from hfa_jsbsim.properties import (
     LoopError,
@@ -39,7 +48,7 @@ def add_control_systems(
             writers = []
             for component in channel.children:
                 if component.name in KINDS:
-                    order += 1
+                    order += 2  # other units of a surface are set right behind it
                     writers.append(_add_component(component, properties, commands, order))
             if channel.attributes.get("execute"):
                 switched.append((channel, writers))
@@ -109,7 +118,7 @@ def _join_units(properties: Properties) -> None:
         if max(orders) < 0:
             continue
         source, target = (in_rad, in_deg) if orders[0] >= orders[1] else (in_deg, in_rad)
-        join_surface(properties, surface, source, target, max(orders))
+        join_surface(properties, surface, source, target, max(orders) + 1)
 
 
 def join_surface(
@@ -131,7 +140,9 @@ def join_surface(
 
 def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
     """The steady output of a component, within its limits."""
-    if component.name in ("pid", "integrator"):
+    if properties.step and component.name in WITH_MEMORY:
+        value = WITH_MEMORY[component.name](component, properties)
+    elif component.name in ("pid", "integrator"):
         value = _controller(component, properties, commands)
     elif component.name in _COMPONENTS:
         value = _COMPONENTS[component.name](component, properties)
@@ -148,36 +159,19 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
         return value
     if limits.attributes.get("type") == "cyclic":
         raise limits.error("a cyclic <clipto> has no steady value; take it out")
-    low, high = (_parameter(limits, name, properties, 0.0) for name in ("min", "max"))
+    low, high = (parameter(limits, name, properties, 0.0) for name in ("min", "max"))
     clipped = ca.fmin(ca.fmax(ca.SX(value), low), high)
     if is_constant(low) and is_constant(high):
         return clipped if float(low) <= float(high) else value
     return ca.if_else(low <= high, clipped, value)  # JSBSim does not clip between limits exchanged
 
 
-def _parameter(element: Element, name: str, properties: Properties, default: float) -> Any:
-    """The number or property in a child of an element."""
-    child = element.find(name)
-    return default if child is None else properties.value(child.text, child)
-
-
-def _inputs(component: Element, properties: Properties) -> list[Any]:
-    """The values of all inputs."""
-    return [properties.value(child.text, child) for child in component.all("input")]
-
-
-def _input(component: Element, properties: Properties) -> Any:
-    """The value of the first input."""
-    child = component.need("input")
-    return properties.value(child.text, child)
-
-
 def _summer(component: Element, properties: Properties) -> Any:
-    return sum(_inputs(component, properties), start=component.value_of("bias", 0.0))
+    return sum(inputs_of(component, properties), start=component.value_of("bias", 0.0))
 
 
 def _gain(component: Element, properties: Properties) -> Any:
-    return _parameter(component, "gain", properties, 1.0) * _input(component, properties)
+    return parameter(component, "gain", properties, 1.0) * input_of(component, properties)
 
 
 def _scheduled_gain(component: Element, properties: Properties) -> Any:
@@ -188,9 +182,9 @@ def _scheduled_gain(component: Element, properties: Properties) -> Any:
 def _aerosurface_scale(component: Element, properties: Properties) -> Any:
     """The input from domain to range; centered at zero, each side has a slope of its own."""
     domain = component.find("domain")
-    lowest, highest = (-1.0, 1.0) if domain is None else _ends(domain)
-    out_lowest, out_highest = _ends(component.need("range"))
-    value = ca.SX(_input(component, properties))
+    lowest, highest = (-1.0, 1.0) if domain is None else ends_of(domain)
+    out_lowest, out_highest = ends_of(component.need("range"))
+    value = ca.SX(input_of(component, properties))
     centered = component.find("zero_centered")
     if centered is not None and centered.text in ("0", "false"):
         scaled = out_lowest + (value - lowest) / (highest - lowest) * (out_highest - out_lowest)
@@ -198,55 +192,31 @@ def _aerosurface_scale(component: Element, properties: Properties) -> Any:
         up = out_highest / highest if highest else 0.0
         down = out_lowest / lowest if lowest else 0.0
         scaled = value * up if up == down else value * ca.if_else(value > 0.0, up, down)
-    return scaled * _parameter(component, "gain", properties, 1.0)
-
-
-def _ends(element: Element) -> tuple[float, float]:
-    """min and max of an element."""
-    return element.need("min").number(), element.need("max").number()
-
-
-def detents(component: Element) -> tuple[float, float]:
-    """The first and the last position of a <kinematic>."""
-    settings = list(component.need("traverse").all("setting"))
-    if len(settings) < 2:
-        raise component.error("<kinematic> has one setting only; give at least two")
-    positions = [setting.need("position").number() for setting in settings]
-    if any(later < earlier for earlier, later in pairwise(positions)):
-        raise component.error("the positions of <kinematic> do not increase; sort them")
-    return positions[0], positions[-1]
+    return scaled * parameter(component, "gain", properties, 1.0)
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
     """The input, scaled by the last detent, between the first and the last."""
     lowest, highest = detents(component)
-    value = _input(component, properties)
+    value = input_of(component, properties)
     if component.find("noscale") is None:
         value = value * highest
     return ca.fmin(ca.fmax(ca.SX(value), lowest), highest)
 
 
 def _deadband(component: Element, properties: Properties) -> Any:
-    width = _parameter(component, "width", properties, 0.0)
-    return _beyond(_input(component, properties), width) * component.value_of("gain", 1.0)
-
-
-def _beyond(value: Any, width: Any) -> Any:
-    """What a value exceeds half a width by."""
-    half = 0.5 * width
-    value = ca.SX(value)
-    above = ca.if_else(value > half, value - half, 0.0)
-    return ca.if_else(value < -half, value + half, above)
+    width = parameter(component, "width", properties, 0.0)
+    return beyond(input_of(component, properties), width) * component.value_of("gain", 1.0)
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
     """The input behind its lag; limits of rate end when it is steady."""
-    value = _lagged(component, "lag", _input(component, properties), properties)
+    value = _lagged(component, "lag", input_of(component, properties), properties)
     if component.find("rate_limit") is not None:
         properties.leave_out(component, "its limit of rate is left out")
     width = component.value_of("deadband_width", 0.0)
     if width:
-        value = _beyond(value, width)
+        value = beyond(value, width)
     play = component.value_of("hysteresis_width", 0.0)
     if play:
         note = (
@@ -278,53 +248,45 @@ def _sensor(component: Element, properties: Properties) -> Any:
         if child is not None:
             raise child.error(f"<{name}> of a sensor is not read; take it out")
     gain = component.value_of("gain", 0.0) or 1.0
-    value = _lagged(component, "lag", _input(component, properties), properties)
+    value = _lagged(component, "lag", input_of(component, properties), properties)
     return value * gain + component.value_of("bias", 0.0)
 
 
 def _function(component: Element, properties: Properties) -> Any:
     value = function_value(component.need("function"), properties)
     if component.find("input") is not None:
-        value = value * _input(component, properties)
+        value = value * input_of(component, properties)
     return value
 
 
 def _lag(component: Element, properties: Properties) -> Any:
     """c1 / (s + c1)."""
-    rate = _settling(component, properties)
+    rate = settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its lag is left out")
-        return _input(component, properties)
+        return input_of(component, properties)
     state = properties.add_state(component)
-    properties.set_rate(state, lambda: rate * (_input(component, properties) - state))
+    properties.set_rate(state, lambda: rate * (input_of(component, properties) - state))
     return state
-
-
-def _settling(component: Element, properties: Properties) -> Any:
-    """<c1> of a filter, 1/s. BadInputError where the filter never settles."""
-    rate = _parameter(component, "c1", properties, 0.0)
-    if is_constant(rate) and float(rate) <= 0.0:
-        raise component.error(f"<c1> is {float(rate):g}: the filter never settles; give another")
-    return rate
 
 
 def _washout(component: Element, properties: Properties) -> Any:
     """s / (s + c1): 0 when the input is steady."""
-    rate = _settling(component, properties)
+    rate = settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "it is 0, as for a steady input")
         component.find("input")
         return 0.0
     state = properties.add_state(component)
-    value = _input(component, properties)
+    value = input_of(component, properties)
     properties.set_rate(state, lambda: rate * (value - state))
     return value - state
 
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
     """(c1 s + c2) / (c3 s + c4)."""
-    value = _input(component, properties)
-    c1, c2, c3, c4 = (_parameter(component, f"c{i}", properties, 0.0) for i in range(1, 5))
+    value = input_of(component, properties)
+    c1, c2, c3, c4 = (parameter(component, f"c{i}", properties, 0.0) for i in range(1, 5))
     if is_constant(c4) and float(c4) == 0.0:
         raise component.error("<c4> is 0: the filter has no steady value; give another")
     if not properties.has_filter_states:
@@ -339,8 +301,8 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 
 def _second_order(component: Element, properties: Properties) -> Any:
     """(c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
-    value = _input(component, properties)
-    c1, c2, c3, c4, c5, c6 = (_parameter(component, f"c{i}", properties, 0.0) for i in range(1, 7))
+    value = input_of(component, properties)
+    c1, c2, c3, c4, c5, c6 = (parameter(component, f"c{i}", properties, 0.0) for i in range(1, 7))
     if is_constant(c6) and float(c6) == 0.0:
         raise component.error("<c6> is 0: the filter has no steady value; give another")
     if not properties.has_filter_states:
@@ -423,17 +385,17 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
     The integral is 0 unless filters are states; LoopError where the pilot reaches it. A derivative
     of the input is 0, as for a steady one.
     """
-    value = ca.SX(_input(component, properties))
+    value = ca.SX(input_of(component, properties))
     integral = component.find("ki" if component.name == "pid" else "c1")
     gain = 0.0 if integral is None else properties.value(integral.text, integral)
     integrated: Any = 0.0
     if not (is_constant(gain) and float(gain) == 0.0):
         integrated = _integral(component, properties, value, gain, commands)
-    proportional = _parameter(component, "kp", properties, 0.0)
-    damping = _parameter(component, "kd", properties, 0.0)
+    proportional = parameter(component, "kp", properties, 0.0)
+    damping = parameter(component, "kd", properties, 0.0)
     slope: Any = 0.0
     if component.find("pvdot") is not None:
-        slope = _parameter(component, "pvdot", properties, 0.0)
+        slope = parameter(component, "pvdot", properties, 0.0)
     elif not (is_constant(damping) and float(damping) == 0.0):
         properties.leave_out(component, "the derivative of its input is 0")
     if component.attributes.get("type") == "standard":
@@ -446,7 +408,7 @@ def _integral(
 ) -> Any:
     """The integral of gain times value, held where <trigger> is not 0."""
     try:
-        trigger = ca.SX(_parameter(component, "trigger", properties, 0.0))
+        trigger = ca.SX(parameter(component, "trigger", properties, 0.0))
     except LoopError:  # it holds the integral where the output is at a limit
         trigger = ca.SX(0.0)
     if is_constant(trigger) and float(trigger) < 0.0:
@@ -493,10 +455,10 @@ def surface_limits(writer: Writer | None) -> tuple[float, float]:
     clip = component.find("clipto")
     try:
         if clip is not None:
-            low, high = _ends(clip)
+            low, high = ends_of(clip)
             return (low, high) if low <= high else (-math.inf, math.inf)
         if component.name == "aerosurface_scale":
-            return _ends(component.need("range"))
+            return ends_of(component.need("range"))
     except ValueError:  # limits that are properties
         return -math.inf, math.inf
     return detents(component) if component.name == "kinematic" else (-math.inf, math.inf)

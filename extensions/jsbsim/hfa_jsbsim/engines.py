@@ -22,7 +22,7 @@ from hfa_support.errors import shortened
 #: What engines set besides the speeds of their shafts.
 _COMPUTED = (
     *("thrust-lbs", "power-hp", "map-inhg", "map-pa", "thrust-coefficient", "advance-ratio"),
-    *("prop-induced-velocity_fps", "helical-tip-Mach"),
+    *("prop-induced-velocity_fps", "helical-tip-Mach", "propeller-torque-ftlb"),
 )
 #: Share of the power that a limiter of torque lets through, so that a search for more finds a
 #: direction; JSBSim's swings by as much.
@@ -105,6 +105,14 @@ class EngineFile:
         idle = 30.0 if name == "n1" else 60.0
         return self.engine.value_of(f"idle{name}", idle), self.engine.value_of(f"max{name}", 100.0)
 
+    @property
+    def usual_lag(self) -> float:
+        """A usual value of the state of its lag."""
+        if self.kind == "piston_engine":
+            return 24.0
+        low, high = self.shaft("n2" if self.kind == "turbine_engine" else "n1")
+        return low + 0.6 * (high - low)
+
     def full_name(self, name: str) -> str:
         """The full name of one of its properties."""
         return f"propulsion/engine[{self.number}]/{name}"
@@ -166,7 +174,8 @@ def read_engine(
 @dataclass(frozen=True)
 class Surroundings:
     """What an engine needs to know: properties, the motion, the body, which has `mass`, states by
-    name, tanks, and the symbols of parameters by name."""
+    name, tanks, the symbols of parameters by name, JSBSim's step, s, and the rotation of the earth,
+    rad/s, in body axes."""
 
     properties: Properties
     motion: Motion
@@ -174,6 +183,8 @@ class Surroundings:
     states: Any
     tanks: Sequence[Tank]
     parameters: Mapping[str, ca.SX]
+    step: float = STEP
+    planet_rates: Any = 0.0
 
     @property
     def mass(self) -> Mass:
@@ -297,13 +308,36 @@ def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
         return rates
     delay = file.engine.value_of("n1idle_max_delay", 1.0)
     low, high = file.shaft("n1")
-    wanted = low + throttle_of(file, around) * (high - low)
+    wanted = low + _limited_throttle(file, around) * (high - low)
     is_on = running(file, around)
     wanted = ca.if_else(is_on, wanted, around.motion.pressure_head / 15.0)
     up = ca.if_else(is_on, delay, 2.5 * delay)
     down = ca.if_else(is_on, 2.4 * delay, 5.0 * delay)
     behind = wanted - state
-    return {file.lag: behind / ca.if_else(behind > 0.0, up, down)}
+    slowness = ca.if_else(behind > 0.0, up, down)
+    if around.properties.step:  # `FGTurboProp::ExpSeek`
+        return {file.lag: behind * (1.0 - ca.exp(-around.step / slowness)) / around.step}
+    return {file.lag: behind / slowness}
+
+
+def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
+    """The throttle of a turboprop behind its limiter of torque, which moves once a frame
+    (`FGTurboProp::Calculate`)."""
+    given = throttle_of(file, around)
+    properties = around.properties
+    most = file.engine.value_of("ielumaxtorque", 0.0, "FT*LB")
+    if not properties.step or most <= 0.0 or not file.has_propeller:
+        return given
+    torque = properties.before(file.full_name("propeller-torque-ftlb"))
+    last = properties.remember(file.full_name("limited-throttle"), lambda: limited)
+    was_limiting = properties.remember(file.full_name("limiting"), lambda: limits)
+    is_up = given >= last
+    is_beyond = ca.logic_and(ca.fabs(torque) > most, is_up)
+    recovers = ca.logic_and(was_limiting, is_up)
+    limits = ca.logic_or(is_beyond, recovers)
+    rising = ca.if_else(recovers, last + 0.05 * around.step, given)
+    limited = ca.if_else(is_beyond, last - 0.1 * around.step, rising)
+    return limited
 
 
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
@@ -328,7 +362,7 @@ def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
     least = 0.0 if file.engine.value_of("disable-windmill", 0.0) else 0.1
     up = ca.if_else(is_on, up, 0.5 * speed + least)
     down = ca.if_else(is_on, down, speed / file.engine.value_of("n2spindown", 2.0))
-    return ca.fmin(ca.fmax(spool_error(file, around) / STEP, -down), up)
+    return ca.fmin(ca.fmax(spool_error(file, around) / around.step, -down), up)
 
 
 def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
@@ -360,18 +394,27 @@ def _augmented(
     position = throttle_of(file, around)
     share = ca.fmin(position, 1.0)
     method = int(engine.value_of("augmethod", 0.0))
-    strongest = engine.value_of("maxthrust", 10000.0, "LBS")
-    if method == 1 and engine.value_of("augmented", 0.0) == 1.0:
+    strongest = engine.value_of("maxthrust", 10000.0, "LBS") * shares["AugThrust"]
+    lit: Any = 0.0
+    if method == 1:
         low, high = file.shaft("n2")
         speed = lag_state(file, around)
         if speed is None:
             speed = low + share * (high - low)
         lit = ca.logic_and(share > 0.99, speed > 97.0)
-        return ca.if_else(lit, strongest * shares["AugThrust"], bled)
     if method == 2:
-        wet = dry + ca.fmin(position - 1.0, 1.0) * (strongest * shares["AugThrust"] - dry)
-        return ca.if_else(position > 1.0, wet, bled)
-    return bled
+        lit = position > 1.0
+    unlit = bled
+    if around.properties.step:  # in the frame in which it goes out no air is bled yet
+        was_lit = around.properties.remember(file.full_name("augmentation"), lambda: lit)
+        unlit = ca.if_else(was_lit, dry, bled)
+        dry = unlit
+    if method == 1 and engine.value_of("augmented", 0.0) == 1.0:
+        return ca.if_else(lit, strongest, unlit)
+    if method == 2:
+        wet = dry + ca.fmin(position - 1.0, 1.0) * (strongest - dry)
+        return ca.if_else(lit, wet, unlit)
+    return unlit
 
 
 def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0) -> Any:
@@ -425,7 +468,7 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
     if engine.find("maxpower") is not None:
         power = ca.fmin(power, engine.value_of("maxpower", 0.0))
     limiter = engine.find("ielumaxtorque")
-    if limiter is not None and file.has_propeller:
+    if limiter is not None and file.has_propeller and not around.properties.step:
         torque = limiter.number("FT*LB")
         turns = getattr(around.states, f"rpm{file.number}") / 60.0
         most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP

@@ -16,6 +16,7 @@ class EquationsOfMotion:
 
     still: (x, u, p) -> both as columns, without gusts. gusty: makes (x, u, p, w) -> both, when they
     are first asked for in moving air.
+    jsbsim_steps: step, s -> flights of the model in JSBSim's own steps (`frame.Frames`).
     """
 
     def __init__(
@@ -24,9 +25,11 @@ class EquationsOfMotion:
         gusty: Callable[[], ca.Function],
         rates: list[str],
         outputs: list[str],
+        jsbsim_steps: Callable[[float], Any],
     ) -> None:
         self.function = still
         self._make_gusty = gusty
+        self.jsbsim_steps = jsbsim_steps
         self._rates = rates
         self._outputs = outputs
 

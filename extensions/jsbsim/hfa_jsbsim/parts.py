@@ -17,12 +17,12 @@ from hfa_jsbsim.xml_file import Element, Folders
 from hfa_support.errors import BadInputError, shortened
 
 #: Sections of the control system, in the order in which JSBSim loads and runs them.
-_SYSTEMS = ("system", "autopilot", "flight_control")
+SYSTEMS = ("system", "autopilot", "flight_control")
 #: All that are read, in the order in which JSBSim loads them.
 LOADED = (
     *("metrics", "mass_balance", "ground_reactions", "external_reactions", "buoyant_forces"),
     "propulsion",
-    *(*_SYSTEMS, "aerodynamics"),
+    *(*SYSTEMS, "aerodynamics"),
 )
 
 
@@ -35,12 +35,14 @@ class Choices:
         they stand where a steady input holds them.
     throttles: whether each engine has a throttle of its own.
     engines: whether the lags of engines are states; else they follow their throttles at once.
+    step: that of JSBSim's frame, s, where the equations are those of one frame; else 0.
     """
 
     partial: bool = False
     filters: bool = False
     throttles: bool = False
     engines: bool = False
+    step: float = 0.0
 
 
 class Parts:
@@ -92,7 +94,7 @@ class Parts:
 
     def systems(self) -> list[Element]:
         """The sections of the control system, in JSBSim's order."""
-        return [part for name in _SYSTEMS for part in self.sections if part.name == name]
+        return [part for name in SYSTEMS for part in self.sections if part.name == name]
 
     def _needed(self, name: str) -> Element:
         section = self.section(name)

@@ -9,7 +9,6 @@ import casadi as ca
 
 from hfa_jsbsim.engines import (
     HP,
-    STEP,
     Effect,
     EngineFile,
     Surroundings,
@@ -20,8 +19,8 @@ from hfa_jsbsim.engines import (
     pushed,
 )
 
-#: Rate at which blades feather, 1/s: a 300th of what is left in each step.
-_FEATHERING = 1.0 / (300.0 * STEP)
+#: Share of what is left by which blades feather in each of JSBSim's steps.
+_FEATHERING = 1.0 / 300.0
 
 
 def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
@@ -55,13 +54,17 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
     version = float(prop.attributes.get("version", "0") or "0")
     momentum = inertia * omega * sense * (-1.0 if version > 1.0 else 1.0)
     along = turned[:, 0]
-    own_moment = ca.cross(motion.rates, along * momentum) - along * sense * power / omega
+    own_moment = (
+        ca.cross(motion.rates + around.planet_rates, along * momentum)
+        - along * sense * power / omega
+    )
     location = _acting_location(file, place, local, induced, sense)
     force, moment = pushed(file, around, thrust, location, own_moment)
     speed_rate = (power - needed) / omega / inertia * 30.0 / math.pi
     rpm = getattr(around.states, f"rpm{number}")
     # it does not turn backwards: at rest a braking torque is balanced
-    speed_rate = ca.if_else(rpm + speed_rate * STEP > 0.0, speed_rate, -rpm / STEP)
+    step = around.step
+    speed_rate = ca.if_else(rpm + speed_rate * step > 0.0, speed_rate, -rpm / step)
     return Effect(
         force,
         moment,
@@ -69,6 +72,7 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
         power / HP,
         {f"rpm{number}": speed_rate, **blade_rates},
         {
+            "propeller-torque-ftlb": -sense * power / omega,
             "thrust-coefficient": thrust_coefficient,
             "advance-ratio": advance,
             "prop-induced-velocity_fps": induced,
@@ -97,11 +101,12 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
         where = file.mount.where
         advance = around.properties.read(f"fcs/advance-pos-norm[{file.number}]", where)
         feather = around.properties.read(f"fcs/feather-pos-norm[{file.number}]", where)
+    step = around.step
     wanted = slowest + (prop.value_of("maxrpm", 0.0) - slowest) * advance
     rate = getattr(around.states, f"rpm{file.number}") - wanted
-    rate = ca.if_else(ca.SX(feather) > 0.5, (highest - blade) * _FEATHERING, rate)
-    next_blade = ca.fmin(ca.fmax(blade + rate * STEP, lowest), highest)
-    return blade, {f"blade{file.number}": (next_blade - blade) / STEP}
+    rate = ca.if_else(ca.SX(feather) > 0.5, (highest - blade) * _FEATHERING / step, rate)
+    next_blade = ca.fmin(ca.fmax(blade + rate * step, lowest), highest)
+    return blade, {f"blade{file.number}": (next_blade - blade) / step}
 
 
 def _coefficient(

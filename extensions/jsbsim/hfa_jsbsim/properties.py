@@ -26,6 +26,16 @@ _TAKEN = {
 }
 #: The order of what reads and writes outside the control system: after all of it.
 AFTER_ALL = 1 << 30
+#: The order of functions of <aerodynamics> outside its axes, which JSBSim works out first.
+BEFORE_AIR = AFTER_ALL - 1
+#: What `FGAuxiliary` and the models behind the control system set: a component of the control
+#: system reads it as it was a frame before.
+_LATE = re.compile(
+    "aero/|flight-path/|propulsion/|forces/|moments/|velocities/(vt|vc|ve-|vg-|mach|[a-z]+dot-rad)"
+    "|velocities/[a-z]-aero|systems/stall"
+)
+#: What `FGAerodynamics` sets after its first functions.
+_SET_IN_AIR = ("aero/bi2vel", "aero/ci2vel", "aero/alpha-wing-rad", "aero/qbar-area")
 #: Properties that follow from the sum of forces, on which the control system may not depend.
 _OF_ALL_FORCES = ("accelerations/", "forces/", "moments/")
 #: Properties of wheels, which are 0 in the air.
@@ -70,6 +80,15 @@ class FilterState:
     writer: Writer | None = None
 
 
+@dataclass(eq=False)
+class Memory:
+    """What JSBSim keeps from one frame to the next: the symbol of what the last one left, and who
+    works out what this one leaves."""
+
+    symbol: ca.SX
+    writer: Writer
+
+
 class Properties:
     """All properties of an aircraft.
 
@@ -79,12 +98,16 @@ class Properties:
     interpolate: gives values of tables.
     centered: whether integrators that the pilot reaches are 0, in place of a LoopError.
     has_filter_states: whether components with a memory are states.
+    step: of JSBSim's frame, s, where values are those of a frame; else 0.
+    memories: by name, what a frame keeps for the next.
     filters: these states. left_out: component -> what of its memory is left out, where they are no
         states.
     """
 
-    def __init__(self, has_filter_states: bool = False) -> None:
+    def __init__(self, has_filter_states: bool = False, step: float = 0.0) -> None:
         self.has_filter_states = has_filter_states
+        self.step = step
+        self.memories: dict[str, Memory] = {}
         self.filters: list[FilterState] = []
         self.asked: set[str] = set()
         self.left_out: dict[str, tuple[Element, str]] = {}
@@ -137,6 +160,23 @@ class Properties:
         state = next(each for each in self.filters if each.symbol is symbol)
         state.writer = Writer(compute, state.component.where, self._order, state.component)
 
+    def remember(self, name: str, compute: Callable[[], Any]) -> ca.SX:
+        """The symbol of a value at the end of the frame before; compute: gives it in this one."""
+        if name not in self.memories:
+            writer = Writer(compute, "", self._order)
+            self.memories[name] = Memory(ca.SX.sym("memory"), writer)
+        return self.memories[name].symbol
+
+    def before(self, name: str) -> Any:
+        """A property at the end of the frame before; its value where there are no frames."""
+        key = plain(name)
+        if not self.step:
+            return self.read(key, "")
+        writer = self.writer(key)
+        if writer is None:
+            return self.read(key, "")
+        return self.remember(key, lambda: self.value_of(writer, key, ""))
+
     def leave_out(self, component: Element, what: str) -> None:
         """Note that the memory of a component is left out."""
         key = f"{component.where} {component.attributes.get('name', '')}"
@@ -181,7 +221,20 @@ class Properties:
                     self.unset.setdefault(key, where)
             return self._initial.get(key, 0.0)
         before = [writer for writer in writers if writer.order < self._order]
+        if self.step and self._is_late(key, before):
+            return self.before(key)
         return self.value_of(before[-1] if before else writers[-1], key, where)
+
+    def _is_late(self, key: str, before: list[Writer]) -> bool:
+        """Whether what runs now in a frame reads a property as the frame before left it.
+
+        before: who has set it in this frame.
+        """
+        if self._order == BEFORE_AIR:
+            return key in _SET_IN_AIR
+        if not 0 <= self._order < BEFORE_AIR:
+            return False
+        return not before or (before[-1].order < 0 and bool(_LATE.match(key)))
 
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
         """What a writer sets, worked out once."""

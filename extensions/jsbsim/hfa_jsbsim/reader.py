@@ -380,8 +380,18 @@ class _Declaration:
                 equations.outputs[name] = ca.SX(value)
             return self._function(equations, outputs, list(equations.gusts.values()))
 
+        def jsbsim_steps(step: float) -> Any:
+            from hfa_jsbsim.frame import Frames, refuse_surface
+
+            for name, pilot_input in self.inputs.items():
+                refuse_surface(name, pilot_input)
+            names = ([*self._states()], [*self.inputs], [*self.parameters])
+            return Frames(self.parts, step, names)
+
         self._still = self._function(self.equations, outputs)
-        return EquationsOfMotion(self._still, gusty, list(self.equations.rates), outputs)
+        return EquationsOfMotion(
+            self._still, gusty, list(self.equations.rates), outputs, jsbsim_steps
+        )
 
     def _function(
         self, equations: Equations, outputs: list[str], gusts: list[ca.SX] | None = None
@@ -498,9 +508,8 @@ def _usual(name: str, parts: Parts) -> float:
 def _lag(file: EngineFile) -> Signal:
     """The signal of the lag of an engine."""
     if file.lag.startswith("manifold"):
-        return Signal("inHg", 3.0, 0.0, start=24.0)
-    low, high = file.shaft("n2" if file.lag.startswith("spool") else "n1")
-    return Signal("%", 10.0, 0.0, start=low + 0.6 * (high - low))
+        return Signal("inHg", 3.0, 0.0, start=file.usual_lag)
+    return Signal("%", 10.0, 0.0, start=file.usual_lag)
 
 
 def _rpm(file: EngineFile, is_alone: bool) -> Signal:

@@ -69,10 +69,12 @@ def fly(request: FlyRequest) -> int:
     drawn anew. Member k depends on --seed and k alone. Exit code 1 when a state leaves its
     envelope, an input its control limits, or an oscillation does not decay.
 
+    --method jsbsim flies an aircraft of JSBSim in frames as JSBSim's own, over its own earth.
     --model FILE flies a plant in discrete time."""
     if request.steps is not None:
         return _fly_steps(request, request.steps)
     if request.samples is not None:
+        request.refuse(("method", "frame"), "flies one flight; leave it out with --samples")
         return _fly_members(request)
     from hfa_flight.flight_figure import flight_figure
     from hfa_flight.nonlinear_flight import fly
@@ -96,6 +98,8 @@ def fly(request: FlyRequest) -> int:
         scenario=planned.scenario,
         envelope=planned.envelope,
         predict=predict,
+        method=request.method,
+        step=request.frame,
         progress=ProgressLine("simulate"),
     )
     report = result.report()

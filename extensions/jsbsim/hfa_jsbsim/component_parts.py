@@ -1,0 +1,60 @@
+"""What components of the control system have in common: inputs, parameters, limits."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+
+from hfa_jsbsim.properties import Properties, is_constant
+from hfa_jsbsim.xml_file import Element
+
+
+def parameter(element: Element, name: str, properties: Properties, default: float) -> Any:
+    """The number or property in a child of an element."""
+    child = element.find(name)
+    return default if child is None else properties.value(child.text, child)
+
+
+def inputs_of(component: Element, properties: Properties) -> list[Any]:
+    """The values of all inputs."""
+    return [properties.value(child.text, child) for child in component.all("input")]
+
+
+def input_of(component: Element, properties: Properties) -> Any:
+    """The value of the first input."""
+    child = component.need("input")
+    return properties.value(child.text, child)
+
+
+def ends_of(element: Element) -> tuple[float, float]:
+    """min and max of an element."""
+    return element.need("min").number(), element.need("max").number()
+
+
+def beyond(value: Any, width: Any) -> Any:
+    """What a value exceeds half a width by."""
+    half = 0.5 * width
+    value = ca.SX(value)
+    above = ca.if_else(value > half, value - half, 0.0)
+    return ca.if_else(value < -half, value + half, above)
+
+
+def settling(component: Element, properties: Properties) -> Any:
+    """<c1> of a filter, 1/s. BadInputError where the filter never settles."""
+    rate = parameter(component, "c1", properties, 0.0)
+    if is_constant(rate) and float(rate) <= 0.0:
+        raise component.error(f"<c1> is {float(rate):g}: the filter never settles; give another")
+    return rate
+
+
+def detents(component: Element) -> tuple[float, float]:
+    """The first and the last position of a <kinematic>."""
+    settings = list(component.need("traverse").all("setting"))
+    if len(settings) < 2:
+        raise component.error("<kinematic> has one setting only; give at least two")
+    positions = [setting.need("position").number() for setting in settings]
+    if any(later < earlier for earlier, later in pairwise(positions)):
+        raise component.error("the positions of <kinematic> do not increase; sort them")
+    return positions[0], positions[-1]

@@ -1,0 +1,262 @@
+"""Components of the control system with a memory, as JSBSim works them out once a frame
+(`FGFilter`, `FGActuator`, `FGSensor`, `FGKinemat`, `FGPID`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+
+from hfa_jsbsim.component_parts import beyond, detents, input_of, parameter
+from hfa_jsbsim.properties import Properties
+from hfa_jsbsim.xml_file import Element
+
+
+class _Past:
+    """What a component kept from the frame before."""
+
+    def __init__(self, component: Element, properties: Properties) -> None:
+        self._key = f"{component.where} {component.attributes.get('name', '')}"
+        self._properties = properties
+
+    def of(self, name: str, compute: Callable[[], Any]) -> ca.SX:
+        """The value that `compute` gave a frame before."""
+        return self._properties.remember(f"{self._key} {name}", compute)
+
+
+def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
+    """The factors of inputs and of the last output in a lag."""
+    return step * rate / (2.0 + step * rate), (2.0 - step * rate) / (2.0 + step * rate)
+
+
+def _lagged(value: Any, rate: Any, past: _Past, step: float) -> Any:
+    """A value behind a lag, 1/s."""
+    of_inputs, of_output = _tustin(rate, step)
+    last_input = past.of("lag input", lambda: value)
+    last_output = past.of("lag output", lambda: output)
+    output = of_inputs * (value + last_input) + of_output * last_output
+    return output
+
+
+def _lag(component: Element, properties: Properties) -> Any:
+    """c1 / (s + c1)."""
+    rate = parameter(component, "c1", properties, 0.0)
+    past = _Past(component, properties)
+    return _lagged(input_of(component, properties), rate, past, properties.step)
+
+
+def _washout(component: Element, properties: Properties) -> Any:
+    """s / (s + c1)."""
+    value = input_of(component, properties)
+    rate = parameter(component, "c1", properties, 0.0)
+    past = _Past(component, properties)
+    _, of_output = _tustin(rate, properties.step)
+    of_inputs = 2.0 / (2.0 + properties.step * rate)
+    last_input = past.of("input", lambda: value)
+    last_output = past.of("output", lambda: output)
+    output = of_inputs * (value - last_input) + of_output * last_output
+    return output
+
+
+def _lead_lag(component: Element, properties: Properties) -> Any:
+    """(c1 s + c2) / (c3 s + c4)."""
+    value = input_of(component, properties)
+    c1, c2, c3, c4 = (parameter(component, f"c{i}", properties, 0.0) for i in range(1, 5))
+    step = properties.step
+    below = 2.0 * c3 + step * c4
+    past = _Past(component, properties)
+    last_input = past.of("input", lambda: value)
+    last_output = past.of("output", lambda: output)
+    output = (
+        value * (2.0 * c1 + step * c2) / below
+        + last_input * (step * c2 - 2.0 * c1) / below
+        + last_output * (2.0 * c3 - step * c4) / below
+    )
+    return output
+
+
+def _second_order(component: Element, properties: Properties) -> Any:
+    """(c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
+    value = input_of(component, properties)
+    c1, c2, c3, c4, c5, c6 = (parameter(component, f"c{i}", properties, 0.0) for i in range(1, 7))
+    step = properties.step
+    below = 4.0 * c4 + 2.0 * c5 * step + c6 * step**2
+    past = _Past(component, properties)
+    last_input = past.of("input", lambda: value)
+    older_input = past.of("older input", lambda: last_input)
+    last_output = past.of("output", lambda: output)
+    older_output = past.of("older output", lambda: last_output)
+    output = (
+        value * (4.0 * c1 + 2.0 * c2 * step + c3 * step**2) / below
+        + last_input * (2.0 * c3 * step**2 - 8.0 * c1) / below
+        + older_input * (4.0 * c1 - 2.0 * c2 * step + c3 * step**2) / below
+        - last_output * (2.0 * c6 * step**2 - 8.0 * c4) / below
+        - older_output * (4.0 * c4 - 2.0 * c5 * step + c6 * step**2) / below
+    )
+    return output
+
+
+def _actuator(component: Element, properties: Properties) -> Any:
+    """Lag, limits of rate, deadband, hysteresis and bias, in this order."""
+    _refuse_delay(component)
+    value = ca.SX(input_of(component, properties))
+    past = _Past(component, properties)
+    lag = component.find("lag")
+    if lag is not None:
+        rate = properties.value(lag.text, lag)
+        value = _lagged(value, rate, past, properties.step)
+    value = _slowed(component, value, past, properties)
+    width = component.value_of("deadband_width", 0.0)
+    if width:
+        value = beyond(value, width)
+    play = component.value_of("hysteresis_width", 0.0)
+    if play:
+        wanted = value
+        last = past.of("hysteresis", lambda: moved)
+        down = ca.fmin(last, wanted + 0.5 * play)
+        up = ca.fmax(last, wanted - 0.5 * play)
+        moved = ca.if_else(wanted > last, up, ca.if_else(wanted < last, down, wanted))
+        value = moved
+    return value + component.value_of("bias", 0.0)
+
+
+def _slowed(component: Element, value: ca.SX, past: _Past, properties: Properties) -> ca.SX:
+    """A value within the limits of rate, up and down."""
+    limits: dict[str, Any] = {}
+    for child in component.all("rate_limit"):
+        limit = properties.value(child.text, child)
+        sense = child.attributes.get("sense", "")[:4]
+        for direction in [sense] if sense else ["incr", "decr"]:
+            limits[direction] = limit
+    if not limits:
+        return value
+    last = past.of("rate", lambda: moved)
+    moved = value
+    if "incr" in limits:
+        most = limits["incr"] * properties.step
+        moved = ca.if_else(value - last > most, last + most, moved)
+    if "decr" in limits:
+        most = limits["decr"] * properties.step
+        moved = ca.if_else(value - last < -most, last - most, moved)
+    return moved
+
+
+def _sensor(component: Element, properties: Properties) -> Any:
+    """The input behind its lag, with gain and bias."""
+    _refuse_delay(component)
+    for name in ("quantization", "drift_rate", "noise"):
+        child = component.find(name)
+        if child is not None:
+            raise child.error(f"<{name}> of a sensor is not read; take it out")
+    value = input_of(component, properties)
+    lag = component.value_of("lag", 0.0)
+    if lag:
+        value = _lagged(value, lag, _Past(component, properties), properties.step)
+    return value * (component.value_of("gain", 0.0) or 1.0) + component.value_of("bias", 0.0)
+
+
+def _refuse_delay(component: Element) -> None:
+    """BadInputError for a delay of whole frames."""
+    delay = component.find("delay")
+    if delay is not None:
+        raise delay.error(f"the <delay> of a <{component.name}> is not stepped; take it out")
+
+
+def _kinematic(component: Element, properties: Properties) -> Any:
+    """The position between detents, which moves at the rate of the interval that it is in."""
+    detents(component)
+    settings = list(component.need("traverse").all("setting"))
+    positions = [setting.need("position").number() for setting in settings]
+    times = [setting.need("time").number() for setting in settings]
+    wanted = ca.SX(input_of(component, properties))
+    if component.find("noscale") is None:
+        wanted = wanted * positions[-1]
+    wanted = ca.fmin(ca.fmax(wanted, positions[0]), positions[-1])
+    last = _Past(component, properties).of("position", lambda: position)
+    intervals = [
+        (low, high, time)
+        for low, high, time in zip(positions, positions[1:], times[1:], strict=False)
+    ]
+    up = _moved(last, wanted, intervals, properties.step, 1.0)
+    down = _moved(last, wanted, intervals[::-1], properties.step, -1.0)
+    position = ca.if_else(wanted > last, up, ca.if_else(wanted < last, down, last))
+    return position
+
+
+def _moved(
+    last: ca.SX,
+    wanted: ca.SX,
+    intervals: list[tuple[float, float, float]],
+    step: float,
+    sign: float,
+) -> ca.SX:
+    """The position after a step in one direction; intervals: low, high, time, in its order."""
+    position = last
+    left = ca.SX(step)
+    for low, high, time in intervals:
+        near, far = (low, high) if sign > 0.0 else (high, low)
+        inside = ca.logic_and(sign * (position - near) >= 0.0, sign * (far - position) > 0.0)
+        goal = ca.fmin(wanted, far) if sign > 0.0 else ca.fmax(wanted, far)
+        if time <= 0.0 or high == low:
+            position = ca.if_else(inside, wanted, position)
+            continue
+        rate = (high - low) / time
+        needed = sign * (goal - position) / rate
+        moves = ca.logic_and(inside, needed > 0.0)
+        reached = ca.if_else(left < needed, position + sign * left * rate, goal)
+        left = ca.if_else(moves, ca.fmax(left - needed, 0.0), left)
+        position = ca.if_else(moves, reached, position)
+    return position
+
+
+#: Way of integration -> the weights of the input now, a frame before and two frames before.
+_WEIGHTS = {
+    "rect": (1.0, 0.0, 0.0),
+    "trap": (0.5, 0.5, 0.0),
+    "ab2": (1.5, -0.5, 0.0),
+    "ab3": (23.0 / 12.0, -16.0 / 12.0, 5.0 / 12.0),
+}
+
+
+def _pid(component: Element, properties: Properties) -> Any:
+    """kp u + ki times the integral of u + kd u'; standard: kp times the sum."""
+    value = ca.SX(input_of(component, properties))
+    past = _Past(component, properties)
+    trigger = ca.SX(parameter(component, "trigger", properties, 0.0))
+    reset = trigger < 0.0
+    last_input = past.of("input", lambda: value)
+    older_input = past.of("older input", lambda: ca.if_else(reset, 0.0, last_input))
+    integral: Any = 0.0
+    is_pid = component.name == "pid"
+    child = component.find("ki" if is_pid else "c1")
+    if child is not None:
+        default = _WEIGHTS["ab2" if is_pid else "trap"]
+        weights = _WEIGHTS.get(child.attributes.get("type", ""), default)
+        inputs = (value, last_input, older_input)
+        mean = sum(weight * each for weight, each in zip(weights, inputs, strict=True))
+        last_integral = past.of("integral", lambda: integral)
+        gain = properties.value(child.text, child)
+        added = ca.if_else(ca.fabs(trigger) < 1e-6, gain * properties.step * mean, 0.0)
+        integral = ca.if_else(reset, 0.0, last_integral) + added
+    slope = (value - last_input) / properties.step
+    if component.find("pvdot") is not None:
+        slope = parameter(component, "pvdot", properties, 0.0)
+    proportional = parameter(component, "kp", properties, 0.0)
+    damping = parameter(component, "kd", properties, 0.0)
+    if component.attributes.get("type") == "standard":
+        return proportional * (value + integral + damping * slope)
+    return proportional * value + integral + damping * slope
+
+
+WITH_MEMORY: dict[str, Callable[[Element, Properties], Any]] = {
+    "lag_filter": _lag,
+    "washout_filter": _washout,
+    "lead_lag_filter": _lead_lag,
+    "second_order_filter": _second_order,
+    "actuator": _actuator,
+    "sensor": _sensor,
+    "kinematic": _kinematic,
+    "pid": _pid,
+    "integrator": _pid,
+}

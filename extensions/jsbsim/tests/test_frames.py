@@ -1,0 +1,72 @@
+"""Flights in frames as JSBSim's own against JSBSim itself."""
+
+import importlib.util
+import json
+
+import numpy as np
+import pytest
+
+import hfa
+from hfa.main import main
+from hfa_jsbsim.reader import read_model
+from hfa_support.errors import BadInputError
+from studies.jsbsim import frames
+
+pytestmark = pytest.mark.skipif(
+    importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
+)
+
+
+@pytest.mark.parametrize("name", ["737", "c172p"])
+def test_frames_are_those_of_jsbsim(name):
+    """Over JSBSim's own earth states agree to rounding: to 1e-9 of usual sizes, measured 1e-11."""
+    miss, state = frames.largest(name, count=1, seconds=5)
+    assert miss < 1e-9, state
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["A320", "f15", "T38", "c310", "pc7", "DHC6"])
+def test_other_frames_are_those_of_jsbsim(name):
+    """Afterburner, governor, limiter of torque, kinematics and autopilot: 30 s to 1e-8."""
+    miss, state = frames.largest(name, count=1)
+    assert miss < 1e-8, state
+
+
+def test_frame_of_another_step_differs():
+    """Frames of twice the step move otherwise, by more than what agreement allows."""
+    model = read_model("jsbsim:737")
+    coarse = _pulled(model, 1.0 / 60.0)
+    fine = _pulled(model, 1.0 / 120.0)
+    assert np.abs(coarse - fine[::2]).max() > 1e-6
+
+
+def _pulled(model, step):
+    """The pitch after a step of the elevator, once a frame, for a second."""
+    point = hfa.find_operating_point(model, hold={"kcas": 250.0, "altitude": 10000.0})
+    command = {"elevator": [(0.0, 0.1)]}
+    flight = hfa.fly(model, point, command, 1.0, method="jsbsim", step=step, predict=False)
+    return flight["pitch"]
+
+
+def test_command_flies_frames(capsys):
+    """`--method jsbsim` names itself in the first line and in the data."""
+    words = "fly --aircraft jsbsim:c172p --hold kcas=90 --law none --duration 1 --json"
+    assert main([*words.split(), "--method", "jsbsim", "--step", "1/120"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["method"] == "jsbsim"
+    assert data["scenario"]["step"] == pytest.approx(1.0 / 120.0)
+
+
+def test_other_aircraft_are_refused(capsys):
+    """Frames are of JSBSim's aircraft alone, in their own units, without actuators."""
+    assert main(["fly", "--method", "jsbsim"]) == 2
+    assert "take runge-kutta" in capsys.readouterr().err
+    words = ["fly", "--aircraft", "jsbsim:737", "--method", "jsbsim", "--actuators", "0.05:60"]
+    assert main(words) == 2
+    assert "flies without actuators" in capsys.readouterr().err
+
+
+def test_surfaces_as_inputs_are_refused():
+    """The stick of an f16 acts through an integrator: its frames are not flown."""
+    with pytest.raises(BadInputError, match="is a surface"):
+        read_model("jsbsim:f16").equations.jsbsim_steps(1.0 / 120.0)
