@@ -50,13 +50,13 @@ class CommandEntry(NamedTuple):
 CORE = {
     "trim": CommandEntry(
         "model",
-        "trim the aircraft and report variables, limits, residuals, loads, performance",
+        "trim an aircraft; report variables, limits, loads, performance",
         "hfa.commands.trim:trim",
         example="hfa trim --dihedral 10",
     ),
     "linearize": CommandEntry(
         "model",
-        "exact linear model A, B at a trim, with modes, offsets and bands",
+        "exact linear model A, B at a trim, with modes and bands",
         "hfa.commands.linearize:linearize",
         example="hfa linearize --dihedral 10 -o model.mat",
     ),
@@ -68,13 +68,13 @@ CORE = {
     ),
     "regenerate": CommandEntry(
         "model",
-        "regenerate both printed pairs (A, B) and compare them entry by entry",
+        "compare both printed pairs (A, B) entry by entry",
         "hfa.commands.regenerate:regenerate",
         example="hfa regenerate --all",
     ),
     "solve": CommandEntry(
         "critic",
-        "exact solution of the zero-sum game, with certificate and smallest delta",
+        "exact solution of the zero-sum game, with a certificate",
         "hfa.commands.game:solve",
         example="hfa solve --dihedral 15 --delta 300",
     ),

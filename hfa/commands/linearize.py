@@ -64,12 +64,12 @@ class LinearizeRequest(OneTrimOptions, OutputOptions):
         "outputs of the model, in order; default: the states, C = I", "a,b,...", OfModel(_outputs)
     )
     residualize: tuple[str, ...] = option(
-        "states that follow the others at once; omitted states stay at the trim",
+        "states that follow the others without delay; omitted states stay at the trim",
         "a,b,...",
         OfModel(_states),
         default=(),
     )
-    bode: bool = option("also transmission zeros and transfer functions")
+    bode: bool = option("add transmission zeros and transfer functions")
     picture: Path | None = picture_option("Bode plots from the inputs to the outputs")
 
 

@@ -52,8 +52,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 
     at: Range | None = scheduled(scheduled_range, "RANGE", "start:stop:step, a,b,c or one number")
     hold: Mapping[str, Range] = option(
-        "hold a variable, or a parameter of the aircraft, at a value or a range of them; "
-        "repeatable",
+        "impose a variable or a parameter of the aircraft, a value or a range; repeatable",
         "NAME=RANGE",
         OfModel(value_range),
         named=True,
@@ -128,16 +127,15 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 
 @command(SweepRequest)
 def sweep(request: SweepRequest) -> int:
-    """Trim and linearize over a grid of conditions, track the modes, and keep failures as rows.
+    """Trim and linearize an aircraft over a grid of conditions, and track its modes.
 
-    Every variable of a trim can be swept, --hold speed=60:70:2, and any parameter of the aircraft,
-    --hold panel_mass=9:11:1. The other options of a trim are those of `hfa trim`.
-    Exit code 1 when no point has a trim.
+    Every variable of a trim can be swept (--hold speed=60:70:2), and so can every parameter of the
+    aircraft (--hold panel_mass=9:11:1). Points without a trim are rows with their reason. Exit code
+    1 when no point has a trim.
 
-    -o FILE.fmu writes the models between the points of a grid as an FMU; its inputs are those of
-    the aircraft and the swept variables. A sweep larger than memory is written to a Zarr
-    store (-o FILE.zarr), by several processes or machines (--workers). --resume continues it after
-    an interruption."""
+    -o FILE.fmu writes interpolated models as an FMU, whose inputs are those of the aircraft and the
+    swept variables. -o FILE.zarr writes a sweep larger than memory to a Zarr store, by several
+    processes or machines (--workers). --resume continues an interrupted sweep."""
     if not request.stored:
         request.refuse(OF_A_STORE, f"needs a store; add -o FILE{STORE}")
         return _in_memory(request)

@@ -65,9 +65,9 @@ def _about_weights(_: Model) -> str:
     """Help of --weights."""
     others = [suffix for suffix in critic_suffixes() if suffix not in MATRIX_FILES]
     return (
-        f"critics from elsewhere: W, P or K, with `time` also over time ({' '.join(MATRIX_FILES)})"
-        f", or a network of V, dV/dx or u ({' '.join(others)}); of several, or of a folder of"
-        " checkpoints, one table"
+        f"critics to judge: W, P or K, optionally over `time` ({' '.join(MATRIX_FILES)})"
+        f", or a network of V, dV/dx or u ({' '.join(others)}); several files or a folder of"
+        " checkpoints give one table"
     )
 
 
@@ -83,25 +83,25 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         count="+",
     )
     set: Mapping[str, Any] = setting_option(
-        "a setting of the law; of --weights predefined_time=S, of a network scale=a,b,... (times "
-        "each state) and of a state dict activation=tanh|relu|... between its layers, after a "
-        "comma at its output",
+        "a setting of the law; for --weights predefined_time=S, for a network scale=a,b,... "
+        "(factor on each state), for a state dict activation=HIDDEN[,OUTPUT], such as tanh or "
+        "relu,tanh",
         _SETTINGS,
     )
     discount: float | None = option(
-        "factor per step of the discounted problem in discrete time; with --dt",
+        "discount factor of a step in discrete time; with --dt",
         "NUMBER",
         positive,
     )
-    dt: float | None = option("length of a step of that problem; with --discount", "S", positive)
+    dt: float | None = option("length of a step in discrete time; with --discount", "S", positive)
     limit_error: float = option(
         f"limit of the relative errors; default {LIMIT:g}", "X", positive, default=LIMIT
     )
     limit_cost: float | None = option(
-        "exit 0 when the critic costs at most this much more than the optimum", "PERCENT", positive
+        "exit 0 when the cost is at most this much above the optimum", "PERCENT", positive
     )
     region: float | None = option(
-        "add the region of attraction of the saturated loop, searched for this long", "S", positive
+        "add the region of attraction of the saturated loop; time of the search", "S", positive
     )
     flights: int | None = option(
         "add N flights of the nonlinear aircraft, compared with the best found",

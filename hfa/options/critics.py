@@ -31,12 +31,12 @@ class ReadingOptions(Request):
     """Options on reading the file of --weights, where the file leaves them open."""
 
     basis: str | None = option(
-        "of --weights: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
+        "basis of W: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
         "BASIS",
         rare=True,
     )
     network: str = option(
-        "which part of a file is what: value, V=critic,policy=actor, gradient=; default: by "
+        "parts of a file: value, V=critic,policy=actor, gradient=; default: by "
         "its number "
         "of outputs",
         "[V=]NAME",

@@ -49,15 +49,15 @@ class WeightOptions(Request):
     """The weights of the game."""
 
     delta: float | None = option(
-        "disturbance weight, inf for none; default: the paper's 200, of another plant inf",
+        "disturbance weight; default: 200 for the paper's aircraft, else inf (LQR)",
         "NUMBER",
         _delta,
     )
     Q: np.ndarray | None = option(
-        "diagonal of Q; default: the paper's", "a,b,...", diagonal, names="--Q", rare=True
+        "diagonal of Q; default: that of the paper", "a,b,...", diagonal, names="--Q", rare=True
     )
     R: np.ndarray | None = option(
-        "diagonal of R; default: the paper's", "a,b,...", diagonal, names="--R", rare=True
+        "diagonal of R; default: that of the paper", "a,b,...", diagonal, names="--R", rare=True
     )
 
     def changed_weights(self) -> dict[str, Any]:
@@ -77,7 +77,7 @@ class SeedOption(Request):
     """Where random numbers begin."""
 
     seed: int = option(
-        "seed of the recorded data and of what else is random; default 0",
+        "seed of all random numbers; default 0",
         "N",
         whole(0),
         default=0,
@@ -144,7 +144,7 @@ def design_option(
 def plant_option() -> Any:
     """The field `plant`, typed by --model: a plant of the user's own."""
     return option(
-        f"a plant of your own: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})",
+        f"your plant: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})",
         "FILE",
         input_file(*MATRIX_FILES),
         names="--model",

@@ -117,9 +117,7 @@ class Request:
     line: str = ""
     date: str = ""
     typed: frozenset[str] = frozenset()
-    quiet: bool = option(
-        "no notes and no progress; errors are still said", names="-q --quiet", rare=True
-    )
+    quiet: bool = option("print no notes and no progress", names="-q --quiet", rare=True)
 
     @classmethod
     def declared(cls) -> dict[str, Option]:

@@ -54,8 +54,7 @@ class UnitsOption(Request):
     """In which units the model is."""
 
     units: str = option(
-        "of what is typed, printed, drawn and written: english (ft, slug, lbf; default) or si "
-        "(m, kg, N)",
+        "units of input and output: english (ft, slug, lbf; default) or si (m, kg, N)",
         "UNITS",
         _unit_system,
         default="english",
@@ -135,7 +134,7 @@ def _aircraft_help(_: Model | None) -> str:
     """The forms of an aircraft's name: Python, and what packages read."""
     from hfa_aircraft.loading import forms_of_packages
 
-    forms = ("your own, executed (or package.module:NAME)", *forms_of_packages())
+    forms = ("a file that is executed (or package.module:NAME)", *forms_of_packages())
     return f"{', '.join(forms)}; default: the HFA"
 
 
@@ -221,7 +220,7 @@ def _usual(model: Model) -> str:
         if name != model.schedule
     ]
     usual = f", by default {', '.join(held[:4])}" if held else ""
-    return f"hold a variable{usual}; repeatable"
+    return f"impose a variable{usual}; repeatable"
 
 
 def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
@@ -261,10 +260,10 @@ class TrimOptions(HfaOptions):
     free: tuple[str, ...] = option(
         "leave a variable free; repeatable", "NAME", OfModel(_name), repeated=True, rare=True
     )
-    glide: bool = option("throttle at its lowest, the flight-path angle free", rare=True)
+    glide: bool = option("lowest throttle, free flight-path angle", rare=True)
     hold: Mapping[str, Any] = option(_usual, "NAME=VALUE", OfModel(quantity), named=True)
     limit: Mapping[str, tuple[float, float]] = option(
-        "limits of an unknown, degrees for angles; repeatable",
+        "limits of a free variable, degrees for angles; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         named=True,

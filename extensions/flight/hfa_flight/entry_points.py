@@ -4,7 +4,7 @@ from hfa.entry_points import CommandEntry
 
 FLY = CommandEntry(
     "flight",
-    "simulate a policy on the nonlinear aircraft and compare with the linear model",
+    "simulate a policy on the nonlinear aircraft",
     "hfa_flight.commands.fly:fly",
     example="hfa fly --dihedral 15 --gust 400:5",
     results=(

@@ -99,7 +99,7 @@ def fraction(text: str) -> float:
 
 def weights_option() -> Any:
     """The field `weights`."""
-    about = "use this gain K, critic W or P, or network, instead of a law"
+    about = "gain K, critic W or P, or network, instead of a law"
     return option(about, "FILE", critic_path)
 
 
@@ -194,7 +194,7 @@ def numbers(
 
 def card_option() -> Any:
     """The field `policy`."""
-    about = "the deployment file of a policy, sampled and held as it is deployed"
+    about = "deployment file of a policy, which is sampled and held as deployed"
     return option(about, "CARD.toml", input_file(".toml"))
 
 
@@ -206,7 +206,9 @@ def controller_option() -> Any:
 
 def actuators_option() -> Any:
     """The field `actuators`."""
-    about = "actuators, s and deg/s, within the trim's control limits; order 1 (default) or 2"
+    about = (
+        "actuators with lag (s) and rate (deg/s), within the control limits; order 1 (default) or 2"
+    )
     kind = numbers(_ACTUATORS, 3, otherwise=(1.0,))
     return option(about, _ACTUATORS, kind)
 
@@ -267,12 +269,15 @@ def _disturbed(model: Model, name: str, text: str) -> float:
 class ScenarioOptions(LawOptions, TrimOptions):
     """What happens in the flight besides a reference; everything is off by default."""
 
-    duration: float | None = option("default 20", "S", number, default=20.0)
+    duration: float | None = option("length of the flight; default 20", "S", number, default=20.0)
     initial: Mapping[str, float] = option(
-        "a state off trim at the start, degrees", "NAME=VALUE", OfModel(_state), named=True
+        "initial deviation of a state from the trim, degrees for angles",
+        "NAME=VALUE",
+        OfModel(_state),
+        named=True,
     )
     disturbance: Mapping[str, float] = option(
-        "added to the rate of a state, or a disturbance of the model",
+        "add to the rate of a state, or set a disturbance of the model",
         "NAME=VALUE",
         OfModel(_disturbed),
         named=True,
@@ -280,14 +285,13 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
     actuators: tuple[float, ...] | None = actuators_option()
     fault: tuple[float, ...] | None = option(
-        "actuators of the surfaces from BEGIN on: share of the command that arrives, "
-        "bandwidth in rad/s",
+        "fault of the surfaces' actuators from BEGIN on: factor on the command, bandwidth in rad/s",
         _FAULT,
         numbers(_FAULT, 3, otherwise=(0.0,)),
         rare=True,
     )
     delay: float = option(
-        "time by which every command of the policy comes late",
+        "delay of every command of the policy",
         "S",
         number,
         default=0.0,
@@ -303,7 +307,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         rare=True,
     )
     noise: Mapping[str, float] = noise_option(
-        "added to what a sensor says, degrees for angles; with --samples its standard deviation"
+        "add to a measured state, degrees for angles; with --samples the standard deviation"
     )
     gust: tuple[float, ...] | None = gust_option()
     envelope: Mapping[str, tuple[float, float]] = option(
@@ -368,7 +372,7 @@ class FlightOptions(ScenarioOptions):
     controller: Path | None = controller_option()
     policy: Path | None = card_option()
     command: Mapping[str, list[tuple[float, float]]] = option(
-        f"steps to follow, s and degrees off trim; with --law {NONE} steps of inputs; repeatable",
+        f"commanded steps from the trim, s and degrees; with --law {NONE} of inputs; repeatable",
         _COMMAND,
         OfModel(_command),
         named=True,

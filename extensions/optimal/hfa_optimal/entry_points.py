@@ -4,7 +4,7 @@ from hfa.entry_points import CommandEntry
 
 OPTIMIZE = CommandEntry(
     "flight",
-    "the best flight found of the nonlinear aircraft, beside those of policies",
+    "best flight found of the nonlinear aircraft, against policies",
     "hfa_optimal.commands.optimize:optimize",
     example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
     results=(
@@ -16,7 +16,7 @@ OPTIMIZE = CommandEntry(
 
 COST = CommandEntry(
     "proof",
-    "a lower bound of the cost of every flight of the nonlinear aircraft",
+    "lower bound of the cost of every nonlinear flight",
     "hfa_optimal.commands.cost:cost",
     example="hfa prove cost --aircraft examples/pendulum.py:PENDULUM",
     install=".[proof]",

@@ -4,7 +4,7 @@ from hfa.entry_points import CommandEntry
 
 REPORT = CommandEntry(
     "model",
-    "the main job on one page: trims, models, games, critics over the dihedral angle",
+    "one page: trims, models, games, critics over the dihedral",
     "hfa_page.commands.report:report",
     example="hfa report --dihedral 15 -o report.html",
     install=".[page]",

@@ -4,8 +4,8 @@ from hfa.entry_points import CommandEntry
 
 ASSESS = CommandEntry(
     "critic",
-    "whether a policy flies as it is deployed: sampled, normalized, late",
+    "assess a policy as deployed: sampled, normalized, delayed",
     "hfa_policy.commands.assess:assess",
-    example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM --at 48",
+    example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
     results=("hfa_policy.assessment_report:Assessment", "hfa_policy.comparison:Comparison"),
 )

@@ -4,7 +4,7 @@ from hfa.entry_points import CommandEntry
 
 PRINTED = CommandEntry(
     "critic",
-    "say whether every digit of a printed answer is right, and of which entry else",
+    "check every digit of a printed answer, name the wrong entry",
     "hfa_printed.commands.printed:printed",
     example="hfa printed studies/published/sources/radp_suspension.toml",
     results=("hfa_printed.printed_verdict:PrintedVerdict",),

@@ -4,7 +4,7 @@ from hfa.entry_points import CommandEntry
 
 CHECK = CommandEntry(
     "proof",
-    "verify a certificate of one of the following: hfa prove --check FILE",
+    "verify a certificate of the commands below: --check FILE",
     "hfa_proof.commands.check:prove",
     example="hfa prove --check certificate.json",
     install=".[proof]",
@@ -12,14 +12,14 @@ CHECK = CommandEntry(
 )
 SCHEDULE = CommandEntry(
     "proof",
-    "a gain schedule stabilizes at every angle of an interval",
+    "stability of a gain schedule at every angle of an interval",
     "hfa_proof.commands.schedule:schedule",
     example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
     install=".[proof]",
 )
 MODELS = CommandEntry(
     "proof",
-    "the fewest linear models that interpolate within a tolerance",
+    "fewest linear models for a bounded interpolation error",
     "hfa_proof.commands.models:models",
     example="hfa prove models --dihedral 14:14.5 --limit-error 0.05",
     install=".[proof]",
@@ -27,14 +27,14 @@ MODELS = CommandEntry(
 )
 SOLUTION = CommandEntry(
     "proof",
-    "a game has one stabilizing solution, within a radius of P",
+    "existence and uniqueness of a game's solution, near P",
     "hfa_proof.commands.games:solution",
     example="hfa prove solution --dihedral 15",
     install=".[proof]",
 )
 CRITIC = CommandEntry(
     "proof",
-    "the distance of a critic from the exact solution",
+    "distance of a critic from the exact solution",
     "hfa_proof.commands.games:critic",
     example="hfa prove critic learned.npz --dihedral 15",
     install=".[proof]",

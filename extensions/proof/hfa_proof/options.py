@@ -54,7 +54,7 @@ def interval_of(model: Model, text: str) -> tuple[float, ...]:
 class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
     """The aircraft over an interval of its scheduling variable."""
 
-    at: Any = scheduled(interval_of, "LOW:HIGH", "what is proved holds at every value between")
+    at: Any = scheduled(interval_of, "LOW:HIGH", "an interval; the proof covers every value in it")
     start: None = None
 
     def ends(self, family: Family) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from hfa.entry_points import CommandEntry
 
 REGION = CommandEntry(
     "proof",
-    "the region of attraction of a nonlinear loop with saturated inputs",
+    "region of attraction of a loop with saturated inputs",
     "hfa_region.commands.region:region",
     example="hfa prove region --aircraft examples/pendulum.py:PENDULUM --degree 2",
     install=".[proof]",

@@ -4,7 +4,7 @@ from hfa.entry_points import CommandEntry
 
 DESIGN = CommandEntry(
     "flight",
-    "the certified controller of a design at every dihedral angle, as one file",
+    "a certified controller at every dihedral angle, in one file",
     "hfa_servo.commands.design:design",
     example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
     results=(

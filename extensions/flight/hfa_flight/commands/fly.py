@@ -45,7 +45,7 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     output: Path | None = output_option(".zarr", purpose=" (members)")
     picture: Path | None = picture_option("the flight")
     steps: Path | None = option(
-        "a plant of your own in discrete time, flown from --initial for --duration steps by the "
+        "your plant in discrete time, simulated from --initial for --duration steps with the "
         "game's policy or --weights",
         "FILE",
         input_file(*MATRIX_FILES),
@@ -63,14 +63,16 @@ def fly(request: FlyRequest) -> int:
     """Simulate a policy on all states of the nonlinear aircraft and compare with the prediction of
     its linear model.
 
-    `--law none --command elevator=1:2,2:-2,3:0` flies a doublet without control. With gains over
-    the scheduling variable, a --command of this variable is followed along its trims. --samples N
-    flies N members. For these --error and --noise are standard deviations, and --turbulence is
-    drawn anew. Member k depends on --seed and k alone. Exit code 1 when a state leaves its
-    envelope, an input its control limits, or an oscillation does not decay.
+    `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without control. With gains
+    over the scheduling variable, a --command of this variable is followed along its trims.
+    --samples N simulates N members: --error and --noise are then standard deviations, and each
+    member has its own turbulence. Member k depends only on --seed and k. --model FILE simulates a
+    plant in discrete time.
 
-    --method jsbsim flies an aircraft of JSBSim in frames as JSBSim's own, over its own earth.
-    --model FILE flies a plant in discrete time."""
+    --method jsbsim simulates an aircraft of JSBSim in JSBSim's own frames, over its own earth.
+
+    Exit code 1 when a state leaves its envelope, an input leaves its control limits, or an
+    oscillation does not decay."""
     if request.steps is not None:
         return _fly_steps(request, request.steps)
     if request.samples is not None:

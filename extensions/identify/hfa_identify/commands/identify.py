@@ -49,7 +49,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         "parameters to identify, as CL_alpha,Cm_q", "NAMES", _names, required=True
     )
     hold: Mapping[str, float] = option(
-        "an input without a column, or an unmeasured state at the start; repeatable",
+        "value of an input without a column, or initial value of an unmeasured state; repeatable",
         "NAME=VALUE",
         OfModel(_held),
         named=True,

@@ -41,19 +41,19 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         default=4,
     )
     margin: float = option(
-        "part of the cost that W gives away, so that the proof ends; default 0.02",
+        "relative slack of W; a smaller one needs more boxes; default 0.02",
         "PART",
         lambda text: _part(text),
         default=0.02,
     )
     seconds: float = option(
-        "processor time after which nothing larger is proved; default 120",
+        "processor time of the proof; default 120",
         "S",
         positive,
         default=120.0,
     )
     limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state in flight, in place of the flight envelope's; repeatable",
+        "limits of a state in place of its flight envelope; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         names="--limit",
@@ -86,11 +86,12 @@ def _part(text: str) -> float:
 def cost(request: CostRequest) -> int:
     """Prove a lower bound of the cost of every flight of the nonlinear aircraft to its trim.
 
-    The cost is the integral of x'Qx + u'Ru, in deviations from the trim. W is a polynomial of the
-    initial condition. No flight within the envelope and the limits of the inputs that ends at the
-    trim costs less than W, or than the proved level where W is larger. -o FILE.json writes a
-    certificate, also when the run is interrupted; --check FILE verifies one. `hfa optimize
-    --bound FILE` compares flights with it. Exit 0: proved. Needs `pip install .[proof]`."""
+    The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Every flight within the
+    envelope and the limits of the inputs that ends at the trim costs at least the smaller of W and
+    the proved level, where W is a polynomial in the initial condition. -o FILE.json writes a
+    certificate, also when the run is interrupted. --check FILE verifies a certificate. `hfa
+    optimize --bound FILE` compares flights with it. Exit code 0 when the bound is proved. The
+    command needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()

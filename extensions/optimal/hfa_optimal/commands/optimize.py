@@ -53,25 +53,25 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     deviations: Mapping[str, float] | None = option(
-        "where the flight begins: deviations of states from the trim, degrees for angles",
+        "initial condition: deviations of states from the trim, degrees for angles",
         "NAME=VALUE,...",
         OfModel(_deviations),
         names="--start",
     )
     to: Mapping[str, float] = option(
-        "fly to the trim with this value, from the one that the other options name; repeatable",
+        "fly to the trim with this value, from the trim of the other options; repeatable",
         "NAME=VALUE",
         OfModel(quantity),
         named=True,
     )
     minimize: str = option(
-        "cost (default), or time to the trim, whatever the cost",
+        "cost (default), or time to the trim",
         "WHAT",
         one_of("cost", "time"),
         default="cost",
     )
     starts: int | None = option(
-        "a table over so many starts, drawn in the usual box", "N", whole(1, _MOST_STARTS)
+        "a table over N initial conditions, drawn in the usual box", "N", whole(1, _MOST_STARTS)
     )
     weights: Path | None = option(
         "compare with this gain K, critic W or P, or network", "FILE", critic_path
@@ -83,14 +83,14 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         "horizon, s; default: as long as the flight costs anything", "S", positive, rare=True
     )
     limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state in flight, in place of the flight envelope's; repeatable",
+        "limits of a state in place of its flight envelope; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         names="--limit",
         named=True,
     )
     bound: Path | None = option(
-        "certificate of `hfa prove cost`: print how far the cost is from the least possible",
+        "certificate of `hfa prove cost`: print the distance of the cost from the least",
         "FILE",
         input_file(".json"),
     )
@@ -147,12 +147,12 @@ def optimize(request: OptimizeRequest) -> int:
     """Search for the best flight of the nonlinear aircraft to its trim, and compare policies.
 
     The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Collocation proposes
-    flights within the limits. The simulator flies them, and its cost is reported. That no flight
-    costs less is not proved. The comparison uses the same initial condition and contains the linear
-    optimum, the exact game policy, both saturated at the limits of the inputs, and the policies of
-    --weights and --policy. --starts N gives a table over many initial conditions. --to flies from
-    one trim to another, --minimize time as quickly as possible. Exit 1: no flight was found, or the
-    simulator refutes it."""
+    flights within the limits. The simulator flies them and computes the reported cost. It is not
+    proved that no flight costs less. The policies are the linear optimum and the exact game policy,
+    both saturated at the limits of the inputs, and those of --weights and --policy. --starts N
+    prints a table over many initial conditions. --to flies from one trim to another, with
+    --minimize time as quickly as possible. Exit code 1 when no flight was found, or when the
+    simulation refutes it."""
     begins = (request.deviations is not None, request.starts is not None, bool(request.to))
     if begins.count(True) != 1:
         raise BadInputError("name one: --start NAME=VALUE,..., --starts N or --to NAME=VALUE")

@@ -56,17 +56,17 @@ class ReportRequest(UnitsOption, TrimOptions):
         default=tuple(SWEEP.tolist()),
     )
     outputs: tuple[str, ...] | None = option(
-        "C and D of these outputs too", "a,b,...", some_of(*STATES, *OUTPUTS)
+        "add C and D of these outputs", "a,b,...", some_of(*STATES, *OUTPUTS)
     )
     claims: Any = option(
-        "claims of the paper to show: the claims.json that `python -m studies.section5` "
-        "wrote, or its folder",
+        "claims of the paper to show: the claims.json of `python -m studies.section5`, "
+        "or its folder",
         "FILE",
         _claims,
     )
     flights: Any = option(
-        "flights from the paper's x(0) to show: the best_flights.json that `python -m "
-        "studies.best_flights` wrote, or its folder",
+        "flights from the paper's x(0) to show: the best_flights.json of `python -m "
+        "studies.best_flights`, or its folder",
         "FILE",
         _flights,
     )

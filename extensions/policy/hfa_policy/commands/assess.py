@@ -73,13 +73,14 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         count="+",
     )
     aircraft: str | None = option(
-        "your own, executed (or package.module:NAME), jsbsim:NAME, FILE.xml, or a linear plant "
-        "with A and B in a FILE.npz; default: the HFA",
+        "a file that is executed (or package.module:NAME), jsbsim:NAME, FILE.xml, or a linear "
+        "plant with A and B in a FILE.npz; default: the HFA",
         "FILE.py:NAME",
         names="--aircraft --model",
     )
     sample_time: float | None = option(
-        "of a gain K (u = -K x) of all linear states on all inputs, in place of a deployment file",
+        "sample time of a gain K (u = -K x, all linear states, all inputs), given in place of a "
+        "deployment file",
         "S",
         number,
     )
@@ -91,18 +92,18 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         default=300,
     )
     seed: int = option(
-        "decides where the flights start; default 0", "N", whole(0), default=0, rare=True
+        "seed of the initial conditions; default 0", "N", whole(0), default=0, rare=True
     )
     box: Mapping[str, float] = option(
-        "half-width of the box of initial conditions in a state; repeatable",
+        "half-width of the initial-condition box in a state; repeatable",
         "NAME=VALUE",
         OfModel(_half_width),
         named=True,
         rare=True,
     )
     need: Mapping[str, float] = option(
-        "exit 1 unless it tolerates this delay (s), has this disk margin, has a linear cost of at "
-        "most so many percent above the optimum; repeatable",
+        "requirement: tolerated delay (s), disk margin, or linear cost (percent above the "
+        "optimum); else exit 1; repeatable",
         "delay|margin|cost=X",
         _need,
         named=True,
@@ -116,12 +117,12 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         rare=True,
     )
     noise: Mapping[str, float] = noise_option(
-        "standard deviation of what the sensor of a state adds, degrees for angles; repeatable"
+        "standard deviation of the sensor noise of a state, degrees for angles; repeatable"
     )
     turbulence: tuple[float, float] | None = turbulence_option()
     gust: tuple[float, ...] | None = gust_option()
     best: int = option(
-        "compare flights of so many starts at each trim with the best found; default 0",
+        "compare K flights at each trim with the best flights found; default 0",
         "K",
         whole(0, _MOST_SAMPLES),
         default=0,
@@ -180,10 +181,11 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
 def assess(request: AssessRequest) -> int:
     """Assess a policy as it is deployed: sampled, held, with its normalizer and its delay.
 
-    At each trim: its equilibrium; the exact sampled loop with 0, 1, 2 ... samples of delay; margins
-    at the plant's input; linear cost against the optimum of Q and R; flights from a box of initial
-    conditions, with and without a disturbance pulse. Exit 0: it holds at every trim and meets every
-    --need; 1: it does not, or its files prove a mistake of the deployment file."""
+    The report lists for each trim the equilibrium, the exact sampled loop with 0, 1, 2 ... samples
+    of delay, margins at the plant's input, the linear cost compared with the optimum of Q and R,
+    and flights from a box of initial conditions, with and without a disturbance pulse. Exit code 0
+    when the policy holds at every trim and meets every --need. Exit code 1 when it does not, or
+    when its files prove a mistake of the deployment file."""
     from hfa_policy.assessment import Assessor
     from hfa_policy.assessment_report import Assessment
     from hfa_policy.comparison import Comparison

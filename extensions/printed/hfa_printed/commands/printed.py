@@ -27,7 +27,7 @@ class PrintedRequest(OutputOptions):
         required=True,
     )
     limit_cost: float | None = option(
-        "exit 0 when the printed answer costs at most this much more than the optimum",
+        "exit 0 when the cost is at most this much above the optimum",
         "PERCENT",
         positive,
     )

@@ -25,14 +25,14 @@ class CheckRequest(PlantOptions, OutputOptions):
     """A certificate to be verified, and what it must be about."""
 
     check: Path | None = option("the certificate", "FILE", input_file(".json"))
-    at: Any = scheduled(interval_of, "DEG|LOW:HIGH", "refused where the certificate has another")
+    at: Any = scheduled(interval_of, "DEG|LOW:HIGH", "must agree with the certificate")
     weights: Path | None = option(
         "gains or critic, compared with the certificate",
         "FILE",
         input_file(*MATRIX_FILES),
     )
-    basis: str | None = option("of W in --weights; default quadratic", "BASIS", rare=True)
-    design: Any = design_option("of a controller in --weights: its actuators")
+    basis: str | None = option("basis of W in --weights; default quadratic", "BASIS", rare=True)
+    design: Any = design_option("actuators of a controller in --weights")
 
     def origin(self) -> Mapping[str, Any]:
         """Nothing: the report names the aircraft of the certificate."""

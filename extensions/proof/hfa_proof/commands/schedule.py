@@ -37,33 +37,32 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         "gains K over dihedral_deg; default: the exact game's", "FILE", input_file(*MATRIX_FILES)
     )
     design: Any = design_option(
-        "--weights is a controller with memory, on the actuators of this design"
+        "--weights is a scheduled controller with the actuators of this design"
     )
-    rate: bool = option("also how fast the dihedral may move", rare=True)
+    rate: bool = option("prove also how fast the dihedral may move", rare=True)
     error: float = option(
-        "for all parameters within N standard errors; default 0",
+        "cover all parameters within N standard errors; default 0",
         "N",
         not_negative,
         default=0.0,
         rare=True,
     )
     bandwidth: tuple[float, float] | None = option(
-        "through actuators of any bandwidth, rad/s", "LOW:HIGH", positive_interval
+        "cover actuators of any bandwidth in the interval, rad/s", "LOW:HIGH", positive_interval
     )
     effectiveness: tuple[float, float] | None = option(
-        "with --bandwidth: share of each command that arrives, changing at any time; default 1",
+        "with --bandwidth: factor on each command, which may vary at any time; default 1",
         "LOW:HIGH",
         positive_interval,
         rare=True,
     )
     delay: float | None = option(
-        "with --bandwidth: each command is late by up to S seconds, changing at any time;"
-        " default 0",
+        "with --bandwidth: delay of each command, up to S and varying at any time; default 0",
         "S",
         not_negative,
         rare=True,
     )
-    resume: bool = option("go on with the unfinished certificate that -o names", rare=True)
+    resume: bool = option("continue the unfinished certificate that -o names", rare=True)
 
     def intervals(self) -> Intervals | None:
         """What is uncertain about the actuators, if anything."""

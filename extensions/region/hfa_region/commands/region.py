@@ -44,17 +44,17 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
     """A loop whose region is to be proved, or a certificate to be checked."""
 
     weights: Path | None = option(
-        "the policy: K, P, W, or a network, which is proved on boxes; default: the exact game's",
+        "the policy: K, P, W, or a network (proved on boxes); default: that of the exact game",
         "FILE",
         critic_path,
     )
     policy: Path | None = option(
-        "a deployment file in place of --weights, in its continuous meaning; proved on boxes",
+        "a deployment file in place of --weights, in continuous time; proved on boxes",
         "CARD.toml",
         input_file(".toml"),
     )
     set: Mapping[str, Any] = setting_option(
-        "of a network: scale=a,b,... (times each state) and of a state dict activation=tanh|...",
+        "for a network scale=a,b,... (factor on each state), for a state dict activation=tanh|...",
         READING_SETTINGS,
     )
     check: Path | None = option(
@@ -64,21 +64,21 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         "highest degree of V: 2, 4 or 6; default 4", "N", lambda text: _degree(text), default=4
     )
     seconds: float = option(
-        "processor time after which no new turn of the search begins; default 60",
+        "processor time of the search; default 60",
         "S",
         positive,
         default=60.0,
     )
     disturbance: Mapping[str, float] = option(
-        "a set that is invariant, not a region of attraction: under every disturbance NAME of the "
-        "model of at most SIZE; repeatable",
+        "prove an invariant set, not a region of attraction, for every disturbance NAME of the "
+        "model up to SIZE; repeatable",
         "NAME=SIZE",
         OfModel(_size),
         named=True,
     )
-    resume: bool = option("go on from the V of the certificate that -o names", rare=True)
+    resume: bool = option("continue with V of the certificate that -o names", rare=True)
     picture: Path | None = picture_option(
-        "cuts through the proved set in each pair of states, with the starts that were lost"
+        "sections of the proved set, with initial conditions that do not converge"
     )
 
 
@@ -88,18 +88,17 @@ def _degree(text: str) -> int:
 
 @command(RegionRequest)
 def region(request: RegionRequest) -> int:
-    """From which states the nonlinear loop with saturated inputs returns to its trim: a set that is
-    proved, not sampled.
+    """Prove a region of attraction of the nonlinear loop with saturated inputs.
 
     Every trajectory that begins in {V(z) <= rho}, z the deviation from the trim, stays there and
-    within all limits of the model, and converges to the trim; u = sat(u0 - K z), K of the exact
-    game or of --weights, where the policy may also be a polynomial. With --disturbance a set that
-    no trajectory leaves, whatever that does within its size; that it converges is not claimed.
-    Printed beside it: where V' >= 0 was found, a start that was lost, the limits that bind. -o
-    FILE.json writes a certificate; --check FILE verifies one. Exit 0: proved. A network or
-    deployment file is proved on boxes, with V quadratic; --check needs it by --weights or --policy
-    again. Not covered: tables and kinks of the model, sampling, actuators, delays, and a
-    linearization that is not Hurwitz. Needs `pip install .[proof]`."""
+    within all limits of the model, and converges to the trim. The policy is u = sat(u0 - K z) with
+    K of the exact game, or that of --weights: a gain, a polynomial or a network. With --disturbance
+    the set is invariant under every disturbance up to its size; convergence is not claimed. The
+    report also names the state at which V' >= 0 was found, an initial condition that does not
+    converge, and the limits that bind. -o FILE.json writes a certificate; --check FILE verifies
+    one, for a network or a deployment file again with --weights or --policy. Not covered: tables
+    and kinks of the model, sampling, actuators, delays, and a linearization that is not Hurwitz.
+    Exit code 0 when the set is proved. The command needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()

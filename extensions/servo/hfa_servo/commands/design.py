@@ -60,7 +60,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
         lambda model: f"default {_RANGE}" if model.names_schedule else "",
     )
     bandwidth: tuple[float, ...] | None = option(
-        "of the actuators behind which margins are computed, rad/s; default 2:10",
+        "bandwidths of the actuators in the margins, rad/s; default 2:10",
         "A[:B...]",
         _bandwidths,
     )
@@ -89,12 +89,12 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
 
 @command(DesignRequest)
 def design(request: DesignRequest) -> int:
-    """The controller of a design at every dihedral angle, certified, as one file; or the table of a
-    file made before.
+    """Compute the certified controller of a design at every dihedral angle, or print a controller
+    from its file.
 
-    With --aircraft it is scheduled over the model's own scheduling variable. Margins are those of
-    each loop opened alone, at every input and sensor, behind actuators of orders 1 and 2 and the
-    bandwidths of --bandwidth. Exit 1 when one of the loops is unstable."""
+    With --aircraft the controller is scheduled over the model's scheduling variable. Margins are
+    those of one loop at a time, at every input and sensor, with actuators of orders 1 and 2 and the
+    bandwidths of --bandwidth. Exit code 1 when a loop is unstable."""
     from hfa_servo.controllers import design_controller
     from hfa_servo.servo_loop import check_margins
 
