@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from hfa.formats import formats
+from hfa_formats.formats import formats
 from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
 
@@ -15,7 +15,7 @@ What every command prints with `--json` and writes into files, key by key, in ft
 ends in `_deg`. The same as a JSON Schema (draft 2020-12), against which the tests validate every output:
 
 ```sh
-python -m hfa.formats > formats.json
+python -m hfa_formats > formats.json
 ```
 
 Keys are added, never renamed or removed within a number after the `/`. A key marked * is always there. In files with

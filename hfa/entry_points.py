@@ -23,7 +23,8 @@ class CommandEntry(NamedTuple):
     command: where its `Command` is, "package.module:name".
     example: a line that ends its help, after those of the commands listed before it.
     install: what pip installs where a package of its own is missing, ".[proof]".
-    results: where the results are that only it writes, "package.module:Class"."""
+    results: of each result that it writes, the class and those of what is added to it, with ? where
+        that is not always, "module:Class module:Class?"."""
 
     group: str
     about: str
@@ -53,42 +54,63 @@ CORE = {
         "trim an aircraft; report variables, limits, loads, performance",
         "hfa.commands.trim:trim",
         example="hfa trim --dihedral 10",
+        results=(
+            "trim.point.trim_report:TrimResult trim.point.trim_report:Performance"
+            " hfa_model.trim_loads:TrimLoads?",
+        ),
     ),
     "linearize": CommandEntry(
         "model",
         "exact linear model A, B at a trim, with modes and bands",
         "hfa.commands.linearize:linearize",
         example="hfa linearize --dihedral 10 -o model.mat",
+        results=(
+            "trim.linear.linear_model:LinearModel trim.hfa.printed:OfTheHfa"
+            " trim.linear.handling_qualities:Qualities? trim.linear.frequency:Responses?",
+        ),
     ),
     "sweep": CommandEntry(
         "model",
         "trims and linear models over a grid, modes tracked",
         "hfa.commands.sweep:sweep",
         example="hfa sweep --dihedral 0:20:5 -o sweep.csv",
+        results=("trim.sweeps.sweep:Sweep",),
     ),
     "regenerate": CommandEntry(
         "model",
         "compare both printed pairs (A, B) entry by entry",
         "hfa.commands.regenerate:regenerate",
         example="hfa regenerate --all",
+        results=("verification.regeneration:Regeneration",),
     ),
     "solve": CommandEntry(
         "critic",
         "exact solution of the zero-sum game, with a certificate",
         "hfa.commands.game:solve",
         example="hfa solve --dihedral 15 --delta 300",
+        results=("controller.riccati.solution_report:AnalysedGame hfa.options.games:NamedGame",),
     ),
     "learn": CommandEntry(
         "critic",
         "learn the value and the gain of the game with a critic",
         "hfa.commands.game:learn",
         example="hfa learn --dihedral 15 -o learned.npz",
+        results=(
+            "controller.game.training_run:TrainingRun hfa.options.games:NamedGame"
+            " hfa.commands.game:Judged",
+        ),
     ),
     "verify": CommandEntry(
         "critic",
         "compare a learned critic with the exact game solution",
         "hfa.commands.verify:verify",
         example="hfa verify --dihedral 15 --weights learned.npz",
+        results=(
+            "verification.critic.verdict:Verdict verification.critic.verdict:Details"
+            " hfa.options.games:Weights hfa.options.games:NamedGame",
+            "verification.critic.several:Verdicts hfa.options.games:Weights"
+            " hfa.options.games:NamedGame",
+        ),
     ),
 }
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hfa.commands.verify import VerifyRequest
     from hfa.options.games import NamedGame
 
-#: Results that the commands write, as in `hfa.formats`.
+#: Results that the commands write, as in `hfa.entry_points`.
 RESULTS = (
     "hfa_discrete.report:AnalysedDiscreteGame hfa.options.games:NamedGame",
     "hfa_discrete.critic_check:DiscreteVerdict verification.critic.verdict:Details"

@@ -16,10 +16,10 @@ from controller.riccati.balancing import units_of
 from controller.riccati.careful_derivations import ROUNDING
 from controller.riccati.derivations import largest
 from controller.riccati.double_double import add, exact, product, transposed
-from controller.riccati.feedthrough import without_feedthrough
 from controller.riccati.frequency_response import square_root
 from controller.riccati.normal_form import NormalForm, similar
 from hfa_discrete.discrete_game import DiscreteGame
+from hfa_discrete.feedthrough import without_feedthrough
 from hfa_support.errors import NoSolutionError
 
 #: Newton steps after the Schur form.

@@ -7,10 +7,10 @@ import re
 import casadi as ca
 import numpy as np
 
+from hfa_flight.export.c_code import c_function
 from hfa_flight.export.c_text import comment_lines, filled, positions, units_of
 from hfa_flight.export.exported_loop import Channel, ExportedLoop
 from hfa_policy.flown import DeployedPolicy
-from hfa_support.native.c_code import c_function
 
 #: Of a policy that takes the observations of several samples.
 _MORE = """,

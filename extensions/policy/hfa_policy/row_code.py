@@ -10,9 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_flight.export.c_code import OPERATIONS, c_function
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import MAKING, RowFunction
-from hfa_support.native.c_code import OPERATIONS, c_function
 from hfa_support.native.machine_code import compiled, machine_code
 
 #: Rows side by side: the registers of every 64-bit processor take two, those of AVX2 four, with the

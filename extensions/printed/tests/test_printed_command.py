@@ -74,10 +74,6 @@ def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> Non
     assert_refused(hfa("printed", str(file)), BAD_INPUT, f"{file}: ")
 
 
-def test_the_old_words_name_the_new_ones() -> None:
-    assert_refused(hfa("verify", "--printed=a.toml"), BAD_INPUT, "is `hfa printed FILE` now")
-
-
 def test_a_plant_too_large_for_the_search_is_judged_without_it_and_says_so(tmp_path: Path) -> None:
     """60 states that decay by themselves, at rates 1 to 60: K_i = 1 / (rate + sqrt(rate^2 + 1)) of
     an input each; the printed gain belongs to other rates of the first two."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.actuators import ActuatorBank
+from hfa_flight.export.c_code import c_function
 from hfa_flight.export.c_text import (
     comment_lines,
     constant_tables,
@@ -27,7 +28,6 @@ from hfa_servo.design import signal_unit
 from hfa_servo.measured_outputs import MeasuredOutputs
 from hfa_servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_servo.servo_policy import ServoPolicy, servo_policy
-from hfa_support.native.c_code import c_function
 from hfa_support.reporting.text import shown_value
 from trim.point.operating_point import OperatingPoint
 

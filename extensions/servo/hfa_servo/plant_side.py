@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.feedthrough import without_feedthrough
 from controller.riccati.normal_form import RANK, NormalForm, Sizes
+from hfa_discrete.feedthrough import without_feedthrough
 
 
 class Reduced(NamedTuple):

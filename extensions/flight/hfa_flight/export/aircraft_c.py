@@ -10,6 +10,7 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
+from hfa_flight.export.c_code import c_function
 from hfa_flight.export.c_text import (
     comment_lines,
     constant_tables,
@@ -21,7 +22,6 @@ from hfa_flight.export.c_text import (
     units_of,
 )
 from hfa_flight.policies import FunctionPolicy, GainPolicy
-from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
 
 #: Header, source, and the example that uses them.

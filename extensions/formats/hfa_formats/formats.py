@@ -2,34 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from typing import Any, Literal
 
 from hfa.entry_points import commands
+from hfa_formats.schemas import json_schema, parts_of
 from hfa_support.entry_points import PARTS, loaded, offered
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.results import Result
-from hfa_support.reporting.schemas import json_schema, parts_of
-
-#: Results that commands of the core write, "module:Class module:Class?": the class and those of
-#: what is added to it, with ? where that is not always.
-RESULTS = (
-    "trim.point.trim_report:TrimResult trim.point.trim_report:Performance"
-    " hfa_model.trim_loads:TrimLoads?",
-    "trim.linear.linear_model:LinearModel trim.hfa.printed:OfTheHfa"
-    " trim.linear.handling_qualities:Qualities? trim.linear.frequency:Responses?",
-    "trim.sweeps.sweep:Sweep",
-    "verification.regeneration:Regeneration",
-    "controller.riccati.solution_report:AnalysedGame hfa.options.games:NamedGame",
-    "controller.game.training_run:TrainingRun hfa.options.games:NamedGame hfa.commands.game:Judged",
-    "verification.critic.verdict:Verdict verification.critic.verdict:Details"
-    " hfa.options.games:Weights hfa.options.games:NamedGame",
-    "verification.critic.several:Verdicts hfa.options.games:Weights hfa.options.games:NamedGame",
-)
 
 
 @dataclass(frozen=True)
@@ -44,11 +26,11 @@ class Stamp(Result):
 
 
 def written() -> tuple[str, ...]:
-    """The results that commands write, as in `RESULTS`, of the core and of installed packages."""
+    """Return the results that commands write, each as in `CommandEntry.results`."""
     import_module("verification.critic.error_table")  # verdicts name it for type checkers alone
     of_commands = [text for entry in commands().values() for text in entry.results]
     of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("results.")]
-    return (*RESULTS, *of_commands, *(text for entry in of_parts for text in loaded(entry)))
+    return (*of_commands, *(text for entry in of_parts for text in loaded(entry)))
 
 
 def classes_of(text: str) -> list[type[Result]]:
@@ -97,7 +79,3 @@ def _joined(text: str) -> dict[str, Any]:
             schema["required"] += more["required"]
     schema["required"] = list(dict.fromkeys(schema["required"]))
     return schema
-
-
-if __name__ == "__main__":
-    sys.stdout.write(json.dumps(formats(), indent=1, ensure_ascii=False) + "\n")

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from hfa.formats import classes_of, written
+from hfa_formats.formats import classes_of, written
+from hfa_formats.schemas import json_schema, meaning, parts_of
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.results import Matrix, Result, Roots, Vector
-from hfa_support.reporting.schemas import json_schema, meaning, parts_of
 
 
 @dataclass(frozen=True)

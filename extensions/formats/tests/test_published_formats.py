@@ -15,8 +15,8 @@ from extension import Extension
 from jsonschema import Draft202012Validator
 from project import project_sources
 
-from hfa.formats import formats
 from hfa_aircraft.model import Model
+from hfa_formats.formats import formats
 from hfa_support.jsonable import jsonable
 
 controllers = Extension("controllers")
@@ -42,7 +42,7 @@ def test_the_schema_is_valid_and_knows_every_format() -> None:
     parts = {each["schema"]["const"] for each in properties if "schema" in each}
     parts.add(formats()["$id"])
     assert set(re.findall(r'"(hfa\.[a-z-]+/\d+)"', sources)) <= parts, (
-        "declare it as a Result, and name it in hfa/formats.py or with its command"
+        "declare it as a Result, and name it with its command"
     )
     outputs = {entry["$ref"] for entry in formats()["oneOf"]}
     assert {

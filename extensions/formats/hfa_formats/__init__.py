@@ -1,0 +1,1 @@
+"""The published formats of outputs: a JSON Schema, made from the classes of results."""
