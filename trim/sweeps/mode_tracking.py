@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,20 +12,12 @@ from trim.linear.modes import order_fastest_first
 
 #: More than a permutation of eigenvalues gains: what it adds is decided first.
 _PAIRED = 1e3
+#: Less than two permutations differ by, unless they gain the same.
+_TIE = 1e-9
 #: Pairs of points that are compared at once.
 _AT_ONCE = 10_000
-
-
-class _Step(NamedTuple):
-    """From one point to a neighbour.
-
-    point, before: numbers of the neighbour and of the point that it is reached from.
-    pairing: (n,) the eigenvalue at `point` that matches each at `before`.
-    """
-
-    point: int
-    before: int
-    pairing: np.ndarray
+#: Eigenvalues closer than this part of |A| meet: rounding mixes their eigenvectors.
+_MEETING = 1e-9
 
 
 def track_modes(
@@ -43,6 +34,10 @@ def track_modes(
     eigenvalues cross, the second tells the two members of a pair apart. From the first point on,
     the pairings are followed along the tree of neighbours that are most alike. The first point is
     ordered fastest first, positive imaginary part first.
+
+    Eigenvalues that meet at a point have no shapes of their own there: behind it they are paired
+    with the last point at which they were apart. Those that meet at every point, such as two
+    integrators, need no order.
     """
     for name in states:
         refuse_unknown("unknown state", name, model.states)
@@ -50,25 +45,59 @@ def track_modes(
     nominal = np.array([model.states[name].nominal for name in states])
     shapes = vectors / nominal[:, None]
     shapes = shapes / np.linalg.norm(shapes, axis=1, keepdims=True)
+    near = _MEETING * np.linalg.norm(A * nominal / nominal[:, None], axis=(1, 2))[:, None]
+    # Rounding makes a pair of two real eigenvalues that meet.
+    compared = np.where(np.abs(values.imag) <= near, values.real, values)
+    meeting = np.abs(compared[:, :, None] - compared[:, None, :]) <= near[:, :, None]
+    met = meeting.sum(axis=(1, 2)) > values.shape[1]
 
-    points = np.arange(len(values))
-    path = np.stack([points[:-1], points[1:]], axis=-1)
-    if neighbours is None or np.array_equal(neighbours, path):
-        steps = _along(path, values, shapes)
-    else:
-        steps = _along_tree(_connected(neighbours, path), values, shapes)
+    path = np.arange(len(values) - 1)[:, None] + [0, 1]
+    pairs = path if neighbours is None else _connected(neighbours, path)
     order = np.empty(values.shape, dtype=int)
     order[0] = order_fastest_first(values[0])
-    for step in steps:
-        order[step.point] = step.pairing[order[step.before]]
+    origin = np.full(len(values), -1)
+    for before, point, pairing in _along_tree(pairs, compared, shapes):
+        order[point] = pairing[order[before]]
+        origin[point] = before
+        if met[before]:
+            _pair_over_meetings(point, origin, order, compared, shapes, meeting)
     return np.take_along_axis(values.astype(complex), order, axis=1)
 
 
-def _along(path: np.ndarray, values: np.ndarray, shapes: np.ndarray) -> Iterator[_Step]:
-    """The steps of a path, in its order."""
-    pairings, _ = _pairings(values, shapes, path)
-    for (before, point), pairing in zip(path.tolist(), pairings, strict=True):
-        yield _Step(point, before, pairing)
+def _pair_over_meetings(
+    point: int,
+    origin: np.ndarray,
+    order: np.ndarray,
+    values: np.ndarray,
+    shapes: np.ndarray,
+    meeting: np.ndarray,
+) -> None:
+    """Pair the modes that met at the point before with the last point at which they were apart.
+
+    Their shapes there and the straight line through both points tell them apart.
+
+    origin: (N,), the point that each is reached from; -1 for the first
+    order: (N, n), the eigenvalue of each mode at each point; that of `point` is changed in place
+    meeting: (N, n, n), which eigenvalues of a point meet
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    before = origin[point]
+    together = meeting[before][np.ix_(order[before], order[before])]
+    parted = together & ~meeting[point][np.ix_(order[point], order[point])]
+    for members in {tuple(np.flatnonzero(row)) for row in together[parted.any(axis=1)]}:
+        modes = np.array(members)
+        earlier = before
+        while (
+            earlier >= 0 and meeting[earlier, order[earlier, modes[0]], order[earlier, modes]].all()
+        ):
+            earlier = origin[earlier]
+        if earlier >= 0:
+            there, here = order[earlier, modes], order[point, modes]
+            straight = 2 * values[before, order[before, modes]] - values[earlier, there]
+            there_shapes, here_shapes = shapes[earlier][:, there], shapes[point][:, here]
+            gain = _gain(straight, values[point, here], there_shapes, here_shapes)
+            order[point, modes] = here[linear_sum_assignment(gain, maximize=True)[1]]
 
 
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
@@ -89,25 +118,28 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
     return np.concatenate([neighbours, path[apart]])
 
 
-def _along_tree(pairs: np.ndarray, values: np.ndarray, shapes: np.ndarray) -> Iterator[_Step]:
-    """The steps of the tree of pairs that are most alike, from the first point on."""
+def _along_tree(
+    pairs: np.ndarray, values: np.ndarray, shapes: np.ndarray
+) -> Iterator[tuple[int, int, np.ndarray]]:
+    """The steps of the tree of pairs that are most alike, from the first point on: from which point
+    to which, and, (n,), the eigenvalue there that matches each."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
     count = len(values)
     pairings, gain = _pairings(values, shapes, pairs)
-    most_alike = np.argsort(-gain)
     rank = np.empty(len(pairs))
-    rank[most_alike] = np.arange(1.0, len(pairs) + 1)
+    rank[np.argsort(-gain)] = np.arange(1.0, len(pairs) + 1)
     graph = csr_array((rank, tuple(pairs.T.astype(np.int32))), (count, count))
     tree = minimum_spanning_tree(graph)
     order, predecessors = breadth_first_order(tree, 0, directed=False)
-    both_ways = tree + tree.T
+    forward = dict(zip(map(tuple, pairs.tolist()), pairings, strict=True))
     for point in order[1:].tolist():
         before = int(predecessors[point])
-        number = most_alike[int(both_ways[before, point]) - 1]
-        forward = pairs[number, 0] == before
-        yield _Step(point, before, pairings[number] if forward else np.argsort(pairings[number]))
+        pairing = forward.get((before, point))
+        if pairing is None:
+            pairing = np.argsort(forward[point, before])
+        yield before, point, pairing
 
 
 def _pairings(
@@ -141,11 +173,11 @@ def _pairings(
 def _gain(
     values: np.ndarray, other_values: np.ndarray, shapes: np.ndarray, other_shapes: np.ndarray
 ) -> np.ndarray:
-    """|v_i^H w_j|² - |λ_i - μ_j| / (|λ_i| + |μ_j|), (M, n, n): the gain of matching eigenvalue i of
-    a point with j of the other."""
-    likeness = np.abs(np.einsum("nki,nkj->nij", shapes.conj(), other_shapes)) ** 2
-    distance = np.abs(values[:, :, None] - other_values[:, None, :])
-    size = np.abs(values)[:, :, None] + np.abs(other_values)[:, None, :]
+    """|v_i^H w_j|² - |λ_i - μ_j| / (|λ_i| + |μ_j|), (.., n, n): the gain of matching eigenvalue i
+    of a point with j of the other."""
+    likeness = np.abs(shapes.conj().mT @ other_shapes) ** 2
+    distance = np.abs(values[..., None] - other_values[..., None, :])
+    size = np.abs(values)[..., None] + np.abs(other_values)[..., None, :]
     return likeness - distance / np.maximum(size, 1e-12)
 
 
@@ -163,19 +195,6 @@ def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) 
     forced = gain.copy()
     for member in (0, 1):  # the members of a pair are neighbours
         forced[upper[rows] + member, other_upper[columns] + member] += _PAIRED
-    matches = linear_sum_assignment(forced, maximize=True)[1]
-    for first in upper.tolist():
-        members = [first, first + 1]
-        if not others[matches[members]].imag.any():
-            matches[members] = _lower_first(matches[members], others)
-    origins = np.argsort(matches)
-    for first in other_upper.tolist():
-        members = [first, first + 1]
-        if not values[origins[members]].imag.any():
-            origins[members] = _lower_first(origins[members], values)
-    return np.argsort(origins)
-
-
-def _lower_first(numbers: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Numbers of real eigenvalues, the lower value first."""
-    return np.array(sorted(numbers.tolist(), key=lambda number: values[number].real))
+    lower_first = np.outer(np.sign(values.imag), others.real.argsort().argsort())
+    lower_first += np.outer(values.real.argsort().argsort(), np.sign(others.imag))
+    return linear_sum_assignment(forced - _TIE * lower_first, maximize=True)[1]
