@@ -44,12 +44,12 @@ def test_eigenvalues_that_cross_keep_their_columns() -> None:
 def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
     """At s = 1 their eigenvectors, or a conjugate pair, are what rounding makes of them."""
     shapes = np.random.default_rng(seed).normal(size=(3, 3))
-    nominal = [hfa_model.aircraft().states[name].nominal for name in STATES]
+    nominal = [hfa.aircraft().states[name].nominal for name in STATES]
     vectors = np.array(nominal)[:, None] * shapes / np.linalg.norm(shapes, axis=0)
     s = np.array([0.0, 0.3, 0.8, 1.0, 1.1, 1.6])
     expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
     A = np.einsum("ik,nk,kj->nij", vectors, expected, np.linalg.inv(vectors))
-    tracked = track_modes(A, STATES, hfa_model.aircraft())
+    tracked = track_modes(A, STATES, hfa.aircraft())
     np.testing.assert_allclose(tracked, expected, atol=1e-7)
 
 
@@ -57,7 +57,7 @@ def test_a_mode_crosses_two_integrators_on_a_point() -> None:
     """Two eigenvalues 0 meet at every point, the third meets them at one."""
     s = np.linspace(-1.0, 1.0, 5)
     expected = np.stack([s, np.zeros(5), np.zeros(5)], axis=1)
-    tracked = track_modes(models_with(expected), STATES, hfa_model.aircraft())
+    tracked = track_modes(models_with(expected), STATES, hfa.aircraft())
     np.testing.assert_allclose(tracked, expected, atol=1e-12)
 
 
