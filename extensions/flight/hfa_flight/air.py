@@ -12,10 +12,11 @@ UPDRAFT = "updraft"
 #: The state whose limits count on the output `ANGLE_OF_ATTACK` where the air moves.
 ALPHA = "alpha"
 ANGLE_OF_ATTACK = "angle_of_attack"
-#: Note on flights in moving air.
+#: Notes on flights in moving air.
 OVER_GROUND = (
     f"alpha is over ground; the envelope limits {ANGLE_OF_ATTACK}, which is through the air"
 )
+LIMITED_OVER_GROUND = "speed and flow angles are over ground, and so are their limits"
 
 
 def flown_through_air(model: Model) -> bool:

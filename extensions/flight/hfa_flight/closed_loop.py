@@ -14,6 +14,7 @@ import numpy as np
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
+from hfa_flight.gust_equations import in_gusts
 from hfa_flight.policies import GainPolicy, Measurements, Policy
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import zero
@@ -76,7 +77,9 @@ class LinearPlant(Plant):
     def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
         """Return all states of a model to first order, with the A and B of `linearize` at an
         operating point and the derivatives by these disturbances."""
-        slopes, _ = linearization_at(model, point.states, point.inputs, disturbances=winds)
+        slopes, _ = linearization_at(
+            in_gusts(model), point.states, point.inputs, disturbances=winds
+        )
         return cls(slopes.A, slopes.B, dict(zip(winds, slopes.E.T, strict=True)), point)
 
     @property
@@ -125,7 +128,8 @@ class NonlinearPlant(Plant):
         """f(X0 + x, U0 + u, p, w) + d."""
         p = components(parameters) if self.uncertain else self.model.p.tolist()
         vectors = self._absolute(x), components(ca.DM(self.trim) + u), p
-        rates, _ = self.model.layout.expressions(vectors, (), self._winds(winds))
+        model = self._in(winds)
+        rates, _ = model.layout.expressions(vectors, (), _values(winds, model))
         return rates + ca.mtimes(ca.DM(self.chosen.T), d)
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
@@ -133,12 +137,12 @@ class NonlinearPlant(Plant):
 
         BadInputError where it depends on an input: then it is no angle of the flow alone.
         """
-        model = self.model
+        model = self._in(winds)
         if not winds or not flown_through_air(model):
             return ca.SX(0, 1)
         u = ca.SX.sym("u", len(model.inputs))
         vectors = self._absolute(x), components(u), model.p.tolist()
-        _, angle = model.layout.expressions(vectors, (ANGLE_OF_ATTACK,), self._winds(winds))
+        _, angle = model.layout.expressions(vectors, (ANGLE_OF_ATTACK,), _values(winds, model))
         if ca.depends_on(angle, u):
             raise BadInputError(
                 f"{model.name}: {ANGLE_OF_ATTACK} depends on an input; rename that output"
@@ -148,8 +152,14 @@ class NonlinearPlant(Plant):
     def _absolute(self, x: ca.SX) -> list[ca.SX]:
         return components(ca.DM(np.array(self.point.states)) + x)
 
-    def _winds(self, winds: Winds) -> list[Any]:
-        return [winds.get(name, 0.0) for name in self.model.disturbances]
+    def _in(self, winds: Winds) -> Model:
+        """The model that takes these winds."""
+        return self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
+
+
+def _values(winds: Winds, model: Model) -> list[Any]:
+    """All disturbances of a model."""
+    return [winds.get(name, 0.0) for name in model.disturbances]
 
 
 class Expressions(NamedTuple):
@@ -307,7 +317,7 @@ class ClosedLoop:
         """Disturbance of the model -> its value, where it is not 0."""
         winds: dict[str, Any] = {}
         if self.scenario.gust is not None:
-            winds[UPDRAFT] = ca.SX(self.scenario.gust.updraft(t, state.gust, inputs.gust))
+            winds = self.scenario.gust.winds(t, state.gust, inputs.gust)
         for name, waveform in self.scenario.air.items():
             winds[name] = winds.get(name, 0.0) + waveform.at(t)
         return winds
@@ -339,7 +349,7 @@ class ClosedLoop:
         """Disturbances of the model that are not 0."""
         names = list(self.scenario.air)
         if self.scenario.gust is not None:
-            names.insert(0, UPDRAFT)
+            names = [*self.scenario.gust.names, *names]
         return tuple(dict.fromkeys(names))
 
     def start(self) -> np.ndarray:

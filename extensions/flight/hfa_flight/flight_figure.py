@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
+from hfa_flight.gust_equations import in_gusts
 from hfa_flight.envelope import limits_text
 from hfa_flight.nonlinear_flight import Flight
 from hfa_support.arguments import checks_arguments
@@ -44,7 +45,7 @@ def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
         _draw_inputs(axes, result, unit)
     if has_updraft:
         air = panels[count - 1]
-        unit = model.unit(UPDRAFT)
+        unit = in_gusts(model).unit(UPDRAFT)
         air.plot(result.flight.times, shown_values(result.flight.updrafts, unit), color="C2")
         _finish(air, f"updraft, {shown_unit(unit)}")
     handles, labels = panels[0].get_legend_handles_labels()

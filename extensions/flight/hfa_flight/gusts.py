@@ -1,5 +1,5 @@
-"""Vertical gusts: the discrete 1-cosine gust and Dryden turbulence, as stages of a compiled
-loop."""
+"""Gusts as stages of a compiled loop: the discrete 1-cosine gust and Dryden turbulence, both
+vertical."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.model import Model
+from hfa_flight.air import UPDRAFT
 from hfa_support.errors import BadInputError, refuse_unless_positive, refuse_unless_whole
 
 #: Time scales of turbulence, in ticks: shorter ones a noise that is held for a tick cannot make,
@@ -19,14 +21,20 @@ LONGEST = 1e6
 
 
 class Gust:
-    """w(t), the vertical velocity of the air, positive up: a stage of a loop.
+    """The motion of the air, a stage of a loop; unless it has other `winds`, w(t) positive up.
 
+    names: disturbances of the model that it moves
     memory_size: number of states of its filter
     held_size: numbers that it is handed anew in each tick
     """
 
+    names: tuple[str, ...] = (UPDRAFT,)
     memory_size = 0
     held_size = 0
+
+    def winds(self, t: Any, memory: ca.SX, held: ca.SX) -> dict[str, Any]:
+        """Disturbance of the model -> its value at t."""
+        return {UPDRAFT: ca.SX(self.updraft(t, memory, held))}
 
     def updraft(self, t: Any, memory: ca.SX, held: ca.SX) -> Any:
         """w at t; expressions or numbers."""
@@ -35,6 +43,14 @@ class Gust:
     def memory_rate(self, t: Any, memory: ca.SX, held: ca.SX) -> ca.SX:
         """Time derivative of the states of the filter, (memory_size,)."""
         return ca.SX(0, 1)
+
+    def left_out(self, model: Model) -> list[str]:
+        """What of it the equations of a model do not take, and why, in a sentence each."""
+        return []
+
+    def text(self, model: Model) -> str:
+        """What a reader of a flight should know of it; "" for nothing."""
+        return ""
 
     def start(self) -> np.ndarray:
         """States of the filter at the beginning, (memory_size,)."""

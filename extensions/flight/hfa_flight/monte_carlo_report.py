@@ -76,6 +76,9 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
         parts.append(_quantile_table(plan, found))
         if plan.scenario.moving_air and flown_through_air(plan.model):
             parts.append(OVER_GROUND)
+    gust = plan.member(0).gust
+    if gust is not None and gust.text(plan.model):
+        parts += [gust.text(plan.model), *gust.left_out(plan.model)]
     notes = [_ALIKE] if plan.scenario.uncertainty == Uncertainty() else []
     return Report(title, parts, notes, found.as_data())
 

@@ -10,7 +10,14 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
-from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, OVER_GROUND, UPDRAFT, flown_through_air
+from hfa_flight.air import (
+    ALPHA,
+    ANGLE_OF_ATTACK,
+    LIMITED_OVER_GROUND,
+    OVER_GROUND,
+    UPDRAFT,
+    flown_through_air,
+)
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from hfa_flight.envelope import (
     ControlExcess,
@@ -26,6 +33,7 @@ from hfa_flight.envelope import (
 )
 from hfa_flight.flight_history import Deviations
 from hfa_flight.flown_policy import flown_policy
+from hfa_flight.gust_equations import in_gusts
 from hfa_flight.limit_cycle import Decay, LimitCycle, oscillation
 from hfa_flight.own_steps import JSBSIM, RUNGE_KUTTA, USUAL_STEP, in_own_steps, refuse_method
 from hfa_flight.policies import GainPolicy, OpenLoop
@@ -177,7 +185,8 @@ class FlightHistory(Result):
     """What the files of a flight have beside its data.
 
     history: once a tick, all absolute: times (N,), states (N, n), inputs (N, m), angles_of_attack
-        (N,); errors (N, k), updrafts (N,), or (N, 2) at center and outer panels.
+        (N,); errors (N, k), updrafts (N,), or (N, 2) at center and outer panels; winds, disturbance
+        -> (N,).
     """
 
     history: Mapping[str, Any]
@@ -387,6 +396,8 @@ class Flight(StatesAndInputs, Result, Reported):
             lines.append(self.decay.text())
         if exceeded:
             lines.append(f"exceeded control limits: {exceeded}")
+        if self.loop.scenario.gust is not None:
+            lines += self.loop.scenario.gust.left_out(self.model)
         return "\n".join(lines)
 
     def plot(self) -> np.ndarray:
@@ -424,13 +435,22 @@ class Flight(StatesAndInputs, Result, Reported):
         if self.commanded:
             parts.append(_tracking_table(self.commanded))
         parts.append(self._states(moving))
-        if moving:
-            parts.append(OVER_GROUND)
+        parts += self._air_notes(moving)
         parts.append(self._inputs())
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
         return Report(self.title(), parts, notes, self.as_data(), self._records())
+
+    def _air_notes(self, through_air: bool) -> list[str]:
+        """What the air does, and what the limits of the envelope are about."""
+        gust = self.loop.scenario.gust
+        limited = [OVER_GROUND] if through_air else []
+        if gust is None:
+            return limited
+        if not through_air and ALPHA in self.model.states:
+            limited = [LIMITED_OVER_GROUND]
+        return [*filter(None, [*limited, gust.text(self.model)])]
 
     def _states(self, moving: bool) -> Table:
         """A row a state, and where the air moves one of alpha through it."""
@@ -478,6 +498,7 @@ class Flight(StatesAndInputs, Result, Reported):
             "times": self.flight.times[every],
             "errors": self.flight.errors[every],
             "updrafts": self.flight.updrafts[every],
+            "winds": {name: values[every] for name, values in self.flight.winds.items()},
             "states": self.states[every],
             "inputs": self.inputs[every],
         }
@@ -492,9 +513,12 @@ class Flight(StatesAndInputs, Result, Reported):
         model = self.point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
         columns = [history["times"], history["states"], history["inputs"]]
+        winds = dict(history["winds"])
         if UPDRAFT in model.disturbances:
-            units[UPDRAFT] = model.unit(UPDRAFT)
-            columns.append(history["updrafts"])
+            winds.setdefault(UPDRAFT, history["updrafts"])
+        for name, values in winds.items():
+            units[name] = in_gusts(model).unit(name)
+            columns.append(values)
         if flown_through_air(model):
             units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
             columns.append(history["angles_of_attack"])

@@ -30,10 +30,12 @@ from hfa_aircraft.signals import record
 from hfa_flight.actuators import ActuatorBank, ActuatorFault
 from hfa_flight.air import UPDRAFT, gust_speed
 from hfa_flight.envelope import control_limits, flight_envelope
-from hfa_flight.gusts import Dryden, Gust, OneMinusCosine
+from hfa_flight.gust_equations import in_gusts
+from hfa_flight.gusts import Gust, OneMinusCosine
 from hfa_flight.own_steps import JSBSIM, METHODS, RUNGE_KUTTA
-from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.scenario import Scenario, Uncertainty, drawn_turbulence
 from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
+from hfa_flight.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import MATRIX_FILES
@@ -49,7 +51,7 @@ NONE = "none"
 #: How help shows the values of options.
 _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
 _GUST = "LENGTH:PEAK[:BEGIN]"
-_TURBULENCE = "SIGMA:SCALE"
+_TURBULENCE = "LEVEL[:ALTITUDE[:SPAN]]"
 _ACTUATORS = "LAG:RATE[:ORDER]"
 _FAULT = "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
 #: What flies in place of a law -> options that then would change nothing.
@@ -116,7 +118,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
     weights: Path | None = None
     controller: Path | None = None
     policy: Path | None = None
-    turbulence: tuple[float, float] | None = None
+    turbulence: Turbulence | tuple[float, float] | None = None
     samples: int | None = None
 
     def check_policy(self) -> None:
@@ -214,13 +216,36 @@ def actuators_option() -> Any:
 
 
 def _about_gust(model: Model) -> str:
-    speed = model.unit(UPDRAFT) if UPDRAFT in model.disturbances else "ft/s"
-    return f"1-cosine updraft, {speed.removesuffix('/s')}, {speed}, s"
+    length = _length_of(model)
+    return f"1-cosine updraft, {length}, {length}/s, s"
 
 
 def _about_turbulence(model: Model) -> str:
-    speed = model.unit(UPDRAFT) if UPDRAFT in model.disturbances else "ft/s"
-    return f"Dryden turbulence, {speed} and {speed.removesuffix('/s')}, from --seed"
+    length = _length_of(model)
+    return (
+        f"{', '.join(LEVELS)}: of MIL-F-8785C at an ALTITUDE, {length} (p, q, r with a wing SPAN);"
+        f" karman-LEVEL: von Karman; SIGMA:SCALE, {length}/s and {length}: vertical Dryden;"
+        " from --seed"
+    )
+
+
+def _length_of(model: Model) -> str:
+    """The unit of length in which gusts are typed."""
+    gusty = in_gusts(model)
+    return gusty.unit(UPDRAFT).removesuffix("/s") if UPDRAFT in gusty.disturbances else "ft"
+
+
+def _turbulence(text: str) -> Turbulence | tuple[float, float]:
+    """A level with its altitude and span, or an intensity and a scale."""
+    word, *rest = text.split(":")
+    spectrum, _, level = word.rpartition("-")
+    if level in LEVELS and spectrum in ("", *SPECTRA) and len(rest) <= 2:
+        sizes = [number(size) if size else None for size in rest]
+        return Turbulence(level, *sizes, spectrum=spectrum or SPECTRA[0])
+    if word[:1].isalpha():
+        raise BadInputError(f"is {text!r}; give {_TURBULENCE} with {', '.join(LEVELS)}")
+    sigma, scale = numbers("SIGMA:SCALE", 2)(text)
+    return sigma, scale
 
 
 def _linear_state(model: Model, name: str, text: str) -> float:
@@ -229,7 +254,16 @@ def _linear_state(model: Model, name: str, text: str) -> float:
 
 def turbulence_option() -> Any:
     """The field `turbulence`."""
-    return option(_about_turbulence, _TURBULENCE, numbers(_TURBULENCE, 2), rare=True)
+    return option(_about_turbulence, _TURBULENCE, _turbulence, rare=True)
+
+
+def at_held_altitude(
+    typed: Turbulence | tuple[float, float] | None, hold: Mapping[str, Any]
+) -> Turbulence | tuple[float, float] | None:
+    """The typed turbulence, at the altitude of --hold where it has none of its own."""
+    if isinstance(typed, Turbulence) and typed.altitude is None and "altitude" in hold:
+        return replace(typed, altitude=hold["altitude"])
+    return typed
 
 
 def noise_option(about: str) -> Any:
@@ -297,7 +331,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         default=0.0,
         rare=True,
     )
-    turbulence: tuple[float, float] | None = turbulence_option()
+    turbulence: Turbulence | tuple[float, float] | None = turbulence_option()
     error: Mapping[str, float] = option(
         "factor on a parameter of the simulated aircraft alone; with --samples its relative "
         "standard deviation",
@@ -346,7 +380,8 @@ class ScenarioOptions(LawOptions, TrimOptions):
             raise BadInputError("--gust and --turbulence do not go together; give one of them")
         gust = self._gust(point, common)
         if self.samples is not None:
-            uncertainty = Uncertainty(self.error, self.noise, self.turbulence)
+            turbulence = at_held_altitude(self.turbulence, self.hold)
+            uncertainty = Uncertainty(self.error, self.noise, turbulence)
             return replace(common, uncertainty=uncertainty, gust=gust).on(model)
         noise = _constant([self.noise.get(name, 0.0) for name in names])
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
@@ -356,10 +391,9 @@ class ScenarioOptions(LawOptions, TrimOptions):
         if self.gust is not None:
             return gust_at(self.gust, point, happens.duration)
         if self.turbulence is not None and self.samples is None:
-            intensity, scale = self.turbulence
-            return Dryden(
-                intensity, scale, gust_speed(point), happens.tick, happens.ticks, self.seed
-            )
+            turbulence = at_held_altitude(self.turbulence, self.hold)
+            assert turbulence is not None
+            return drawn_turbulence(turbulence, point, happens.tick, happens.ticks, self.seed)
         return None
 
 

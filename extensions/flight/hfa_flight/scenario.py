@@ -13,8 +13,10 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.actuators import ActuatorBank
 from hfa_flight.air import UPDRAFT, gust_speed
+from hfa_flight.gust_equations import in_gusts
 from hfa_flight.gusts import Dryden, Gust
 from hfa_flight.signals import TimeVector, Waveform, zero
+from hfa_flight.turbulence import Turbulence
 from hfa_support.errors import (
     BadInputError,
     is_finite,
@@ -41,7 +43,8 @@ class Uncertainty:
     errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value
     noise: state of the linear model -> standard deviation of what its sensor adds, drawn anew every
         tick and held
-    turbulence: (intensity, ft/s, scale, ft) of Dryden turbulence, or None
+    turbulence: `Turbulence` of MIL-F-8785C, (intensity, scale) of vertical Dryden turbulence in the
+        units of the model, or None
 
     BadInputError when a deviation is negative; `Scenario.on` looks at the names.
 
@@ -51,7 +54,7 @@ class Uncertainty:
 
     errors: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
-    turbulence: tuple[float, float] | None = None
+    turbulence: Turbulence | tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """BadInputError unless every standard deviation is a finite number from 0 on."""
@@ -197,10 +200,14 @@ class Scenario(Shown):
             refuse_unknown("unknown noise of state", name, model.linear)
         for name in self.air:
             refuse_unknown("unknown disturbance", name, tuple(model.disturbances))
-        if (self.gust or self.uncertainty.turbulence) and UPDRAFT not in model.disturbances:
-            raise BadInputError(
-                f"{model.name} declares no disturbance {UPDRAFT}, which a gust is; declare it"
-            )
+        gusts = () if self.gust is None else self.gust.names
+        if isinstance(self.uncertainty.turbulence, tuple):
+            gusts = (UPDRAFT,)
+        for name in gusts:
+            if name not in in_gusts(model).disturbances:
+                raise BadInputError(
+                    f"{model.name} declares no disturbance {name}, which a gust is; declare it"
+                )
         n = len(model.states)
         no_signal = zero(len(model.linear))
         initial = self.initial if np.size(self.initial) else np.zeros(n)
@@ -232,7 +239,7 @@ class Scenario(Shown):
         gust = self.gust
         if uncertain.turbulence is not None:
             air = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
-            gust = Dryden(*uncertain.turbulence, gust_speed(point), self.tick, self.ticks, air)
+            gust = drawn_turbulence(uncertain.turbulence, point, self.tick, self.ticks, air)
         return replace(
             self,
             errors=errors,
@@ -257,6 +264,19 @@ class Scenario(Shown):
         if self.delay:
             data["delay"] = self.delay
         return data
+
+
+def drawn_turbulence(
+    turbulence: Turbulence | tuple[float, float],
+    point: OperatingPoint,
+    tick: float,
+    ticks: int,
+    seed: int,
+) -> Gust:
+    """The turbulence of a flight from a trim. tick: s. ticks: how many the flight has."""
+    if isinstance(turbulence, Turbulence):
+        return turbulence.air(point, tick, ticks, seed)
+    return Dryden(*turbulence, gust_speed(point), tick, ticks, seed)
 
 
 def with_errors(model: Model, scenario: Scenario) -> Model:

@@ -144,7 +144,6 @@ def test_exports_have_its_names() -> None:
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("fly --gust 100:5", "Navion declares no disturbance updraft"),
         ("fly --initial paper", "'paper' is not NAME=VALUE"),
         ("fly --command flap=1:1", "a gain follows no command of 'flap'"),
         ("fly --law none --command flap=1:1", "there is no law, and no input 'flap'"),

@@ -127,6 +127,7 @@ class Assessment(Result, Reported):
         flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
         costs = [self._flown_costs(), self._costing()]
         loop = [self._saturating(), self._delaying(), self._offset(), *costs]
+        flown += [sentence for rough in self._rough[:1] for sentence in rough.left_out]
         if not self.ok:
             return [*filter(None, [*bad, *flown, *loop])]
         rough = "every flight with {} stays inside the envelope".format
@@ -360,6 +361,7 @@ class Assessment(Result, Reported):
             units = [model.unit(name) for name in one.rms]
             parts.append(f"flights of {one.seconds:g} s from the trim with {one.disturbed_by}:")
             parts.append(rough_table(self._rough, trims, units))
+            parts += list(dict.fromkeys(rough.air for rough in self._rough if rough.air))
         if self.variations:
             parts.append(variation_table(self.variations, trims))
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import Model
+from hfa_flight.turbulence import Turbulence
 from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.trims import trims_of
@@ -25,6 +27,7 @@ def environment(
     *,
     seconds: float = SECONDS,
     render_mode: str | None = None,
+    turbulence: Turbulence | None = None,
 ) -> gymnasium.Env:
     """An aircraft about its trims as an environment of gymnasium.
 
@@ -36,6 +39,8 @@ def environment(
     seconds: length of an episode, after which it is truncated; it is terminated where the aircraft
         leaves its limits
     render_mode: None or "rgb_array", the picture of the episode so far
+    turbulence: of MIL-F-8785C, which each episode meets, drawn anew; what the aircraft does not
+        take of it is a warning
 
     Raises BadInputError where gymnasium is missing, a name is unknown, or an action has no box.
 
@@ -51,7 +56,7 @@ def environment(
     >>> observation.shape, flights.action_space.shape
     ((2,), (1,))
     """
-    episodes = _episodes(model, deployment, points, 1, seconds)
+    episodes = _episodes(model, deployment, points, 1, seconds, turbulence)
     make = _made("gymnasium", "rl", "hfa_policy.gymnasium_environment", "AircraftEnvironment")
     made: gymnasium.Env = make(episodes, render_mode)
     return made
@@ -65,6 +70,7 @@ def vector_environment(
     *,
     count: int = 8,
     seconds: float = SECONDS,
+    turbulence: Turbulence | None = None,
 ) -> Any:
     """The same, `count` episodes at once, compiled: a `VecEnv` of Stable-Baselines3.
 
@@ -74,7 +80,7 @@ def vector_environment(
     >>> flights = hfa.vector_environment(model, card, count=16)  # doctest: +SKIP
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
-    episodes = _episodes(model, deployment, points, count, seconds)
+    episodes = _episodes(model, deployment, points, count, seconds, turbulence)
     module = "hfa_policy.vector_environment"
     make = _made("stable_baselines3", "training", module, "AircraftVectorEnvironment")
     return make(episodes)
@@ -86,12 +92,16 @@ def _episodes(
     points: Iterable[Any] | None,
     count: int,
     seconds: float,
+    turbulence: Turbulence | None,
 ) -> Episodes:
     refuse_unless_whole("count", count, 1)
     trims = trims_of(model, points)
     if all("box" in entry for entry in deployment.action.values()):
         deployment = deployment.changed(policy={})  # its file may be what is trained here
-    return Episodes(deployment.on(model), trims, count, seconds)
+    if turbulence is not None:
+        for sentence in turbulence.air(trims[0], deployment.dt, 1, 0).left_out(model):
+            warnings.warn(sentence, stacklevel=4)
+    return Episodes(deployment.on(model), trims, count, seconds, turbulence)
 
 
 def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any]:

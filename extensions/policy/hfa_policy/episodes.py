@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.envelope import flight_envelope
+from hfa_flight.turbulence import AirFilter, Turbulence
 from hfa_policy.departures import departure_at, refuse_edges
 from hfa_policy.deployed import Deployed
 from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
@@ -61,8 +62,12 @@ class Episodes:
         points: Sequence[OperatingPoint],
         count: int,
         seconds: float = SECONDS,
+        turbulence: Turbulence | None = None,
     ) -> None:
-        """BadInputError where there is no trim, an action has no box, or the time is no number."""
+        """turbulence: which episodes meet; drawn anew for each of them.
+
+        BadInputError where there is no trim, an action has no box, the time is no number, or the
+        aircraft takes no turbulence."""
         if not points:
             raise BadInputError("there is no trim to begin at; give at least one operating point")
         if not (is_finite(seconds) and seconds >= deployed.deployment.dt):
@@ -75,6 +80,9 @@ class Episodes:
         deployed.refuse_undefined_at(points, middle_of_box)
         self.samples = round(seconds / deployed.deployment.dt)
         actions = len(deployed.commanded)
+        self._air = None
+        if turbulence is not None:
+            self._air = EpisodeAir(turbulence, points, count, deployed.deployment.dt)
         self._flight = SampledFlight(
             deployed,
             deployed.deployment.dt,
@@ -82,6 +90,7 @@ class Episodes:
             parts_of_a_sample(list(points), deployed.deployment.dt),
             extra=actions,
             other=_moved_by_actions(deployed, self.low, self.high),
+            winds=() if self._air is None else self._air.names,
         )
         self._step = row_code(self._sample(), together=1 if count == 1 else None)
         self._threads = ThreadPoolExecutor() if count >= _MANY else None
@@ -96,6 +105,7 @@ class Episodes:
         self._bound = self._step.bound(self._rows) if isinstance(self._step, RowCode) else None
         slices = self._flight.slices
         self._X, self._extra = slices[0], slices[-1]
+        self._winds = slice(slices[-1].start - len(self._flight.winds), slices[-1].start)
         self._U = slice(slices[1].stop - len(deployed.model.inputs), slices[1].stop)
         self._inside = self._least[np.zeros(count, dtype=int)], self._most[[0] * count]
         self._frames = np.zeros((count, deployed.deployment.width))
@@ -121,13 +131,17 @@ class Episodes:
         trims = self._trims[owners]
         starts = trims[:, : len(self.deployed.model.states)].copy()
         starts[:, self._linear] += share * self._boxes[owners]
+        if self._air is not None and len(numbers) == len(self.done):
+            self._air.seed(int(random.integers(2**63)))
         return self.begin_at(numbers, owners, starts)
 
     def begin_at(self, numbers: np.ndarray, owners: np.ndarray, starts: np.ndarray) -> np.ndarray:
         """Begin these episodes about the trims with these numbers, from states (N, n); the earlier
         observations are the first."""
         count = len(numbers)
-        pushes = np.zeros((count, len(self._linear)))
+        pushes = np.zeros((count, len(self._linear) + len(self._flight.winds)))
+        if self._air is not None:
+            self._air.begin(numbers, owners)
         actions = np.zeros((count, len(self.low)))
         self._rows[numbers] = self._flight.rows(starts, self._trims[owners], pushes, actions)
         self.owners[numbers] = owners
@@ -152,6 +166,8 @@ class Episodes:
                 f"an action is {shown(actions.tolist())}; give {wanted[0]} x {wanted[1]} numbers"
             )
         self._rows[:, self._extra] = actions
+        if self._air is not None:
+            self._rows[:, self._winds] = self._air.step()
         after, costs, observed = self._stepped()
         observations = observed.copy()
         X = after[:, self._X]
@@ -212,6 +228,52 @@ class Episodes:
         row = ca.MX.sym("row", sum(self._flight.sizes))
         X, before, trim, _ = self._flight.observed(row)
         return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])
+
+
+class EpisodeAir:
+    """The turbulence of N episodes, each about one of several trims: exact at the samples, its mean
+    of both ends held during each."""
+
+    def __init__(
+        self, turbulence: Turbulence, points: Sequence[OperatingPoint], count: int, dt: float
+    ) -> None:
+        """BadInputError as of `Turbulence.air`."""
+        airs = [turbulence.air(point, dt, 1, 0) for point in points]
+        filters = [AirFilter.of(air) for air in airs]
+        self.names = airs[0].names
+        self._steps = np.array([each.step[0] for each in filters])
+        self._noises = np.array([each.step[1] for each in filters])
+        self._stationary = np.array([each.root for each in filters])
+        self._seen = np.array(
+            [air.factors.T @ each.C for air, each in zip(airs, filters, strict=True)]
+        )
+        self._states = np.zeros((count, self._steps.shape[1]))
+        self._owners = np.zeros(count, dtype=int)
+        self._random = np.random.default_rng()
+
+    def seed(self, seed: int) -> None:
+        """Decide everything that is drawn from now on."""
+        self._random = np.random.default_rng(seed)
+
+    def begin(self, numbers: np.ndarray, owners: np.ndarray) -> None:
+        """Begin these episodes in stationary turbulence about the trims `owners`."""
+        draw = self._random.standard_normal((len(numbers), self._states.shape[1]))
+        self._owners[numbers] = owners
+        self._states[numbers] = _rowwise(self._stationary[owners], draw)
+
+    def step(self) -> np.ndarray:
+        """The disturbances of the next sample, (N, k)."""
+        owners = self._owners
+        draw = self._random.standard_normal(self._states.shape)
+        before = self._states
+        moved = _rowwise(self._steps[owners], before)
+        self._states = moved + _rowwise(self._noises[owners], draw)
+        return _rowwise(self._seen[owners], 0.5 * (before + self._states))
+
+
+def _rowwise(matrices: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Each row (N, n) times its matrix (N, m, n)."""
+    return np.einsum("nij,nj->ni", matrices, rows)
 
 
 def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:

@@ -92,6 +92,7 @@ class SampledFlight:
     parts: into how many steps of the integration a sample is divided.
     extra: length of further numbers of a row, which `steered` takes behind the trim.
     other: what steers it; the deployment unless given.
+    winds: disturbances of the aircraft that a row has behind the push.
     """
 
     deployed: Deployed
@@ -100,6 +101,7 @@ class SampledFlight:
     parts: int
     extra: int = 0
     other: Steered | None = None
+    winds: tuple[str, ...] = ()
 
     @cached_property
     def steered(self) -> Steered:
@@ -126,7 +128,8 @@ class SampledFlight:
         n, m = len(model.states), len(model.inputs)
         trim = n + m + len(model.parameters)
         past = 0 if self.steered.past is None else self.deployed.past
-        return (n, m * (self.whole + 1), n, n, m, m, past, trim, len(model.linear), self.extra)
+        pushes = len(model.linear) + len(self.winds)
+        return (n, m * (self.whole + 1), n, n, m, m, past, trim, pushes, self.extra)
 
     @property
     def slices(self) -> tuple[slice, ...]:
@@ -163,10 +166,10 @@ class SampledFlight:
         after = X
         if self.early:
             early_parts = max(1, math.ceil(self.parts * self.early / self.dt - _WHOLE))
-            after = held_step(model, self.early, early_parts)(after, before, push, p)
+            after = held_step(model, self.early, early_parts, self.winds)(after, before, push, p)
         late = self.dt - self.early
         late_parts = max(1, math.ceil(self.parts * late / self.dt - _WHOLE))
-        after = held_step(model, late, late_parts)(after, acting, push, p)
+        after = held_step(model, late, late_parts, self.winds)(after, acting, push, p)
         still_to_act, _ = ca.vertsplit(memory, [0, m * self.whole, m * (self.whole + 1)])
         moved = ca.densify(ca.vertcat(after, U, still_to_act))
         return ca.Function("moved", [row, raw], [moved, ca.densify(acting)])

@@ -10,6 +10,7 @@ import numpy as np
 
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
+from hfa_flight.gust_equations import in_gusts
 from trim.point.operating_point import OperatingPoint
 
 #: Longest step of the integration, in parts of the time constant of the fastest mode: an error of
@@ -29,14 +30,20 @@ def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
 
 
 @lru_cache(maxsize=16)
-def step_of_integration(layout: Layout, linear: tuple[str, ...]) -> ca.Function:
+def step_of_integration(
+    layout: Layout, linear: tuple[str, ...], winds: tuple[str, ...] = ()
+) -> ca.Function:
     """[X; U; push; p; h] -> X after h seconds, by a step of the classical Runge-Kutta method of
     order 4 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2) for
-    X' = f(X, U, p) + push on the states `linear`, in still air."""
+    X' = f(X, U, p, w) + d, (d, w) = push: on the states `linear`, and the disturbances `winds`."""
     states, inputs, parameters = layout.names[0], layout.names[1], layout.names[2]
-    sizes = (len(states), len(inputs), len(linear), len(parameters))
+    sizes = (len(states), len(inputs), len(linear) + len(winds), len(parameters))
     X, U, push, p = (ca.SX.sym("x", size) for size in sizes)
-    rates, _ = layout.expressions([components(vector) for vector in (X, U, p)], ())
+    every_wind = None
+    if winds:
+        wind = dict(zip(winds, ca.vertsplit(push)[len(linear) :], strict=True))
+        every_wind = [wind.get(name, 0.0) for name in layout.names[3]]
+    rates, _ = layout.expressions([components(vector) for vector in (X, U, p)], (), every_wind)
     pushed = [
         rate + (push[linear.index(name)] if name in linear else 0.0)
         for name, rate in zip(states, ca.vertsplit(rates), strict=True)
@@ -52,15 +59,19 @@ def step_of_integration(layout: Layout, linear: tuple[str, ...]) -> ca.Function:
     return ca.Function("step", [ca.vertcat(X, U, push, p, h)], [after], {"never_inline": True})
 
 
-def held_step(model: Model, dt: float, parts: int) -> ca.Function:
+def held_step(
+    model: Model, dt: float, parts: int, winds: tuple[str, ...] = ()
+) -> ca.Function:
     """(X, U, push, p) -> X after dt seconds, in `parts` steps of the integration.
 
     X: (n,), absolute, as U (m,), which is held
-    push: (k,), adds to the rates of the linear states
+    push: (k + w,), adds to the rates of the linear states; the disturbances `winds`
     p: the parameters of the model
     """
-    step = step_of_integration(model.layout, model.linear)
-    sizes = (len(model.states), len(model.inputs), len(model.linear), len(model.parameters))
+    layout = in_gusts(model).layout if winds else model.layout
+    step = step_of_integration(layout, model.linear, winds)
+    pushes = len(model.linear) + len(winds)
+    sizes = (len(model.states), len(model.inputs), pushes, len(model.parameters))
     X, U, push, p = (ca.MX.sym("x", size) for size in sizes)
     after = X
     for _ in range(parts):

@@ -13,6 +13,7 @@ from hfa_flight.envelope import Departure, flight_envelope
 from hfa_flight.monte_carlo import MonteCarlo, fly_member, member_row
 from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.turbulence import Turbulence
 from hfa_policy.deployed import Deployed
 from hfa_policy.flown import DeployedPolicy, policy_about, sampled_scenario
 from hfa_support.errors import BadInputError
@@ -36,6 +37,8 @@ class RoughFlights(Result):
     rms: linear state or commanded input -> root mean square off trim, inside the envelope.
     calm: that of a flight without noise in still air.
     departure: of the flight that leaves the envelope first; None where none does.
+    air: the gust or turbulence, in a line; "" for none.
+    left_out: what of it the equations do not take, a sentence each.
     """
 
     flights: int
@@ -45,6 +48,8 @@ class RoughFlights(Result):
     rms: dict[str, float]
     calm: dict[str, float]
     departure: Departure | None
+    air: str = ""
+    left_out: tuple[str, ...] = ()
 
 
 def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
@@ -94,6 +99,7 @@ def _flown(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
     calm_plan = replace(plan, members=1, scenario=still)
     calm = _rms(calm_plan, [fly_member(calm_plan, 0)])
     names = (*plan.model.linear, *policy.deployed.commanded)
+    gust = plan.member(0).gust
     departures = [flight.departure for flight in flights if flight.departure is not None]
     return RoughFlights(
         flights=len(flights),
@@ -103,6 +109,8 @@ def _flown(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
         rms={name: rms[name] for name in names},
         calm={name: calm[name] for name in names},
         departure=min(departures, key=lambda left: left.time, default=None),
+        air="" if gust is None else gust.text(plan.model),
+        left_out=() if gust is None else tuple(gust.left_out(plan.model)),
     )
 
 
@@ -120,13 +128,18 @@ def _disturbed_by(scenario: Scenario) -> str:
     uncertain = scenario.uncertainty
     named = {
         "noise": any(uncertain.noise.values()),
-        "turbulence": uncertain.turbulence is not None,
+        _turbulence_text(uncertain.turbulence): uncertain.turbulence is not None,
         "a gust": scenario.gust is not None,
         "wrong parameters": bool(uncertain.errors or scenario.errors),
         "moving air": bool(scenario.air),
         "actuators": scenario.actuators is not None,
     }
     return " and ".join(name for name, is_there in named.items() if is_there)
+
+
+def _turbulence_text(turbulence: Turbulence | tuple[float, float] | None) -> str:
+    """Return "light turbulence"."""
+    return f"{turbulence.level} turbulence" if isinstance(turbulence, Turbulence) else "turbulence"
 
 
 def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequence[str]) -> Table:

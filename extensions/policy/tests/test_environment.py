@@ -9,7 +9,8 @@ from tolerances import SAME_FORMULA
 
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.nonlinear_flight import fly
-from hfa_flight.scenario import Scenario
+from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.turbulence import Turbulence
 from hfa_policy.deployment import Deployment
 from hfa_policy.environment import environment, vector_environment
 from hfa_policy.episodes import Episodes
@@ -203,3 +204,42 @@ def test_training_logs_the_return_of_episodes() -> None:
     assert len(lengths) >= 4
     assert max(lengths) == 10
     assert all(episode["r"] <= 0.0 for episode in trained.ep_info_buffer)
+
+
+@pytest.mark.filterwarnings("ignore:turbulence without")
+def test_episodes_meet_the_turbulence_of_flights() -> None:
+    """With actions at trim: drawn by the seed alone, with the spread of alpha of `fly`."""
+    light = Turbulence("light", 150.0, span=2.0)
+    model, deployment = aircraft("ppo_gtm"), gtm_card({}, action=ACTION)
+    points = trims("ppo_gtm")[1:2]
+    env = environment(model, deployment, points, turbulence=light)
+    still = env.action_space.low * 0.0
+    runs = []
+    for seed in (5, 5, 6):
+        env.reset(seed=seed, options=None)
+        runs.append([env.step(still)[0] for _ in range(50)])
+    np.testing.assert_array_equal(runs[0], runs[1])
+    assert np.abs(np.subtract(runs[0], runs[2])).max() > 1e-3
+    many = Episodes(deployment.on(model), points, 200, 2.0, light)
+    many.begin(np.arange(200), np.random.default_rng(1))
+    owners = np.zeros(200, dtype=int)
+    many.begin_at(np.arange(200), owners, np.tile(np.array(points[0].states), (200, 1)))
+    for _ in range(25):
+        many.step(np.zeros((200, 1)))
+    scenario = Scenario(duration=0.5, tick=0.02, uncertainty=Uncertainty(turbulence=light))
+    ends = [
+        fly(model, points[0], scenario=scenario.drawn(2, member, points[0]), predict=False).states[-1]
+        for member in range(60)
+    ]
+    ratio = many.states.std(axis=0) / np.std(ends, axis=0)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.35)
+
+
+def test_what_an_environment_leaves_out_is_a_warning() -> None:
+    with pytest.warns(UserWarning, match="turbulence without v, p, r: the equations have no"):
+        environment(
+            aircraft("ppo_gtm"),
+            card("ppo_gtm"),
+            trims("ppo_gtm")[:1],
+            turbulence=Turbulence("light", 150.0, span=2.0),
+        )

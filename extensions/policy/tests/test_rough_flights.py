@@ -10,6 +10,7 @@ from tolerances import SAME_FORMULA
 import hfa
 from hfa_flight.gusts import OneMinusCosine
 from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.turbulence import Turbulence
 from hfa_policy.assess import assess
 from hfa_policy.rough_flights import rough_flights, rough_scenario
 
@@ -62,7 +63,7 @@ def test_a_flight_that_leaves_in_a_gust_fails(good):
     [
         (Scenario(), 2, "has no noise, gust or turbulence"),
         (Scenario(uncertainty=NOISE), 0, "samples is 0"),
-        (Scenario(gust=OneMinusCosine(100.0, 5.0, 45.0)), 2, "declares no disturbance updraft"),
+        (Scenario(uncertainty=Uncertainty(turbulence=Turbulence("light"))), 2, "has no altitude"),
         (Scenario(uncertainty=Uncertainty(noise={"q": 1.0})), 2, "unknown noise of state 'q'"),
     ],
 )

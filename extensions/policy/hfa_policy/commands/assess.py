@@ -20,8 +20,15 @@ from hfa.options.trims import (
 )
 from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
-from hfa_flight.options import gust_at, gust_option, noise_option, turbulence_option
+from hfa_flight.options import (
+    at_held_altitude,
+    gust_at,
+    gust_option,
+    noise_option,
+    turbulence_option,
+)
 from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.turbulence import Turbulence
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown
 from trim.point.operating_point import OperatingPoint
@@ -119,7 +126,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     noise: Mapping[str, float] = noise_option(
         "standard deviation of the sensor noise of a state, degrees for angles; repeatable"
     )
-    turbulence: tuple[float, float] | None = turbulence_option()
+    turbulence: Turbulence | tuple[float, float] | None = turbulence_option()
     gust: tuple[float, ...] | None = gust_option()
     best: int = option(
         "compare K flights at each trim with the best flights found; default 0",
@@ -171,7 +178,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         """Noise, gust and turbulence about a trim."""
         from hfa_policy.rough_flights import rough_scenario
 
-        uncertainty = Uncertainty(noise=self.noise, turbulence=self.turbulence)
+        turbulence = at_held_altitude(self.turbulence, self.hold)
+        uncertainty = Uncertainty(noise=self.noise, turbulence=turbulence)
         scenario = Scenario(uncertainty=uncertainty)
         gust = gust_at(self.gust, point, scenario.duration)
         return rough_scenario(replace(scenario, gust=gust), point.model, self.samples)

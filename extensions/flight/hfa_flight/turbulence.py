@@ -1,0 +1,422 @@
+"""Turbulence of MIL-F-8785C, Section 3.7: six components, by level and altitude.
+
+Sources: MIL-F-8785C, *Flying Qualities of Piloted Airplanes*, 1980: spectra of Dryden and von Karman
+(3.7.1.1, 3.7.1.2), of the rates (3.7.5), scale lengths and intensities (3.7.2, 3.7.3, Figure 7;
+low altitude 3.7.3, Figures 10 and 11). MIL-STD-1797A keeps the spectra with half these lengths L_v
+and L_w.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.air import UPDRAFT, gust_speed
+from hfa_flight.gust_equations import ADDED, missing_states, taken_components
+from hfa_flight.gusts import Gust
+from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.units import si_factor
+from trim.point.operating_point import OperatingPoint
+
+LEVELS = ("light", "moderate", "severe")
+SPECTRA = ("dryden", "karman")
+_KNOT = 1852.0 / 3600.0 / 0.3048
+#: Wind 20 ft above the ground, ft/s, by level.
+_WIND_AT_20_FT = dict(zip(LEVELS, (15.0 * _KNOT, 30.0 * _KNOT, 45.0 * _KNOT), strict=True))
+#: Figure 7: altitudes, ft, and intensities, ft/s, exceeded with the probabilities 1e-2, 1e-3, 1e-5.
+_ALTITUDES = (1750.0, 3750.0, 7500.0, 15e3, 25e3, 35e3, 45e3, 55e3, 65e3, 75e3, 80e3)
+_INTENSITIES = {
+    "light": (6.9, 7.4, 6.7, 4.6, 2.7, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0),
+    "moderate": (9.6, 10.6, 10.1, 8.0, 6.6, 5.0, 4.2, 2.7, 0.0, 0.0, 0.0),
+    "severe": (17.6, 23.0, 23.6, 22.1, 20.0, 16.0, 15.1, 12.1, 7.9, 6.2, 5.1),
+}
+#: Altitudes, ft: the least, the end of the low ones and the begin of the high ones.
+_LOWEST, _LOW, _HIGH = 10.0, 1000.0, 2000.0
+_LENGTH = {"dryden": 1750.0, "karman": 2500.0}
+
+
+class Shape(NamedTuple):
+    """Π (1 + z s) / Π (1 + p s), s in units of V/L: time constants, the last poles without zero."""
+
+    zeros: tuple[float, ...]
+    poles: tuple[float, ...]
+
+
+#: Spectrum -> filters of u (along) and of v and w (across), of gain 1 at s = 0. Those of Dryden are
+#: exact. Those of von Karman were fitted here to the spectra by least squares of high powers up to
+#: ωL/V = 1000: there the power is within 0.9 % (u) and 1.6 % (v, w), beyond it falls with ω^-2
+#: instead of ω^-5/3.
+FILTERS = {
+    "dryden": (Shape((), (1.0,)), Shape((3.0**0.5,), (1.0, 1.0))),
+    "karman": (
+        Shape(
+            (0.403033, 0.0728512, 0.0128230, 0.00214775),
+            (1.2275648, 0.3052184, 0.0545644, 0.00958817, 0.00154290),
+        ),
+        Shape(
+            (2.8717436, 0.1451688, 0.0200186, 0.00267668),
+            (2.3627811, 0.7898489, 0.1043219, 0.0143836, 0.00186558),
+        ),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Turbulence:
+    """Turbulence of a level, as MIL-F-8785C has it.
+
+    level: light, moderate or severe.
+    altitude: in the model's unit of length; that of the trim unless given.
+    span: of the wing, in that unit; without it p, q and r are 0.
+    spectrum: dryden or karman.
+
+    BadInputError for another level or spectrum, and numbers that are not positive.
+
+    >>> Turbulence("light", 500.0, span=36.0).level
+    'light'
+    """
+
+    level: str
+    altitude: float | None = None
+    span: float | None = None
+    spectrum: str = "dryden"
+
+    def __post_init__(self) -> None:
+        """Check the words and numbers."""
+        for name, known in (("level", LEVELS), ("spectrum", SPECTRA)):
+            if getattr(self, name) not in known:
+                raise BadInputError(
+                    f"the {name} of turbulence is {shown(getattr(self, name))};"
+                    f" give {', '.join(known[:-1])} or {known[-1]}"
+                )
+        for name in ("altitude", "span"):
+            value = getattr(self, name)
+            if value is not None and not (is_finite(value) and value > 0.0):
+                raise BadInputError(
+                    f"the {name} of turbulence is {shown(value)}; give a positive number"
+                )
+
+    def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
+        """The turbulence of a flight from a trim.
+
+        interval: s, of a tick. ticks: how many the flight has. seed: of the noise.
+
+        BadInputError where no altitude is known, the specification has no such turbulence there, or
+        the equations take no component.
+        """
+        model = point.model
+        feet = _feet(model)
+        altitude = self._altitude(point) / feet
+        trimmed_at = None
+        if "altitude" in model.states:
+            trimmed_at = float(point.values["altitude"]) / feet
+        heading = float(point.values.get("yaw", 0.0))
+        taken = taken_components(model, heading)
+        if self.span is None:
+            taken = {name: taken[name] for name in taken if name in "uvw"}
+        if not taken:
+            needed = ", ".join(missing_states(model, "w"))
+            raise BadInputError(
+                f"{model.name}: its equations take no gust (no state {needed});"
+                f" declare a disturbance {UPDRAFT}"
+            )
+        return TurbulentAir(
+            self,
+            *scales_and_intensities(self.level, altitude, self.spectrum),
+            altitude=altitude,
+            feet=feet,
+            speed=gust_speed(point) / feet,
+            interval=interval,
+            ticks=ticks,
+            seed=seed,
+            taken=taken,
+            trimmed_at=trimmed_at,
+        )
+
+    def _altitude(self, point: OperatingPoint) -> float:
+        """The altitude, in the unit of the model."""
+        if self.altitude is not None:
+            return self.altitude
+        model = point.model
+        give = f"give --turbulence {self.level}:ALTITUDE (in Python altitude=)"
+        if "altitude" not in model.states:
+            raise BadInputError(f"{model.name} has no altitude to take turbulence of; {give}")
+        altitude = float(point.values["altitude"])
+        if altitude == model.trim.get("altitude"):
+            unit = model.unit("altitude")
+            raise BadInputError(
+                f"turbulence at {altitude:g} {unit} would be at the altitude that {model.title} has"
+                f" by default; {give}"
+            )
+        return altitude
+
+
+def _feet(model: Model) -> float:
+    """The length of a foot in the model's unit of length; BadInputError where its speed is neither
+    in ft/s nor in m/s."""
+    units = {"ft/s": 1.0, "m/s": si_factor("ft")}
+    if "speed" not in model.signals or model.unit("speed") not in units:
+        raise BadInputError(
+            f"{model.name} has no speed in ft/s or m/s, at which turbulence is met; declare one"
+        )
+    return units[model.unit("speed")]
+
+
+class Scales(NamedTuple):
+    """Scale lengths and intensities. lengths: L_u, L_v, L_w, ft. intensities: of u, v, w, ft/s."""
+
+    lengths: tuple[float, float, float]
+    intensities: tuple[float, float, float]
+
+
+def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales:
+    """Scale lengths, ft, and intensities, ft/s, of u, v, w at an altitude, ft.
+
+    Between 1000 and 2000 ft both are interpolated linearly. BadInputError below 10 ft, above
+    80,000 ft, and where Figure 7 has no turbulence of the level.
+    """
+    if not _LOWEST <= altitude <= _ALTITUDES[-1]:
+        raise BadInputError(
+            f"turbulence at {altitude:g} ft; MIL-F-8785C has it from 10 to 80000 ft: give another"
+            " altitude"
+        )
+    high_length = _LENGTH[spectrum]
+    high_intensity = float(np.interp(max(altitude, _HIGH), _ALTITUDES, _INTENSITIES[level]))
+    if high_intensity == 0.0:
+        raise BadInputError(
+            f"MIL-F-8785C has no {level} turbulence at {altitude:g} ft; give another level or"
+            " altitude"
+        )
+    if altitude >= _HIGH:
+        return Scales((high_length,) * 3, (high_intensity,) * 3)
+    height = min(altitude, _LOW)
+    share = 0.177 + 0.000823 * height
+    vertical = 0.1 * _WIND_AT_20_FT[level]
+    along = height / share**1.2
+    low = np.array([[along, along, height], [*[vertical / share**0.4] * 2, vertical]])
+    high = np.array([[high_length], [high_intensity]])
+    part = max(0.0, (altitude - _LOW) / (_HIGH - _LOW))
+    lengths, intensities = (low + part * (high - low)).tolist()
+    return Scales(tuple(lengths), tuple(intensities))
+
+
+@dataclass(frozen=True)
+class TurbulentAir(Gust):
+    """u, v, w, p, q, r of a flight: white noise through filters, exact at the ticks, between which
+    they are linear. The flight begins in stationary turbulence.
+
+    p: filter σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s) of noise of its own.
+    q = w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s): what the frozen gust makes along
+    the body.
+
+    turbulence: what it is drawn of. lengths, intensities: as of `Scales`. altitude: ft.
+    feet: length of a foot in the model's unit. speed: V, ft/s. interval: s, of a tick.
+    ticks: of the flight. seed: of the noise.
+    taken: component -> disturbance of the model -> factor. trimmed_at: altitude of the trim, ft.
+    """
+
+    turbulence: Turbulence
+    lengths: tuple[float, float, float]
+    intensities: tuple[float, float, float]
+    altitude: float
+    feet: float
+    speed: float
+    interval: float
+    ticks: int
+    seed: int
+    taken: Mapping[str, Mapping[str, float]]
+    trimmed_at: float | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Disturbances of the model that it moves."""
+        return tuple(dict.fromkeys(name for factors in self.taken.values() for name in factors))
+
+    @property
+    def held_size(self) -> int:  # type: ignore[override]
+        """Begin of the tick, the values there and their slopes."""
+        return 1 + 2 * len(self.names)
+
+    def held_inputs(self, tick: int) -> np.ndarray:
+        """Begin of a tick, the values there, and their slopes."""
+        now, later = self.values[tick : tick + 2]
+        return np.concatenate([[tick * self.interval], now, (later - now) / self.interval])
+
+    def winds(self, t: Any, memory: ca.SX, held: ca.SX) -> dict[str, Any]:
+        """Disturbance of the model -> its value at t."""
+        count = len(self.names)
+        now = held[1 : 1 + count] + (t - held[0]) * held[1 + count :]
+        return dict(zip(self.names, ca.vertsplit(now), strict=True))
+
+    @cached_property
+    def values(self) -> np.ndarray:
+        """The disturbances at the ticks, (ticks + 1, k), in the units of the model."""
+        components = AirFilter.of(self).drawn(self.ticks + 1, self.seed)
+        return components @ self.factors
+
+    @property
+    def factors(self) -> np.ndarray:
+        """(6, k): components, ft/s and rad/s, to the disturbances of the model."""
+        matrix = np.zeros((len(ADDED), len(self.names)))
+        for row, name in enumerate(ADDED):
+            unit = self.feet if name in "uvw" else 1.0
+            for disturbance, factor in self.taken.get(name, {}).items():
+                matrix[row, self.names.index(disturbance)] = factor * unit
+        return matrix
+
+    def text(self, model: Model) -> str:
+        """What it is, in a line."""
+        unit = "ft" if self.feet == 1.0 else "m"
+        numbers = [
+            " ".join(f"{value * self.feet:.4g}" for value in dict.fromkeys(values))
+            for values in (self.intensities, self.lengths)
+        ]
+        trimmed = ""
+        if self.trimmed_at is not None and abs(self.trimmed_at - self.altitude) > 1.0:
+            trimmed = f" (the trim is at {self.trimmed_at * self.feet:,.0f} {unit})"
+        spectrum = {"dryden": "Dryden", "karman": "von Karman"}[self.turbulence.spectrum]
+        line = (
+            f"{self.turbulence.level} turbulence of MIL-F-8785C ({spectrum}) at"
+            f" {self.altitude * self.feet:,.0f} {unit}{trimmed}: {', '.join(self.taken)};"
+            f" intensity {numbers[0]} {unit}/s, scale {numbers[1]} {unit}"
+        )
+        return line
+
+    def left_out(self, model: Model) -> list[str]:
+        """The components that are not flown, and why, in a sentence each."""
+        reasons: dict[str, list[str]] = {}
+        for name in ADDED:
+            if name in self.taken:
+                continue
+            reason = "needs the wing span (LEVEL:ALTITUDE:SPAN)"
+            if missing_states(model, name):
+                reason = "the equations have no such motion"
+            reasons.setdefault(reason, []).append(name)
+        return [f"turbulence without {', '.join(names)}: {why}" for why, names in reasons.items()]
+
+
+@dataclass(frozen=True)
+class AirFilter:
+    """x' = A x + B n, (u, v, w, p, q, r) = C x, n white noise with unit one-sided power per rad/s.
+
+    A: (n, n). B: (n, 4). C: (6, n).
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    interval: float
+
+    @classmethod
+    def of(cls, air: TurbulentAir) -> AirFilter:
+        """The filter of a turbulence."""
+        along, across = FILTERS[air.turbulence.spectrum]
+        parts = [
+            _cascade(
+                shape, length / air.speed, intensity * np.sqrt(gain * length / air.speed / np.pi)
+            )
+            for shape, length, intensity, gain in zip(
+                (along, across, across), air.lengths, air.intensities, (2.0, 1.0, 1.0), strict=True
+            )
+        ]
+        span = air.turbulence.span
+        if span is None:
+            A, B, C = _together(parts)
+            return cls(A, B, np.vstack([C, np.zeros_like(C)]), air.interval)
+        span = span / air.feet
+        size = air.intensities[2] * np.sqrt(0.8 / air.speed) * (np.pi / (4 * span)) ** (1 / 6)
+        size /= air.lengths[2] ** (1 / 3)
+        lag = 4 * span / (np.pi * air.speed)
+        rolling = np.array([[-1 / lag]]), np.array([[1 / lag]]), np.array([[size]])
+        A, B, C = _together([*parts, rolling])
+        for row, sign, share in ((2, 1.0, 4.0), (1, -1.0, 3.0)):
+            lag = share * span / (np.pi * air.speed)
+            A = np.block([[A, np.zeros((len(A), 1))], [C[[row]] / lag, np.array([[-1 / lag]])]])
+            B = np.vstack([B, np.zeros((1, 4))])
+            C = np.hstack([C, np.zeros((len(C), 1))])
+            rate = sign / (air.speed * lag) * C[row]
+            rate[-1] = -sign / (air.speed * lag)
+            C = np.vstack([C, rate])
+        return cls(A, B, C, air.interval)
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Of the stationary states: A P + P A' + π B B' = 0."""
+        from scipy.linalg import solve_continuous_lyapunov
+
+        return np.asarray(solve_continuous_lyapunov(self.A, -np.pi * self.B @ self.B.T))
+
+    @cached_property
+    def step(self) -> tuple[np.ndarray, np.ndarray]:
+        """Φ and a root G of the noise of a tick, x+ = Φ x + G ξ: the discretization of C. Van Loan,
+        IEEE Transactions on Automatic Control 23 (1978) 395."""
+        from scipy.linalg import expm
+
+        n = len(self.A)
+        noise = np.pi * self.B @ self.B.T
+        both = np.block([[-self.A, noise], [np.zeros((n, n)), self.A.T]]) * self.interval
+        grown = expm(both)
+        Phi = grown[n:, n:].T
+        return Phi, _root(Phi @ grown[:n, n:])
+
+    @cached_property
+    def root(self) -> np.ndarray:
+        """A root of the covariance."""
+        return _root(self.covariance)
+
+    def drawn(self, count: int, seed: int) -> np.ndarray:
+        """The components at so many ticks, (count, 6), from the stationary distribution on."""
+        random = np.random.default_rng(seed)
+        Phi, G = self.step
+        x = self.root @ random.standard_normal(len(Phi))
+        noise = random.standard_normal((count, len(Phi))) @ G.T
+        rows = np.empty((count, len(Phi)))
+        for number in range(count):
+            rows[number] = x
+            x = Phi @ x + noise[number]
+        return rows @ self.C.T
+
+
+_Filter = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
+    """A, b, c of noise through first-order sections, the pure lag first.
+
+    tau: L/V, s. size: gain at s = 0.
+    """
+    poles = [pole * tau for pole in reversed(shape.poles)]
+    zeros = [0.0, *(zero * tau for zero in reversed(shape.zeros))]
+    n = len(poles)
+    A, b = np.zeros((n, n)), np.zeros((n, 1))
+    enters, from_noise = np.zeros(n), 1.0
+    for row, (zero, pole) in enumerate(zip(zeros, poles, strict=True)):
+        A[row] = enters / pole
+        A[row, row] = -1 / pole
+        b[row] = from_noise / pole
+        enters = zero / pole * enters
+        enters[row] = 1 - zero / pole
+        from_noise *= zero / pole
+    return A, b, size * enters[None]
+
+
+def _together(parts: list[_Filter]) -> _Filter:
+    """Filters side by side, each with noise of its own."""
+    from scipy.linalg import block_diag
+
+    A, B, C = (block_diag(*blocks) for blocks in zip(*parts, strict=True))
+    return A, B, C
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """A root G of a covariance: G G' is it, up to rounding."""
+    scale = np.sqrt(np.diag(covariance))
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

@@ -1,0 +1,249 @@
+"""Turbulence of MIL-F-8785C: spectra, scales, and what equations take of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.signal import welch
+from tolerances import SAME_FORMULA
+
+import hfa
+from hfa.main import main
+from hfa_aircraft.loading import load_model
+from hfa_flight.gust_equations import in_gusts
+from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.turbulence import AirFilter, Turbulence, TurbulentAir, scales_and_intensities
+from hfa_support.errors import BadInputError
+
+V, SPAN = 150.0, 36.0
+EVERY = {name: {name: 1.0} for name in "uvwpqr"}
+
+
+def air_of(spectrum: str, altitude: float = 500.0, **changes) -> TurbulentAir:
+    """Moderate turbulence at 150 ft/s."""
+    given = Turbulence("moderate", altitude, SPAN, spectrum)
+    scales = scales_and_intensities("moderate", altitude, spectrum)
+    air = TurbulentAir(given, *scales, altitude, 1.0, V, 0.02, 10, 1, EVERY)
+    return replace(air, **changes)
+
+
+def specified(spectrum: str, air: TurbulentAir, omega: np.ndarray) -> np.ndarray:
+    """(6, N) one-sided power per rad/s: MIL-F-8785C, 3.7.1.1, 3.7.1.2 and 3.7.5."""
+    (L_u, L_v, L_w), (s_u, s_v, s_w) = air.lengths, air.intensities
+    Omega = omega / V
+    if spectrum == "dryden":
+
+        def along(L, s):
+            return s**2 * 2 * L / np.pi / (1 + (L * Omega) ** 2)
+
+        def across(L, s):
+            return s**2 * L / np.pi * (1 + 3 * (L * Omega) ** 2) / (1 + (L * Omega) ** 2) ** 2
+    else:
+
+        def along(L, s):
+            return s**2 * 2 * L / np.pi / (1 + (1.339 * L * Omega) ** 2) ** (5 / 6)
+
+        def across(L, s):
+            a = (1.339 * L * Omega) ** 2
+            return s**2 * L / np.pi * (1 + 8 / 3 * a) / (1 + a) ** (11 / 6)
+
+    v, w = across(L_v, s_v), across(L_w, s_w)
+    rolling = s_w**2 / L_w * 0.8 * (np.pi * L_w / (4 * SPAN)) ** (1 / 3)
+    rolling = rolling / (1 + (4 * SPAN * Omega / np.pi) ** 2)
+    pitching = Omega**2 * w / (1 + (4 * SPAN * Omega / np.pi) ** 2)
+    yawing = Omega**2 * v / (1 + (3 * SPAN * Omega / np.pi) ** 2)
+    return np.array([along(L_u, s_u), v, w, rolling, pitching, yawing]) / V
+
+
+@pytest.mark.parametrize(("spectrum", "error"), [("dryden", SAME_FORMULA), ("karman", 0.017)])
+@pytest.mark.parametrize("altitude", [60.0, 500.0, 1500.0, 20e3])
+def test_filters_have_the_specified_spectra(spectrum, error, altitude) -> None:
+    """Dryden exactly, von Karman within 1.7 % up to ωL/V = 1000."""
+    air = air_of(spectrum, altitude)
+    made = AirFilter.of(air)
+    longest = max(air.lengths) / V
+    omega = np.logspace(-3, 3, 200) / longest
+    unit = np.eye(len(made.A))
+    H = np.array([made.C @ np.linalg.solve(1j * w * unit - made.A, made.B) for w in omega])
+    power = (np.abs(H) ** 2).sum(axis=2).T
+    np.testing.assert_allclose(power, specified(spectrum, air, omega), rtol=error)
+
+
+@pytest.mark.parametrize("spectrum", ["dryden", "karman"])
+def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
+    """The intensities squared of u, v, w; the integrals of the specification for p, q, r.
+
+    Those of von Karman's filter are up to 1.5 % (u, v, w) and 2.5 % (q, r) away."""
+    air = air_of(spectrum)
+    made = AirFilter.of(air)
+    variances = np.diag(made.C @ made.covariance @ made.C.T)
+    close = 1e-6 if spectrum == "dryden" else 0.015
+    np.testing.assert_allclose(variances[:3], np.square(air.intensities), rtol=close)
+    for row in (3, 4, 5):
+        ends = [0.0, *np.logspace(-3, 6, 10)]
+        integral = sum(
+            quad(lambda w, row=row: specified(spectrum, air, np.array([w]))[row, 0], *pair)[0]
+            for pair in zip(ends[:-1], ends[1:], strict=True)
+        )
+        assert variances[row] == pytest.approx(integral, rel=1e-4 if close < 1e-3 else 0.025)
+
+
+def test_drawn_turbulence_has_the_spectrum() -> None:
+    """Of 1.3 hours at 50 Hz: variances within 4 standard errors, power within 10 % in bands, with
+    the sampled spectrum folded at 25 Hz."""
+    air = air_of("dryden", 500.0, ticks=240_000)
+    components = AirFilter.of(air).drawn(air.ticks, seed=7)
+    made = AirFilter.of(air)
+    variances = np.diag(made.C @ made.covariance @ made.C.T)
+    assert components.var(axis=0) == pytest.approx(variances, rel=0.08)
+    frequency, power = welch(components.T, 50.0, nperseg=8192)
+    omega = 2 * np.pi * frequency
+    folds = np.arange(-20, 21)[:, None] * 2 * np.pi * 50.0
+    folded = sum(specified("dryden", air, np.abs(omega + fold)) for fold in folds)
+    for low, high in ((0.05, 0.2), (0.2, 1.0), (1.0, 5.0), (5.0, 20.0)):
+        band = (frequency >= low) & (frequency < high)
+        ratio = power[:, band].mean(axis=1) / (2 * np.pi * folded[:, band]).mean(axis=1)
+        np.testing.assert_allclose(ratio, 1.0, atol=0.1)
+
+
+@pytest.mark.parametrize("spectrum", ["dryden", "karman"])
+def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
+    """q = w (s/V) / (1 + 4b/(πV) s) and r = -v (s/V) / (1 + 3b/(πV) s), with their phase."""
+    made = AirFilter.of(air_of(spectrum))
+    for w in (0.1, 3.0, 100.0):
+        H = made.C @ np.linalg.solve(1j * w * np.eye(len(made.A)) - made.A, made.B)
+        s = 1j * w
+        pitching = s / V / (1 + 4 * SPAN / (np.pi * V) * s)
+        yawing = -s / V / (1 + 3 * SPAN / (np.pi * V) * s)
+        assert H[4, 2] / H[2, 2] == pytest.approx(pitching, rel=1e-9)
+        assert H[5, 1] / H[1, 1] == pytest.approx(yawing, rel=1e-9)
+
+
+def test_scales_and_intensities_are_those_of_the_specification() -> None:
+    """Low altitude by its formulas (30 kn at 20 ft), high ones by Figure 7, between them
+    linearly."""
+    low = scales_and_intensities("moderate", 500.0, "dryden")
+    assert low.lengths == pytest.approx((944.657, 944.657, 500.0), rel=1e-4)
+    assert low.intensities == pytest.approx((6.2596, 6.2596, 5.0634), rel=1e-4)
+    assert scales_and_intensities("severe", 15e3, "karman") == ((2500.0,) * 3, (22.1,) * 3)
+    middle = scales_and_intensities("light", 1500.0, "dryden")
+    assert middle.lengths == (1375.0,) * 3
+    at_2000 = np.interp(2000.0, [1750.0, 3750.0], [6.9, 7.4])
+    assert middle.intensities == pytest.approx((0.5 * (2.53172 + at_2000),) * 3, rel=1e-5)
+    for altitude, said in ((5.0, "from 10 to 80000"), (9e4, "from 10"), (60e3, "no light")):
+        with pytest.raises(BadInputError, match=said):
+            scales_and_intensities("light", altitude, "dryden")
+
+
+def test_a_steady_gust_is_a_change_of_frame() -> None:
+    """In a wind (u, v, w) that moves with it, an aircraft has the rates of still air at the velocity
+    through the air: its velocity over the ground changes by the same vector."""
+    model = load_model("examples/uav.toml")
+    gusty = in_gusts(model)
+    x = np.array([33.0, 0.05, 0.03, 0.1, -0.2, 0.15, 0.3, 0.1, 0.0, 100.0])
+    wind = np.array([2.0, -1.5, 0.7])
+    u = np.array([20.0, -0.05, 0.02, 0.01])
+    ground = _velocity(x)
+    through = ground - _rotation(x).T @ wind
+    seen = x.copy()
+    seen[0] = np.linalg.norm(through)
+    seen[1:3] = np.arctan2(through[2], through[0]), np.arcsin(through[1] / seen[0])
+    rates = _rates(gusty, x, u, [wind[0], wind[1], -wind[2], 0.0, 0.0, 0.0])
+    still = _rates(model, seen, u, [])
+    step = 1e-6
+    change = (_velocity(x + step * rates) - _velocity(x - step * rates)) / (2 * step)
+    expected = (_velocity(seen + step * still) - _velocity(seen - step * still)) / (2 * step)
+    omega = x[3:6]
+    expected += np.cross(omega, through) - np.cross(omega, ground)
+    np.testing.assert_allclose(change, expected, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(rates[3:6], still[3:6], rtol=SAME_FORMULA)
+    np.testing.assert_allclose(rates[6:], _rates(model, x, u, [])[6:], rtol=SAME_FORMULA)
+
+
+def _rates(model, x, u, w):
+    """X' at numbers."""
+    import casadi as ca
+
+    vectors = [[ca.SX(value) for value in vector] for vector in (x, u, model.p)]
+    return np.array(ca.DM(model.layout.expressions(vectors, (), w)[0])).ravel()
+
+
+def _velocity(x):
+    """Velocity in body axes of a state."""
+    alpha, beta = x[1], x[2]
+    along = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
+    return x[0] * np.array(along)
+
+
+def _rotation(x):
+    """Body to level axes."""
+    roll, pitch = x[6], x[7]
+    c, s = np.cos(roll), np.sin(roll)
+    by_roll = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    c, s = np.cos(pitch), np.sin(pitch)
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) @ by_roll
+
+
+def test_rates_of_the_air_act_as_damping() -> None:
+    """p, q, r change the moments as the aircraft's own rates do, and turn nothing."""
+    model = load_model("examples/uav.toml")
+    gusty = in_gusts(model)
+    point = hfa.find_operating_point(model)
+    x, u = np.array(point.states), np.array(point.inputs)
+    size = 1e-5
+    still = _rates(model, x, u, [])
+    for place in range(3):
+        gust = np.zeros(6)
+        gust[3 + place] = size
+        turned = x.copy()
+        turned[3 + place] += size
+        by_gust = _rates(gusty, x, u, gust) - still
+        by_turning = _rates(model, turned, u, []) - still
+        np.testing.assert_allclose(by_gust[3:6], by_turning[3:6], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(by_gust[6:9], 0.0, atol=1e-15)
+        assert abs(by_turning[6:9]).max() > 0.5 * size
+
+
+def test_flight_meets_what_was_drawn() -> None:
+    """The disturbances of a flight at its ticks, in the model's units, and the linear aircraft."""
+    model = load_model("examples/gtm.py:GTM")
+    point = hfa.find_operating_point(model)
+    scenario = Scenario(duration=2.0, uncertainty=Uncertainty(turbulence=Turbulence("light", 100.0)))
+    drawn = scenario.drawn(4, 0, point)
+    flight = hfa.fly(model, point, scenario=drawn)
+    assert drawn.gust.names == ("gust_forward", "updraft")
+    for column, name in enumerate(drawn.gust.names):
+        at_ticks = flight.flight.winds[name][:: drawn.steps_per_tick]
+        np.testing.assert_allclose(at_ticks, drawn.gust.values[:201, column], atol=1e-12)
+    sigma = 0.1 * 15 * 1852 / 3600
+    assert drawn.gust.intensities[2] * 0.3048 == pytest.approx(sigma)
+    assert flight.largest_difference_from_linear["alpha"] < 0.1 * flight.largest_deviation["alpha"]
+    assert "turbulence without v, p, r: the equations have no such motion" in flight.title()
+    assert "turbulence without q: needs the wing span" in flight.title()
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("fly --turbulence light", "40000 ft would be at the altitude that published dynamics has"),
+        ("fly --turbulence calm:3", "give LEVEL[:ALTITUDE[:SPAN]] with light, moderate, severe"),
+        ("fly --turbulence light:-3", "the altitude of turbulence is -3"),
+        ("fly --turbulence light:90000", "MIL-F-8785C has it from 10 to 80000 ft"),
+        ("fly --aircraft examples/gtm.py:GTM --turbulence severe", "GTM has no altitude"),
+        ("fly --aircraft examples/pendulum.py:PENDULUM --turbulence light:9", "has no speed"),
+    ],
+)
+def test_turbulence_without_meaning_is_refused(typed, said, capsys) -> None:
+    assert main(typed.split()) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_held_altitude_is_that_of_the_turbulence(capsys) -> None:
+    """--hold altitude, and the one typed, are in the report."""
+    typed = "fly --aircraft examples/uav.toml --hold altitude=60 --turbulence karman-light::3"
+    main([*typed.split(), "--duration", "0.1"])
+    said = capsys.readouterr().out
+    assert "light turbulence of MIL-F-8785C (von Karman) at 60 m: u, v, w, p, q, r;" in said
+    main("fly --turbulence light:500 --duration 0.1".split())
+    assert "at 500 ft (the trim is at 40,000 ft): u, w;" in capsys.readouterr().out
