@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
-from hfa_flight.gust_equations import in_gusts
 from hfa_flight.envelope import limits_text
+from hfa_flight.gust_equations import in_gusts
 from hfa_flight.nonlinear_flight import Flight
 from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.figure import new_figure

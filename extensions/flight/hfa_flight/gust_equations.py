@@ -100,9 +100,7 @@ def in_gusts(model: Model) -> Model:
     Approximation: the gyroscopic moments stay those at ω_a, an error of second order in the rates.
     """
     own = own_disturbances(model, 0.0)
-    added = [
-        name for name in ADDED if name not in own and not missing_states(model, name)
-    ]
+    added = [name for name in ADDED if name not in own and not missing_states(model, name)]
     if not added:
         return model
     speed = model.states["speed"].unit

@@ -240,8 +240,8 @@ def _turbulence(text: str) -> Turbulence | tuple[float, float]:
     word, *rest = text.split(":")
     spectrum, _, level = word.rpartition("-")
     if level in LEVELS and spectrum in ("", *SPECTRA) and len(rest) <= 2:
-        sizes = [number(size) if size else None for size in rest]
-        return Turbulence(level, *sizes, spectrum=spectrum or SPECTRA[0])
+        altitude, span, *_ = [*(number(size) if size else None for size in rest), None, None]
+        return Turbulence(level, altitude, span, spectrum or SPECTRA[0])
     if word[:1].isalpha():
         raise BadInputError(f"is {text!r}; give {_TURBULENCE} with {', '.join(LEVELS)}")
     sigma, scale = numbers("SIGMA:SCALE", 2)(text)

@@ -1,9 +1,8 @@
 """Turbulence of MIL-F-8785C, Section 3.7: six components, by level and altitude.
 
-Sources: MIL-F-8785C, *Flying Qualities of Piloted Airplanes*, 1980: spectra of Dryden and von Karman
-(3.7.1.1, 3.7.1.2), of the rates (3.7.5), scale lengths and intensities (3.7.2, 3.7.3, Figure 7;
-low altitude 3.7.3, Figures 10 and 11). MIL-STD-1797A keeps the spectra with half these lengths L_v
-and L_w.
+Source: MIL-F-8785C, *Flying Qualities of Piloted Airplanes*, 1980, Section 3.7: spectra of Dryden
+and von Karman and of the rates, scale lengths and intensities (Figure 7; at low altitude Figures 10
+and 11). MIL-STD-1797A writes the same spectra with L_v and L_w half as long.
 """
 
 from __future__ import annotations
@@ -234,7 +233,7 @@ class TurbulentAir(Gust):
     trimmed_at: float | None = None
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:  # type: ignore[override]
         """Disturbances of the model that it moves."""
         return tuple(dict.fromkeys(name for factors in self.taken.values() for name in factors))
 

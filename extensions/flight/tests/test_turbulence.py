@@ -1,5 +1,6 @@
 """Turbulence of MIL-F-8785C: spectra, scales, and what equations take of it."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -84,7 +85,7 @@ def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
         ends = [0.0, *np.logspace(-3, 6, 10)]
         integral = sum(
             quad(lambda w, row=row: specified(spectrum, air, np.array([w]))[row, 0], *pair)[0]
-            for pair in zip(ends[:-1], ends[1:], strict=True)
+            for pair in itertools.pairwise(ends)
         )
         assert variances[row] == pytest.approx(integral, rel=1e-4 if close < 1e-3 else 0.025)
 
@@ -209,7 +210,9 @@ def test_flight_meets_what_was_drawn() -> None:
     """The disturbances of a flight at its ticks, in the model's units, and the linear aircraft."""
     model = load_model("examples/gtm.py:GTM")
     point = hfa.find_operating_point(model)
-    scenario = Scenario(duration=2.0, uncertainty=Uncertainty(turbulence=Turbulence("light", 100.0)))
+    scenario = Scenario(
+        duration=2.0, uncertainty=Uncertainty(turbulence=Turbulence("light", 100.0))
+    )
     drawn = scenario.drawn(4, 0, point)
     flight = hfa.fly(model, point, scenario=drawn)
     assert drawn.gust.names == ("gust_forward", "updraft")
@@ -245,5 +248,5 @@ def test_a_held_altitude_is_that_of_the_turbulence(capsys) -> None:
     main([*typed.split(), "--duration", "0.1"])
     said = capsys.readouterr().out
     assert "light turbulence of MIL-F-8785C (von Karman) at 60 m: u, v, w, p, q, r;" in said
-    main("fly --turbulence light:500 --duration 0.1".split())
+    main(["fly", "--turbulence", "light:500", "--duration", "0.1"])
     assert "at 500 ft (the trim is at 40,000 ft): u, w;" in capsys.readouterr().out

@@ -59,9 +59,7 @@ def step_of_integration(
     return ca.Function("step", [ca.vertcat(X, U, push, p, h)], [after], {"never_inline": True})
 
 
-def held_step(
-    model: Model, dt: float, parts: int, winds: tuple[str, ...] = ()
-) -> ca.Function:
+def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...] = ()) -> ca.Function:
     """(X, U, push, p) -> X after dt seconds, in `parts` steps of the integration.
 
     X: (n,), absolute, as U (m,), which is held

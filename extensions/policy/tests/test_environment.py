@@ -228,7 +228,9 @@ def test_episodes_meet_the_turbulence_of_flights() -> None:
         many.step(np.zeros((200, 1)))
     scenario = Scenario(duration=0.5, tick=0.02, uncertainty=Uncertainty(turbulence=light))
     ends = [
-        fly(model, points[0], scenario=scenario.drawn(2, member, points[0]), predict=False).states[-1]
+        fly(model, points[0], scenario=scenario.drawn(2, member, points[0]), predict=False).states[
+            -1
+        ]
         for member in range(60)
     ]
     ratio = many.states.std(axis=0) / np.std(ends, axis=0)
