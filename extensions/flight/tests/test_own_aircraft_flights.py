@@ -153,7 +153,6 @@ def test_exports_have_its_names() -> None:
         ("fly --error mass=1.1", "unknown parameter 'mass'"),
         ("fly --envelope speed=200:300", "the trim has speed 176 ft/s, outside the envelope's"),
         ("fly --delay 0.0105", "make it a whole number of ticks"),
-        ("schedule --to 190", "`hfa schedule` is `hfa fly --controller GAINS"),
     ],
 )
 def test_what_does_not_fit_the_model_is_one_line(words: str, named: str) -> None:
