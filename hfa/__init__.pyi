@@ -17,7 +17,6 @@ from hfa_aircraft.model import Model as Model
 from hfa_aircraft.signals import Signal as Signal
 from hfa_derivatives.aircraft import from_derivatives as from_derivatives
 from hfa_flight.nonlinear_flight import Flight as Flight, fly as fly
-from hfa_flight.scenario import Scenario as Scenario, Uncertainty as Uncertainty
 from hfa_flight.turbulence import Turbulence as Turbulence
 from hfa_identify.identified import identify as identify
 from hfa_model.choice import aircraft as aircraft
