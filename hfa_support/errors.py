@@ -63,11 +63,34 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
 
 
 def choice_of(name: str, known: Iterable[str]) -> str:
-    """Advice about an unknown name: the known one that it resembles, in any case, then all."""
-    by_lower = {each.lower(): each for each in known}
-    near = difflib.get_close_matches(name.lower().replace("-", "_"), by_lower, n=1, cutoff=0.75)
-    meant = f"did you mean {by_lower[near[0]]}? " if near else ""
-    return f"{meant}choose from {', '.join(known) or 'none'}"
+    """Advice about an unknown name: the known ones that were probably meant, then all."""
+    meant = _nearest(name, known)
+    *others, last = meant or [""]
+    either = f"{', '.join(others)} or {last}" if others else last
+    advice = f"did you mean {either}? " if meant else ""
+    return f"{advice}choose from {', '.join(known) or 'none'}"
+
+
+def _nearest(name: str, known: Iterable[str]) -> list[str]:
+    """The known names that a name may stand for, in any case: those that begin with it, else those
+    that resemble it most."""
+    by_key = {each.lower().replace("-", "_"): each for each in known}
+    wanted = name.lower().replace("-", "_")
+    if wanted in by_key:
+        return [by_key[wanted]]
+    if len(wanted) >= _SHORTEST_BEGINNING:
+        longer = [each for key, each in by_key.items() if key.startswith(wanted)]
+        if longer:
+            return longer[:_MOST_MEANT]
+    near = difflib.get_close_matches(wanted, by_key, n=_MOST_MEANT, cutoff=0.75)
+    likeness = {key: difflib.SequenceMatcher(a=wanted, b=key).ratio() for key in near}
+    best = max(likeness.values(), default=0.0)
+    return [each for key, each in by_key.items() if likeness.get(key) == best]
+
+
+#: So many letters say which longer name they begin; so many names are offered at most.
+_SHORTEST_BEGINNING = 3
+_MOST_MEANT = 4
 
 
 def is_finite(value: object) -> bool:

@@ -33,6 +33,12 @@ def ends_of(element: Element) -> tuple[float, float]:
     return element.need("min").number(), element.need("max").number()
 
 
+def travels(component: Element) -> bool:
+    """Whether a <kinematic> takes time from one detent to another."""
+    settings = component.need("traverse").all("setting")
+    return any(setting.value_of("time", 0.0) > 0.0 for setting in settings)
+
+
 def beyond(value: Any, width: Any) -> Any:
     """What a value exceeds half a width by."""
     half = 0.5 * width

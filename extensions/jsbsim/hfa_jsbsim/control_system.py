@@ -17,6 +17,7 @@ from hfa_jsbsim.component_parts import (
     inputs_of,
     parameter,
     settling,
+    travels,
 )
 from hfa_jsbsim.frame_components import WITH_MEMORY
 from hfa_jsbsim.functions import function_value, table_value
@@ -149,6 +150,8 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
     else:
         fault = f"<{shortened(component.name)}> has no steady output that can be read"
         raise component.error(f"{fault}; take it out of what the aircraft's forces depend on")
+    if component.name == "kinematic" and travels(component):
+        properties.travels.append((component, ca.SX(value)))
     return _clipped(component, properties, value)
 
 

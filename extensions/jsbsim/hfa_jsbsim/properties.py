@@ -100,6 +100,7 @@ class Properties:
     has_filter_states: whether components with a memory are states.
     step: of JSBSim's frame, s, where values are those of a frame; else 0.
     memories: by name, what a frame keeps for the next.
+    travels: kinematics that take time, with where they go.
     filters: these states. left_out: component -> what of its memory is left out, where they are no
         states.
     """
@@ -108,6 +109,7 @@ class Properties:
         self.has_filter_states = has_filter_states
         self.step = step
         self.memories: dict[str, Memory] = {}
+        self.travels: list[tuple[Element, ca.SX]] = []
         self.filters: list[FilterState] = []
         self.asked: set[str] = set()
         self.left_out: dict[str, tuple[Element, str]] = {}

@@ -260,10 +260,24 @@ class _Declaration:
         signals = {}
         for name, pilot_input in self.inputs.items():
             start = 0.6 if name.startswith("throttle") else 0.0
-            moving = self._left_out(name) if name.startswith("throttle") else ""
+            moving = self._left_out(name) if name.startswith("throttle") else self._behind(name)
             limits = pilot_input.limits
             signals[name] = Signal(pilot_input.unit, 0.1, *limits, start, moving=moving)
         return signals
+
+    def _behind(self, name: str) -> str:
+        """The note on kinematics that take time between an input and the forces; "" without."""
+        symbol = self.inputs[name].symbol
+        components = [
+            component
+            for component, value in self.equations.properties.travels
+            if ca.depends_on(value, symbol)
+        ]
+        if not components:
+            return ""
+        names = ", ".join(shortened(each.attributes.get("name", "")) for each in components)
+        what = f"{name} moves and <kinematic> {names} follows at once"
+        return f"{what}; --method jsbsim gives it its time"
 
     def _left_out(self, throttle: str) -> str:
         """The note on a throttle that engines follow at once; "" where their lags are states."""

@@ -1,0 +1,23 @@
+"""Which known names are offered in the place of an unknown one."""
+
+import pytest
+
+from hfa_support.errors import choice_of
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "meant"),
+    [
+        ("C172", ("c172p", "c172r", "c172x", "c182"), "c172p, c172r or c172x"),
+        ("c172q", ("c172x", "c172p", "c182"), "c172x or c172p"),
+        ("sped", ("speed", "spiral"), "speed"),
+        ("MACH", ("mach", "machine"), "mach"),
+    ],
+)
+def test_names_alike_are_all_offered(name, known, meant):
+    """The name in another case alone; else those that begin with it; else those most alike."""
+    assert choice_of(name, known).startswith(f"did you mean {meant}? choose from")
+
+
+def test_names_without_likeness_are_listed_alone():
+    assert choice_of("xyz", ("alpha", "beta")) == "choose from alpha, beta"
