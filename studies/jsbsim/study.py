@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -96,8 +97,9 @@ def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
             for side, sign in sides.items():
                 held[f"fcs/{side}{name}-pos-rad"] = sign * inputs[name]
     for note in model.notes:
-        if note.startswith("throttle-cmd-norm reaches no engine "):
-            number = note.split(";")[0].rsplit(" ", 1)[-1]
+        if not note.startswith("the input is the throttle position"):
+            continue
+        for number in re.findall(r"engine (\d+)", note):
             index = "" if number == "0" else f"[{number}]"
             held[f"fcs/throttle-cmd-norm{index}"] = inputs["throttle"]
             held[f"fcs/throttle-pos-norm{index}"] = inputs["throttle"]

@@ -17,6 +17,7 @@ from typing import Any
 from hfa_jsbsim.aircraft import Equations
 from hfa_jsbsim.catalog import access, of_component, without_numbers
 from hfa_jsbsim.control_system import KINDS
+from hfa_jsbsim.notes import IDLE, MOTION, Note
 from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.properties import Writer, is_constant
 from hfa_jsbsim.xml_file import Element
@@ -44,30 +45,34 @@ _NOTED = {
     "propulsion/tank/external-flow-rate-pps": "tanks stay as full as they are",
     "simulation/integrator/": "the motion is never stopped",
 }
+#: Statements of notes.
+_OF_FILTERS = "?filters=states behind the aircraft's name makes these states"
+_NEVER = "these are left out; `hfa fly --method jsbsim` has them"
+_SET_TWICE = "set here and by the pilot; what is read before this is the pilot's"
 _NO_FORCE = "no force in flight depends on them"
 _NOT_READ = "JSBSim does not read them either"
 
 
-def account(parts: Parts, equations: Equations) -> list[str]:
+def account(parts: Parts, equations: Equations) -> list[Note]:
     """Notes on what is left out of an aircraft; BadInputError, with file and line, for what may not
     be left out."""
     reached = equations.properties
     notes = _of_writers(equations)
     _refuse_readers(equations)
-    notes += [f"{where}: nothing sets {name}; it is 0" for name, where in reached.unset.items()]
-    for component, what in reached.left_out.values():
-        name = component.attributes.get("name", "")
-        notes.append(
-            f"{component.where}: <{component.name}> {shortened(name)}: {what};"
-            " ?filters=states behind the aircraft's name makes it a state"
-        )
+    for unset, where in reached.unset.items():
+        notes.append(Note("nothing sets these; they are 0", unset, where))
+    for component, what, is_never in reached.left_out.values():
+        name = shortened(component.attributes.get("name", ""))
+        subject = f"<{component.name}> {name}: {what}"
+        statement = _NEVER if is_never else _OF_FILTERS
+        notes.append(Note(statement, subject, component.where, MOTION))
     left: dict[str, list[Element]] = {_NO_FORCE: [], _NOT_READ: []}
     for root in parts.folders.documents:
         for element, reason in _left_out(root):
             left.setdefault(reason, []).append(element)
     for reason, elements in left.items():
         if elements:
-            notes.append(f"left out, {reason}: {_listed(elements)}")
+            notes.append(Note(f"left out, {reason}", _listed(elements), rank=IDLE))
     return notes
 
 
@@ -159,7 +164,7 @@ def _refuse_readers(equations: Equations) -> None:
             )
 
 
-def _of_writers(equations: Equations) -> list[str]:
+def _of_writers(equations: Equations) -> list[Note]:
     """Notes on the pilot's commands that a component sets too. BadInputError where a file sets a
     property of JSBSim's own that the reader does not take from it."""
     properties = equations.properties
@@ -173,7 +178,7 @@ def _of_writers(equations: Equations) -> list[str]:
             raise _refusal(mine[-1], f"JSBSim sets {shortened(name)} itself; it cannot be set")
         reason = _of_prefix(without_numbers(name), _NOTED)
         if reason:
-            notes.append(f"{mine[-1].where}: {shortened(name)} is set; {reason}")
+            notes.append(Note(f"set, but {reason}", shortened(name), mine[-1].where, MOTION))
             continue
         if of_component(name):
             if not all(_is_zero(writer) for writer in mine):
@@ -184,10 +189,7 @@ def _of_writers(equations: Equations) -> list[str]:
                 mine[-1], f"{shortened(name)} is JSBSim's own; that it is set is not read"
             )
         if "-cmd-norm" in name and name in properties.asked and len(writers) > len(mine):
-            notes.append(
-                f"{mine[-1].where}: {shortened(name)} is set here and by the pilot; what is read"
-                " before this is the pilot's"
-            )
+            notes.append(Note(_SET_TWICE, shortened(name), mine[-1].where))
     return notes
 
 

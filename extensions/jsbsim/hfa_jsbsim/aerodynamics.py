@@ -11,6 +11,7 @@ from hfa_aircraft.rigid_body import wind_axes
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Metrics
 from hfa_jsbsim.functions import function_value
+from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import Properties, Writer
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
@@ -49,7 +50,7 @@ class Aerodynamics:
         self._wings = wings
         self._body = body
         self._motion = motion
-        self.hysteresis = ""
+        self.hysteresis: Note | None = None
         self._functions = _functions_along_axes(element)
         self._force_frame, self._moment_frame = _frames(element)
         self._define_stall()
@@ -78,13 +79,15 @@ class Aerodynamics:
         stall: Any = 0.0
         band = self._limits("hysteresis_limits")
         if band is not None and band["min"] and band["max"]:
-            stall = ca.if_else(alpha > band["max"], 1.0, 0.0)
+            below: Any = 0.0
+            if self._properties.step:  # between its ends it stays as it was a frame before
+                last = self._properties.remember("stall", lambda: stall)
+                below = ca.if_else(alpha < band["min"], 0.0, last)
+            stall = ca.if_else(alpha > band["max"], 1.0, below)
             low, high = (math.degrees(band[name]) for name in ("min", "max"))
             where = self.element.need("hysteresis_limits").where if self.element else ""
-            self.hysteresis = (
-                f"{where}: no hysteresis of the stall; between alpha {low:g} and {high:g} deg the"
-                " flow is attached"
-            )
+            span = f"between alpha {low:g} and {high:g} deg the flow is attached"
+            self.hysteresis = Note("no hysteresis of the stall", span, where)
         self._properties.define("aero/stall-hyst-norm", stall)
 
     def _limits(self, kind: str) -> dict[str, float] | None:

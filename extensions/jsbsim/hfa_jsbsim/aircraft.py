@@ -34,6 +34,7 @@ from hfa_jsbsim.clock import moves_with_time
 from hfa_jsbsim.control_system import add_control_systems
 from hfa_jsbsim.engines import STEP, Effect, EngineFile, Surroundings
 from hfa_jsbsim.functions import function_value, named, table_value
+from hfa_jsbsim.notes import Note
 from hfa_jsbsim.parts import LOADED, SYSTEMS, Parts
 from hfa_jsbsim.powerplant import computing
 from hfa_jsbsim.properties import AFTER_ALL, BEFORE_AIR, Properties, Writer, plain
@@ -80,7 +81,7 @@ class Equations:
     def __init__(self, parts: Parts, gusty: bool = False) -> None:
         """gusty: whether the air moves at the aircraft; else there are no gusts."""
         self.parts = parts
-        self.notes: list[str] = []
+        self.notes: list[Note] = []
         self.properties = Properties(parts.choices.filters, parts.choices.step)
         names = [*STATES, *_engine_states(parts)]
         self.states = {name: ca.SX.sym(name) for name in names}
@@ -135,7 +136,7 @@ class Equations:
         self._solve_rates_of_angles()
         self._blow()
         self._stop_clock()
-        if air_loads.hysteresis and "aero/stall-hyst-norm" in self.properties.asked:
+        if air_loads.hysteresis is not None and "aero/stall-hyst-norm" in self.properties.asked:
             self.notes.append(air_loads.hysteresis)
         self.notes += self.properties.notes
 
@@ -495,7 +496,8 @@ class Equations:
             raise BadInputError(
                 f"{self.parts.path}: forces depend on simulation/sim-time-sec; take it out"
             )
-        self.notes.append("simulation/sim-time-sec stays 0; at some states forces depend on it")
+        statement = "simulation/sim-time-sec stays 0; at some states forces depend on it"
+        self.notes.append(Note(statement))
         self._substitute(self._time, ca.SX(0.0))
 
     def _substitute(self, symbol: ca.SX, value: ca.SX) -> None:

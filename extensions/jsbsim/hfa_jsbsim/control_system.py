@@ -21,6 +21,7 @@ from hfa_jsbsim.component_parts import (
 )
 from hfa_jsbsim.frame_components import WITH_MEMORY
 from hfa_jsbsim.functions import function_value, table_value
+from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import (
     LoopError,
     Properties,
@@ -216,17 +217,15 @@ def _actuator(component: Element, properties: Properties) -> Any:
     """The input behind its lag; limits of rate end when it is steady."""
     value = _lagged(component, "lag", input_of(component, properties), properties)
     if component.find("rate_limit") is not None:
-        properties.leave_out(component, "its limit of rate is left out")
+        properties.leave_out(component, "its limit of rate", is_never=True)
     width = component.value_of("deadband_width", 0.0)
     if width:
         value = beyond(value, width)
     play = component.value_of("hysteresis_width", 0.0)
     if play:
-        note = (
-            f"{component.where}: no hysteresis; in JSBSim the actuator may rest {0.5 * play:g} away"
-        )
-        if note not in properties.notes:
-            properties.notes.append(note)
+        name = shortened(component.attributes.get("name", ""))
+        statement = "no hysteresis; in JSBSim these actuators may rest so far away"
+        properties.notes.append(Note(statement, f"{name} by {0.5 * play:g}", component.where))
     return value + component.value_of("bias", 0.0)
 
 
@@ -400,7 +399,7 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
     if component.find("pvdot") is not None:
         slope = parameter(component, "pvdot", properties, 0.0)
     elif not (is_constant(damping) and float(damping) == 0.0):
-        properties.leave_out(component, "the derivative of its input is 0")
+        properties.leave_out(component, "the derivative of its input", is_never=True)
     if component.attributes.get("type") == "standard":
         return proportional * (value + integrated + damping * slope)
     return proportional * value + integrated + damping * slope
@@ -422,7 +421,7 @@ def _integral(
         properties.set_rate(state, lambda: rate)
         return state
     if ca.depends_on(value, commands) and not properties.centered:
-        raise LoopError(f"{component.where}: the integrator has no steady value")
+        raise LoopError(component.where, "the integrator has no steady value")
     properties.leave_out(component, "its integral is 0")
     return 0.0
 

@@ -15,6 +15,7 @@ from hfa_aircraft.rigid_body import rotation
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Mass, Tank
 from hfa_jsbsim.functions import function_value, read_table, table_value
+from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import Properties, Writer
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
@@ -473,9 +474,8 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
         turns = getattr(around.states, f"rpm{file.number}") / 60.0
         most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP
         power = ca.fmin(power, most + _BEYOND * (power - most))
-        note = f"{limiter.where}: at most {torque:g} ft lb; in JSBSim the limiter swings about that"
-        if note not in around.properties.notes:
-            around.properties.notes.append(note)
+        statement = "at most so much torque; in JSBSim the limiter swings about it"
+        around.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
     dragged = ca.if_else(engine_rpm(file, around) > 5.0, -0.012, 0.0)
     return ca.if_else(running(file, around), power, dragged)
 

@@ -13,6 +13,7 @@ from hfa_jsbsim.airframe import (
     read_tanks,
 )
 from hfa_jsbsim.engines import EngineFile, read_engine, refusal
+from hfa_jsbsim.notes import Note
 from hfa_jsbsim.xml_file import Element, Folders
 from hfa_support.errors import BadInputError, shortened
 
@@ -62,7 +63,7 @@ class Parts:
         self.folders = folders
         self.choices = choices
         self.name = root.attributes.get("name", path.stem)
-        self.notes: list[str] = []
+        self.notes: list[Note] = []
         self.sections: list[Element] = []
         for child in root.children:
             is_first = self.section(child.name) is None  # JSBSim reads no second one
@@ -84,7 +85,7 @@ class Parts:
             if isinstance(engine, EngineFile):
                 self.engines.append(engine)
             elif choices.partial:
-                self.notes.append(f"{engine.where}: {refusal(engine)}; it is left out")
+                self.notes.append(Note("left out", refusal(engine), engine.where))
             else:
                 raise engine.error(refusal(engine))
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_jsbsim.notes import Note
 from hfa_jsbsim.tables import Interpolator
 from hfa_jsbsim.xml_file import Element, number_of
 from hfa_support.errors import BadInputError, shortened
@@ -47,7 +48,15 @@ _ON_GROUND = re.compile(
 
 
 class LoopError(BadInputError):
-    """A value of the control system that depends on its own past: it has no static value."""
+    """A value of the control system that depends on its own past: it has no static value.
+
+    cause: what depends on what. where: file and line.
+    """
+
+    def __init__(self, where: str, cause: str) -> None:
+        super().__init__(f"{where}: {cause}")
+        self.where = where
+        self.cause = cause
 
 
 @dataclass(eq=False)
@@ -112,9 +121,9 @@ class Properties:
         self.travels: list[tuple[Element, ca.SX]] = []
         self.filters: list[FilterState] = []
         self.asked: set[str] = set()
-        self.left_out: dict[str, tuple[Element, str]] = {}
+        self.left_out: dict[str, tuple[Element, str, bool]] = {}
         self.unset: dict[str, str] = {}
-        self.notes: list[str] = []
+        self.notes: list[Note] = []
         self.interpolate = Interpolator()
         self._writers: dict[str, list[Writer]] = {}
         self._initial: dict[str, Any] = {}
@@ -179,10 +188,11 @@ class Properties:
             return self.read(key, "")
         return self.remember(key, lambda: self.value_of(writer, key, ""))
 
-    def leave_out(self, component: Element, what: str) -> None:
-        """Note that the memory of a component is left out."""
-        key = f"{component.where} {component.attributes.get('name', '')}"
-        self.left_out.setdefault(key, (component, what))
+    def leave_out(self, component: Element, what: str, is_never: bool = False) -> None:
+        """Note that the memory of a component is left out; is_never: also where it could be a
+        state."""
+        key = f"{component.where} {component.attributes.get('name', '')} {is_never}"
+        self.left_out.setdefault(key, (component, what, is_never))
 
     def replace(self, name: str, value: Any) -> None:
         """Set a property, whatever else sets it."""
@@ -218,7 +228,7 @@ class Properties:
             if key not in self._initial:
                 if key.startswith(_OF_ALL_FORCES):
                     if not self.centered:
-                        raise LoopError(f"{where}: {shortened(key)} follows from all forces")
+                        raise LoopError(where, f"{shortened(key)} follows from all forces")
                 elif not _ON_GROUND.fullmatch(key):
                     self.unset.setdefault(key, where)
             return self._initial.get(key, 0.0)
@@ -244,10 +254,11 @@ class Properties:
             if self.centered:
                 return 0.0
             loop = self._running[self._running.index(writer) :]
-            fault = f"{writer.where or where}: {shortened(name)} depends on itself"
+            place = writer.where or where
+            fault = f"{shortened(name)} depends on itself"
             if any(looping.component for looping in loop):
-                raise LoopError(f"{fault}, a frame before")
-            raise BadInputError(f"{fault}; break the loop of functions")
+                raise LoopError(place, f"{fault}, a frame before")
+            raise BadInputError(f"{place}: {fault}; break the loop of functions")
         if writer.value is None:
             order = self._order
             self._order = writer.order
@@ -270,7 +281,7 @@ class Properties:
         try:
             return self.read(name, where)
         except LoopError as error:
-            self.notes.append(f"{error}; {plain(name)} is left as it begins")
+            self.notes.append(Note(f"{error.cause}; left as it begins", plain(name), error.where))
             self.replace(name, default)
             return default
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.functions import function_value
+from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import LoopError, Properties, is_constant
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
@@ -77,9 +78,10 @@ class Reactions:
         try:
             return function_value(function, self._properties)
         except LoopError as error:
-            note = f"{element.where}: the {element.name} from outside is left out ({error})"
-            if note not in self._properties.notes:
-                self._properties.notes.append(note)
+            statement = f"this {element.name} from outside is left out"
+            name = shortened(element.attributes.get("name", ""))
+            note = Note(statement, f"{name} ({error.cause})", element.where)
+            self._properties.notes.append(note)
             return 0.0
 
     def _read(self, names: list[str], element: Element) -> ca.SX:

@@ -23,6 +23,7 @@ from hfa_jsbsim.aircraft import GUSTS, WINDS, Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.equations import EquationsOfMotion
+from hfa_jsbsim.notes import Note, grouped
 from hfa_jsbsim.parts import Choices, Parts
 from hfa_jsbsim.reasons import explain, of_files
 from hfa_jsbsim.speeds import speed_and_density
@@ -93,7 +94,7 @@ def read_model(text: str, partial: bool = False) -> Model:
     parts = Parts(path, folders, _choices(chosen, partial))
     equations = Equations(parts)
     declaration = _Declaration(parts, equations)
-    notes = account(parts, equations)
+    notes = [*parts.notes, *equations.notes, *account(parts, equations)]
     return declaration.model((text, folders.digest), notes)
 
 
@@ -185,7 +186,7 @@ class _Declaration:
         #: True speed at sea level with a lift coefficient of 0.5, ft/s.
         self.usual_speed = math.sqrt(2.0 * pressure / (SEA_LEVEL.density * 0.5))
 
-    def model(self, source: tuple[str, str], notes: list[str]) -> Model:
+    def model(self, source: tuple[str, str], notes: list[Note]) -> Model:
         """The declaration. notes: what the reader says of the files."""
         states = self._states()
         outputs = self._outputs()
@@ -206,7 +207,7 @@ class _Declaration:
             schedule="speed",
             modes=_MODES | self._engine_modes(),
             source=source,
-            notes=(*of_files(self.parts), *self.parts.notes, *self.equations.notes, *notes),
+            notes=(*of_files(self.parts), *grouped(notes)),
             alternatives=(("speed", "kcas", "mach"),),
             aliases=_with_short_names(ALIASES | self._own_aliases()),
             begin=self._beginning(),

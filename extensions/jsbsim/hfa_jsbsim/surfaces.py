@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from hfa_jsbsim.control_system import surface_limits
+from hfa_jsbsim.notes import Note
 from hfa_jsbsim.properties import LoopError, Properties, plain
 from hfa_jsbsim.xml_file import Element
 
@@ -38,7 +39,7 @@ def names_read_by(element: Element) -> list[str]:
 
 def cut_surfaces(
     names: Iterable[str], properties: Properties, inputs: dict[str, PilotInput]
-) -> list[str]:
+) -> list[Note]:
     """Where the pilot acts through an integrator, or a loop closes, make the surface an input.
 
     What else depends on them stays where it is with the stick in its middle.
@@ -58,7 +59,8 @@ def cut_surfaces(
             key = surface.removeprefix("left-").removeprefix("right-").replace("-", "_")
             if key not in inputs:
                 properties.replace(name, properties.read_centered(name, commands))
-                notes.append(f"{error}; {name} stays as it is with the stick in its middle")
+                statement = "these stay as they are with the stick in its middle"
+                notes.append(Note(statement, f"{name} ({error.cause})", error.where))
                 continue
             sign = -1.0 if surface.startswith("right-aileron") else 1.0
             if key not in cut:
@@ -66,7 +68,8 @@ def cut_surfaces(
                 cut[key] = PilotInput(
                     ca.SX.sym(key), unit, _limits(name, surface, properties, sign)
                 )
-                notes.append(f"{error}: the input {key} is the surface itself")
+                statement = "the input is the surface itself"
+                notes.append(Note(statement, f"{key} ({error.cause})", error.where))
             _set_surface(name, surface, properties, sign * cut[key].symbol)
     inputs.update(cut)
     return notes
@@ -106,7 +109,7 @@ def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) 
     properties.replace(f"fcs/mag-{surface}-pos-rad", ca.fabs(value))
 
 
-def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca.SX) -> list[str]:
+def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca.SX) -> list[Note]:
     """Where a throttle's position does not follow its command, make the position the input."""
     notes = []
     for number in engines:
@@ -117,7 +120,6 @@ def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca
             reached = False
         if not reached:
             properties.replace(name, throttle)
-            notes.append(
-                f"throttle-cmd-norm reaches no engine {number}; the input is the throttle position"
-            )
+            statement = "the input is the throttle position; throttle-cmd-norm does not reach"
+            notes.append(Note(statement, f"engine {number}"))
     return notes

@@ -8,6 +8,7 @@ from small_aircraft import CONTROL, LIFT, METRICS, REST, force, glider, written
 
 from hfa import BadInputError, find_operating_point
 from hfa_aircraft.loading import load_model
+from hfa_jsbsim.notes import IDLE, MOTION, Note, grouped
 from studies.jsbsim.constructs.jet import slope
 from trim.point.condition import release, usual_condition
 
@@ -150,7 +151,7 @@ def test_short_entities_are_text(tmp_path):
 def test_a_property_that_nothing_sets_is_zero_and_listed(tmp_path):
     model = model_of(tmp_path, glider(LIFT + REST + force("SIDE", slope(1.0, "sim/gust"))))
     notes = [note for note in model.notes if "sim/gust" in note]
-    assert re.search(r"glider.xml:\d+: nothing sets sim/gust; it is 0", notes[0])
+    assert re.search(r"nothing sets these; they are 0: .*glider.xml: \d+ sim/gust", notes[0])
 
 
 def test_a_second_axis_of_one_name_replaces_the_first(tmp_path):
@@ -237,7 +238,8 @@ def test_an_actuator_with_hysteresis_rests_at_its_input_and_a_note_says_so(tmp_p
     assert outputs["elevator_position"] == pytest.approx(0.3, abs=1e-14)
     notes = [note for note in model.notes if "hysteresis" in note]
     assert len(notes) == 1
-    assert "the actuator may rest 0.025 away" in notes[0]
+    assert "these actuators may rest so far away" in notes[0]
+    assert "by 0.025" in notes[0]
 
 
 def test_the_surface_is_the_input_where_the_stick_acts_through_an_integrator(tmp_path):
@@ -280,3 +282,20 @@ def test_products_of_inertia_change_sign_unless_told_otherwise(tmp_path):
     inertia[0, 1] = inertia[1, 0] = -100.0
     expected = np.linalg.solve(inertia, moments)
     assert [rates[1]["roll_rate"], rates[1]["yaw_rate"]] == pytest.approx(expected.tolist())
+
+
+def test_notes_are_grouped_by_what_they_state():
+    """Those first that change a force; subjects of one statement together, each file once."""
+    notes = [
+        Note("left out", "<time>", "a.xml:9", IDLE),
+        Note("these are 0", "fcs/one", "a.xml:3"),
+        Note("its lag", "fcs/lag", "b.xml:4", MOTION),
+        Note("these are 0", "fcs/two", "b.xml:5"),
+        Note("these are 0", "fcs/three", "a.xml:8"),
+        Note("these are 0", "fcs/three", "a.xml:8"),
+    ]
+    assert grouped(notes) == [
+        "these are 0: a.xml: 3 fcs/one, 8 fcs/three; b.xml: 5 fcs/two",
+        "its lag: b.xml: 4 fcs/lag",
+        "left out: a.xml: 9 <time>",
+    ]

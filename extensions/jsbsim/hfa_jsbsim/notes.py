@@ -1,0 +1,52 @@
+"""What a user should know of how an aircraft's files are read: notes, joined by what they state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+#: Ranks of notes, in the order in which they are printed: a force may differ from JSBSim's; only
+#: motion does; nothing in flight does.
+FORCE = 0
+MOTION = 1
+IDLE = 2
+#: So many subjects of a file are named in a note.
+_MOST = 12
+
+
+class Note(NamedTuple):
+    """statement: what holds. subject: of what, "" if of all. where: file and line.
+
+    rank: FORCE, MOTION or IDLE.
+    """
+
+    statement: str
+    subject: str = ""
+    where: str = ""
+    rank: int = FORCE
+
+
+def grouped(notes: Iterable[Note]) -> list[str]:
+    """A line for each statement, with its subjects by file and line: those first that change a
+    force."""
+    by_statement: dict[tuple[int, str], list[Note]] = {}
+    for note in notes:
+        by_statement.setdefault((note.rank, note.statement), []).append(note)
+    ordered = sorted(by_statement.items(), key=lambda item: item[0][0])
+    return [_line(statement, group) for (_, statement), group in ordered]
+
+
+def _line(statement: str, notes: list[Note]) -> str:
+    """A statement with its subjects."""
+    by_file: dict[str, list[str]] = {}
+    for note in dict.fromkeys(notes):
+        file, _, line = note.where.rpartition(":")
+        by_file.setdefault(file, []).append(f"{line} {note.subject}".strip())
+    files = []
+    for file, subjects in by_file.items():
+        texts = [text for text in subjects[:_MOST] if text]
+        if len(subjects) > _MOST:
+            texts.append(f"{len(subjects) - _MOST} more")
+        files.append(f"{file}: {', '.join(texts)}" if file else ", ".join(texts))
+    listed = "; ".join(text for text in files if text)
+    return f"{statement}: {listed}" if listed else statement
