@@ -42,7 +42,7 @@ class CommandEntry(NamedTuple):
         if not (isinstance(found, Command) and hasattr(found.request, "declared")):
             raise BadInputError(
                 f"{self.command} is no command; write @command(OPTIONS) above the function, "
-                "OPTIONS a dataclass that extends hfa.options.request.Request"
+                "OPTIONS a dataclass that extends hfa.extend.Request"
             )
         return found._replace(install=self.install, example=self.example)
 

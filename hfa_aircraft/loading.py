@@ -8,7 +8,7 @@ import sys
 import types
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from hfa_aircraft.local_sources import fingerprint, hash_of_sources
 from hfa_aircraft.model import Model
@@ -19,6 +19,13 @@ from hfa_support.files import regular_file
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
+
+
+class AircraftReader(Protocol):
+    """An entry point of `hfa.aircraft`."""
+
+    def __call__(self, text: str) -> Model:
+        """Read the aircraft that the text after --aircraft names. BadInputError for a wrong one."""
 
 
 @checks_arguments
@@ -90,7 +97,8 @@ def _format_of(text: str) -> EntryPoint | None:
 
 def _read(offer: EntryPoint, text: str) -> Model:
     """What a reader of another package makes of a text. BadInputError where that is no Model."""
-    model = loaded(offer)(text)
+    read: AircraftReader = loaded(offer)
+    model = read(text)
     if not isinstance(model, Model):
         raise BadInputError(
             f"{offer.value} reads {shown(text)} as {shown(model)}, not as a Model; correct that"

@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -59,6 +59,13 @@ class Reading:
         return basis(self.basis or "quadratic", states)
 
 
+class CriticReader(Protocol):
+    """An entry point of `hfa.critics` that is named by a suffix."""
+
+    def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:
+        """Read the critic of a file, of the game's states. BadInputError for a wrong file."""
+
+
 def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
     """The critic in a file, or of a file with times one critic for each, with its `time`.
 
@@ -71,9 +78,8 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     """
     reading = reading or Reading()
     if is_network(Path(path)):
-        read = part(CRITICS, _format_of(Path(path)), str(path))
-        critic: Critic = read(game, path, reading)
-        return (critic,)
+        read: CriticReader = part(CRITICS, _format_of(Path(path)), str(path))
+        return (read(game, path, reading),)
     entries = entries_in(path)
     with said_of(path):
         if UNKNOWN in entries:

@@ -1,6 +1,6 @@
 """Names for a package that adds an aircraft format or a command."""
 
-from controller.critic.critic_file import Reading as Reading
+from controller.critic.critic_file import CriticReader as CriticReader, Reading as Reading
 from hfa.entry_points import CommandEntry as CommandEntry
 from hfa.options.argument_types import (
     input_file as input_file,
@@ -16,6 +16,7 @@ from hfa.options.trims import (
     OutputOptions as OutputOptions,
 )
 from hfa.output import ProgressLine as ProgressLine, show as show
+from hfa_aircraft.loading import AircraftReader as AircraftReader
 from hfa_support.reporting.checks import Check as Check
 from hfa_support.reporting.report import Report as Report
 from hfa_support.reporting.text import Table as Table

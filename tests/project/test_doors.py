@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import json
+import re
 import shlex
 import shutil
 import subprocess
@@ -14,6 +16,9 @@ from cli import Result, hfa_process
 from package_page import PAGE, write_package
 from pages import COMMAND, blocks_of, difference
 from project import FOLDERS, ROOT, SETTINGS
+
+from hfa.extend import AircraftReader, CriticReader
+from hfa_support.entry_points import AIRCRAFT, CRITICS, PARTS, loaded, offered
 
 EXTENSIONS = tuple(sorted(path.name for path in ROOT.glob("extensions/*/hfa_*")))
 
@@ -139,3 +144,53 @@ def test_the_contract_has_every_package() -> None:
     )
     named = [name.strip() for layer in layers["layers"] for name in layer.split("|")]
     assert sorted(named) == list(EXTENSIONS)
+
+
+def signature_of(function: object) -> str:
+    """Return the signature, with annotations as they are written."""
+    signature = inspect.signature(function)  # type: ignore[arg-type]
+    parameters = [
+        parameter.replace(annotation=Written(parameter.annotation))
+        for parameter in signature.parameters.values()
+    ]
+    returned = Written(signature.return_annotation)
+    return str(signature.replace(parameters=parameters, return_annotation=returned))
+
+
+class Written(str):
+    """An annotation that is shown without quotes."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def test_parts_have_the_signatures_of_the_page() -> None:
+    """Every installed part is on the page, with the signature that it has, and no other one is."""
+    shown = dict(re.findall(r"^([\w.-]+)(\(.+\) -> .+)$", PAGE.read_text("utf-8"), re.MULTILINE))
+    parts = {name: loaded(offer) for name, offer in offered(PARTS).items()}
+    judges = {name: loaded(offered(CRITICS)[name]) for name in ("nonlinear", "nonlinear.steps")}
+    functions = {name: part for name, part in (parts | judges).items() if callable(part)}
+    for name in ("controllers", "policies"):
+        of_module = [each for each in shown if each.startswith(f"{name}.")]
+        assert of_module
+        functions |= {each: getattr(parts[name], each.partition(".")[2]) for each in of_module}
+    assert shown == {name: signature_of(function) for name, function in functions.items()}
+    others = set(parts) - set(shown) - {"controllers", "policies"}
+    assert all(name.startswith("results.") for name in others)
+
+
+@pytest.mark.parametrize(("group", "kind"), [(AIRCRAFT, AircraftReader), (CRITICS, CriticReader)])
+def test_readers_take_what_their_protocol_says(group: str, kind: type) -> None:
+    """Of readers alone; a judge of `hfa.critics` is on the page."""
+    expected = inspect.signature(kind.__call__).parameters.values()
+    kinds = [parameter.annotation for parameter in expected][1:]
+    readers = {
+        name: loaded(offer)
+        for name, offer in offered(group).items()
+        if not name.startswith("nonlinear")
+    }
+    assert len(readers) >= 5
+    for name, reader in readers.items():
+        parameters = list(inspect.signature(reader).parameters.values())
+        needed = [each.annotation for each in parameters if each.default is each.empty]
+        assert needed == kinds, name

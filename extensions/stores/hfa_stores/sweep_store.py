@@ -12,6 +12,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_stores.zarr_store import RowJob, array_of_rows, fill_store
+from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -103,9 +104,20 @@ def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
     return fill_store(job, path, **options)
 
 
-def reported_sweep(plan: SweepPlan, path: Path, **options: Any) -> Report:
-    """The report on `stream_sweep`, the part "sweep.zarr" of `hfa sweep`."""
-    return stored_sweep(plan, stream_sweep(plan, path, **options), path).report()
+def reported_sweep(
+    plan: SweepPlan,
+    path: Path,
+    *,
+    workers: int | str,
+    resume: bool,
+    provenance: Mapping[str, Any],
+    progress: Progress,
+) -> Report:
+    """Return the report on `stream_sweep`, the part "sweep.zarr" of `hfa sweep`."""
+    dataset = stream_sweep(
+        plan, path, workers=workers, resume=resume, provenance=provenance, progress=progress
+    )
+    return stored_sweep(plan, dataset, path).report()
 
 
 def _template(plan: SweepPlan) -> Any:
