@@ -12,8 +12,8 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_aircraft.tables import Interpolator
 from hfa_jsbsim.notes import Note
-from hfa_jsbsim.tables import Interpolator
 from hfa_jsbsim.xml_file import Element, number_of
 from hfa_support.errors import BadInputError, shortened
 

@@ -1,0 +1,137 @@
+"""The check cases of a DAVE-ML file, computed again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from hfa_aircraft.tables import Interpolator
+from hfa_daveml.document import CheckCase, Document, Signal, Variable
+from hfa_daveml.functions import Expressions
+from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import Table
+
+
+@dataclass(frozen=True)
+class CheckedOutput(Result):
+    """An output of a check case.
+
+    case, output: their names. printed: by the author of the file. computed: here. tolerance: of the
+        file. ok: whether they differ by no more.
+    """
+
+    keys = "case output printed computed tolerance ok"
+
+    case: str
+    output: str
+    printed: float
+    computed: float
+    tolerance: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether the difference is within the tolerance."""
+        return abs(self.computed - self.printed) <= self.tolerance
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CheckedDocument(Result, Reported):
+    """A file whose check cases were computed again.
+
+    document: the file. outputs: of all its cases.
+    """
+
+    schema = "hfa.daveml-check/1"
+    made_by = "hfa daveml"
+    keys = "path title ok cases outputs"
+
+    document: Document
+    outputs: Sequence[CheckedOutput]
+
+    @property
+    def path(self) -> str:
+        """The file."""
+        return self.document.path
+
+    @property
+    def title(self) -> str:
+        """What its header calls it."""
+        return self.document.title
+
+    @property
+    def cases(self) -> int:
+        """How many cases it has."""
+        return len(self.document.cases)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every output agrees; False without one."""
+        return bool(self.outputs) and all(output.ok for output in self.outputs)
+
+    def report(self) -> Report:
+        """How many outputs agree, those that do not, and the inputs and outputs of the file."""
+        agreeing = sum(output.ok for output in self.outputs)
+        verdict = "PASS" if self.ok else "FAIL"
+        first = f"{verdict}: {agreeing} of {len(self.outputs)} outputs of {self.cases} check cases"
+        if not self.outputs:
+            first = "FAIL: the file has no check case; nothing is verified"
+        wrong = [
+            (output.case, output.output, *_texts(output))
+            for output in self.outputs
+            if not output.ok
+        ]
+        parts: list[Table | str] = [f"{self.title}, {self.path}".lstrip(", ")]
+        if wrong:
+            header = ("check case", "output", "printed", "computed", "tolerance")
+            parts.append(Table(header, wrong))
+        rows = [
+            (each.name, each.key, each.units, "input" if each.is_input else "output")
+            for each in self.document.variables.values()
+            if each.is_input or each.is_output
+        ]
+        parts.append(Table(("variable", "varID", "unit", ""), rows))
+        if self.outputs:
+            parts.append("Internal values of the cases are not compared.")
+        return Report(first, parts, data=self.as_data())
+
+
+def _texts(output: CheckedOutput) -> tuple[str, str, str]:
+    return f"{output.printed:.10g}", f"{output.computed:.10g}", f"{output.tolerance:.3g}"
+
+
+def checked_document(document: Document) -> CheckedDocument:
+    """The check cases of a file, computed from its tables and formulas alone.
+
+    BadInputError where a case names an unknown variable or another unit, or leaves an input
+    out."""
+    return CheckedDocument(
+        document, [each for case in document.cases for each in _checked(document, case)]
+    )
+
+
+def _checked(document: Document, case: CheckCase) -> list[CheckedOutput]:
+    given = {_variable(document, case, signal).key: ca.SX(signal.value) for signal in case.inputs}
+    expressions = Expressions(document, given, Interpolator())
+    outputs = []
+    for signal in case.outputs:
+        variable = _variable(document, case, signal)
+        computed = float(ca.evalf(ca.SX(expressions[variable.key])))
+        outputs.append(
+            CheckedOutput(case.name, variable.name, signal.value, computed, signal.tolerance)
+        )
+    return outputs
+
+
+def _variable(document: Document, case: CheckCase, signal: Signal) -> Variable:
+    place = f"check case {case.name}"
+    variable = document.by_name(signal.name)
+    if variable is None:
+        raise document.error(place, f"{signal.name} is not defined; correct the name")
+    if signal.units and variable.units and signal.units != variable.units:
+        raise document.error(
+            place, f"{signal.name} is in {signal.units}, its variable in {variable.units}"
+        )
+    return variable

@@ -1,0 +1,43 @@
+"""The command `hfa daveml`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hfa.options.argument_types import input_file
+from hfa.options.command import command
+from hfa.options.request import option
+from hfa.options.trims import OutputOptions
+from hfa.output import show
+from hfa_daveml.check_cases import checked_document
+from hfa_daveml.document import read_document
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DavemlRequest(OutputOptions):
+    """A DAVE-ML file."""
+
+    file: Path = option(
+        "DAVE-ML file (docs/daveml.md)",
+        "FILE",
+        input_file(".dml", ".xml"),
+        names="file",
+        required=True,
+    )
+
+    def origin(self) -> Mapping[str, Any]:
+        """Nothing: the file has the model."""
+        return {}
+
+
+@command(DavemlRequest)
+def daveml(request: DavemlRequest) -> int:
+    """Compute the check cases of a DAVE-ML file and compare every output with its tolerance.
+
+    Exit code 0 only when every output agrees; 1 also without a check case."""
+    checked = checked_document(read_document(str(request.file)))
+    show(checked.report(), request)
+    return 0 if checked.ok else 1

@@ -1,0 +1,331 @@
+"""The content of a DAVE-ML file: variables, tables, functions and check cases."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+
+from hfa_support.errors import BadInputError, shortened
+from hfa_support.files import regular_file
+
+#: Elements that give a variable a meaning that this reader does not follow.
+_UNREAD = ("uncertainty", "array", "isState", "isStateDeriv")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of a file.
+
+    key: its varID. name: as the standard calls it. units: as the file writes them.
+    initial: its value where nothing gives another; None without one.
+    least, most: its limits; infinite without.
+    formula: the MathML element of its calculation; None without one.
+    is_input, is_output: whether the file marks it so.
+    """
+
+    key: str
+    name: str
+    units: str
+    initial: float | None
+    least: float
+    most: float
+    formula: ElementTree.Element | None
+    is_input: bool
+    is_output: bool
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An independent variable of a function.
+
+    key: its varID. least, most: the range beyond which it is held; infinite where the function
+        extrapolates.
+    """
+
+    key: str
+    least: float
+    most: float
+
+
+@dataclass(frozen=True)
+class Table:
+    """A gridded table.
+
+    breakpoints: one increasing array an axis. values: of as many dimensions.
+    """
+
+    breakpoints: tuple[np.ndarray, ...]
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class Function:
+    """A variable that a table gives.
+
+    result: varID of the variable. axes: its arguments, in the order of the table. table: linear
+        between its breakpoints.
+    """
+
+    result: str
+    axes: tuple[Axis, ...]
+    table: Table
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A value of a check case.
+
+    name: of a variable, or its varID. units: as the file writes them; "" without. value: printed.
+    tolerance: how far a result may be from it; 0 for inputs.
+    """
+
+    name: str
+    units: str
+    value: float
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class CheckCase:
+    """Outputs that the author of a file computed from inputs."""
+
+    name: str
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+
+
+@dataclass(frozen=True)
+class Document:
+    """A DAVE-ML file.
+
+    path: of the file. title: what its header calls it.
+    variables: by varID. functions: by the varID of their result. cases: its check cases.
+    """
+
+    path: str
+    title: str
+    variables: Mapping[str, Variable]
+    functions: Mapping[str, Function]
+    cases: tuple[CheckCase, ...]
+
+    def error(self, place: str, fault: str) -> BadInputError:
+        """An error that names the file and the place in it."""
+        return BadInputError(f"{self.path}, {place}: {fault}")
+
+    def by_name(self, name: str) -> Variable | None:
+        """The variable of a name or a varID; None without one."""
+        if name in self.variables:
+            return self.variables[name]
+        return next((each for each in self.variables.values() if each.name == name), None)
+
+
+def read_document(path: str) -> Document:
+    """The content of a DAVE-ML file, version 1 or 2.
+
+    BadInputError names the file and the element that is missing, unknown or no number. OSError
+    where the file cannot be read."""
+    content = regular_file(path).read_bytes()
+    if b"<!ENTITY" in content or b"\0" in content:
+        raise BadInputError(f"{path}: declares entities or is no UTF-8; write the file without")
+    try:
+        root = ElementTree.fromstring(content)
+    except (ElementTree.ParseError, RecursionError) as error:
+        raise BadInputError(f"{path}: is no XML ({error}); correct the file") from error
+    for element in root.iter():
+        element.tag = str(element.tag).rpartition("}")[2]
+    if root.tag != "DAVEfunc":
+        raise BadInputError(f"{path}: begins with <{shortened(root.tag)}>; give a DAVE-ML file")
+    return _Reader(path, root).document()
+
+
+class _Reader:
+    """Reads the elements of one file."""
+
+    def __init__(self, path: str, root: ElementTree.Element) -> None:
+        self._path = path
+        self._root = root
+        self._breakpoints = {
+            self._attribute(element, "bpID"): self._numbers(element, "bpVals")
+            for element in root.iter("breakpointDef")
+        }
+        self._tables = {
+            each.get("gtID", ""): each for each in root.iter("griddedTableDef") if each.get("gtID")
+        }
+
+    def document(self) -> Document:
+        """The whole file."""
+        header = self._root.find("fileHeader")
+        functions = [self._function(each) for each in self._root.iter("function")]
+        variables = [self._variable(each) for each in self._root.iter("variableDef")]
+        document = Document(
+            self._path,
+            "" if header is None else header.get("name", ""),
+            {each.key: each for each in variables},
+            {each.result: each for each in functions},
+            tuple(self._case(each) for each in self._root.iter("staticShot")),
+        )
+        for function in functions:
+            for key in (function.result, *(axis.key for axis in function.axes)):
+                if key not in document.variables:
+                    raise document.error(f"function of {function.result}", f"{key} is not defined")
+        return document
+
+    def _variable(self, element: ElementTree.Element) -> Variable:
+        key = self._attribute(element, "varID")
+        place = f"variable {key}"
+        for tag in _UNREAD:
+            if element.find(tag) is not None:
+                raise self._error(place, f"<{tag}> is not supported; leave it out")
+        calculation = element.find("calculation")
+        formula = None
+        if calculation is not None:
+            math_element = calculation.find("math")
+            if math_element is None or len(math_element) != 1:
+                raise self._error(place, "<calculation> needs one <math> with one formula")
+            formula = math_element[0]
+        initial = element.get("initialValue")
+        return Variable(
+            key,
+            element.get("name", key),
+            element.get("units", ""),
+            None if initial is None else self._number(initial, place),
+            self._number_or(element.get("minValue"), place, -math.inf),
+            self._number_or(element.get("maxValue"), place, math.inf),
+            formula,
+            element.find("isInput") is not None or element.find("isControl") is not None,
+            element.find("isOutput") is not None,
+        )
+
+    def _function(self, element: ElementTree.Element) -> Function:
+        result = element.find("dependentVarRef")
+        if result is None:
+            raise self._error(
+                f"function {element.get('name', '')}",
+                "has no <dependentVarRef>; only functions of variables are supported",
+            )
+        key = self._attribute(result, "varID")
+        axes = tuple(self._axis(each, key) for each in element.iter("independentVarRef"))
+        definition = element.find("functionDefn")
+        gridded = None if definition is None else self._table_of(definition)
+        if gridded is None:
+            raise self._error(
+                f"function of {key}", "has no gridded table; ungridded ones are not supported"
+            )
+        table = self._table(gridded, key)
+        if len(axes) != len(table.breakpoints):
+            raise self._error(
+                f"function of {key}",
+                f"has {len(axes)} arguments and a table of {len(table.breakpoints)} axes",
+            )
+        return Function(key, axes, table)
+
+    def _axis(self, element: ElementTree.Element, result: str) -> Axis:
+        place = f"function of {result}"
+        way = element.get("interpolate", "linear")
+        if way != "linear":
+            raise self._error(place, f'interpolate="{shortened(way)}"; only "linear" is supported')
+        extrapolate = element.get("extrapolate", "neither")
+        if extrapolate != "neither":
+            raise self._error(
+                place, f'extrapolate="{shortened(extrapolate)}"; only "neither" is supported'
+            )
+        return Axis(
+            self._attribute(element, "varID"),
+            self._number_or(element.get("min"), place, -math.inf),
+            self._number_or(element.get("max"), place, math.inf),
+        )
+
+    def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
+        """The table of a function, defined in it or referred to; `griddedTable` is version 1's."""
+        for tag in ("griddedTableDef", "griddedTable"):
+            own = definition.find(tag)
+            if own is not None:
+                return own
+        reference = definition.find("griddedTableRef")
+        return None if reference is None else self._tables.get(reference.get("gtID", ""))
+
+    def _table(self, element: ElementTree.Element, result: str) -> Table:
+        place = f"function of {result}"
+        keys = [self._attribute(each, "bpID") for each in element.iter("bpRef")]
+        missing = [key for key in keys if key not in self._breakpoints]
+        if missing or not keys:
+            raise self._error(
+                place, f"breakpoints {', '.join(missing) or '(none)'} are not defined"
+            )
+        breakpoints = tuple(self._breakpoints[key] for key in keys)
+        for key, points in zip(keys, breakpoints, strict=True):
+            if points.size < 2 or not (np.diff(points) > 0.0).all():
+                raise self._error(
+                    f"breakpoints {key}", "do not increase; give two or more in order"
+                )
+        values = self._numbers(element, "dataTable")
+        shape = tuple(points.size for points in breakpoints)
+        if values.size != math.prod(shape):
+            raise self._error(
+                place,
+                f"the table has {values.size} values; its breakpoints need {math.prod(shape)}",
+            )
+        return Table(breakpoints, values.reshape(shape))
+
+    def _case(self, element: ElementTree.Element) -> CheckCase:
+        name = element.get("name", "")
+        return CheckCase(
+            name,
+            tuple(self._signals(element.find("checkInputs"), name)),
+            tuple(self._signals(element.find("checkOutputs"), name)),
+        )
+
+    def _signals(self, group: ElementTree.Element | None, case: str) -> Iterator[Signal]:
+        if group is None:
+            raise self._error(f"check case {case}", "needs <checkInputs> and <checkOutputs>")
+        for signal in group.iter("signal"):
+            texts = {child.tag: (child.text or "").strip() for child in signal}
+            name = texts.get("signalName") or texts.get("varID") or texts.get("signalID", "")
+            place = f"check case {case}, {name}"
+            if "signalValue" not in texts:
+                raise self._error(place, "has no <signalValue>; give one")
+            value = self._number(texts["signalValue"], place)
+            tolerance = self._number_or(texts.get("tol"), place, 0.0)
+            yield Signal(name, texts.get("signalUnits", ""), value, tolerance)
+
+    def _numbers(self, element: ElementTree.Element, tag: str) -> np.ndarray:
+        """The numbers of a child, separated by commas or blanks; comments between them do not
+        count."""
+        child = element.find(tag)
+        place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
+        if child is None:
+            raise self._error(place, f"has no <{tag}>; add it")
+        words = [word for word in re.split(r"[,\s]+", "".join(child.itertext())) if word]
+        try:
+            values = np.array([float(word) for word in words])
+        except ValueError as error:
+            raise self._error(place, f"<{tag}> holds what is no number ({error})") from error
+        if not np.isfinite(values).all():
+            raise self._error(place, f"<{tag}> holds a number that is not finite")
+        return values
+
+    def _number_or(self, text: str | None, place: str, default: float) -> float:
+        return default if text is None else self._number(text, place)
+
+    def _number(self, text: str, place: str) -> float:
+        try:
+            value = float(text)
+        except ValueError as error:
+            raise self._error(place, f"{shortened(text)!r} is no number") from error
+        if not math.isfinite(value):
+            raise self._error(place, f"{text} is not finite")
+        return value
+
+    def _attribute(self, element: ElementTree.Element, name: str) -> str:
+        value = element.get(name)
+        if not value:
+            raise self._error(f"<{element.tag}>", f"has no {name}; add it")
+        return value
+
+    def _error(self, place: str, fault: str) -> BadInputError:
+        return BadInputError(f"{self._path}, {place}: {fault}")

@@ -1,0 +1,82 @@
+"""The variables of a DAVE-ML file as CasADi expressions of its inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.tables import Interpolator
+from hfa_daveml.document import Document, Variable
+from hfa_daveml.mathml import expression
+from hfa_support.errors import BadInputError
+
+
+class Expressions:
+    """Values of the variables of a document, each made once when it is asked for.
+
+    A variable is the given value, else its table, else its formula, else its initial value, held
+    within its limits."""
+
+    def __init__(self, document: Document, given: Mapping[str, Any], table: Interpolator) -> None:
+        """given: value by varID, in the file's units. table: shared by the files of an aircraft."""
+        self._document = document
+        self._values = {
+            key: _limited(document.variables[key], value) for key, value in given.items()
+        }
+        self._table = table
+        self._asked: list[str] = []
+
+    def __getitem__(self, key: str) -> Any:
+        """The value of a variable by its varID, in the file's units.
+
+        BadInputError where it has no value, or follows from itself."""
+        if key in self._values:
+            return self._values[key]
+        variable = self._document.variables.get(key)
+        asked = self._asked[-1] if self._asked else key
+        if variable is None:
+            raise self._document.error(f"variable {asked}", f"{key} is not defined; define it")
+        if key in self._asked:
+            circle = ", ".join(self._asked[self._asked.index(key) :])
+            raise self._document.error(f"variable {key}", f"follows from itself ({circle})")
+        self._asked.append(key)
+        try:
+            self._values[key] = _limited(variable, self._value(variable))
+        finally:
+            self._asked.pop()
+        return self._values[key]
+
+    def _value(self, variable: Variable) -> Any:
+        function = self._document.functions.get(variable.key)
+        if function is not None:
+            arguments = [_between(self[axis.key], axis.least, axis.most) for axis in function.axes]
+            return self._table(function.table.values, function.table.breakpoints, arguments)
+        if variable.formula is not None:
+            try:
+                return expression(variable.formula, self.__getitem__)
+            except BadInputError as error:
+                if str(error).startswith(self._document.path):
+                    raise
+                raise self._document.error(f"variable {variable.key}", str(error)) from error
+        if variable.initial is None:
+            raise self._document.error(
+                f"variable {variable.key}",
+                "has no table, formula or initial value; add initialValue",
+            )
+        return variable.initial
+
+
+def _limited(variable: Variable, value: Any) -> Any:
+    """A value within the limits of a variable."""
+    return _between(value, variable.least, variable.most)
+
+
+def _between(value: Any, least: float, most: float) -> Any:
+    if np.isfinite(least):
+        value = ca.fmax(value, least)
+    if np.isfinite(most):
+        value = ca.fmin(value, most)
+    return value

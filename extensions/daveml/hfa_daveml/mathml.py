@@ -1,0 +1,120 @@
+"""Formulas of MathML content markup as CasADi expressions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import reduce
+from typing import Any
+from xml.etree import ElementTree
+
+import casadi as ca
+
+from hfa_support.errors import BadInputError, shortened
+
+#: Operators of one argument.
+_OF_ONE: Mapping[str, Callable[[Any], Any]] = {
+    "abs": ca.fabs,
+    "floor": ca.floor,
+    "ceiling": ca.ceil,
+    "exp": ca.exp,
+    "ln": ca.log,
+    "log": ca.log10,
+    "sin": ca.sin,
+    "cos": ca.cos,
+    "tan": ca.tan,
+    "arcsin": ca.asin,
+    "arccos": ca.acos,
+    "arctan": ca.atan,
+    "sinh": ca.sinh,
+    "cosh": ca.cosh,
+    "tanh": ca.tanh,
+    "not": ca.logic_not,
+}
+#: Operators of two arguments.
+_OF_TWO: Mapping[str, Callable[[Any, Any], Any]] = {
+    "divide": lambda a, b: a / b,
+    "power": lambda a, b: a**b,
+    "lt": lambda a, b: a < b,
+    "gt": lambda a, b: a > b,
+    "leq": lambda a, b: a <= b,
+    "geq": lambda a, b: a >= b,
+    "eq": lambda a, b: ca.eq(a, b),
+    "neq": lambda a, b: ca.ne(a, b),
+    "atan2": ca.atan2,
+}
+#: Operators of any number of arguments.
+_OF_MANY: Mapping[str, Callable[[Any, Any], Any]] = {
+    "plus": lambda a, b: a + b,
+    "times": lambda a, b: a * b,
+    "min": ca.fmin,
+    "max": ca.fmax,
+    "and": ca.logic_and,
+    "or": ca.logic_or,
+}
+_CONSTANTS = {"pi": math.pi, "exponentiale": math.e, "true": 1.0, "false": 0.0}
+
+
+def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
+    """The value of a formula.
+
+    value_of: value of a variable by its varID
+
+    BadInputError names an operator that is unknown or has a wrong number of arguments."""
+    if element.tag == "ci":
+        return value_of((element.text or "").strip())
+    if element.tag == "cn":
+        return _number(element)
+    if element.tag in _CONSTANTS:
+        return _CONSTANTS[element.tag]
+    if element.tag == "piecewise":
+        return _piecewise(element, value_of)
+    if element.tag == "apply" and len(element):
+        if element[0].tag in ("apply", "piecewise", "ci", "cn") and len(element) == 1:
+            return expression(element[0], value_of)
+        return _applied(element[0], [expression(each, value_of) for each in element[1:]])
+    raise BadInputError(f"<{shortened(element.tag)}> is not supported in a formula")
+
+
+def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
+    """An operator on its arguments; `csymbol` names one that MathML lacks."""
+    name = operator.tag
+    if name == "csymbol":
+        name = (operator.text or "").strip()
+    count = len(arguments)
+    if name == "minus" and count in (1, 2):
+        return -arguments[0] if count == 1 else arguments[0] - arguments[1]
+    if name == "root" and count == 1:
+        return ca.sqrt(arguments[0])
+    if name in _OF_ONE and count == 1:
+        return _OF_ONE[name](arguments[0])
+    if name in _OF_TWO and count == 2:
+        return _OF_TWO[name](*arguments)
+    if name in _OF_MANY and count >= 1:
+        return reduce(_OF_MANY[name], arguments)
+    raise BadInputError(f"<{shortened(name)}> of {count} arguments is not supported in a formula")
+
+
+def _number(element: ElementTree.Element) -> float:
+    """A number; `e-notation` writes it in two parts."""
+    try:
+        if element.get("type") == "e-notation":
+            mantissa, exponent = (element.text or "").strip(), (element[0].tail or "").strip()
+            return float(f"{float(mantissa)}e{int(exponent)}")
+        return float((element.text or "").strip())
+    except (ValueError, IndexError) as error:
+        raise BadInputError(f"<cn> holds {shortened(element.text or '')!r}, no number") from error
+
+
+def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
+    """The value of the first piece whose condition holds, else of `otherwise`."""
+    otherwise = element.find("otherwise")
+    if otherwise is None or len(otherwise) != 1:
+        raise BadInputError("<piecewise> has no <otherwise>; add the value where no piece holds")
+    value = expression(otherwise[0], value_of)
+    for piece in reversed(element.findall("piece")):
+        if len(piece) != 2:
+            raise BadInputError("<piece> needs a value and a condition")
+        chosen, condition = (expression(each, value_of) for each in piece)
+        value = ca.if_else(condition, chosen, value)
+    return value

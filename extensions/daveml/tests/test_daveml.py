@@ -1,0 +1,172 @@
+"""DAVE-ML files: check cases, formulas, tables, and aircraft against a table of derivatives."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from cli import hfa as run
+from project import ROOT
+
+import hfa
+from hfa_aircraft.tables import Interpolator
+from hfa_daveml.check_cases import checked_document
+from hfa_daveml.document import read_document
+from hfa_daveml.functions import Expressions
+from hfa_support.errors import BadInputError
+
+UAV = ROOT / "examples" / "uav.dml"
+TEXT = UAV.read_text(encoding="utf-8")
+_FOOT = 0.3048
+_NEWTON = 1.0 / (0.45359237 * 9.80665)
+
+_ONE = """<DAVEfunc><variableDef name="x" varID="x" units="nd"><isInput/></variableDef>
+<variableDef name="y" varID="y" units="nd">{}</variableDef>{}</DAVEfunc>"""
+
+
+def changed(folder: Path, old: str, new: str) -> str:
+    """The path of the example with one text replaced, which must stand in it."""
+    assert old in TEXT
+    path = folder / "changed.dml"
+    path.write_text(TEXT.replace(old, new, 1), encoding="utf-8")
+    return str(path)
+
+
+def formula(text: str, x: float, folder: Path) -> float:
+    """y of a file with one formula, at x."""
+    path = folder / "one.dml"
+    path.write_text(_ONE.format(f"<calculation><math>{text}</math></calculation>", ""))
+    values = Expressions(read_document(str(path)), {"x": ca.SX(x)}, Interpolator())
+    return float(ca.evalf(ca.SX(values["y"])))
+
+
+def test_the_example_passes_its_check_cases() -> None:
+    checked = checked_document(read_document(str(UAV)))
+    assert checked.ok
+    assert len(checked.outputs) == 12
+
+
+@pytest.mark.parametrize("wrong", ["-0.36", "3.45", "0.5"])
+def test_a_wrong_number_fails_a_check_case(wrong: str, tmp_path: Path) -> None:
+    """A coefficient, a table value or an input of a case that is changed makes an output differ."""
+    old = {
+        "-0.36": "<cn>-0.36</cn>",
+        "3.45": re.search(r"<dataTable>([-.\d]+)", TEXT)[1],
+        "0.5": "<signalValue>0.5</signalValue>",
+    }[wrong]
+    new = {"-0.36": "<cn>0.36</cn>", "3.45": "-0.5", "0.5": "<signalValue>-0.5</signalValue>"}
+    path = changed(tmp_path, old, new[wrong])
+    result = run("daveml", path)
+    assert result.code == 1
+    assert result.out.startswith("FAIL: ")
+
+
+def test_a_file_without_cases_verifies_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "bare.dml"
+    path.write_text(re.sub(r"<checkData>.*</checkData>", "", TEXT, flags=re.S), encoding="utf-8")
+    result = run("daveml", str(path))
+    assert result.code == 1
+    assert "no check case" in result.out
+
+
+def test_the_aircraft_is_that_of_its_derivatives() -> None:
+    """Trim, A and B of examples/uav.dml, in ft and lbf, are those of examples/uav.toml in SI."""
+    table = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
+    file = hfa.load_model(str(UAV))
+    held = {"speed": 35.0, "altitude": 100.0}
+    of_table = hfa.linearize(table, hfa.find_operating_point(table, hold=held))
+    held = {name: value / _FOOT for name, value in held.items()}
+    of_file = hfa.linearize(file, hfa.find_operating_point(file, hold=held))
+    inputs = ["engineThrust", "elevatorDeflection", "aileronDeflection", "rudderDeflection"]
+    order = [of_file.inputs.index(name) for name in inputs]
+    assert of_file.point.states.alpha == pytest.approx(of_table.point.states.alpha, rel=1e-9)
+    thrust = of_table.point.inputs.thrust * _NEWTON
+    assert of_file.point.inputs.engineThrust == pytest.approx(thrust, rel=1e-9)
+    scale = np.ones(len(of_file.states))
+    scale[of_file.states.index("speed")] = 1.0 / _FOOT
+    A = scale[:, None] * of_table.A / scale
+    B = scale[:, None] * of_table.B / np.array([_NEWTON, 1.0, 1.0, 1.0])
+    np.testing.assert_allclose(of_file.A, A, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(of_file.B[:, order], B, rtol=1e-8, atol=1e-9)
+
+
+def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
+    """The mass in a file of its own gives the same aircraft; without it the file is refused."""
+    mass = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
+    alone = tmp_path / "aero.dml"
+    alone.write_text(TEXT.replace(mass, ""), encoding="utf-8")
+    other = tmp_path / "mass.dml"
+    other.write_text(f"<DAVEfunc>{mass}</DAVEfunc>", encoding="utf-8")
+    with pytest.raises(BadInputError, match="totalMass; add the file"):
+        hfa.load_model(str(alone))
+    joined = hfa.load_model(f"{alone}+{other}")
+    whole = hfa.load_model(str(UAV))
+    points = [hfa.find_operating_point(model) for model in (joined, whole)]
+    np.testing.assert_allclose(points[0].states, points[1].states, rtol=1e-12)
+    with pytest.raises(BadInputError, match="is an output of"):
+        hfa.load_model(f"{other}+{UAV}")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("<apply><minus/><ci>x</ci></apply>", -0.3),
+        ("<apply><power/><ci>x</ci><cn>2</cn></apply>", 0.09),
+        ("<apply><csymbol>atan2</csymbol><ci>x</ci><cn>-1</cn></apply>", np.arctan2(0.3, -1.0)),
+        ("<apply><max/><ci>x</ci><cn>1</cn><cn>2</cn></apply>", 2.0),
+        ("<cn type='e-notation'>1.5<sep/>-3</cn>", 1.5e-3),
+        (
+            "<piecewise><piece><cn>1</cn><apply><lt/><ci>x</ci><cn>0</cn></apply></piece>"
+            "<piece><cn>2</cn><apply><lt/><ci>x</ci><cn>1</cn></apply></piece>"
+            "<otherwise><cn>3</cn></otherwise></piecewise>",
+            2.0,
+        ),
+    ],
+)
+def test_a_formula_has_its_value(text: str, expected: float, tmp_path: Path) -> None:
+    assert formula(text, 0.3, tmp_path) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("body", "more", "message"),
+    [
+        ("<calculation><math><apply><floof/><ci>x</ci></apply></math></calculation>", "", "floof"),
+        ("<calculation><math><ci>z</ci></math></calculation>", "", "z is not defined"),
+        ("<calculation><math><ci>y</ci></math></calculation>", "", "follows from itself"),
+        ("", "", "no table, formula or initial value"),
+        ("<uncertainty/>", "", "uncertainty"),
+    ],
+)
+def test_what_is_not_understood_is_named(
+    body: str, more: str, message: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "one.dml"
+    path.write_text(_ONE.format(body, more))
+    with pytest.raises(BadInputError, match=message):
+        Expressions(read_document(str(path)), {"x": ca.SX(1.0)}, Interpolator())["y"]
+
+
+def checked_and_loaded(path: str) -> None:
+    checked_document(read_document(path))
+    hfa.load_model(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('extrapolate="neither"', 'extrapolate="both"', "extrapolate"),
+        ("<bpVals>-10, 0, 10", "<bpVals>-10, 10, 0", "do not increase"),
+        ("<bpVals>-10, 0, 10", "<bpVals>-10, 10", "its breakpoints need 2"),
+        ('units="kgm2"', 'units="stone"', "stone"),
+        ("<griddedTableDef", "<ungriddedTableDef", "is no XML"),
+        ("<DAVEfunc", "<!DOCTYPE a [<!ENTITY b 'c'>]><DAVEfunc", "entities"),
+        ("<signalValue>35.0", "<signalUnits>ft_s</signalUnits><signalValue>35.0", "in ft_s"),
+    ],
+)
+def test_a_damaged_file_is_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
+    path = changed(tmp_path, old, new)
+    with pytest.raises(BadInputError, match=message):
+        checked_and_loaded(path)
