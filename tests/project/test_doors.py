@@ -15,7 +15,7 @@ import pytest
 from cli import Result, hfa_process
 from package_page import PAGE, write_package
 from pages import COMMAND, blocks_of, difference
-from project import FOLDERS, ROOT, SETTINGS
+from project import ROOT
 
 from hfa.extend import AircraftReader, CriticReader
 from hfa_support.entry_points import AIRCRAFT, CRITICS, PARTS, loaded, offered
@@ -124,26 +124,6 @@ def test_a_name_that_two_packages_offer_is_refused(tmp_path: Path) -> None:
     assert "other-flights" in refused.err
     assert "both offer fly" in refused.err
     assert run(tmp_path, tmp_path, "trim", "--dihedral", "10").code == 0
-
-
-def test_the_contract_has_every_package() -> None:
-    """The contract that the core knows no extension is about everything but the core."""
-    packages = set(FOLDERS)
-    core = packages - set(EXTENSIONS)
-    contracts = SETTINGS["importlinter"]["contracts"]
-    (contract,) = (
-        contract for contract in contracts if contract["name"].startswith("The core knows no")
-    )
-    assert len(EXTENSIONS) >= 8
-    assert set(contract["forbidden_modules"]) == set(EXTENSIONS)
-    assert set(contract["source_modules"]) == core
-    assert "ignore_imports" not in contract
-    assert packages | {"studies"} == set(SETTINGS["importlinter"]["root_packages"])
-    (layers,) = (
-        contract for contract in contracts if contract["name"].startswith("An extension imports")
-    )
-    named = [name.strip() for layer in layers["layers"] for name in layer.split("|")]
-    assert sorted(named) == list(EXTENSIONS)
 
 
 def signature_of(function: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from hfa.options.trims import (
 )
 from hfa_aircraft.model import Model
 from hfa_flight.gain_schedule import load_gain_schedule
-from hfa_model.variants import VARIANTS
+from hfa_proof.flexible_aircraft import standard_errors_of
 from hfa_servo.scheduled_controller import load_controller
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.schema import Number
@@ -75,8 +76,9 @@ def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
     errors: every identified parameter may be off by this many of its standard errors."""
     from hfa_proof.search.family import Family
 
-    with_errors = not request.own and request.dynamics in VARIANTS
-    standard_errors = request.parameter_set.standard_errors if with_errors else {}
+    standard_errors: Mapping[str, float] = {}
+    if not request.own:
+        standard_errors = standard_errors_of(request.dynamics, request.parameter_set)
     if errors and not standard_errors:
         raise BadInputError("the parameters have no standard errors; leave --error out")
     spread = {

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -18,10 +17,9 @@ import numpy as np
 from flint import arb
 
 from hfa_aircraft.model import Model
-from hfa_model import choice
-from hfa_model.variants import VARIANTS, further_dynamics
 from hfa_proof.arithmetic.balls import lowest_sign
 from hfa_proof.checker.reading import Fields, require
+from hfa_proof.flexible_aircraft import aircraft_of
 from hfa_support.errors import BadInputError, shown
 from hfa_support.reporting.results import Stack, Vector
 
@@ -573,16 +571,12 @@ def model_of(name: Any, source: Any, own: Model | None) -> Model:
                 f"the certificate is about {shown(name)} of another file than that of {own.name}"
             )
         return own
-    if source or name not in (*VARIANTS, *further_dynamics()):
+    flexible = None if source else aircraft_of(name)
+    if flexible is None:
         raise BadInputError(
             f"the certificate is about {shown(name)}; name its file by --aircraft FILE.py:NAME"
         )
-    return _own_aircraft(name)
-
-
-@cache
-def _own_aircraft(dynamics: str) -> Model:
-    return choice.aircraft(dynamics)
+    return flexible
 
 
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_model.parameters import NAMED, Parameters, load_parameters
 from hfa_proof.checker.checker import Verified
 from hfa_proof.checker.riccati import SAME_GAIN
 from hfa_proof.checker.statement import (
@@ -25,6 +24,7 @@ from hfa_proof.checker.statement import (
     content_of,
     kind_of_statement,
 )
+from hfa_proof.flexible_aircraft import identity_of
 from hfa_proof.outward import at_least, at_most
 from hfa_proof.search.report import (
     INTERPOLATION_ERRORS,
@@ -37,7 +37,6 @@ from hfa_proof.search.report import (
     schedule_parts,
 )
 from hfa_proof.subject import taken_from_certificate
-from hfa_support.provenance import parameter_hash
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table
 
@@ -147,28 +146,23 @@ def _flight_said(flight: Flight) -> tuple[str, Content]:
         "spread": dict(flight.spread),
         "parameters": dict(flight.parameters),
     }
-    if _is_hfa(flight):
-        values = Parameters(**flight.parameters)
-        data["parameters"] = _name_of_parameters(values)
-        data["parameter_hash"] = parameter_hash(values)
+    identity = _identity(flight)
+    if identity is not None:
+        data["parameters"], data["parameter_hash"] = identity
     return "\n".join(lines), data
 
 
-def _is_hfa(flight: Flight) -> bool:
-    return not flight.model.source[1] and set(flight.parameters) == set(Parameters._fields)
-
-
-def _name_of_parameters(values: Parameters) -> str:
-    names = [name for name in NAMED if load_parameters(name).values == values]
-    return names[0] if names else "of the certificate"
+def _identity(flight: Flight) -> tuple[str, str] | None:
+    """Return the name and the hash of the parameters; None for an aircraft of a file."""
+    return None if flight.model.source[1] else identity_of(flight.parameters)
 
 
 def _aircraft_said(flight: Flight) -> str:
     model = flight.model
-    if _is_hfa(flight):
-        values = Parameters(**flight.parameters)
-        parameters = f"{_name_of_parameters(values)} ({parameter_hash(values)})"
-        return f"{model.name} dynamics, parameters {parameters}"
+    identity = _identity(flight)
+    if identity is not None:
+        name, digest = identity
+        return f"{model.name} dynamics, parameters {name} ({digest})"
     source = f", files of SHA-256 {model.source[1][:16]}" if model.source[1] else ""
     numbers = "".join(f", {name} {value:.10g}" for name, value in flight.parameters.items())
     return f"{model.title}{source}{numbers}"

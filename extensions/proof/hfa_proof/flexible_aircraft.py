@@ -1,0 +1,35 @@
+"""The flexible aircraft of the paper, which a statement names without a file: all that this package
+takes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+from hfa_aircraft.model import Model
+from hfa_model.choice import aircraft
+from hfa_model.parameters import NAMED, Parameters, ParameterSet, load_parameters
+from hfa_model.variants import VARIANTS, further_dynamics
+from hfa_support.provenance import parameter_hash
+
+
+@cache
+def aircraft_of(dynamics: str) -> Model | None:
+    """Return the aircraft with these dynamics; None where it has none of this name."""
+    return aircraft(dynamics) if dynamics in (*VARIANTS, *further_dynamics()) else None
+
+
+def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, float]:
+    """Return the standard errors of the parameters of these dynamics, by name.
+
+    Dynamics of other packages have parameters without standard errors: none then."""
+    return parameters.standard_errors if dynamics in VARIANTS else {}
+
+
+def identity_of(parameters: Mapping[str, float]) -> tuple[str, str] | None:
+    """Return the name of a set of parameters and its hash; None for those of another aircraft."""
+    if set(parameters) != set(Parameters._fields):
+        return None
+    values = Parameters(**parameters)
+    names = [name for name in NAMED if load_parameters(name).values == values]
+    return (names[0] if names else "of the certificate"), parameter_hash(values)

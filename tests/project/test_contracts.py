@@ -1,0 +1,106 @@
+"""Import contracts of pyproject.toml: they name every package, and see what breaks them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from project import FOLDERS, ROOT, SETTINGS
+
+CONTRACTS = SETTINGS["importlinter"]["contracts"]
+PACKAGES = {*FOLDERS, "studies"}
+EXTENSIONS = {name for name, folder in FOLDERS.items() if "extensions" in folder.parts}
+#: What each checker may import of other packages, and parts of packages that it may not.
+CHECKERS = {
+    "The checker of certificates": {"hfa_proof"},
+    "The checker of boxes": {"hfa_proof", "hfa_boxes"},
+    "The checker of regions": {"hfa_proof", "hfa_boxes", "hfa_region"},
+}
+OF_ALL = {"hfa_support", "hfa_aircraft", "hfa_model"}
+#: File -> an import that a contract forbids there.
+BREACHES = {
+    "trim/point/newton.py": "trim.sweeps.sweep",
+    "controller/game/zero_sum.py": "hfa_flight.scenario",
+    "controller/game/names.py": "controller.riccati.gare",
+    "controller/critic/critic.py": "controller.learning.certified",
+    "controller/learning/recording.py": "controller.riccati.gare",
+    "verification/regeneration.py": "controller.learning.certified",
+    "extensions/discrete/hfa_discrete/q_learning.py": "hfa_discrete.solution",
+    "extensions/policy/hfa_policy/assess.py": "controller.learning.certified",
+    "extensions/proof/hfa_proof/search/family.py": "controller.learning.recording",
+    "extensions/region/hfa_region/check/loop.py": "controller.learning.recording",
+    "extensions/boxes/hfa_boxes/search/region.py": "hfa_discrete.q_learning",
+    "extensions/printed/hfa_printed/exact_answer.py": "controller.learning.certified",
+    "extensions/reasons/hfa_reasons/diagnosis.py": "hfa_flight.scenario",
+    "extensions/proof/hfa_proof/checker/checker.py": "hfa_proof.search.family",
+    "extensions/proof/hfa_proof/checker/riccati.py": "hfa_stores.zarr_store",
+    "extensions/proof/hfa_proof/search/loops.py": "hfa_model.vectors",
+    "extensions/region/hfa_region/check/checker.py": "hfa_region.search.region",
+    "extensions/boxes/hfa_boxes/check/checker.py": "hfa_networks.files.network",
+    "extensions/stores/hfa_stores/workers.py": "hfa_model.choice",
+}
+
+
+def contract(begin: str) -> dict[str, Any]:
+    """The contract whose name begins so."""
+    (found,) = (each for each in CONTRACTS if each["name"].startswith(begin))
+    return found
+
+
+def test_contracts_name_every_package() -> None:
+    """A new package is in the lists, or the test fails; nothing is ignored."""
+    assert set(SETTINGS["importlinter"]["root_packages"]) == PACKAGES
+    core = contract("The core knows no extension")
+    assert set(core["forbidden_modules"]) == EXTENSIONS
+    assert set(core["source_modules"]) == PACKAGES - EXTENSIONS - {"studies"}
+    layers = contract("An extension imports")["layers"]
+    assert {name.strip() for layer in layers for name in layer.split("|")} == EXTENSIONS
+    assert [each["name"] for each in CONTRACTS if "ignore_imports" in each] == []
+
+
+@pytest.mark.parametrize("checker", CHECKERS)
+def test_a_checker_may_import_what_is_listed(checker: str) -> None:
+    """Everything else is forbidden, and of the listed packages what searches and what is typed."""
+    forbidden = set(contract(checker)["forbidden_modules"])
+    assert {name for name in forbidden if "." not in name} == PACKAGES - OF_ALL - CHECKERS[checker]
+    parts = {
+        f"{package}.{part}"
+        for package in CHECKERS[checker]
+        for part in ("commands", "options", "search")
+        if any((FOLDERS[package] / name).exists() for name in (part, f"{part}.py"))
+    }
+    assert {name for name in forbidden if "." in name} == parts
+
+
+@pytest.mark.slow
+def test_planted_breaches_are_seen(tmp_path: Path) -> None:
+    """Each import is written into its file, in a copy of the project; the linter names each."""
+    pytest.importorskip("importlinter")
+    for folder in (*FOLDERS.values(), ROOT / "studies"):
+        target = tmp_path / folder.relative_to(ROOT)
+        shutil.copytree(folder, target, ignore=shutil.ignore_patterns("__pycache__", "*.json"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    assert len(BREACHES) >= 16
+    for file, imported in BREACHES.items():
+        with (tmp_path / file).open("a", encoding="utf-8") as source:
+            source.write(f"\nimport {imported}\n")
+    roots = [tmp_path, *sorted((tmp_path / "extensions").iterdir())]
+    done = subprocess.run(
+        [Path(sys.executable).with_name("lint-imports"), "--no-cache"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, roots)), "COLUMNS": "300"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 1
+    for file, imported in BREACHES.items():
+        module = ".".join(Path(file).with_suffix("").parts).partition(".hfa_")
+        importer = file if not file.startswith("extensions") else f"hfa_{module[2]}"
+        importer = importer.removesuffix(".py").replace("/", ".")
+        assert f"{importer} -> {imported} " in done.stdout, f"{importer} imports {imported}"
