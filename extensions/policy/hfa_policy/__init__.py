@@ -1,2 +1,1 @@
-"""A policy as it is deployed: what it observes, what its actions move, when; and whether it
-flies."""
+"""A policy as it is deployed: observations, actions, timing, and its assessment in flight."""

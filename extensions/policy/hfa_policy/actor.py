@@ -1,4 +1,4 @@
-"""The actor of a policy's file: what its network computes, and what the file says beside that."""
+"""The actor of a policy's file: its network and the settings stored in the file."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ SUFFIXES = (".zip", ".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".json", ".n
 
 @dataclass(frozen=True, eq=False)
 class Actor:
-    """o, normalized -> the numbers of the network.
+    """The network of a policy: normalized observations -> actions.
 
     function: (k,) -> (m,).
     chain: its layers in words.
     squash: whether tanh follows, mapped to the box; else the box clips.
     clip_mean: largest size before that tanh.
-    stored: what the zip of Stable-Baselines3 says; None of another file.
-    box: lowest and highest action, (m,) each, that the file says; None where it says none.
-    rows: the same as `function` on many rows at once; None where only that computes it.
+    stored: settings in the zip of Stable-Baselines3; None for another file.
+    box: lowest and highest action stored in the file, (m,) each; None where not stored.
+    rows: `function` for many rows at once; None where only `function` is available.
     """
 
     function: ca.Function
@@ -48,14 +48,14 @@ class Actor:
 def read_actor(
     entries: Mapping[str, Any], folder: Path, observations: int, history: int, actions: int
 ) -> Actor:
-    """The actor that the table [policy] of a card names.
+    """Return the actor that the table [policy] of a deployment file names.
 
-    entries: file, and of what the file does not say activation, layout, squash and network.
-    folder: where a relative file is.
-    observations, actions: how many the card has.
-    history: of how many samples it takes the observations.
+    entries: file, and where it does not store them activation, layout, squash and network.
+    folder: of relative file names.
+    observations, actions: their numbers in the deployment file.
+    history: number of samples of the observations.
 
-    BadInputError where the file cannot be read, or says otherwise than the card.
+    BadInputError where the file cannot be read, or contradicts the deployment file.
     """
     width = history * observations
     source = entries.get("file")

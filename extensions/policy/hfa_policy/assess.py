@@ -33,16 +33,16 @@ def assess(
     """Assess a policy as it is deployed.
 
     model: the aircraft
-    deployment: what the policy observes, what its actions move, and when
+    deployment: observations, actions and timing of the policy
     points: operating points, or values of the scheduling variable in the units of the model; its
         own trim unless given
     samples: flights at each trim, with and without disturbance; 0 for none
-    seed: of their initial conditions
+    seed: seed of their initial conditions
     progress: called during the flights
     vary: parameter, or input that no action moves -> lowest and highest value; the policy is judged
-        on the changed aircraft too, its trim values frozen
-    scenario: sensor noise, gust or turbulence of further flights from each trim, as `hfa.fly` takes
-        them, the random ones still to be drawn; at most 20 flights a trim
+        on the changed aircraft too, with the trim values of the original
+    scenario: sensor noise, gust or turbulence of at most 20 further flights from each trim, as for
+        `hfa.fly`
 
     BadInputError where the deployment is not of this aircraft, TrimError where there is no trim.
 

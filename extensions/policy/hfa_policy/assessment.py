@@ -46,18 +46,18 @@ class AssessedPoint(Result):
     """The assessment of a policy at one trim.
 
     point: the trim.
-    place: its box of initial conditions and its equilibrium.
+    place: its initial-condition box and its equilibrium.
     radius: spectral radius of the sampled loop with the deployed delay; nan without an equilibrium.
     delays: radii with other delays; None without an equilibrium.
-    margins: of a stable loop; None else.
-    cost: percent lost against the optimum; None where the deployment has no cost or no optimum.
+    margins: margins of a stable loop, else None.
+    cost: percent above the optimum; None without a cost or without an optimum.
     nonlinearity: largest deviation of the command from its linearization over the box of initial
         conditions; None without an equilibrium.
-    flights: outcomes from seeded initial conditions; None where none were asked for.
+    flights: outcomes from seeded initial conditions; None without flights.
     disturbed: outcomes from the same initial conditions with a disturbance pulse.
-    findings: a sentence each.
-    best: flights beside the best that were found; None where none were asked for.
-    rough: flights with sensor noise or in moving air; None where none were asked for.
+    findings: sentences.
+    best: flights compared with the best found; None without them.
+    rough: flights with sensor noise or in moving air; None without them.
     """
 
     keys = (
@@ -136,7 +136,7 @@ class AssessedPoint(Result):
 
     @property
     def input_margins(self) -> list[dict[str, float]]:
-        """Of each commanded input: gain_low, gain_high, phase_deg, disk."""
+        """Return gain_low, gain_high, phase_deg and disk of each commanded input."""
         if self.margins is None:
             return []
         return [
@@ -224,7 +224,7 @@ class Assessor:
         return widths
 
     def _chain(self, reach: Reach) -> Chain:
-        """The sampled loop of what the actions move, with the deployed delay."""
+        """Return the sampled loop of the states that the actions move, with the deployed delay."""
         deployment = self.deployed.deployment
         return chain_of(reach.loop, deployment.dt, deployment.delay)
 
@@ -334,7 +334,7 @@ def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
 
 
 def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None) -> list[str]:
-    """What the flights add to the spectral radius, worst first."""
+    """Return the findings of the flights in addition to the spectral radius, worst first."""
     findings: list[str] = []
     if flown is None or pushed is None:
         return findings

@@ -44,7 +44,8 @@ _AT_TRIM = 0.01
 
 
 def _median(best: BestCosts) -> float:
-    """Of the policy over the best; inf where no flight ends at the trim."""
+    """Return the median cost of the policy relative to the best; inf where no flight ends at the
+    trim."""
     return math.inf if best.policy_over_best is None else best.policy_over_best.median
 
 
@@ -322,7 +323,8 @@ class Assessment(Result, Reported):
         return f"{part} of the flights do not converge within {seconds:.3g} s"
 
     def _flown_costs(self) -> str:
-        """What flights cost over the best found, at the trim where the median is worst."""
+        """Return the cost of flights relative to the best found, at the trim with the worst
+        median."""
         flown = [point.best for point in self.points if point.best is not None]
         if not flown:
             return ""

@@ -1,4 +1,4 @@
-"""What flights of a policy cost beside the best flights found, as `hfa assess --best` says it."""
+"""The cost of a policy's flights relative to the best flights found, of `hfa assess --best`."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ class Ratios(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BestCosts(Result):
-    """Flights of a policy at one trim beside the best that were found.
+    """Flights of a policy at one trim, compared with the best flights found.
 
-    starts: how many starts were flown.
-    found: from how many a best flight was found.
-    refused: from how many none was found, or the simulator refuted it.
-    lost: flights of the policy, of those starts, that left the envelope or do not end at the trim.
-    policy_over_best: cost of the flights of the policy that end at the trim, over the best; None
+    starts: number of initial conditions.
+    found: number of initial conditions with a best flight.
+    refused: number of those for which none was found, or the simulator refuted it.
+    lost: flights of the policy from these initial conditions that left the envelope or do not end
+        at the trim.
+    policy_over_best: cost of the policy's flights that end at the trim, relative to the best; None
         where none does.
-    lqr_over_best: the linear optimum's, clipped at the limits of the inputs; None where none does.
+    lqr_over_best: cost of the linear optimum, saturated, relative to the best; None where none ends
+        at the trim.
     offset_rate: cost per second of the equilibrium off the trim; None without an equilibrium.
     """
 

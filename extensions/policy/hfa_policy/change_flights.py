@@ -131,8 +131,9 @@ class ChangeFlights:
     def _distance_and_swing(
         self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Of each flight's last window the farthest from the trim, and half of what it moved by: of
-        the linear state that has most of it, in half-widths of its box of starts, (N,) each.
+        """Return the largest deviation from the trim in the last window of each flight, and half of
+        its range, of the linear state with the largest, in half-widths of its initial-condition
+        box, (N,) each.
 
         owners: (N,), the number of the trim of each flight."""
         _, _, low_X, high_X, *_ = flight.slices

@@ -1,4 +1,4 @@
-"""What a policy costs at its equilibrium against the optimum of the same Q and R."""
+"""The cost of a policy at its equilibrium relative to the optimum of its Q and R."""
 
 from __future__ import annotations
 

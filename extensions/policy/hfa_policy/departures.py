@@ -35,9 +35,9 @@ def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 def flown_departure(
     flight: SampledFlight, row: np.ndarray, envelope: Limits, seconds: float, pushed: float
 ) -> Departure | None:
-    """Which state leaves the envelope first and when, of the flight that begins with a row.
+    """Return the state that first leaves the envelope and its time, in the flight of a row.
 
-    seconds: within which it leaves; pushed: until which the disturbance acts.
+    seconds: length of the flight; pushed: end of the disturbance pulse.
     """
     X, *_, push, _ = flight.slices
     one = flight.sample()

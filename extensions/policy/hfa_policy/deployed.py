@@ -57,7 +57,7 @@ class Deployed:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """What formulas may take: states, inputs and outputs."""
+        """Return the names in formulas: states, inputs and outputs."""
         return (*self.model.states, *self.model.inputs, *self.model.outputs)
 
     @cached_property
@@ -174,7 +174,7 @@ class Deployed:
 
     @cached_property
     def normalized(self) -> ca.Function:
-        """o -> (o normalized before its clip, what the network takes)."""
+        """Return o -> (o normalized before its clip, inputs of the network)."""
         normalizer = self.deployment.normalizer
         o = ca.SX.sym("o", self.deployment.width)
         if normalizer is None:
@@ -185,7 +185,7 @@ class Deployed:
 
     @cached_property
     def action(self) -> ca.Function:
-        """What the network gives -> a, clipped or squashed to the box."""
+        """Return output of the network -> a, clipped or squashed to the box."""
         low, high = self.deployment.box
         actor = self.deployment.actor
         raw = ca.SX.sym("raw", len(self.commanded))

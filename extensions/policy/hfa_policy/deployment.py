@@ -1,4 +1,4 @@
-"""A deployment: the card that says what a policy observes, what its actions move, and when."""
+"""A deployment: the observations, actions and timing of a policy."""
 
 from __future__ import annotations
 
@@ -60,18 +60,18 @@ _NORMALIZER: dict[Any, Any] = {
 class Deployment(Shown):
     """Observations, actions and timing of a policy.
 
-    policy: file, normalizer, and what the file does not say: activation, layout, squash, network.
-        Without a file it describes an environment in which a policy is still to be trained.
+    policy: file, normalizer, and what the file does not store: activation, layout, squash,
+        network. Without a file it describes an environment for training.
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
         network; (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
-    timing: dt, s; delay, s, from a sample to the moment when its action moves the input; history,
-        of how many samples the policy takes the observations, the oldest first; 1 unless given.
-    cost: Q of states or outputs, R of inputs; None where it is not known.
-    folder: where relative files are.
-    origin: its file, for messages.
+    timing: dt, s; delay, s, from a sample until its action moves the input; history, the
+        number of samples of the observations, the oldest first; default 1.
+    cost: Q of states or outputs, R of inputs; None where not known.
+    folder: folder of relative file names.
+    origin: name of its file, for messages.
 
-    BadInputError names the entry and what to give; names are looked at by `on(model)`.
+    BadInputError names the entry and the remedy; `on(model)` checks the names.
 
     >>> import casadi as ca
     >>> import hfa
@@ -263,7 +263,7 @@ class Deployment(Shown):
         return Deployed(self, model)
 
     def changed(self, **changes: Any) -> Deployment:
-        """The same with other tables; what was read of the policy's files is kept."""
+        """Return the deployment with other tables; the files of the policy are not read again."""
         made = replace(self, **changes)
         if "policy" not in changes:
             for name in ("actor", "normalizer"):

@@ -29,13 +29,12 @@ def environment(
     render_mode: str | None = None,
     turbulence: Turbulence | None = None,
 ) -> gymnasium.Env:
-    """An aircraft about its trims as an environment of gymnasium.
+    """Return an environment of gymnasium: an aircraft about its trims.
 
     model: the aircraft
-    deployment: what is observed, what the actions move, when, and the cost that is paid; its policy
-        may be empty
-    points: the trims that episodes begin about, one of them drawn at each reset: operating points,
-        or values of the scheduling variable in the units of the model; its own trim unless given
+    deployment: observations, actions, timing and cost; its policy may be empty
+    points: trims of the episodes, one drawn at each reset: operating points, or values of the
+        scheduling variable in the units of the model; default: its own trim
     seconds: length of an episode, after which it is truncated; it is terminated where the aircraft
         leaves its limits
     render_mode: None or "rgb_array", the picture of the episode so far
@@ -72,9 +71,9 @@ def vector_environment(
     seconds: float = SECONDS,
     turbulence: Turbulence | None = None,
 ) -> Any:
-    """The same, `count` episodes at once, compiled: a `VecEnv` of Stable-Baselines3.
+    """Return `count` compiled episodes at once, as a `VecEnv` of Stable-Baselines3.
 
-    Raises BadInputError where Stable-Baselines3 is missing, and as `environment` does.
+    Raises BadInputError where Stable-Baselines3 is missing, and the errors of `environment`.
 
     >>> import hfa
     >>> flights = hfa.vector_environment(model, card, count=16)  # doctest: +SKIP

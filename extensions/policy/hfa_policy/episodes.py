@@ -201,8 +201,8 @@ class Episodes:
         return departure_at(self._envelopes[self.owners[number]], states, time)
 
     def _stepped(self) -> Sequence[np.ndarray]:
-        """The states and memories of the rows a sample later, the costs, and what is observed then;
-        of many rows in as many threads as there are processors."""
+        """Return states, memories, costs and observations of all rows after a sample, in as many
+        threads as there are processors."""
         if self._bound is not None and self._threads is None:
             return self._bound()
         if self._threads is None:

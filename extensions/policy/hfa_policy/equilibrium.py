@@ -48,14 +48,15 @@ class Frames(NamedTuple):
 class Equilibrium:
     """An equilibrium of the sampled loop, at a kink with the means of the slopes to both sides.
 
-    states: X, (n,); the states that the linear model does not have are those of the trim.
+    states: X, (n,); states outside the linear model are those of the trim.
     inputs: U, (m,).
-    K: (m', k), -∂u/∂x of the commanded inputs by the linear states, of all samples of the history.
-    K_inputs: (m', m'), ∂u/∂u of the commanded inputs by those that act just before.
-    A: (k, k), B: (k, m'), of the aircraft there.
-    C: (observations, k), slopes of the observations by the linear states.
-    clips: what a clip holds there, in words; those of actions and inputs.
-    clipped_observations: which observations their clip holds.
+    K: (m', k), -∂u/∂x of the commanded inputs with respect to the linear states, all
+        samples.
+    K_inputs: (m', m'), ∂u/∂u of the commanded inputs with respect to the previous ones.
+    A: (k, k), B: (k, m') of the aircraft.
+    C: (observations, k), slopes of the observations with respect to the linear states.
+    clips: saturated actions and inputs, in words.
+    clipped_observations: saturated observations.
     kinks: notes on entries of A, B, K and K_inputs at a kink.
     basis: (k, r), of the coordinates of A, B, C and K; None where these are the linear states.
     frames: slopes by each sample of the history; None where that is one.
@@ -225,8 +226,8 @@ class EquilibriumSearch:
         )
 
     def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Slopes of the observations by the linear states and by the commanded inputs before; 0
-        where there is none."""
+        """Return the slopes of the observations with respect to the linear states and the previous
+        commanded inputs; 0 where there are none."""
         observe = self.deployed.observe
         slopes = observe.jacobian()(X, U, self.trim, observe(X, U, self.trim))
         by_states, by_inputs = (np.nan_to_num(np.array(part)) for part in slopes[:2])

@@ -1,4 +1,4 @@
-"""A deployed policy for other tools: what it commands at a sample, as C and as an FMU."""
+"""A deployed policy for other tools: its command at a sample, as C and as an FMU."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
 
 
 def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
-    """The command u = g(v) at v = [X; U before; past] as a loop for `write_fmu`, whose one state is
-    a clock, s: a unit without states is none of model exchange. With a past the observations at
-    this sample are outputs too."""
+    """Return the command u = g(v), v = [X; U before; past], as a loop for `write_fmu`. Its one
+    state is a clock, s, because model exchange needs a state. With a past, the observations at this
+    sample are outputs too."""
     model = policy.deployed.model
     y = ca.SX.sym("y", 1)
     n, m = len(model.states), len(model.inputs)

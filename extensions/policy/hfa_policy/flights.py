@@ -38,15 +38,14 @@ Rows = Callable[..., list[np.ndarray]]
 
 
 class Steered(NamedTuple):
-    """What commands the inputs at a sample, in three steps, the second for all flights at once.
+    """The command at a sample, in three steps, the second for all flights at once.
 
-    enters: (X, U before, trim, extra) -> what the network takes, (k,); with past, of its earlier
-        observations, one argument more.
+    enters: (X, U before, trim, extra[, past]) -> inputs of the network, (k,); past: its
+        earlier observations.
     network: (k,) -> (m,).
-    moves: (what the network gives, X, U before, trim, extra) -> U.
-    rows: the network on many rows; None where `network` is called for each.
-    past: (X, U before, trim, extra, past) -> past of the next sample; None where it takes one
-        sample.
+    moves: (outputs of the network, X, U before, trim, extra) -> U.
+    rows: the network for many rows; None where `network` is called for each.
+    past: (X, U before, trim, extra, past) -> past of the next sample; None for one sample.
     """
 
     enters: ca.Function
@@ -85,7 +84,7 @@ def symbols_of_a_sample(deployed: Deployed, extra: int) -> list[ca.SX]:
 
 @dataclass(frozen=True, eq=False)
 class SampledFlight:
-    """What every flight of a deployment has in common.
+    """The common data of all flights of a deployment.
 
     deployed: the policy on its aircraft.
     dt, delay: s.
@@ -105,7 +104,7 @@ class SampledFlight:
 
     @cached_property
     def steered(self) -> Steered:
-        """What steers the flights."""
+        """Return the command of the flights."""
         return steered_by(self.deployed) if self.other is None else self.other
 
     @property
@@ -148,12 +147,13 @@ class SampledFlight:
         return sum(self.sizes[:7])
 
     def entering(self) -> ca.Function:
-        """row -> what the network takes."""
+        """Return row -> inputs of the network."""
         row = ca.MX.sym("row", sum(self.sizes))
         return ca.Function("entering", [row], [self.steered.enters(*self._entered(row))])
 
     def moved(self) -> ca.Function:
-        """(row, what the network gives) -> ([X; memory] a sample later, the input that acts)."""
+        """Return (row, outputs of the network) -> ([X; memory] after a sample, the input that
+        acts)."""
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         row = ca.MX.sym("row", sum(self.sizes))
@@ -175,8 +175,8 @@ class SampledFlight:
         return ca.Function("moved", [row, raw], [moved, ca.densify(acting)])
 
     def later(self) -> ca.Function:
-        """(row, what the network gives) -> the numbers that change, a sample later: X and the
-        memory, as of `moved`, the extremes of X and U up to then, and the past."""
+        """Return (row, outputs of the network) -> the changed entries of the row after a sample: X
+        and the memory, the extremes of X and U so far, and the past."""
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
         _, _, low_X, high_X, low_U, high_U, *_ = self._parts(row)
@@ -213,7 +213,7 @@ class SampledFlight:
         return (*self.observed(row), *past)
 
     def window(self, flights: int, seconds: float) -> Window:
-        """What advances rows by a window, as machine code where so many flights pay for it."""
+        """Return the function that advances rows by a window, as machine code where that pays."""
         is_long = flights * seconds / self.dt >= COMPILE_FROM
         on_rows = row_code if is_long else RowFunction
         network = self.steered.rows or _first_result(on_rows(self.steered.network))

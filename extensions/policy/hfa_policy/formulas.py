@@ -41,11 +41,11 @@ _RULE = "a formula has numbers, names, + - * / ** and " + ", ".join(_FUNCTIONS)
 
 
 class Formula(NamedTuple):
-    """A formula that has been read; nothing of it was run.
+    """A parsed formula. No code in it is run.
 
     text: as it was typed.
-    tree: of it, in which `read_formula` has found nothing but what it knows.
-    names: that it takes, in the order in which they appear.
+    tree: its syntax tree, with supported nodes only.
+    names: its variables, in the order in which they appear.
     """
 
     text: str
@@ -58,9 +58,9 @@ class Formula(NamedTuple):
 
 
 def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
-    """The formula of a text. known: the names that it may take.
+    """Return the formula of a text. known: the allowed names.
 
-    BadInputError for an unknown name, and for what is no formula.
+    BadInputError for an unknown name, and for text that is not a formula.
     """
     if not isinstance(text, str) or len(text) > _LONGEST:
         raise BadInputError(f"{shown(text)} is no formula of at most {_LONGEST} characters")

@@ -59,7 +59,7 @@ def _inert(module: str, name: str) -> type[Inert]:
 
 
 class _Kind:
-    """What numpy.dtype is in a pickle: a kind of number and its byte order."""
+    """Replacement of numpy.dtype in a pickle: a kind of number and its byte order."""
 
     def __init__(self, kind: str, *_: Any) -> None:
         if not isinstance(kind, str) or kind not in _KINDS:
@@ -75,12 +75,13 @@ class _Kind:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """As NumPy has it."""
+        """Return the data type of NumPy."""
         return np.dtype(self.order + self.kind)
 
 
 class _Array(np.ndarray):
-    """What numpy.ndarray is in a pickle: empty until its state is known, an array of numbers."""
+    """Replacement of numpy.ndarray in a pickle: empty until its state is known, then an array of
+    numbers."""
 
     def __setstate__(self, state: Any) -> None:
         """(version, shape, kind, whether in Fortran's order, bytes)."""
@@ -111,7 +112,8 @@ _NUMPY_CALLS: Mapping[str, Callable[..., Any]] = {
 
 
 class _Restricted(pickle.Unpickler):
-    """Refuses, by its name and before it is made, what is not of `_KEPT_PACKAGES` or an array."""
+    """Refuses by name, before its creation, every object that is not of `_KEPT_PACKAGES` or an
+    array."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module in _NUMPY_CORES and name in _NUMPY_CALLS:
@@ -133,10 +135,10 @@ class _Restricted(pickle.Unpickler):
 
 
 def inert(content: bytes) -> Any:
-    """What a pickle holds: dictionaries, lists, numbers, arrays and `Inert` objects.
+    """Return the content of a pickle: dictionaries, lists, numbers, arrays and `Inert` objects.
 
-    BadInputError where it would call anything else, is damaged, or would take more memory than it
-    has bytes.
+    BadInputError where it would call anything else, is damaged, or needs more memory than it has
+    bytes.
     """
     try:
         refuse_pickle_bomb(content)

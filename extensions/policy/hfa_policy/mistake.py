@@ -20,5 +20,5 @@ class Mistake(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """As a report has it."""
+        """Return the sentence of a report."""
         return f"{'mistake' if self.proved else 'perhaps'}: {self.text}"

@@ -39,7 +39,8 @@ class _Slope(NamedTuple):
 def nonlinearity(
     deployed: Deployed, point: OperatingPoint, equilibrium: Equilibrium, box: np.ndarray
 ) -> Nonlinearity:
-    """Return what the search finds about an equilibrium, whose inputs act before the sample."""
+    """Return the largest deviation from the linearization that is found about an equilibrium whose
+    inputs act before the sample."""
     model = deployed.model
     k = len(model.linear)
     rows = [list(model.states).index(name) for name in model.linear]

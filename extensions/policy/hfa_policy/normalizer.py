@@ -1,4 +1,4 @@
-"""What stands between observation and network: the normalizer of Stable-Baselines3."""
+"""The normalizer of Stable-Baselines3 between observation and network."""
 
 from __future__ import annotations
 
@@ -73,15 +73,15 @@ class Normalizer:
         return (observation - ca.DM(self.mean)) / ca.DM(self.deviation)
 
     def normalized(self, observation: np.ndarray) -> np.ndarray:
-        """Of observations (..., k)."""
+        """Return normalized observations (..., k)."""
         return np.asarray(
             np.clip((observation - self.mean) / self.deviation, -self.clip, self.clip)
         )
 
 
 def read_normalizer(path: str | Path) -> Normalizer | None:
-    """The normalizer of the file that `VecNormalize.save` writes, of which nothing is run; None
-    where that file says that observations are not normalized.
+    """Return the normalizer in a file of `VecNormalize.save`, without running its code; None where
+    observations are not normalized.
 
     BadInputError names the file and its fault.
     """

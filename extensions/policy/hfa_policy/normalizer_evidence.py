@@ -1,5 +1,5 @@
-"""What the file of a policy shows of the normalizer in its training, and whether the card has
-it."""
+"""Evidence in a policy's file of a normalizer in its training, compared with the deployment
+file."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def mistakes_of_normalizer(
 
 
 class _Training(Enum):
-    """What the file of a policy shows of a VecNormalize in its training."""
+    """Evidence in a policy's file of a VecNormalize in its training."""
 
     NONE = "none, or none that normalized observations"
     UNKNOWN = "nothing"
@@ -110,8 +110,8 @@ def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
 
 
 def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
-    """How far the last observations (E, k) are, column by column, from lines of the original ones,
-    as a part of what they span; nan where too few show it. The largest of all may be clipped."""
+    """Return the distance of the last observations (E, k), column by column, from a linear function
+    of the original ones, relative to their range; nan with too few. The largest may be clipped."""
     clip = np.abs(last).max()
     distances = []
     for before, after in zip(original.T, last.T, strict=True):
@@ -142,11 +142,11 @@ def _jumps(deployed: Deployed, stored: Zip) -> bool:
 
 
 def is_of_another_checkpoint(stored: Zip, normalizer: Normalizer) -> bool:
-    """Whether a VecNormalize and a policy that was trained behind one cannot be a pair.
+    """Return whether a VecNormalize and a policy are of different checkpoints.
 
     At the same checkpoint the normalizer has seen one observation of each environment more than the
-    policy has taken steps. A second call of `learn` counts the steps anew: so nothing is said where
-    the last observations show that they are a pair."""
+    policy has taken steps. A second call of `learn` restarts the count. The result is therefore
+    False where the last observations show that they are a pair."""
     if not math.isfinite(normalizer.count) or stored.last is None:
         return False
     for original in (normalizer.last, stored.last_original):

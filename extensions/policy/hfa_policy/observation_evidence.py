@@ -1,4 +1,4 @@
-"""What the training of a policy saw, and whether the observations of the card are that."""
+"""The observations in a policy's training, compared with those of the deployment file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ UNCLEAR = "observations"
 
 
 class _Record(NamedTuple):
-    """What the training saw of one observation.
+    """The record of one observation in the training.
 
     centre, spread: mean and standard deviation.
     is_of_many: whether they are the statistics of a normalizer; else of the last few observations.
@@ -56,7 +56,7 @@ class _Observed(NamedTuple):
     model: Model
 
     def given(self, is_absolute: bool) -> np.ndarray:
-        """(N,), what the policy is given at the trims: absolute values, or deviations from them."""
+        """Return the observations at the trims, (N,): absolute values, or deviations."""
         if not is_absolute:
             return np.zeros(len(self.values))
         about = 0.0 if self.about == "trim" else float(self.about)
@@ -101,7 +101,8 @@ class _Observed(NamedTuple):
         return float(np.abs(self.given(is_absolute) - record.centre).min() / record.spread)
 
     def _leaves_limits(self, record: _Record, is_absolute: bool) -> bool:
-        """Whether what the training saw last were values clearly outside of a state's limits."""
+        """Return whether the last observations of the training are clearly outside a state's
+        limits."""
         if self.state not in self.model.states:
             return False
         seen = self.values + self.scale * (record.centre - self.given(is_absolute))
@@ -120,8 +121,8 @@ def mistakes_of_observations(
     normalizer: Normalizer | None,
     points: Sequence[OperatingPoint],
 ) -> Iterator[Mistake]:
-    """Absolute values for deviations or the reverse, and scales that do not fit, as far as what the
-    training saw shows it; that observations differ where another cause explains it as well."""
+    """Yield absolute values for deviations or the reverse, and wrong scales, as far as the record
+    of the training shows them; else that observations differ for one of several reasons."""
     seen = _seen(stored, normalizer)
     if seen is None:
         return
@@ -163,7 +164,8 @@ def _exchanged_with(
 
 
 def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mistake:
-    """That an observation is not what the training saw, where several causes explain it."""
+    """Return the mistake that an observation differs from the training's, for one of several
+    reasons."""
     given = ", ".join(f"{value:.3g}" for value in one.given(one.is_absolute))
     causes = "its scale or its about"
     if exchanged:
@@ -176,7 +178,7 @@ def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mista
 
 
 def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
-    """The observations of which only the other `about` explains what the training saw."""
+    """Yield the observations whose record only the other `about` explains."""
     if absolute:
         yield Mistake(
             "deviations for absolute values",

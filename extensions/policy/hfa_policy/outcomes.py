@@ -73,16 +73,16 @@ def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A trim, the box in which flights begin, and the equilibrium to which they converge.
+    """A trim, its initial-condition box, and the equilibrium to which flights converge.
 
     point: the trim.
     box: (k,), half-widths of the initial conditions about it.
-    equilibrium: the equilibrium, None where there is none.
-    stable: whether the loop is stable there: then a flight that is in the ball and comes nearer has
-        converged.
-    reach: what the actions move there; None without an equilibrium.
-    seconds: for which flights are flown.
-    steady: the trim of whose rates an equilibrium has; the point unless given.
+    equilibrium: the equilibrium; None where it does not exist.
+    stable: whether the loop is stable there; a flight that approaches within the ball has
+        then converged.
+    reach: states that the actions move there; None without an equilibrium.
+    seconds: length of a flight.
+    steady: the trim with the rates of the equilibrium; default: the point.
     """
 
     point: OperatingPoint
@@ -103,19 +103,18 @@ class Place:
 class Outcome(Result):
     """The outcomes of the flights of one place.
 
-    starts: how many flights.
-    returned: converged: within the ball about the equilibrium for 1 s.
-    lost: left the limits of the states that the model declares.
+    starts: number of flights.
+    returned: number that converged: within the ball about the equilibrium for 1 s.
+    lost: number that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
-    worst_ends: "lost", "is not back" or "returns".
-    slowest: s, of those that converged.
-    cycle: the oscillation of those that do neither, or that are back about an unstable equilibrium;
-        None where there is none.
-    elsewhere: how many converge to another equilibrium.
-    elsewhere_at: linear state -> value at the first of these.
-    moving: how many neither converge nor leave the limits within `seconds`.
+    worst_ends: "lost", "is not back" or "returns", the end of the worst flight.
+    slowest: s, longest time of convergence.
+    cycle: the limit cycle of the others, or about an unstable equilibrium; None without one.
+    elsewhere: number that converge to another equilibrium.
+    elsewhere_at: linear state -> value at the first other equilibrium.
+    moving: number that neither converge nor leave the limits within `seconds`.
     seconds: of a flight.
-    departure: which state of the worst flight leaves its limit first, where and when; None where
+    departure: the state of the worst flight that first leaves its limit, and its time; None where
         none does.
     """
 

@@ -79,7 +79,7 @@ def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Ite
 
 
 def _flies_well(point: AssessedPoint) -> bool:
-    """Whether the card holds at a trim, and most starts come back to near it."""
+    """Return whether the policy holds at a trim, and most flights converge near it."""
     if not point.holds or point.flights is None:
         return False
     near_trim = bool(np.all(np.abs(point.offset) <= NEAR * point.place.box))
@@ -87,7 +87,7 @@ def _flies_well(point: AssessedPoint) -> bool:
 
 
 def _brings_most_back(flown: Flown) -> bool:
-    """Whether most starts come back with a change."""
+    """Return whether most flights converge with a change."""
     return flown.back >= _WELL * len(flown.costs)
 
 
@@ -171,8 +171,9 @@ class _Trial:
         return [repair for of_kind in left.values() for repair in of_kind]
 
     def _is_clear(self, repair: Repair, flown: Flown, of_gains: Sequence[Flown]) -> bool:
-        """Whether a change is clearly better than the card and no gain, nor no control, does the
-        same; where what the training saw asks for it, than the card."""
+        """Return whether a change is clearly better than the file as written and no mere gain, nor
+        no control, is as good; a change that the record of the training supports need only be
+        better than the file."""
         if repair.kind == "order":
             if of_gains[0].times(flown) < _AS_IT_IS:
                 return False
@@ -201,11 +202,11 @@ class _Trial:
         )
 
     def _faster(self, of_gains: Sequence[Flown]) -> list[_Found]:
-        """The slowest of a few faster sample times at which the policy flies well, and at a third
-        of what it costs at that of the card; none where a gain, at either sample time, is clearly
-        cheaper than that: then the policy is too strong instead.
+        """Return the slowest faster sample time at which the policy flies well at a third of
+        the cost; none where a gain, at either sample time, is clearly cheaper, because the policy
+        is then too strong.
 
-        of_gains: flights at the sample time of the card, the first of the card as it is."""
+        of_gains: flights at the sample time of the file, the first of the file as written."""
         card = of_gains[0]
         (short,) = self.flights.flown(self.gains[:1], _SHORT)
         for part in _RATES:
@@ -225,8 +226,8 @@ class _Trial:
     # What the training saw.
 
     def _nearer(self, repair: Repair) -> float:
-        """How much nearer to what the training saw the observations of the changed card are; 0
-        where nothing is known of that."""
+        """Return how much closer to the training's record the observations of the changed file are;
+        0 where there is no record."""
         if observations_of_training(self.card) is None:
             return 0.0
         return self._misfit(self.card) - self._misfit(repair.deployment)
@@ -250,7 +251,7 @@ class _Trial:
 
 
 def _said(found: _Found, of_card: Flown) -> str:
-    """What would have to be so, and how many times as much the card costs as it is."""
+    """Return the change in words, and the cost as written relative to the cost with it."""
     times = of_card.times(found.flown)
     said = f"{times:.3g}" if times < 1000.0 else "over 1000"
     return f"it would fly better if {found.why}: as it is its flights cost {said} times as much"

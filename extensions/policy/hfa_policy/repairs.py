@@ -167,7 +167,7 @@ def _divided(card: Deployment, scales: np.ndarray) -> dict[str, Any]:
 
 
 def _angles(deployed: Deployed) -> list[bool]:
-    """Of each observation, whether it takes angles or their rates."""
+    """Return for each observation whether it depends on angles or their rates."""
     found = []
     for formula in deployed.observed:
         units = {deployed.model.unit(name) for name in formula.names}

@@ -95,7 +95,7 @@ class RowCode:
         self._sizes = [function.numel_out(index) for index in range(function.n_out())]
 
     def __call__(self, *tables: Any) -> list[np.ndarray]:
-        """Of arguments (N, size of the argument) the results (N, size of the result)."""
+        """Return the results (N, size of the result) for arguments (N, size of the argument)."""
         count = len(tables[0])
         given = [np.ascontiguousarray(table, dtype=float) for table in tables]
         for table, width in zip(given, self._widths, strict=True):
@@ -170,7 +170,7 @@ def _text(function: ca.Function, together: int | None) -> str:
 
 
 def _registers() -> tuple[str, int]:
-    """What tells the compiler of this processor's registers, and how many numbers they take."""
+    """Return the compiler option for this processor's registers, and the numbers that one holds."""
     try:
         features = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
     except OSError:  # not Linux

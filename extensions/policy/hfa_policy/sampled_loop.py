@@ -115,13 +115,14 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
 
 
 class Delays(NamedTuple):
-    """What delays do to a loop.
+    """The effect of delays on a loop.
 
-    radii: spectral radius with 0, 1, 2, ... whole samples of delay, up to the first that is lost.
-    limit: s, the first delay in whole samples, from the deployed one on, that is lost; None where
-        none is up to `searched`.
-    fine: s, the first delay that is lost, to a twentieth of a sample; None likewise.
-    searched: s, the longest that was looked at.
+    radii: spectral radius with 0, 1, 2, ... whole samples of delay, up to the first unstable
+        one.
+    limit: s, the first unstable delay in whole samples, from the deployed one on; None up to
+        `searched`.
+    fine: s, the first unstable delay, to 5 % of a sample; None up to `searched`.
+    searched: s, the longest delay examined.
     """
 
     radii: tuple[float, ...]
@@ -154,10 +155,10 @@ def _first_lost(equilibrium: Equilibrium, dt: float, deployed_delay: float, samp
 
 
 class Margins(NamedTuple):
-    """Of a stable sampled loop, cut where its commands enter the aircraft.
+    """Margins of a stable sampled loop, opened where its commands enter the aircraft.
 
-    inputs: of each commanded input, the others closed.
-    disk: of all at once.
+    inputs: of each commanded input, with the other loops closed.
+    disk: of all inputs at once.
     """
 
     inputs: tuple[LoopMargin, ...]

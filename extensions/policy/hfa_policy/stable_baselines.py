@@ -1,8 +1,8 @@
-"""The zip of a policy of Stable-Baselines3: PPO, A2C, SAC and TD3, with what it says of itself.
+"""The zip of a policy of Stable-Baselines3 (PPO, A2C, SAC and TD3) and its settings.
 
 Conventions, of Stable-Baselines3 2.x: squashing is a flag. PPO and A2C clip the mean to the Box;
-SAC, TD3 and PPO with `squash_output` take tanh and map [-1, 1] to the Box. The activation stands in
-`policy_kwargs`, else it is tanh for PPO and A2C, relu for SAC and TD3. With gSDE the mean of SAC is
+SAC, TD3 and PPO with `squash_output` take tanh and map [-1, 1] to the Box. The activation is in
+`policy_kwargs`, else tanh for PPO and A2C, relu for SAC and TD3. With gSDE the mean of SAC is
 clipped to ±clip_mean (2) before its tanh.
 """
 
@@ -57,7 +57,7 @@ _SETTINGS = (
 
 @dataclass(frozen=True, eq=False)
 class Zip:
-    """What a zip says of its policy.
+    """The settings of a policy in its zip.
 
     algorithm: "PPO or A2C", "SAC" or "TD3".
     part: names of its tensors that are the actor, as `network_in` takes them.
@@ -66,10 +66,11 @@ class Zip:
     squash: whether the output is tanh, mapped to the Box.
     clip_mean: largest size of the output before tanh; inf without such a clip.
     low, high: (m,), the Box of the actions.
-    observations: how many numbers it takes.
-    timesteps: that it has seen; environments: side by side.
-    last: (E, k), its last observations, normalized where a normalizer was; None where not stored.
-    last_original: (E, k), as they came; None where not stored.
+    observations: number of observations.
+    timesteps: of its training; environments: in parallel.
+    last: (E, k), its last observations, normalized if a normalizer was used; None where not
+        stored.
+    last_original: (E, k), before normalization; None where not stored.
     """
 
     algorithm: str
@@ -93,9 +94,9 @@ class Zip:
 
 
 def read_zip(path: str | Path) -> Zip:
-    """What the zip of a policy says of it; nothing of it is run.
+    """Return the settings in the zip of a policy. No code in it is run.
 
-    BadInputError names the file and what it is instead.
+    BadInputError names the file and its actual content.
     """
     with said_of(path):
         try:
@@ -123,7 +124,7 @@ def _member(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zip:
-    """What the data and the names of the tensors say."""
+    """Return the settings from the data and the names of the tensors."""
     _refuse_other_class("policy_class", data, _POLICIES)
     settings = _stored(data, "policy_kwargs") or {}
     if not isinstance(settings, dict):
@@ -220,7 +221,7 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
 
 
 def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
-    """A number from 0 on of the data; the usual one where there is none."""
+    """Return a non-negative number of the data, or the usual one where it is missing."""
     entry = entries.get(name)
     if entry is None:
         return usual

@@ -13,10 +13,10 @@ from trim.point.solve import find_operating_point
 
 
 def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint, ...]:
-    """Operating points: as they are, or found at values of the scheduling variable; the model's own
-    trim for None.
+    """Return operating points, given or found at values of the scheduling variable; the model's
+    own trim for None.
 
-    BadInputError for a point of another aircraft, for what is no point, and for no points."""
+    BadInputError for a point of another aircraft, for another object, and for an empty list."""
     if points is None:
         return (find_operating_point(model, usual_condition(model)),)
     found: list[OperatingPoint] = []

@@ -25,11 +25,11 @@ _MOST_SAMPLES = 100
 
 @dataclass(frozen=True, eq=False)
 class Variation(Result):
-    """The policy on an aircraft with one change, its trim values frozen.
+    """The policy on an aircraft with one change, with the trim values of the original.
 
-    name: of the parameter or input.
-    value: of it.
-    assessed: what the policy does there; its point has the states and inputs of the original trim.
+    name: name of the parameter or input.
+    value: its value.
+    assessed: the assessment; its point has the states and inputs of the original trim.
     """
 
     keys = (

@@ -1,4 +1,4 @@
-"""Options of what is proved over an interval of the scheduling variable."""
+"""Options of proofs over an interval of the scheduling variable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bounds in words, rounded so that what is printed is proved too."""
+"""Bounds as text, rounded so that the printed bounds are proved too."""
 
 from __future__ import annotations
 

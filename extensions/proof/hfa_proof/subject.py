@@ -1,8 +1,8 @@
-"""What a certificate is about: each field of a statement is compared with what the user gave, or
+"""The subject of a certificate: each field of a statement is compared with the user's data, or
 shown.
 
-A kind of statement has one table of its fields. A field with a subject is compared where the user
-gave that; what the user did not give is the certificate's own word, and the first line names it.
+Each kind of statement has one table of its fields. A field with a subject is compared where the
+user gave it; the first line names the subjects that were not given.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from hfa_support.errors import BadInputError, NoSolutionError
 
 
 class Field(NamedTuple):
-    """What becomes of a field of a statement.
+    """The treatment of a field of a statement.
 
-    subject: what it is part of, as the first line names it; "" for a claim, which is only shown
-    shown: whether a report changes with it, its digest apart
+    subject: name in the first line; "" for a claim, which is only shown
+    shown: whether a report shows it, apart from the digest
     """
 
     subject: str = ""
@@ -49,7 +49,7 @@ def _same(stated: Any, own: Any) -> bool:
 
 
 def _numbers(stated: Any) -> np.ndarray:
-    """As doubles; without entries where these are no numbers."""
+    """Return the entries as doubles; an empty array where they are not numbers."""
     try:
         return np.asarray(stated, dtype=float)
     except (TypeError, ValueError):
@@ -95,13 +95,13 @@ def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
 
 
 def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, Given]) -> list[str]:
-    """The subjects that the user did not give, in the order of the table.
+    """Return the subjects that the user did not give, in the order of the table.
 
     content: of a statement that was proved
     table: every field of its kind
-    given: path -> the user's own
+    given: path -> the user's value
 
-    NoSolutionError where an entry is another one; BadInputError where the user gave what the
+    NoSolutionError where an entry differs; BadInputError where the user gave a field that the
     statement does not have.
     """
     stated = dict(entries_of(content, table))
@@ -144,7 +144,8 @@ def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[
 
 
 def taken_from_certificate(subjects: Iterable[str]) -> str:
-    """The end of a first line: what the user did not give; "" where that is nothing."""
+    """Return the end of a first line with the subjects that the user did not give; "" if all were
+    given."""
     names = list(subjects)
     if not names:
         return ""

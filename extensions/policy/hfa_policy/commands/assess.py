@@ -42,7 +42,7 @@ _MOST_SAMPLES = 100_000
 
 
 def _need(name: str, text: str) -> float:
-    """What is asked for by a name of `NEEDS`."""
+    """Return the required value of a name in `NEEDS`."""
     from hfa_policy.assessment_report import NEEDS
 
     refuse_unknown("is unknown:", name, NEEDS)

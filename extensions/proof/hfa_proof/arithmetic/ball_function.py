@@ -100,8 +100,7 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
 
 
 def constant_part(value: Any) -> Any:
-    """The ball of a value: a ball itself, what a power series is at 0, the range of a Taylor
-    model."""
+    """Return the ball of a value: of a power series its value at 0, of a Taylor model its range."""
     if isinstance(value, arb):
         return value
     if isinstance(value, arb_series):

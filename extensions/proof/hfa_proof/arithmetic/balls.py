@@ -1,8 +1,8 @@
 """Balls of real numbers (python-flint, Arb): a midpoint and a radius that holds every rounding;
 Taylor models of them.
 
-Every value is an enclosure: what is computed with balls contains what exact arithmetic would give
-for any numbers in the arguments. A comparison of balls is true only when it holds for all of their
+Every value is an enclosure: a result contains the exact result for all numbers in the arguments. A
+comparison of balls is true only when it holds for all of their
 numbers. Sources: Johansson, Arb: efficient arbitrary-precision midpoint-radius interval arithmetic,
 IEEE Transactions on Computers 66 (2017); Makino and Berz, Taylor models and other validated
 functional inclusion methods, IJPAM 4 (2003)."""
@@ -206,7 +206,7 @@ class TaylorModel:
         return [self.near(arb(s), arb(square)) for s, square in _HULL]
 
     def near(self, s: arb, square: arb) -> Any:
-        """An enclosure of c_0 + c_1 s + c_2 square and what is not polynomial."""
+        """Return an enclosure of c_0 + c_1 s + c_2 square and the non-polynomial remainder."""
         c0, c1, c2, *_ = self.parts
         return c0 + (s * c1 + square * c2 + self._errors)
 

@@ -42,7 +42,7 @@ class SteadyFlight:
 
     balanced: BallFunction (v, p) -> the balanced rates, then the imposed outputs
     linear_parts: BallFunction (v, p) -> the parts of `LinearParts`
-    variables: names of v, what a trim imposes or finds
+    variables: names of v, the imposed and the free variables
     parameters: names of p
     imposed_outputs: names of the outputs that the trim imposes
     names: states, inputs and outputs whose values `LinearParts.values` holds
@@ -91,11 +91,11 @@ def steady_flight(
     """The trim equations and the linear model of a model, as functions of its parameters too.
 
     model: the aircraft
-    imposed: variables and outputs that the trim imposes, beside the scheduling variable
-    limited: names whose values are wanted, because they have limits
+    imposed: variables and outputs that the trim imposes, besides the scheduling variable
+    limited: names of variables with limits
     measured: outputs of the linear model
 
-    BadInputError names an operation that balls do not take, such as that of a table.
+    BadInputError names an unsupported operation, such as that of a table.
     """
     imposed_outputs = tuple(name for name in imposed if name not in model.variables)
     limited_outputs = [name for name in limited if name in model.outputs]

@@ -1,10 +1,10 @@
-"""Checks a certificate: reads what it claims and what shall prove it, and proves it.
+"""Checks a certificate: reads its statement and its witness, and proves the statement.
 
-Nobody needs to trust the search or the prover: with them the checker shares the model and the
-arithmetic alone. Every quantity is a Taylor model in the position s within a box and the errors t
-of the parameters.
+The search and the prover need not be trusted: the checker shares only the model and the
+arithmetic with them. Every quantity is a Taylor model in the position s within a box and the errors
+t of the parameters.
 
-    statement.py  what is claimed            witness.py  what proves it
+    statement.py  the claim                  witness.py  its evidence
     trims.py      trims and linear models    loop.py     the loop
     modes.py      numbers of eigenvalues     riccati.py  the exact solution of a game
 """
@@ -73,9 +73,9 @@ _PRECISION = 256
 class Verified:
     """A statement that is proved.
 
-    statement: what is proved, every field of which the checker has interpreted
-    boxes: how many boxes prove it
-    written: version, command and date in the file, which nothing verifies
+    statement: the proved statement, every field of which the checker has interpreted
+    boxes: number of boxes in the proof
+    written: version, command and date in the file, not verified
     """
 
     statement: Statement
@@ -102,14 +102,14 @@ def sealed(head: str, origin: str) -> str:
 def check_certificate(
     path: Path, progress: Progress | None = None, model: Model | None = None
 ) -> Verified:
-    """What the file proves.
+    """Return the statement that a file proves.
 
     path: the certificate
-    progress: told of each box
-    model: that of a certificate about a user's own aircraft
+    progress: called for each box
+    model: the user's aircraft, for a certificate about it
 
-    BadInputError when the file is none or was edited, or is about another model; Rejected when its
-    entries are not understood or do not prove what it states.
+    BadInputError when the file is not a certificate, was edited, or is about another model;
+    Rejected when entries are not understood or do not prove the statement.
     """
     content, written = read_sealed(path)
     with naming(path):
@@ -130,7 +130,8 @@ def claims_of(content: dict[str, Any]) -> Fields:
 
 
 def kind_of(path: Path) -> str:
-    """The kind of certificate that a file is; BadInputError where it is none or was edited."""
+    """Return the kind of a certificate; BadInputError when the file is not a certificate or was
+    edited."""
     content, _ = read_sealed(path)
     return str(content.get("kind"))
 

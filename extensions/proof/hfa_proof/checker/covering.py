@@ -19,7 +19,7 @@ def covering(
     """The pieces, at least one, whose boxes together hold every point of the stated box.
 
     what: the pieces in a message, such as "the cells"
-    stated: where something is claimed; low = high is the claim at that value and not at none
+    stated: the box of the claim; low = high is the claim at one value
     pieces: the evidence in any order; they may overlap and reach beyond what is stated
     box_of: where a piece is evidence
 

@@ -1,4 +1,4 @@
-"""Entries of a certificate, each taken once as what it is; whatever is left over is refused."""
+"""Entries of a certificate. Each is read once, with its type; remaining entries are refused."""
 
 from __future__ import annotations
 

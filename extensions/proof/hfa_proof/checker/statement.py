@@ -1,5 +1,6 @@
-"""What a certificate claims. Every field is interpreted by the checker or refused, all of it is in
-the digest, and a report shows it. Evidence is elsewhere (`witness.py`) and cannot change a claim.
+"""The statement of a certificate. The checker interprets or refuses every field, the digest covers
+all of them, and a report shows them. Evidence is elsewhere (`witness.py`) and cannot change a
+claim.
 
 Scheduling values are written as people write them, angles in degrees, because their doubles are
 exact; all other numbers are in the units of the model.
@@ -55,7 +56,7 @@ class Flight:
     model: the equations; its name, units and the hash of its source files are in the statement
     parameters: every parameter of the model -> value
     spread: parameter -> half width; the claim holds for all parameters within it
-    imposed: what every trim imposes -> value
+    imposed: imposed variable -> value, of every trim
     limits: state, input or output -> (lowest, highest)
     low: first scheduling value
     high: last scheduling value
@@ -77,7 +78,7 @@ class Flight:
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """What a trim finds."""
+        """Return the free variables of a trim."""
         imposed = (self.model.schedule, *self.imposed)
         return tuple(name for name in self.model.variables if name not in imposed)
 
@@ -115,7 +116,7 @@ class Flight:
         return cls(model, parameters, spread, imposed, flight.limits, low, high, tuple(trims))
 
     def _check_imposed(self) -> None:
-        """What is imposed, and the scheduling variable, lies within the limits too."""
+        """Check that imposed variables and the scheduling variable are within their limits."""
         ends = {name: (value, value) for name, value in self.imposed.items()}
         ends[self.model.schedule] = tuple(
             in_model_unit(self.model, end) for end in (self.low, self.high)
@@ -139,7 +140,7 @@ class Plant:
 
     @classmethod
     def read(cls, entries: Fields) -> Plant:
-        """Of any size."""
+        """Read a plant of any size."""
         A = entries.array("A", None, None)
         B = entries.array("B", len(A), None)
         require(A.shape == (len(A), len(A)) and B.size > 0, "A", A.shape)
@@ -153,7 +154,7 @@ class Weights:
 
     Q: (n, n), symmetric, positive semidefinite, decided exactly
     R: (m, m), symmetric, positive definite
-    E: (n, q), what the disturbance does
+    E: (n, q), disturbance matrix
     delta: disturbance weight, inf for none
     """
 
@@ -164,7 +165,7 @@ class Weights:
 
     @classmethod
     def read(cls, entries: Fields, n: int, m: int) -> Weights:
-        """Of a game with n states and m inputs."""
+        """Read the weights of a game with n states and m inputs."""
         Q = entries.symmetric("Q", n)
         R = entries.symmetric("R", m)
         E = entries.array("E", n, None)
@@ -246,7 +247,7 @@ class FixedActuators:
 
     @classmethod
     def read(cls, entries: Fields, count: int) -> FixedActuators:
-        """Of so many inputs."""
+        """Read the actuators of `count` inputs."""
         order = _read_orders(entries, count)
         numbers = [entries.array(name, count) for name in ("damping", "bandwidth", "effectiveness")]
         require(all(bool(np.all(values > 0.0)) for values in numbers), entries.where)
@@ -256,13 +257,13 @@ class FixedActuators:
 
 @dataclass(frozen=True, eq=False)
 class UncertainActuators:
-    """The same with ω, λ(t) and u(t - τ(t)) known within intervals.
+    """Actuators with ω, λ(t) and u(t - τ(t)) known within intervals.
 
     order: (a,), 1 or 2
     damping: (a,), d, of order 2
-    bandwidth: lowest and highest ω, rad/s; constant and the same of all inputs
-    effectiveness: lowest and highest λ; of each input for itself and at any time
-    delay: largest τ, s; likewise
+    bandwidth: lowest and highest ω, rad/s; constant and equal for all inputs
+    effectiveness: lowest and highest λ; varies independently for each input
+    delay: largest τ, s; varies independently for each input
     """
 
     order: tuple[int, ...]
@@ -273,7 +274,7 @@ class UncertainActuators:
 
     @classmethod
     def read(cls, entries: Fields, count: int) -> UncertainActuators:
-        """Of so many inputs."""
+        """Read the uncertain actuators of `count` inputs."""
         order = _read_orders(entries, count)
         damping = entries.array("damping", count)
         bandwidth = entries.pair("bandwidth", least=0.0)
@@ -337,14 +338,13 @@ class ScheduleStatement:
 
 @dataclass(frozen=True, eq=False)
 class GameStatement:
-    """The exact solution of a game, and how far a critic is from it.
+    """The exact solution of a game, and the distance of a critic from it.
 
     plant: of a flight at one scheduling value, or matrices
     decimals: `distances` and `loop` hold for every number that reads as these doubles; else, and
         `delta_min` and `modes` always, for the doubles alone
     critic: K (m, n), and P (n, n) or W (weights, 1) if it has them
-    gain_of_value: whether K is R⁻¹ B' P of the critic's P and W, to within `SAME_GAIN`; else it is
-        a gain of its own
+    gain_of_value: whether K is R⁻¹ B' P of the critic's P and W, to within `SAME_GAIN`
     distances: name of each of the critic's parts -> bounds of |X - X*| / |X*| (Frobenius)
     loop: least and most unstable modes of A - B K with the critic's K
     delta_min: the game has no value at the first and a value at the second; or none
@@ -543,7 +543,7 @@ def in_model_unit(model: Model, scheduling_value: Any) -> Any:
 
 
 def measurable(model: Model) -> tuple[str, ...]:
-    """What the controller of a statement may measure."""
+    """Return the names that a controller may measure."""
     return tuple(name for name in model.measurable if name in model.linear or _output(model, name))
 
 

@@ -49,10 +49,11 @@ class LinearModelBox:
 def linear_model_on(
     flight: Flight, trim: TrimBox, measured: Sequence[str] = (), *, decimals: bool = True
 ) -> LinearModelBox:
-    """The linear model on a box; Rejected unless a trim is proved to be there, within all limits.
+    """Return the linear model on a box; Rejected unless it is proved to contain a trim within all
+    limits.
 
-    decimals: for every number that reads as the parameters and what is imposed, not only for their
-    doubles
+    decimals: cover all decimals that round to the parameters and imposed values, not only the
+        doubles
     """
     model = flight.model
     equations = equations_of(flight, measured)
@@ -79,7 +80,7 @@ def linear_model_on(
 
 
 def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dict[str, Any]:
-    """Parameters, what is imposed and the scheduling variable on a box, as Taylor models."""
+    """Return parameters, imposed values and the scheduling variable on a box, as Taylor models."""
     reading = READING if decimals else 0.0
     values: dict[str, Any] = {}
     for name, number in (dict(flight.imposed) | dict(flight.parameters)).items():

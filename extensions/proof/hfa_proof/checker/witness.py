@@ -1,5 +1,4 @@
-"""What proves the claims of a statement. A wrong entry here makes a check fail; none of it is part
-of what is claimed.
+"""The evidence for a statement. A wrong entry makes a check fail. No entry is part of the claim.
 
 s from -1 to 1 is the position in a box of scheduling values: the value is middle + s radius.
 """
@@ -92,7 +91,7 @@ class Piece:
 
     @classmethod
     def read(cls, entries: Fields, n: int, a: int) -> Piece:
-        """Of a loop with n states and a actuators."""
+        """Read a piece of a loop with n states and a actuators."""
         bandwidth = entries.pair("bandwidth", least=0.0)
         H = entries.symmetric("H", n)
         piece = cls(
@@ -317,7 +316,7 @@ def _lines(entries: Fields, name: str, n: int) -> list[Line]:
 
 
 def trim_content(trim: TrimBox) -> dict[str, Any]:
-    """As a file has it, in doubles."""
+    """Return the trim as stored in a file, in doubles."""
     numbers = {
         name: [float(trim.radii[name]), *map(float, polynomial)]
         for name, polynomial in trim.polynomials.items()

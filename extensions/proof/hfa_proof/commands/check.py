@@ -22,7 +22,7 @@ from hfa_support.files import MATRIX_FILES
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckRequest(PlantOptions, OutputOptions):
-    """A certificate to be verified, and what it must be about."""
+    """A certificate to be verified, and the data with which it must agree."""
 
     check: Path | None = option("the certificate", "FILE", input_file(".json"))
     at: Any = scheduled(interval_of, "DEG|LOW:HIGH", "must agree with the certificate")

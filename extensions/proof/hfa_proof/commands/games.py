@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 
 class Stated(NamedTuple):
-    """What is proved.
+    """A proved statement.
 
-    request: at one value of the scheduling variable, as in the commands of one trim.
-    named: the game.
-    family: the flights of the aircraft; None of a plant of a file.
-    value: of the scheduling variable, as typed, or that of the trim."""
+    request: options of the command
+    named: the game
+    family: the flights of the aircraft; None for a plant from a file
+    value: scheduling value, as typed, or that of the trim"""
 
     request: SolutionRequest
     named: NamedGame

@@ -1,4 +1,4 @@
-"""What the user gave beside a certificate, in the form of its statement."""
+"""The user's data for a certificate, in the form of its statement."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ def at_one_value(request: PlantOptions) -> Any:
 
 
 def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
-    """Path of an entry -> the user's own, of what the options give.
+    """Return path of an entry -> value from the user's options.
 
     statement: which was proved
-    request: of the user
+    request: options of the command
 
-    BadInputError for an option that names what the statement does not have.
+    BadInputError for an option that names a field which the statement does not have.
     """
     flight = getattr(statement, "flight", getattr(statement, "plant", None))
     if not isinstance(flight, Flight):
@@ -188,7 +188,7 @@ def _given_controller(
 
 
 def _stated_intervals(statement: ScheduleStatement) -> Intervals | None:
-    """Those of uncertain actuators, which a file of gains does not have."""
+    """Return the intervals of uncertain actuators of the statement; None for a file of gains."""
     actuators = statement.actuators
     if not isinstance(actuators, UncertainActuators):
         return None

@@ -65,7 +65,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     resume: bool = option("continue the unfinished certificate that -o names", rare=True)
 
     def intervals(self) -> Intervals | None:
-        """What is uncertain about the actuators, if anything."""
+        """Return the intervals of uncertain actuators, if any."""
         from hfa_proof.search.loops import Intervals
 
         if self.bandwidth is None:

@@ -1,4 +1,4 @@
-"""What is proved: a statement and its witness, as a certificate has them; the file."""
+"""A proof: a statement and its witness, and the file of its certificate."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ _DIGITS = 55
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Proof(Reported):
-    """A statement and what proves it.
+    """A statement and its proof.
 
-    statement: what is proved
-    witness: what the checker needs to prove it again
-    data: the result as JSON has it, with `proved`, but of models
+    statement: the proved statement
+    witness: the evidence that the checker needs
+    data: the result for JSON, with `proved`, except for models
     """
 
     statement: Statement
@@ -63,7 +63,7 @@ class Proof(Reported):
         return isinstance(self.statement, ModelsStatement) or bool(self.data["proved"])
 
     def report(self) -> Report:
-        """What is proved, in words, tables and data."""
+        """Return the proved statements in words, tables and data."""
         return proof_report(self.statement, self.data)
 
     def write(self, path: Path, origin: Provenance) -> None:
@@ -95,7 +95,7 @@ def witness_content(value: Any) -> Any:
 
 
 class CertificateFile:
-    """The file of a proof while it runs: whole at any time, with what is proved so far."""
+    """The file of a running proof: valid at any time, with the part proved so far."""
 
     def __init__(self, path: Path, origin: Provenance, *, resume: bool = False) -> None:
         self.path = path
@@ -112,12 +112,11 @@ class CertificateFile:
             self._next = now + max(_PAUSE, _RARELY * (now - start))
 
     def known(self, statement: ScheduleStatement, model: Model) -> Content:
-        """The witness that an earlier run left, verified here, so that nothing in the file is
-        believed.
+        """Return the witness of an earlier run, verified again.
 
-        statement: what is to be proved; its flight without trims, controller and actuators
-        BadInputError when the file is not the certificate of this, or does not prove what it
-        states."""
+        statement: the statement to prove; its flight without trims, controller and actuators
+
+        BadInputError when the file is not a certificate of this statement, or does not prove it."""
         if not self._resume:
             return {}
         try:
@@ -136,7 +135,7 @@ class CertificateFile:
 
 
 def _subject(content: Content) -> Content:
-    """What a statement is about, without what is proved of it."""
+    """Return the subject of a statement, without its proved values."""
     subject = {
         name: value
         for name, value in content.items()

@@ -1,4 +1,4 @@
-"""What the checker verified of a certificate, in words, tables and data."""
+"""The report of a checked certificate."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ from hfa_support.reporting.text import Table
 
 
 def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
-    """The whole statement that was verified: of which aircraft in which flight, with which
-    controller, limits and weights; proved on all of the interval or not.
+    """Return the report of a verified statement: aircraft, flight, controller, limits, weights, and
+    whether it is proved on the whole interval.
 
     verified: what the checker proved
     not_given: parts of its subject that the user did not give; the title names them
@@ -109,9 +109,9 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
 
 
 def _checked_verdict(statement: Statement, data: Content) -> str:
-    """The first words about a statement that was verified: proved, refuted, or what is open.
+    """Return the verdict on a verified statement: proved, refuted, or the open part.
 
-    data: of the report, with `proved`
+    data: the report's data, with `proved`
     """
     if data["proved"]:
         return "Verified, proved"

@@ -90,7 +90,7 @@ class Family:
     """Trims at any value of the scheduling variable.
 
     model: the aircraft; its parameters have the values of its declaration
-    flights: what is imposed and left free, the model's own unless given
+    flights: imposed and free variables; default: the model's trim
     spread: parameter -> half width within which it may lie
     """
 
@@ -108,7 +108,7 @@ class Family:
         return float(2.0 ** round(math.log2(math.radians(nominal))))
 
     def condition(self, scheduling_value: float | None = None) -> TrimCondition:
-        """What a trim imposes; at the model's own scheduling value unless given."""
+        """Return the trim condition at a scheduling value; default: the model's own."""
         flights = usual_condition(self.model) if self.flights is None else self.flights
         if scheduling_value is None or self.model.schedule in self.model.parameters:
             return flights.at(None)
@@ -182,8 +182,10 @@ class TrimSearch:
         self._refuse_what_nothing_balances(low)
 
     def linear_model(self, box: Box) -> LinearModelBox:
-        """Of a box. Undecided or Rejected when it is too wide or a trim may lie beyond its limits,
-        TrimError when its middle has no trim."""
+        """Return the linear model on a box.
+
+        Undecided or Rejected when the box is too wide or a trim may lie beyond its limits;
+        TrimError when the middle has no trim."""
         if box not in self._linear_models:
             trim = self.trim_box(box)
             self._linear_models[box] = linear_model_on(self.flight, trim, self.measured)
@@ -289,7 +291,7 @@ class TrimSearch:
         return stacked([slopes[row] for row in self._rows]).parts[0]
 
     def _add_errors(self, trim: TrimBox, C: Any) -> None:
-        """What each error of a parameter does to the unknowns."""
+        """Add the effect of each parameter error on the unknowns."""
         for index, slope in enumerate(self._residual(trim).parts[4:]):
             steps = (C * slope).entries()
             for name, step in zip(self._equations.unknowns, steps, strict=True):

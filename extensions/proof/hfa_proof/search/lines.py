@@ -75,11 +75,11 @@ def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.nd
     """H (n, n) for the middle of a box, and coordinates T in which to prove it.
 
     H = T⁻ᵀ diag(±h) T⁻¹ with the eigenvectors T of the middle, in which it is normal. For all of
-    some additions h = y/x with G x = 1, G'y = 1, G = diag|Re λ + a| - N, N what they do at most in
-    these coordinates: where G has a positive inverse, diag(h) G + G' diag(h) is positive definite
-    (Berman and Plemmons 1979). h = 1/|Re λ + a|: Lyapunov's equation, for additions that do less
-    than their entries could. Where eigenvectors are dependent Lyapunov's equation is solved as it
-    stands."""
+    some additions h = y/x with G x = 1, G'y = 1, G = diag|Re λ + a| - N, N their largest
+    effect in these coordinates: where G has a positive inverse, diag(h) G + G' diag(h) is positive
+    definite (Berman and Plemmons 1979). h = 1/|Re λ + a|: Lyapunov's equation, for additions
+    smaller than their entries allow. Where eigenvectors are dependent, Lyapunov's equation is
+    solved for A."""
     middle, *additions = A.parts
     A_middle = doubles(middle)
     values, vectors = np.linalg.eig(A_middle)

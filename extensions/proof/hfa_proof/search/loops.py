@@ -39,7 +39,7 @@ _DIGITS = 10
 
 @dataclass(frozen=True)
 class Intervals:
-    """Of uncertain actuators.
+    """Intervals of uncertain actuators.
 
     bandwidth: lowest and highest, rad/s
     effectiveness: lowest and highest
@@ -53,7 +53,7 @@ class Intervals:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """What a proof of a schedule is about, beside the flights."""
+    """The loop in a proof of a schedule."""
 
     controller: Controller
     actuators: Actuators | None = None
@@ -116,7 +116,7 @@ def loop_of_gains(
 
 
 def loop_of_schedule(gains: GainSchedule, intervals: Intervals | None = None) -> Loop:
-    """Of a gain schedule."""
+    """Return the loop of a gain schedule."""
     return loop_of_gains(gains.model, gains.file_breakpoints, gains.gains, intervals)
 
 

@@ -58,7 +58,7 @@ _PARTS = ("A", "B", "inputs", "K")
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """What is proved on a part of the interval."""
+    """The proved part of an interval between two models."""
 
     box: Box
     linear: LinearModelBox
@@ -76,7 +76,7 @@ class Cell:
         return {name: doubles(model.polynomial_at(s)) for name, model in models.items()}
 
     def content(self) -> Content:
-        """As a certificate has it."""
+        """Return the cell as stored in a certificate."""
         box = self.solution_box
         P = [doubles(part).tolist() for part in box.P.parts[:3]]
         proof = {"units": box.units, "P": P, "reach": float(box.reach)}

@@ -1,4 +1,4 @@
-"""What a proof states, in words, tables and data."""
+"""Reports of proofs, in words, tables and data."""
 
 from __future__ import annotations
 
@@ -72,7 +72,8 @@ def breakpoint_data(model: Model, breakpoints: Any) -> Content:
 
 
 def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
-    """What is proved of the loop and of the modes of A. moving: whether a rate was asked for."""
+    """Return the proved properties of the loop and of the modes of A. moving: whether a rate is
+    claimed."""
     flight = statement.flight
     model = flight.model
     suffix = "_deg" if model.schedule_unit == "deg" else ""
@@ -150,11 +151,11 @@ def _verdict(statement: ScheduleStatement, moving: bool) -> str:
 
 
 def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
-    """What is proved of a schedule, refuted and left open: sentences, then a table of the loop's
-    unstable modes and one of those of A.
+    """Return the proved, refuted and open parts of a schedule: sentences, then tables of the
+    unstable modes of the loop and of A.
 
     statement: of the loop
-    moving: whether a rate of the scheduling variable was asked for
+    moving: whether a rate of the scheduling variable is claimed
     data: the report's data, for the number of boxes
     """
     flight = statement.flight
@@ -216,7 +217,7 @@ def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -
 
 
 def _what_is_stable(statement: ScheduleStatement) -> str:
-    """Of which loop the statement says that it is stable, in words."""
+    """Return the text for the loop that is stable."""
     if statement.actuators is not None:
         return "the loop through the actuators is stable"
     if statement.controller.A.shape[1]:
@@ -238,12 +239,13 @@ def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
 
 
 def _span(run: Run) -> str:
-    """Its interval: "5 to 15"."""
+    """Return the interval of a run as text: "5 to 15"."""
     return f"{run.low:.10g} to {run.high:.10g}"
 
 
 def count_said(run: Run) -> str:
-    """Its number of unstable modes: "2", or "0 to 2" where only bounds are proved."""
+    """Return the number of unstable modes as text: "2", or "0 to 2" where only bounds are
+    proved."""
     return str(run.least) if run.least == run.most else f"{run.least} to {run.most}"
 
 
@@ -268,10 +270,10 @@ def game_report(
 
 
 def _stabilizing(hurwitz: bool | None, gain: str) -> str:
-    """Whether a gain stabilizes, as a headline.
+    """Return the headline on whether a gain stabilizes.
 
-    hurwitz: what is proved of A - B K; None: nothing
-    gain: whose it is, in words
+    hurwitz: the proved property of A - B K; None: open
+    gain: the gain in words
     """
     if hurwitz is None:
         return f"Left open: whether {gain} stabilizes"
@@ -289,7 +291,7 @@ def _critic_parts(data: Content) -> list[Part]:
 
 
 def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
-    """What is proved of a solution, statement by statement, and P."""
+    """Return the proved statements about a solution, and P."""
     above = data["delta_min_above"]
     most = data["delta_min_at_most"]
     bracket = "open"
@@ -316,7 +318,7 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
 
 
 def _hurwitz(closed_loop: bool | None) -> str:
-    """What is proved of a closed loop, in words; None: nothing."""
+    """Return the proved property of a closed loop in words; None: open."""
     if closed_loop is None:
         return "open: a mode may lie on the axis"
     return "proved Hurwitz" if closed_loop else "proved not Hurwitz"

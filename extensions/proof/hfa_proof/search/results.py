@@ -1,4 +1,4 @@
-"""What `hfa prove` writes, each entry declared once."""
+"""Results of `hfa prove`, with each entry declared once."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from hfa_support.reporting.results import Matrix, Result, Vector
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProofData(Result):
-    """What is proved, or was checked: the keys of dicts, which the provers and the report of a
-    check fill, because null says that something is open and what a kind has not is left out.
+    """The result of a proof or a check, as keys of dicts: null means open, and entries that
+    a kind does not have are omitted.
 
     statement: schedule, solution, critic or check.
     dynamics: published or newton, or the name of another model.
@@ -24,9 +24,9 @@ class ProofData(Result):
     one_branch: whether the trims of all boxes are one branch.
     decay_rate: 1/s.
     loop: runs of angles with their unstable modes, A - B K, and what is open.
-    modes: the same of A; open are the least and the most.
+    modes: runs of angles with the unstable modes of A; open: the least and the most.
     refuted: where it is proved unstable.
-    not_covered: what the statement is not about.
+    not_covered: effects that the statement does not cover.
     boxes: enclosures, or their number.
     source: of a checked certificate of another aircraft: SHA-256 of its files.
     P: value z' P z.
@@ -37,13 +37,12 @@ class ProofData(Result):
     actuators: with --bandwidth: bandwidth, effectiveness, delay.
     lyapunov: with --rate.
     kind: of a checked certificate: schedule, game or models.
-    parameters: of a checked certificate: the set that it is about.
+    parameters: of a checked certificate: the covered set.
     parameter_hash: of a checked certificate.
-    written: of a checked certificate: the version, command and date that it bears; not verified.
+    written: of a checked certificate: version, command and date in the file; not verified.
     statement_sha256: of a checked certificate: SHA-256 of the JSON text of its statement.
     claim: of a checked certificate: its statement, every field.
-    not_given: of a checked certificate: what of its subject no option gave, so that it was not
-        compared.
+    not_given: of a checked certificate: fields that no option gave and that were not compared.
     limits: of a checked certificate: lowest and highest value of each input and unknown of the
         trims.
     spread: of a checked certificate: half widths of the parameters.
@@ -137,7 +136,7 @@ class InterpolatedModels(StatesAndInputs, Result):
 
     @property
     def scheduled(self) -> Mapping[str, Vector] | None:
-        """Of another aircraft: scheduling variable -> nodes."""
+        """Return scheduling variable -> nodes, for an aircraft other than the HFA."""
         if self.model.names_schedule:
             return None
         return {self.model.schedule: self.statement.breakpoints}
@@ -155,14 +154,13 @@ class InterpolatedModels(StatesAndInputs, Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CertificateData(Result):
-    """The file of a certificate: the keys of a text, which is sealed by digests of that text and
-    checked before it is believed, so that it is never a value.
+    """The file of a certificate, as keys of a text that contains digests of itself.
 
     kind: schedule, game, models, region, region-boxes or cost-boxes.
     toolchain: version that wrote it.
-    statement: what is claimed, as extensions/proof/hfa_proof/checker/statement.py declares it.
-    witness: what proves it, as extensions/proof/hfa_proof/checker/witness.py declares it.
-    digest: SHA-256 of the text before it: the same proof has the same one.
+    statement: the claim, declared in extensions/proof/hfa_proof/checker/statement.py.
+    witness: the evidence, declared in extensions/proof/hfa_proof/checker/witness.py.
+    digest: SHA-256 of the text before it, equal for equal proofs.
     checksum: SHA-256 of the text before it, provenance included.
     """
 

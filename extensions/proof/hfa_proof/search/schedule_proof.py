@@ -65,7 +65,7 @@ _POWER = 8
 
 @dataclass(frozen=True, eq=False)
 class ProvedBox:
-    """A box with the bounds of its unstable modes and what a certificate has of it."""
+    """A box with the bounds of its unstable modes and its entry in a certificate."""
 
     box: Box
     least: int
@@ -123,7 +123,7 @@ def prove_schedule(
 
 
 class ScheduleSearch:
-    """What is proved so far of a loop on an interval."""
+    """The search for a proof of a loop on an interval."""
 
     def __init__(self, family: Family, loop: Loop, low: float, high: float) -> None:
         self.family = family
@@ -220,7 +220,7 @@ class ScheduleSearch:
                     boxes.append(ProvedBox(box, count, count, content["rate"], content))
 
     def statement(self) -> ScheduleStatement:
-        """What the boxes prove."""
+        """Return the statement that the boxes prove."""
         decays = [box.rate for box in self.boxes["loop"] if box.most == 0]
         runs = {
             "loop": self._runs("loop", self.size),
@@ -246,7 +246,7 @@ class ScheduleSearch:
         return Proof(self.statement(), witness)
 
     def data(self) -> Content:
-        """What a result has beside its statement: the Lyapunov function and entries of A and B."""
+        """Return further data of a result: the Lyapunov function and entries of A and B."""
         boxes = []
         for proved in self.boxes["loop"]:
             linear = self.linear_model(proved.box)

@@ -69,7 +69,8 @@ _SHARP = 1e-6
 
 
 def weights_of(game: Game) -> Weights:
-    """What a statement has of a game. NoSolutionError unless Q >= 0 and R > 0, decided exactly."""
+    """Return the weights of a game for a statement. NoSolutionError unless Q >= 0 and R > 0,
+    decided exactly."""
     Q = (game.Q + game.Q.T) / 2
     R = (game.R + game.R.T) / 2
     if lowest_sign(Q) < 0:
@@ -135,7 +136,7 @@ class ExactGame:
         )
 
     def with_delta(self, delta: float) -> ExactGame:
-        """The same game at another disturbance weight."""
+        """Return the game with another disturbance weight."""
         weights = replace(self.weights, delta=delta)
         return replace(self, game=self.game.with_delta(delta), weights=weights)
 
@@ -191,7 +192,7 @@ class ExactGame:
 def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) -> SolutionBox:
     """P of the Riccati equation by Newton's method on midpoints, from the one of the Schur method.
 
-    NoSolutionError when there is none to begin with, or a mode of A - S P may lie on the axis."""
+    NoSolutionError when the Schur method finds none, or a mode of A - S P may lie on the axis."""
     units = NormalForm.of(game).units
     start = schur_solution(game) * np.outer(units, units)
     if not np.isfinite(start).all():
@@ -233,7 +234,7 @@ def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_
 class Bracket:
     """refused < delta_min <= value: the game has a value at `value` and none at `refused`; proved.
 
-    why: what proves that there is none
+    why: the proof that no value exists at `refused`
     """
 
     value: float
@@ -289,7 +290,7 @@ def _first_bracket(exact: ExactGame, middle: float, progress: Progress | None) -
 
 
 def _tell(progress: Progress | None, what: str) -> None:
-    """Say what is under way; how much of it is left is not known."""
+    """Report the current step; the remaining work is not known."""
     if progress is not None:
         progress(0, 1, what)
 

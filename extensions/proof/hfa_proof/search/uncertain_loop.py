@@ -1,8 +1,8 @@
 """A loop whose actuators have bandwidths, effectiveness and delays within intervals: one Lyapunov
 function for all of a piece of the bandwidths.
 
-What has to hold is an inequality of matrices, linear in H and X, at the ends of each piece: see
-`check_pieces` of the checker, which proves what is found here.
+The condition is a matrix inequality, linear in H and X, at the ends of each piece; `check_pieces`
+of the checker proves it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ _LARGEST = 100.0
 
 
 def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]:
-    """What proves the loop on a box for all of its actuators; empty when that is not found."""
+    """Return the pieces that prove the loop on a box for all of its actuators; empty when none are
+    found."""
     actuators = loop.actuators
     assert isinstance(actuators, UncertainActuators)
     box = actuated_loop(linear, model, loop.controller, actuators)
@@ -37,7 +38,7 @@ def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]
 def _pieces(
     loop: LoopBox, actuators: UncertainActuators, bandwidth: tuple[float, float], halvings: int
 ) -> list[Piece]:
-    """Of an interval of bandwidths, halved where one piece is not found."""
+    """Return pieces for an interval of bandwidths, which is halved where one piece is not found."""
     piece = _piece(loop, actuators, bandwidth)
     low, high = bandwidth
     if piece is not None:
