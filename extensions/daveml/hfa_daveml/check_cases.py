@@ -41,7 +41,8 @@ class CheckedOutput(Result):
 class CheckedDocument(Result, Reported):
     """A file whose check cases were computed again.
 
-    document: the file. outputs: of all its cases.
+    document: the file.
+    outputs: of all its cases.
     """
 
     schema = "hfa.daveml-check/1"
@@ -58,7 +59,7 @@ class CheckedDocument(Result, Reported):
 
     @property
     def title(self) -> str:
-        """What its header calls it."""
+        """Its title in the header."""
         return self.document.title
 
     @property
