@@ -19,8 +19,11 @@ from hfa_support.reporting.text import Table
 class CheckedOutput(Result):
     """An output of a check case.
 
-    case, output: their names. printed: by the author of the file. computed: here. tolerance: of the
-        file. ok: whether they differ by no more.
+    case: name of the check case.
+    output: name of the output.
+    printed: value in the file.
+    computed: value of the equations.
+    tolerance: of the file.
     """
 
     keys = "case output printed computed tolerance ok"
