@@ -18,7 +18,7 @@ from hfa_aircraft.signals import Signal as Signal
 from hfa_derivatives.aircraft import from_derivatives as from_derivatives
 from hfa_flight.nonlinear_flight import Flight as Flight, fly as fly
 from hfa_flight.turbulence import Turbulence as Turbulence
-from hfa_identify.identified import identify as identify
+from hfa_identify.estimation import identify as identify
 from hfa_model.choice import aircraft as aircraft
 from hfa_networks.files.network import from_network as from_network
 from hfa_optimal.best_flight import BestFlight as BestFlight, best_flight as best_flight

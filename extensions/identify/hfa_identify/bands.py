@@ -15,11 +15,21 @@ LAGS = 25
 def white_covariance(fit: Fit) -> np.ndarray:
     """(p, p) Cramér-Rao bound: the inverse of the information; it holds for white residuals.
 
-    A parameter that no sample depends on has the variance inf."""
-    covariance = _inverse(fit.information)
+    The noise variances are those of the residuals, enlarged by the unknowns that were fitted to
+    them. A parameter that no sample depends on has the variance inf."""
+    covariance = _enlarged(fit) * inverse(fit.information)
     unseen = np.diag(fit.information) <= 0.0
     covariance[unseen, unseen] = np.inf
     return covariance
+
+
+def _enlarged(fit: Fit) -> float:
+    """N / (N - unknowns): by how much fitted residuals are smaller than the noise."""
+    samples = int(fit.samples.sum())
+    unknowns = len(fit.theta) + sum(
+        int(np.linalg.matrix_rank(each.A, tol=1e-6 * np.trace(each.A))) for each in fit.normals
+    )
+    return samples / max(samples - unknowns, 1)
 
 
 def covariance(fit: Fit) -> np.ndarray:
@@ -34,29 +44,49 @@ def covariance(fit: Fit) -> np.ndarray:
     Source: E. A. Morelli, V. Klein, Accuracy of aerodynamic model parameters estimated from flight
     test data, Journal of Guidance, Control, and Dynamics 20 (1997) 74-80.
     """
-    D = _inverse(fit.information)
-    middle = np.zeros_like(D)
-    for residual, present, projected in zip(fit.residuals, fit.present, fit.projected, strict=True):
-        weights = np.where(present, 1.0 / fit.noise, 0.0)
-        for quantity in range(residual.shape[1]):
-            S = projected[:, quantity, :] * weights[:, quantity, None]
-            middle += _summed(S, residual[:, quantity], present[:, quantity])
-    coloured = D @ middle @ D
+    D = inverse(fit.information)
+    coloured = _enlarged(fit) * D @ sum(V for _, V, _ in weighted_scores(fit)) @ D
     # A band is no narrower than for white residuals: an estimate of R_vv is noisy itself.
     bound = white_covariance(fit)
     seen = np.isfinite(np.diag(bound))
     grown = np.ones(len(D))
-    grown[seen] = np.sqrt(np.maximum(np.diag(coloured)[seen] / np.diag(D)[seen], 1.0))
+    grown[seen] = np.sqrt(np.maximum(np.diag(coloured)[seen] / np.diag(bound)[seen], 1.0))
     return np.asarray(bound * grown[:, None] * grown)
 
 
+#: Of a part of the records: information, covariance of the score, score.
+Score = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
+    """Of each record, or of both halves of each: Σ S' R⁻¹ S, the covariance of the score with the
+    residuals' autocorrelation, and the score Σ S' R⁻¹ v."""
+    parts = []
+    for residual, present, projected in zip(fit.residuals, fit.present, fit.projected, strict=True):
+        middle = len(residual) // 2
+        rows = [slice(0, middle), slice(middle, None)] if halves else [slice(None)]
+        weights = np.where(present, 1.0 / fit.noise, 0.0)
+        for part in rows:
+            M, V, g = (np.zeros((len(fit.theta),) * size) for size in (2, 2, 1))
+            for quantity in range(residual.shape[1]):
+                S = projected[:, quantity]
+                weighted = S * weights[:, quantity, None]
+                M += weighted[part].T @ S[part]
+                g += weighted[part].T @ residual[part, quantity]
+                V += _summed(weighted[part], residual[:, quantity], present[:, quantity])
+            parts.append((M, V, g))
+    return parts
+
+
 def _summed(S: np.ndarray, residual: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Σ_i Σ_j S_i' r(i - j) S_j of one quantity of one record."""
+    """Σ_i Σ_j S_i' r(i - j) S_j of one quantity of one record.
+
+    S: of consecutive samples. residual, present: of the whole record, which r is estimated from."""
     correlation = autocorrelation(residual, present)
     variance = float(residual @ residual) / max(1, int(present.sum()))
     gone = _lag_of_white(correlation, int(present.sum()))
     total = variance * S.T @ S
-    width = min(len(residual) - 1, 3 * gone)
+    width = min(len(S) - 1, 3 * gone)
     for lag in range(1, width + 1):
         product = S[:-lag].T @ S[lag:]
         total += variance * correlation[lag] * _parzen(lag / (width + 1)) * (product + product.T)
@@ -102,7 +132,7 @@ def correlations(covariance: np.ndarray) -> np.ndarray:
     return np.asarray(finite / deviations[:, None] / deviations)
 
 
-def _inverse(matrix: np.ndarray) -> np.ndarray:
+def inverse(matrix: np.ndarray) -> np.ndarray:
     """The inverse of a symmetric matrix with rows of different sizes."""
     diagonal = np.diag(matrix)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))

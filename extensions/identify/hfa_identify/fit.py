@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -59,8 +60,7 @@ class Fit:
     residuals: (N, k) of each record, 0 where a sample is missing.
     present: (N, k) flags of each record, False where a sample is missing.
     responses: the simulated records.
-    information: (p, p) of the parameters, with unknown starts.
-    projected: (N, k, p) of each record, sensitivities without what another start makes up for.
+    normals: the normal equations of each record.
     likelihood: L.
     steps: number of Gauss-Newton steps.
     converged: whether the last step was small.
@@ -72,11 +72,31 @@ class Fit:
     residuals: tuple[np.ndarray, ...]
     present: tuple[np.ndarray, ...]
     responses: tuple[Response, ...]
-    information: np.ndarray
-    projected: tuple[np.ndarray, ...]
+    normals: tuple[Normal, ...]
     likelihood: float
     steps: int
     converged: bool
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """(p, p) of the parameters, with unknown starts."""
+        parts = [each.M - each.B @ np.linalg.solve(each.A, each.B.T) for each in self.normals]
+        return np.asarray(0.5 * sum(part + part.T for part in parts))
+
+    @cached_property
+    def projected(self) -> tuple[np.ndarray, ...]:
+        """(N, k, p) of each record, sensitivities without what another start makes up for."""
+        p = len(self.theta)
+        return tuple(
+            response.slopes[:, :, :p]
+            - response.slopes[:, :, p:] @ np.linalg.solve(normal.A, normal.B.T)
+            for response, normal in zip(self.responses, self.normals, strict=True)
+        )
+
+    @cached_property
+    def samples(self) -> np.ndarray:
+        """(k,) numbers of measured samples."""
+        return np.asarray(sum(flags.sum(axis=0) for flags in self.present))
 
 
 class OutputError:
@@ -117,52 +137,49 @@ class OutputError:
         starts: Sequence[np.ndarray],
         progress: Callable[[float, float], None] | None = None,
         small: float = SMALL,
+        most_steps: int = _MOST_STEPS,
     ) -> Fit:
         """The parameters and starts of least L, from these.
 
         small: the search ends where a step is this part of the standard deviations
+        most_steps: or after so many
 
         FloatingPointError where the simulation diverges from them."""
-        found = self._at(theta, tuple(starts), 0)
+        found = self.at(theta, tuple(starts), 0)
         level = 0
-        for step in range(1, _MOST_STEPS + 1):
+        for step in range(1, most_steps + 1):
             if progress is not None:
-                progress(step, _MOST_STEPS)
-            normals = self._normals(found)
-            change, _ = self._solved(found, normals, 0.0)
+                progress(step, most_steps)
+            change, _ = self._solved(found, 0.0)
             is_small = change @ found.information @ change < small**2 * len(change)
-            level = self._lowering(found, normals, max(0, level - 1))
-            if level < len(_DAMPINGS):
-                found = self._at(*self._moved(found, normals, _DAMPINGS[level]), step)
-            if is_small or level == len(_DAMPINGS):
+            level, lower = self._lowered(found, max(0, level - 1), step)
+            if lower is None:
                 return replace(found, converged=bool(is_small))
+            found = lower
+            if is_small:
+                return replace(found, converged=True)
         return found
 
-    def _lowering(self, found: Fit, normals: Sequence[Normal], first: int) -> int:
-        """The number of the first damping, from one on, whose step does not raise L; that of all
-        dampings where each does."""
+    def _lowered(self, found: Fit, first: int, step: int) -> tuple[int, Fit | None]:
+        """The number of the first damping, from one on, whose step does not raise L, and the fit
+        after it; None where each step does."""
         for level in range(first, len(_DAMPINGS)):
-            theta, starts = self._moved(found, normals, _DAMPINGS[level])
+            theta, starts = self._moved(found, _DAMPINGS[level])
             try:
-                simulated = [
-                    self.responses.simulated(record, start, theta)
-                    for record, start in zip(self.records, starts, strict=True)
-                ]
+                lower = self.at(theta, starts, step)
             except FloatingPointError:
                 continue
-            if self._likelihood(self._residuals(simulated), starts) <= found.likelihood:
-                return level
-        return len(_DAMPINGS)
+            if lower.likelihood <= found.likelihood:
+                return level, lower
+        return len(_DAMPINGS), None
 
-    def _moved(
-        self, found: Fit, normals: Sequence[Normal], damping: float
-    ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+    def _moved(self, found: Fit, damping: float) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         """Parameters, within their bounds, and starts after a step."""
-        change, moves = self._solved(found, normals, damping)
+        change, moves = self._solved(found, damping)
         theta = np.clip(found.theta + change, self.bounds[:, 0], self.bounds[:, 1])
         return theta, tuple(start + move for start, move in zip(found.starts, moves, strict=True))
 
-    def _at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int) -> Fit:
+    def at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int = 0) -> Fit:
         """The fit with these parameters and starts, not known to be converged."""
         responses = tuple(
             self.responses.of(record, start, theta)
@@ -173,10 +190,10 @@ class OutputError:
         if not math.isfinite(likelihood):
             raise FloatingPointError("the simulation diverges")
         noise = self._noise(residuals)
-        information, projected = self._information(responses, noise)
+        normals = self._normals(responses, residuals, starts, noise)
         return Fit(
-            theta, starts, noise, residuals, self._present, responses, information, projected,
-            likelihood, steps, converged=False,
+            theta, starts, noise, residuals, self._present, responses, normals, likelihood, steps,
+            converged=False,
         )  # fmt: skip
 
     def _residuals(self, simulated: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
@@ -189,7 +206,7 @@ class OutputError:
     def _noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
         """(k,) the likeliest variances."""
         squares = sum((each**2).sum(axis=0) for each in residuals)
-        return np.asarray(np.maximum(squares / self._counts, self._least))
+        return np.asarray(np.maximum(squares / np.maximum(self._counts, 1), self._least))
 
     def _likelihood(self, residuals: Sequence[np.ndarray], starts: Sequence[np.ndarray]) -> float:
         """L with the likeliest variances."""
@@ -198,52 +215,36 @@ class OutputError:
             total += 0.5 * float((start - guess) ** 2 @ prior)
         return total
 
-    def _information(
-        self, responses: Sequence[Response], noise: np.ndarray
-    ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        """The information of the parameters with unknown starts, and the projected
-        sensitivities."""
-        p = len(self.responses.free)
-        information = np.zeros((p, p))
-        projected = []
-        for response, flags, prior in zip(responses, self._present, self._priors, strict=True):
-            weights = np.where(flags, 1.0 / noise, 0.0)
-            by_start = response.by_start
-            weighted = by_start * weights[:, :, None]
-            A = np.tensordot(weighted, by_start, axes=((0, 1), (0, 1))) + np.diag(prior)
-            B = np.tensordot(weighted, response.by_parameters, axes=((0, 1), (0, 1)))
-            free = response.by_parameters - by_start @ np.linalg.solve(A, B)
-            information += np.einsum(
-                "skp,sk,skq->pq", response.by_parameters, weights, free, optimize=True
-            )
-            projected.append(free)
-        return 0.5 * (information + information.T), tuple(projected)
-
-    def _normals(self, found: Fit) -> list[Normal]:
+    def _normals(
+        self,
+        responses: Sequence[Response],
+        residuals: Sequence[np.ndarray],
+        starts: Sequence[np.ndarray],
+        noise: np.ndarray,
+    ) -> tuple[Normal, ...]:
         """The normal equations of all records."""
+        p = len(self.responses.free)
         normals = []
-        for number, response in enumerate(found.responses):
-            weights = np.where(self._present[number], 1.0 / found.noise, 0.0)
-            J = response.by_parameters
-            X = response.by_start
-            weighted = X * weights[:, :, None]
-            residual = found.residuals[number] * weights
-            pull = self._priors[number] * (self.guesses[number] - found.starts[number])
+        for number, response in enumerate(responses):
+            weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
+            slopes = response.slopes * weights[:, :, None]
+            rows = slopes.reshape(-1, slopes.shape[2])
+            square = rows.T @ rows
+            right = rows.T @ (residuals[number] * weights).ravel()
+            prior = self._priors[number]
+            pull = prior * (self.guesses[number] - starts[number])
             normals.append(
                 Normal(
-                    np.einsum("skp,sk,skq->pq", J, weights, J, optimize=True),
-                    np.tensordot(J, weighted, axes=((0, 1), (0, 1))),
-                    np.tensordot(weighted, X, axes=((0, 1), (0, 1)))
-                    + np.diag(self._priors[number]),
-                    np.einsum("skp,sk->p", J, residual),
-                    np.einsum("skn,sk->n", X, residual) + pull,
+                    M=square[:p, :p],
+                    B=square[:p, p:],
+                    A=square[p:, p:] + np.diag(prior),
+                    g=right[:p],
+                    h=right[p:] + pull,
                 )
             )
-        return normals
+        return tuple(normals)
 
-    def _solved(
-        self, found: Fit, normals: Sequence[Normal], damping: float
-    ) -> tuple[np.ndarray, list[np.ndarray]]:
+    def _solved(self, found: Fit, damping: float) -> tuple[np.ndarray, list[np.ndarray]]:
         """The step of the parameters and those of the starts.
 
         A parameter at its bound stays there where the step leads outward."""
@@ -251,7 +252,7 @@ class OutputError:
         total = np.zeros((p, p))
         right = np.zeros(p)
         inverses = []
-        for normal in normals:
+        for normal in found.normals:
             A = normal.A + damping * np.diag(np.diag(normal.A))
             inverse = np.linalg.inv(A)
             inverses.append(inverse)
@@ -265,7 +266,7 @@ class OutputError:
         change[inside] = _solution(total[np.ix_(inside, inside)], right[inside])
         moves = [
             inverse @ (normal.h - normal.B.T @ change)
-            for inverse, normal in zip(inverses, normals, strict=True)
+            for inverse, normal in zip(inverses, found.normals, strict=True)
         ]
         return change, moves
 

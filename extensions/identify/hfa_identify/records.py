@@ -20,7 +20,9 @@ from hfa_support.files import regular_file
 from hfa_support.units import conversion, si_unit
 
 #: A record with fewer samples identifies nothing.
-_FEWEST = 10
+FEWEST = 10
+#: A value that is so many half ranges from the middle of its limits is in another unit.
+_FAR = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +43,14 @@ class Record:
     def windows(self, seconds: float) -> list[Record]:
         """The record cut into parts of at least this duration, s, that share their end samples."""
         step = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
-        samples = max(_FEWEST, round(seconds / step))
+        samples = max(FEWEST, round(seconds / step))
         starts = range(0, max(1, len(self.time) - samples), samples)
         ends = [*list(starts)[1:], len(self.time) - 1]
         return [self.part(first, last + 1) for first, last in zip(starts, ends, strict=True)]
 
-    def part(self, first: int, stop: int) -> Record:
-        """The samples from one number to before another."""
-        rows = slice(first, stop)
+    def part(self, first: int, stop: int | None, step: int = 1) -> Record:
+        """Every `step`-th sample from one number to before another."""
+        rows = slice(first, stop, step)
         measured = {name: values[rows] for name, values in self.measured.items()}
         return replace(self, time=self.time[rows], inputs=self.inputs[rows], measured=measured)
 
@@ -88,6 +90,8 @@ def record_of(
         raise BadInputError(f"{name}: has no measured state or output; add one")
     for each, values in measured.items():
         _check_measured(name, each, values)
+    for each, values in (*zip(model.inputs, inputs, strict=True), *measured.items()):
+        _check_size(model, name, each, values)
     return Record(name, time, np.column_stack([np.empty((len(time), 0)), *inputs]), measured)
 
 
@@ -187,8 +191,8 @@ def _numbers(record: str, name: str, values: Any) -> np.ndarray:
 
 def _check_time(name: str, time: np.ndarray) -> None:
     """BadInputError unless time increases and has enough samples."""
-    if len(time) < _FEWEST:
-        raise BadInputError(f"{name}: has {len(time)} samples; give at least {_FEWEST}")
+    if len(time) < FEWEST:
+        raise BadInputError(f"{name}: has {len(time)} samples; give at least {FEWEST}")
     if not np.isfinite(time).all():
         first = int(np.flatnonzero(~np.isfinite(time))[0])
         raise BadInputError(f"{name}: sample {first + 1} has no time; leave that row out")
@@ -216,9 +220,9 @@ def _check_measured(name: str, column: str, values: np.ndarray) -> None:
     if np.isinf(values).any():
         raise BadInputError(f"{name}: {column} is infinite; leave such samples empty")
     seen = values[np.isfinite(values)]
-    if len(seen) < _FEWEST:
+    if len(seen) < FEWEST:
         raise BadInputError(
-            f"{name}: {column} has {len(seen)} values; give at least {_FEWEST}, or no such column"
+            f"{name}: {column} has {len(seen)} values; give at least {FEWEST}, or no such column"
         )
     if np.ptp(seen) == 0.0:
         raise BadInputError(
@@ -226,10 +230,27 @@ def _check_measured(name: str, column: str, values: np.ndarray) -> None:
             " out"
         )
     longest = _longest_repeat(seen)
-    if longest > max(_FEWEST, len(seen) // 5) and longest < len(seen):
+    if longest > max(FEWEST, len(seen) // 5) and longest < len(seen):
         raise BadInputError(
             f"{name}: {column} repeats one value {longest} times, as from a frozen sensor; leave"
             " these samples empty"
+        )
+
+
+def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> None:
+    """BadInputError where a column lies far beyond the limits of the model."""
+    signal = model.signals[column]
+    half = 0.5 * (signal.max - signal.min)
+    middle = 0.5 * (signal.max + signal.min)
+    if not 0.0 < half < math.inf:
+        return
+    far = np.abs(values - middle) > _FAR * half
+    if far.any():
+        unit = signal.unit
+        advice = "; is it in degrees? Name the unit of the column" if unit == "rad" else ""
+        raise BadInputError(
+            f"{name}: {column} reaches {values[far][0]:g} {unit}, far beyond the model's limits"
+            f" {signal.min:g} to {signal.max:g}{advice or '; check its unit'}"
         )
 
 

@@ -3,7 +3,7 @@
 Between samples the inputs are linear in time and the states advance by the classical Runge-Kutta
 method of fourth order: x⁺ = Φ(x, u, u⁺, θ, Δt). The sensitivities S = dx/d(θ, x₀) follow from
 S⁺ = Φ_x S + Φ_θ. The derivatives of the rates are CasADi's, those of the step follow by the chain
-rule.
+rule. θ holds parameters of the model and errors of sensors (`sensors.py`).
 """
 
 from __future__ import annotations
@@ -18,31 +18,36 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
 from hfa_identify.records import Record
+from hfa_identify.sensors import SensorError, sensor_errors
+from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
 
 #: A step of integration is at most this part of the fastest mode's time constant.
 _STEP = 0.3
 #: At most so many steps of integration between two samples.
 _MOST_STEPS = 10
+#: Samples that are so many time constants of the fastest mode apart are not in seconds.
+_FAR_TOO_LONG = 60.0
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
     """A simulated record.
 
-    y: (N, k) the measured quantities. by_parameters: (N, k, p) dy/dθ. by_start: (N, k, n) dy/dx₀.
+    y: (N, k) the measured quantities. slopes: (N, k, p + n) dy/d(θ, x₀).
     """
 
     y: np.ndarray
-    by_parameters: np.ndarray
-    by_start: np.ndarray
+    slopes: np.ndarray
 
 
 class Responses:
     """Simulates a model that has free parameters.
 
-    model: gives the values of the others. free: names of the parameters θ.
+    model: gives the values of the others.
+    free: names of the unknowns θ, parameters and errors of sensors.
     measured: states and outputs that records have.
     """
 
@@ -50,51 +55,153 @@ class Responses:
         self.model = model
         self.free = tuple(free)
         self.measured = tuple(measured)
+        known = sensor_errors(model, (*model.inputs, *self.measured))
+        self._errors = {name: known[name] for name in self.free if name in known}
+        # Places in θ of the delays, by the place of the column.
+        self._late_inputs = self._delays(list(model.inputs))
+        self._late_outputs = self._delays(list(self.measured))
         x, u = model.layout.symbols("x", "u")
-        after = ca.SX.sym("after", u.numel())
+        slope = ca.SX.sym("slope", u.numel() if self._late_inputs else 0)
+        driven = ca.vertcat(u, slope)
+        after = ca.SX.sym("after", driven.numel())
         theta = ca.SX.sym("theta", len(self.free))
         duration = ca.SX.sym("duration")
         values = list(map(ca.SX, model.p.tolist()))
-        for name, symbol in zip(self.free, components(theta), strict=True):
-            values[list(model.parameters).index(name)] = symbol
-        vectors = [components(x), components(u), values]
-        rates, seen = model.layout.expressions(vectors, self.measured)
-        f = ca.Function("f", [x, u, theta], [rates])
+        symbols = dict(zip(self.free, components(theta), strict=True))
+        for place, name in enumerate(model.parameters):
+            values[place] = symbols.get(name, values[place])
+        true_inputs = self._true_inputs(components(u), components(slope), symbols)
+        rates, seen = model.layout.expressions([components(x), true_inputs, values], self.measured)
+        seen = self._recorded(components(seen), symbols)
+        f = ca.Function("f", [x, driven, theta], [rates])
         unknowns = ca.vertcat(x, theta)
-        moved = _runge_kutta(f, x, u, after, theta, duration)
-        self._step = ca.Function("step", [x, u, after, theta, duration], ca.cse([moved]))
+        moved = _runge_kutta(f, x, driven, after, theta, duration)
+        self._step = ca.Function("step", [x, driven, after, theta, duration], ca.cse([moved]))
         slopes = ca.densify(ca.jacobian(rates, unknowns))
         self._advances: dict[int, ca.Function] = {}
         # Slopes are transposed: a row holds the columns of a matrix one after the other.
-        self._rates = RowFunction(ca.Function("rates", [x, u, theta], ca.cse([rates, slopes.T])))
+        arguments = [x, driven, theta]
+        self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
         seen_slopes = ca.densify(ca.jacobian(seen, unknowns))
-        self._seen = RowFunction(ca.Function("seen", [x, u, theta], [seen, seen_slopes.T]))
+        self._seen = RowFunction(ca.Function("seen", arguments, [seen, seen_slopes.T]))
 
     @cached_property
     def sizes(self) -> tuple[int, int, int]:
         """Numbers of states, free parameters and measured quantities."""
         return len(self.model.states), len(self.free), len(self.measured)
 
+    @cached_property
+    def signals(self) -> dict[str, Signal]:
+        """Unknown -> unit, limits, and the value at which a search begins."""
+        return {
+            name: self._errors[name].signal(self.model)
+            if name in self._errors
+            else self.model.parameters[name]
+            for name in self.free
+        }
+
+    # Errors of sensors.
+
+    def _delays(self, columns: list[str]) -> dict[int, int]:
+        """Place of a column -> place of its delay in θ."""
+        return {
+            columns.index(error.column): self.free.index(name)
+            for name, error in self._errors.items()
+            if error.kind == "delay" and error.column in columns
+        }
+
+    def _true_inputs(
+        self, recorded: list[ca.SX], slopes: list[ca.SX], symbols: dict[str, ca.SX]
+    ) -> list[ca.SX]:
+        """Inputs without bias, scale and (to first order) delay."""
+        true = []
+        for place, name in enumerate(self.model.inputs):
+            value = recorded[place]
+            if place in self._late_inputs:
+                value = value + symbols[SensorError("delay", name).name] * slopes[place]
+            value = value - self._symbol("bias", name, symbols)
+            true.append(value / (1.0 + self._symbol("scale", name, symbols)))
+        return true
+
+    def _recorded(self, true: list[ca.SX], symbols: dict[str, ca.SX]) -> ca.SX:
+        """Measured quantities with bias and scale."""
+        rows = [
+            (1.0 + self._symbol("scale", name, symbols)) * value
+            + self._symbol("bias", name, symbols)
+            for name, value in zip(self.measured, true, strict=True)
+        ]
+        return ca.densify(ca.vertcat(ca.SX(0, 1), *rows))
+
+    def _symbol(self, kind: str, column: str, symbols: dict[str, ca.SX]) -> ca.SX | float:
+        """The unknown error of a column, 0 where it is none."""
+        name = SensorError(kind, column).name
+        return symbols[name] if name in self._errors else 0.0
+
+    def _driven(self, record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The inputs of a record, (N, m), earlier by their delays, and θ without these delays.
+        Where one has a delay, (N, 2m): the slopes of the inputs follow."""
+        if not self._late_inputs:
+            return record.inputs, theta
+        inputs = record.inputs.copy()
+        slopes = np.zeros_like(inputs)
+        rest = theta.copy()
+        half = 0.5 * float(np.median(np.diff(record.time)))
+        for column, place in self._late_inputs.items():
+            later = record.time + theta[place]
+            recorded = record.inputs[:, column]
+            inputs[:, column] = np.interp(later, record.time, recorded)
+            rise = np.interp(later + half, record.time, recorded)
+            rise -= np.interp(later - half, record.time, recorded)
+            slopes[:, column] = rise / (2.0 * half)
+            rest[place] = 0.0
+        return np.hstack([inputs, slopes]), rest
+
+    def _delayed(self, record: Record, theta: np.ndarray, response: Response) -> Response:
+        """The response with the delays of measured quantities."""
+        from scipy.interpolate import CubicSpline
+
+        y = response.y.copy()
+        slopes = response.slopes.copy()
+        for column, place in self._late_outputs.items():
+            at = np.clip(record.time - theta[place], record.time[0], record.time[-1])
+            curve = CubicSpline(record.time, response.y[:, column])
+            y[:, column] = curve(at)
+            slopes[:, column] = CubicSpline(record.time, slopes[:, column])(at)
+            slopes[:, column, place] = -curve(at, 1)
+        return Response(y, slopes)
+
+    # The simulation.
+
+    def refuse_other_time(self, record: Record, start: np.ndarray, theta: np.ndarray) -> None:
+        """BadInputError where samples are so far apart that the time cannot be in seconds."""
+        longest = float(np.diff(record.time).max())
+        fastest = self._fastest(record, start, theta)
+        if longest * fastest > _FAR_TOO_LONG:
+            raise BadInputError(
+                f"{record.name}: samples are up to {longest:g} s apart, and the model's fastest"
+                f" mode has a time constant of {1.0 / fastest:.2g} s; give the time in s"
+            )
+
     def steps_between(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
-        """Steps of integration between two samples: as the fastest mode at the start asks."""
-        _, slopes = self._rates_at(start[None], record.inputs[:1], theta)
+        """Steps of integration between two samples, as the fastest mode at the start requires."""
+        longest = float(np.diff(record.time).max())
+        steps = math.ceil(longest * self._fastest(record, start, theta) / _STEP)
+        return int(np.clip(steps, 1, _MOST_STEPS))
+
+    def samples_in_step(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
+        """Samples in the longest step of integration that the fastest mode at the start permits."""
+        usual = float(np.median(np.diff(record.time)))
+        fastest = self._fastest(record, start, theta)
+        return max(1, int(_STEP / max(usual * fastest, 1e-3)))
+
+    def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
+        """Largest magnitude of an eigenvalue at the start, 1/s; 0 where it is not a number."""
+        driven, rest = self._driven(record.part(0, 2), theta)
+        _, slopes = self._rates_at(start[None], driven[:1], rest)
         slope = slopes[0, :, : len(start)]
         if not np.isfinite(slope).all():
-            return 1
-        fastest = np.abs(np.linalg.eigvals(slope)).max()
-        longest = np.diff(record.time).max()
-        return int(np.clip(math.ceil(longest * fastest / _STEP), 1, _MOST_STEPS))
-
-    def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """(N, k) the measured quantities of a simulation from a start (n,) with parameters (p,).
-
-        FloatingPointError where it leaves the finite numbers."""
-        count = self.steps_between(record, start, theta)
-        states, _, _ = self._states(record, start, theta, count)
-        y, _ = self._observed(states[::count], record.inputs, theta)
-        if not np.isfinite(y).all():
-            raise FloatingPointError("the simulation diverges")
-        return y
+            return 0.0
+        return float(np.abs(np.linalg.eigvals(slope)).max())
 
     def of(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Response:
         """The response from a start (n,) with parameters (p,).
@@ -102,22 +209,29 @@ class Responses:
         FloatingPointError where the simulation leaves the finite numbers."""
         n, p, _ = self.sizes
         count = self.steps_between(record, start, theta)
-        states, inputs, durations = self._states(record, start, theta, count)
+        driven, rest = self._driven(record, theta)
+        states, inputs, durations = self._states(record, driven, start, rest, count)
         with np.errstate(all="ignore"):  # what is not finite is refused
-            S = self._accumulated(states[:-1], inputs, theta, durations, count)
-            y, slopes = self._observed(states[::count], record.inputs, theta)
+            S = self._accumulated(states[:-1], inputs, rest, durations, count)
+            y, slopes = self._observed(states[::count], driven, rest)
             total = slopes[:, :, :n] @ S
             total[:, :, :p] += slopes[:, :, n:]
         if not (np.isfinite(y).all() and np.isfinite(total).all()):
             raise FloatingPointError("the simulation diverges")
-        return Response(y, total[:, :, :p], total[:, :, p:])
+        response = Response(y, total)
+        return self._delayed(record, theta, response) if self._late_outputs else response
 
     def _states(
-        self, record: Record, start: np.ndarray, theta: np.ndarray, count: int
+        self,
+        record: Record,
+        driven: np.ndarray,
+        start: np.ndarray,
+        theta: np.ndarray,
+        count: int,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States (steps + 1, n) and inputs (steps + 1, m) of the grid of integration, with its
         steps (steps,), s."""
-        time, inputs = _finer(record, count)
+        time, inputs = _finer(record.time, driven, count)
         durations = np.diff(time)
         advance = self._advance(len(durations))
         moved = advance(start, inputs[:-1].T, inputs[1:].T, theta, durations[None])
@@ -151,21 +265,15 @@ class Responses:
         middle = 0.5 * (before + after)
         identity = np.zeros((steps, n, n + p))
         identity[:, :, :n] = np.eye(n)
-        total = np.zeros((steps, n, n + p))
-        moved = states
-        within = identity
-        for held, share, weight in (
-            (before, 0.5, 1.0),
-            (middle, 0.5, 2.0),
-            (middle, 1.0, 2.0),
-            (after, 0.0, 1.0),
-        ):
-            rates, slopes = self._rates_at(moved, held, theta)
+        rates, growth = self._rates_at(states, before, theta)
+        total = growth.copy()
+        for held, share, weight in ((middle, 0.5, 2.0), (middle, 0.5, 2.0), (after, 1.0, 1.0)):
+            part = share * durations[:, None]
+            within = identity + part[:, :, None] * growth
+            rates, slopes = self._rates_at(states + part * rates, held, theta)
             growth = slopes[:, :, :n] @ within
             growth[:, :, n:] += slopes[:, :, n:]
             total += weight * growth
-            moved = states + share * durations[:, None] * rates
-            within = identity + share * durations[:, None, None] * growth
         change = identity + durations[:, None, None] / 6.0 * total
         return _products(change[:, :, :n], change[:, :, n:], count)
 
@@ -202,30 +310,44 @@ def _runge_kutta(
     return x + duration / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
-def _finer(record: Record, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _finer(time: np.ndarray, inputs: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Times and inputs of a grid with `count` steps between two samples."""
     if count == 1:
-        return record.time, record.inputs
-    places = np.arange(len(record.time), dtype=float)
+        return time, inputs
+    places = np.arange(len(time), dtype=float)
     fine = np.linspace(0.0, places[-1], (len(places) - 1) * count + 1)
-    inputs = [np.interp(fine, places, column) for column in record.inputs.T]
-    return np.interp(fine, places, record.time), np.column_stack(
-        [np.empty((len(fine), 0)), *inputs]
-    )
+    columns = [np.interp(fine, places, column) for column in inputs.T]
+    return np.interp(fine, places, time), np.column_stack([np.empty((len(fine), 0)), *columns])
 
 
 def _products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
     """(N, n, p + n) of S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I).
 
-    by_state: (steps, n, n) Φ_x. by_theta: (steps, n, p) Φ_θ."""
+    by_state: (steps, n, n) Φ_x. by_theta: (steps, n, p) Φ_θ.
+
+    The steps are cut into blocks of equal length. All blocks advance together from (0, I); then
+    each is continued from the end of the one before.
+    """
     steps, n, p = by_theta.shape
-    S = np.zeros((n, p + n))
-    S[:, p:] = np.eye(n)
-    found = np.empty((steps // count + 1, n, p + n))
-    found[0] = S
-    for step in range(steps):
-        S = by_state[step] @ S
-        S[:, :p] += by_theta[step]
-        if (step + 1) % count == 0:
-            found[(step + 1) // count] = S
-    return found
+    length = math.isqrt(steps) + 1
+    blocks = math.ceil(steps / length)
+    missing = blocks * length - steps
+    by_state = np.concatenate([by_state, np.tile(np.eye(n), (missing, 1, 1))])
+    by_theta = np.concatenate([by_theta, np.zeros((missing, n, p))])
+    by_state = by_state.reshape(blocks, length, n, n)
+    by_theta = by_theta.reshape(blocks, length, n, p)
+    S = np.zeros((blocks, n, p + n))
+    S[:, :, p:] = np.eye(n)
+    within = np.empty((blocks, length, n, p + n))
+    for step in range(length):
+        S = by_state[:, step] @ S
+        S[:, :, :p] += by_theta[:, step]
+        within[:, step] = S
+    found = np.zeros((blocks * length + 1, n, p + n))
+    found[0, :, p:] = np.eye(n)
+    for block in range(blocks):
+        first = block * length
+        reached = within[block, :, :, p:] @ found[first]
+        reached[:, :, :p] += within[block, :, :, :p]
+        found[first + 1 : first + length + 1] = reached
+    return found[: steps + 1 : count]

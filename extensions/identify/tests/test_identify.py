@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 import hfa
 from hfa.main import main
 from hfa_derivatives.aircraft import from_derivatives
-from hfa_identify.identified import identify
+from hfa_identify.estimation import identify
 from hfa_identify.response import Responses
 
 UAV = str(ROOT / "examples" / "uav.toml")
@@ -125,10 +125,10 @@ def test_sensitivities_agree_with_differences():
         above = responses.of(read, start, theta + change).y
         below = responses.of(read, start, theta - change).y
         slope = (above - below) / 2e-6
-        np.testing.assert_allclose(exact.by_parameters[:, :, place], slope, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(exact.slopes[:, :, place], slope, rtol=1e-5, atol=1e-6)
     change = np.eye(10)[1] * 1e-6
     slope = (responses.of(read, start + change, theta).y - exact.y) / 1e-6
-    np.testing.assert_allclose(exact.by_start[:, :, 1], slope, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(exact.slopes[:, :, 3], slope, rtol=1e-3, atol=1e-3)
 
 
 def test_missing_samples_and_two_records_count():
@@ -145,7 +145,7 @@ def test_missing_samples_and_two_records_count():
 def test_what_the_record_does_not_move_is_named():
     result = identify(begun(), record(), (*FREE, "Cn_r"))
     assert not result.ok
-    assert result.undetermined == ("Cn_r",)
+    assert result.undetermined == {"Cn_r": "yaw_rate"}
     assert "not determined by the records: Cn_r" in result.first_line
     with pytest.raises(hfa.NoSolutionError, match="Cn_r not determined"):
         result.draws(2)

@@ -33,6 +33,12 @@ def _held(model: Model, name: str, text: str) -> float:
     return quantity(model, name, text)
 
 
+def _given(model: Model, name: str, text: str) -> float:
+    """The value of a parameter."""
+    refuse_unknown("names the unknown parameter", name, tuple(model.parameters))
+    return quantity(model, name, text)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IdentifyRequest(AircraftOptions, OutputOptions):
     """Records of flights whose aircraft is to be identified."""
@@ -46,7 +52,17 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         required=True,
     )
     free: tuple[str, ...] = option(
-        "parameters to identify, as CL_alpha,Cm_q", "NAMES", _names, required=True
+        "parameters to identify, as CL_alpha,Cm_q or CL_*,Cm_*; errors of columns, as bias_alpha,"
+        " scale_speed, delay_elevator",
+        "NAMES",
+        _names,
+        required=True,
+    )
+    given: Mapping[str, float] = option(
+        "a parameter that is known, also where a pattern of --free fits it; repeatable",
+        "NAME=VALUE",
+        OfModel(_given),
+        named=True,
     )
     hold: Mapping[str, float] = option(
         "value of an input without a column, or initial value of an unmeasured state; repeatable",
@@ -72,7 +88,7 @@ def identify(request: IdentifyRequest) -> int:
     the fit of each measured quantity. Exit 0: every parameter is determined; 1: the first line
     names the others."""
     from hfa_identify.aircraft_file import aircraft_text
-    from hfa_identify.identified import identify as identified_of
+    from hfa_identify.estimation import identify as identified_of
     from hfa_identify.records import read_record
     from hfa_support.files import write_text
 
@@ -84,6 +100,7 @@ def identify(request: IdentifyRequest) -> int:
         model,
         records,
         request.free,
+        given=request.given,
         hold=request.hold,
         validate=[read_record(path, model, request.hold) for path in kept_out],
         progress=progress,

@@ -1,0 +1,273 @@
+"""`hfa.identify`: the unknowns of a model from flight records, with what speaks against them."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_identify.bands import BAND, correlations, covariance, white_covariance, whiteness
+from hfa_identify.excitation import still_quantities
+from hfa_identify.faults import fault_of_columns, faults_of
+from hfa_identify.fit import Fit, OutputError
+from hfa_identify.identified import EXPLAINED, Estimate, FittedQuantity, Identified
+from hfa_identify.minima import other_minimum, parts_disagree
+from hfa_identify.records import Record, read_record, record_of
+from hfa_identify.response import Responses
+from hfa_identify.search import Search
+from hfa_identify.sensors import sensor_errors
+from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unknown, shown
+
+#: A record, arrays by name, or the path of a file.
+AnyRecord: TypeAlias = Record | Mapping[str, Any] | str | Path
+#: Estimates that are correlated by more are named.
+_CORRELATED = 0.9
+#: A parameter whose band is wider than this many times its value is not determined.
+_WIDE = 2.0
+
+
+def identify(
+    model: Model,
+    records: AnyRecord | Sequence[AnyRecord],
+    free: Sequence[str],
+    *,
+    given: Mapping[str, float] | Sequence[str] = (),
+    hold: Mapping[str, float] | None = None,
+    validate: Sequence[AnyRecord] = (),
+    progress: Callable[[float, float], None] | None = None,
+) -> Identified:
+    """The parameters of a model that make its response to the inputs of flight records most likely
+    (output error, maximum likelihood, white Gaussian noise of unknown variance).
+
+    model: with the values at which the search begins.
+    records: of one or more manoeuvres, each a path or a dictionary of arrays by name in the model's
+        units: time (s), every input, measured states or outputs, NaN where a sample is missing.
+    free: names of parameters, or patterns: "Cm_*". An error of a column is an unknown too, as
+        bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) + bias.
+    given: parameters that stay as they are though a pattern fits them, or name -> other value.
+    hold: inputs without a column, and unmeasured states at the start -> value.
+    validate: records that are kept out, on which Theil's coefficient is computed.
+
+    BadInputError where a record or a name is wrong. NoSolutionError where the simulation diverges.
+
+    >>> import hfa
+    >>> found = hfa.identify(model, "flight.csv", ["Cm_q"])  # doctest: +SKIP
+    """
+    held = dict(hold or {})
+    for name in held:
+        refuse_unknown(
+            "hold names the unknown input or state", name, (*model.inputs, *model.states)
+        )
+    model, fixed = _with_given(model, given)
+    listed = [records] if isinstance(records, Record | Mapping | str | Path) else list(records)
+    if not listed:
+        raise BadInputError("identify has no records; give at least one")
+    read = _as_records(model, listed, held)
+    kept_out = _as_records(model, validate, held)
+    measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
+    names = _free_names(model, free, fixed, measured)
+    search = Search(Responses(model, names, measured), read, held)
+    for record, start in zip(read, search.guesses, strict=True):
+        search.responses.refuse_other_time(record, start, search.begin)
+    try:
+        fit = search.fit(progress)
+    except FloatingPointError as error:
+        fault = fault_of_columns(search, None, progress)
+        reason = f"; {fault}" if fault else "; start nearer, or give shorter records"
+        raise NoSolutionError(
+            f"no parameters were found: {error} at the values where the search begins{reason}"
+        ) from error
+    better = other_minimum(search, fit)
+    if better is not None and better.likelihood < fit.likelihood:
+        fit, better = better, fit
+    theils = _theils(search, kept_out, fit)
+    return _identified(search, fit, better, theils, progress)
+
+
+def _with_given(
+    model: Model, given: Mapping[str, float] | Sequence[str]
+) -> tuple[Model, tuple[str, ...]]:
+    """The model with the given values, and the names of all given parameters."""
+    names = tuple(given)
+    for name in names:
+        refuse_unknown(f"{model.name} has no parameter", name, tuple(model.parameters))
+    if not isinstance(given, Mapping):
+        return model, names
+    for name, value in given.items():
+        if not is_finite(value):
+            raise BadInputError(f"given: {name} is {shown(value)}; give a number")
+    return model.with_parameters(**given), names
+
+
+def _as_records(model: Model, given: Sequence[Any], held: Mapping[str, float]) -> list[Record]:
+    """Records of what a caller gave."""
+    read = []
+    for number, each in enumerate(given, start=1):
+        if isinstance(each, str | Path):
+            each = read_record(each, model, held)
+        elif not isinstance(each, Record):
+            each = record_of(model, each, held, f"record {number}")
+        read.append(each)
+    return read
+
+
+def _free_names(
+    model: Model, free: Sequence[str], given: Sequence[str], measured: Sequence[str]
+) -> tuple[str, ...]:
+    """The unknowns that names and patterns mean.
+
+    BadInputError where there are none, or one is no parameter and no error of a column."""
+    if isinstance(free, str) or not free:
+        raise BadInputError("free names no parameters; give a list of at least one")
+    errors = sensor_errors(model, (*model.inputs, *measured))
+    known = (*model.parameters, *errors)
+    names: list[str] = []
+    for name in free:
+        if any(sign in name for sign in "*?["):
+            fitting = [each for each in fnmatch.filter(model.parameters, name) if each not in given]
+            if not fitting:
+                raise BadInputError(f"no parameter of {model.name} fits {name!r}; leave it out")
+            names += fitting
+            continue
+        refuse_unknown(f"{model.name} has no parameter", name, known)
+        if name in given:
+            raise BadInputError(f"{name} is both free and given; name it once")
+        names.append(name)
+    return tuple(dict.fromkeys(names))
+
+
+def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, float]:
+    """Theil's inequality coefficient by quantity, on records that were kept out:
+    rms(z - y) / (rms(z) + rms(y)), their starts alone being fitted."""
+    if not records:
+        return {}
+    responses = search.responses
+    fixed = np.column_stack([fit.theta, fit.theta])
+    apart = Search(responses, records, search.held)
+    try:
+        found = OutputError(responses, records, fixed, apart.guesses).fit(fit.theta, apart.guesses)
+    except FloatingPointError as error:
+        names = ", ".join(record.name for record in records)
+        raise NoSolutionError(f"{names}: {error} with the identified parameters") from error
+    theils = {}
+    for place, name in enumerate(responses.measured):
+        flags = np.concatenate([present[:, place] for present in found.present])
+        if not flags.any():
+            continue
+        misses = np.concatenate([each[:, place] for each in found.residuals])[flags]
+        y = np.concatenate([each.y[:, place] for each in found.responses])[flags]
+        sizes = np.sqrt(np.mean((y + misses) ** 2)) + np.sqrt(np.mean(y**2))
+        theils[name] = float(np.sqrt(np.mean(misses**2)) / max(sizes, 1e-300))
+    return theils
+
+
+def _identified(
+    search: Search,
+    fit: Fit,
+    other: Fit | None,
+    theils: Mapping[str, float],
+    progress: Callable[[float, float], None] | None,
+) -> Identified:
+    """The result of a fit.
+
+    other: a second minimum that explains the records as well."""
+    responses = search.responses
+    model = responses.model
+    names = responses.free
+    C = covariance(fit)
+    half = BAND * np.sqrt(np.maximum(np.diag(C), 0.0))
+    white = np.sqrt(np.diag(white_covariance(fit)))
+    estimates = {
+        name: Estimate(float(value), float(value - width), float(value + width), *before)
+        for name, value, width, before in zip(
+            names,
+            fit.theta,
+            half,
+            [(each.start, each.unit) for each in responses.signals.values()],
+            strict=True,
+        )
+    }
+    wide = [
+        name
+        for name, value, width in zip(names, fit.theta, half, strict=True)
+        if name in model.parameters
+        and not width <= _WIDE * max(abs(value), abs(model.parameters[name].start))
+    ]
+    quantities = {
+        name: _quantity(responses, fit, place, theils.get(name))
+        for place, name in enumerate(responses.measured)
+    }
+    unexplained = tuple(name for name, each in quantities.items() if each.fit < EXPLAINED)
+    faults = list(faults_of(search, fit, half, progress))
+    values = {
+        name: value
+        for name, value in zip(names, fit.theta.tolist(), strict=True)
+        if name in model.parameters
+    }
+    return Identified(
+        model=model.with_parameters(**values),
+        records=tuple(record.name for record in search.records),
+        parameters=estimates,
+        quantities=quantities,
+        covariance=C,
+        coloured=_widest(half, BAND * white),
+        correlated=tuple(_correlated(names, C)),
+        undetermined=still_quantities(search, wide),
+        at_bounds=tuple(
+            name
+            for name, value, ends in zip(names, fit.theta, search.bounds, strict=True)
+            if value in ends
+        ),
+        unexplained=unexplained,
+        faults=tuple(faults),
+        other_minimum={} if other is None else dict(zip(names, other.theta.tolist(), strict=True)),
+        parts_disagree=parts_disagree(search, fit),
+        converged=fit.converged,
+        steps=fit.steps,
+        fitted=tuple(
+            (record, response.y)
+            for record, response in zip(search.records, fit.responses, strict=True)
+        ),
+    )
+
+
+def _widest(corrected: np.ndarray, white: np.ndarray) -> float:
+    """The largest factor by which the correction for coloured residuals widened a band."""
+    seen = np.isfinite(white) & (white > 0.0)
+    return float(np.max(corrected[seen] / white[seen], initial=1.0))
+
+
+def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str, float]]:
+    """Pairs of estimates with a large correlation."""
+    table = correlations(C)
+    for i, one in enumerate(names):
+        for j in range(i + 1, len(names)):
+            if abs(table[i, j]) > _CORRELATED:
+                yield one, names[j], float(table[i, j])
+
+
+def _quantity(responses: Responses, fit: Fit, place: int, theil: float | None) -> FittedQuantity:
+    """How well a measured quantity is explained."""
+    explained = 0.0
+    varied = 0.0
+    whites = []
+    for residual, present, response in zip(fit.residuals, fit.present, fit.responses, strict=True):
+        flags = present[:, place]
+        if not flags.any():
+            continue
+        seen = (response.y[:, place] + residual[:, place])[flags]
+        explained += float((residual[flags, place] ** 2).sum())
+        varied += float(((seen - seen.mean()) ** 2).sum())
+        whites.append(whiteness(residual[:, place], flags))
+    name = responses.measured[place]
+    return FittedQuantity(
+        1.0 - explained / varied,
+        float(np.sqrt(fit.noise[place])),
+        float(np.mean(whites)),
+        theil,
+        responses.model.unit(name),
+    )

@@ -1,0 +1,54 @@
+"""Why records do not determine a parameter: what multiplies it did not move."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.layout import components
+from hfa_identify.search import Search
+
+#: A quantity moves where its range is at least this part of its nominal size.
+_MOVES = 0.02
+
+
+def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str]:
+    """Parameter that the records do not determine -> the state or input that it multiplies and that
+    did not move, "" where that is not why."""
+    return {name: _still(search, name) for name in parameters}
+
+
+def _still(search: Search, name: str) -> str:
+    """The state or input of largest ∂²f/∂θ∂(x, u), where it did not move in any record."""
+    model = search.responses.model
+    x, u, p = model.layout.symbols("x", "u", "p")
+    vectors = [components(x), components(u), components(p)]
+    rates, _ = model.layout.expressions(vectors, ())
+    effect = ca.jacobian(rates, p[list(model.parameters).index(name)])
+    mixed = ca.densify(ca.jacobian(effect, ca.vertcat(x, u)))
+    slopes = ca.Function("mixed", [x, u, p], [mixed])
+    record, start = search.records[0], search.guesses[0]
+    sizes = [model.signals[each].nominal for each in (*model.states, *model.inputs)]
+    rows = [each.rate or each.nominal for each in model.states.values()]
+    values = np.abs(slopes(start, record.inputs[0], model.p).full()) * sizes
+    strongest = int((values / np.array(rows)[:, None]).max(axis=0).argmax())
+    quantity = [*model.states, *model.inputs][strongest]
+    return quantity if values.any() and not _moves(search, quantity, sizes[strongest]) else ""
+
+
+def _moves(search: Search, quantity: str, size: float) -> bool:
+    """Whether a state or input moved in a record; a state that is not measured is taken to be still
+    where all inputs that could be seen moving it are."""
+    model = search.responses.model
+    for record in search.records:
+        if quantity in model.inputs:
+            values = record.inputs[:, list(model.inputs).index(quantity)]
+        elif quantity in record.measured:
+            values = record.measured[quantity]
+        else:
+            continue
+        if np.nanmax(values) - np.nanmin(values) > _MOVES * size:
+            return True
+    return False

@@ -1,0 +1,297 @@
+"""Faults of records that explain residuals: outliers, late or scaled sensors, wrong signs and
+units of columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hfa_identify.bands import weighted_scores
+from hfa_identify.fit import Fit, OutputError
+from hfa_identify.identified import EXPLAINED
+from hfa_identify.records import Record
+from hfa_identify.response import Responses
+from hfa_identify.search import Search
+from hfa_identify.sensors import sensor_errors
+
+#: An outlier is so many robust standard deviations off.
+_OFF = 8.0
+#: An error of a sensor is named where it is so many of its own standard deviations.
+_CLEAR = 4.5
+_KNOT = 0.514444  # m/s
+_FOOT = 0.3048  # m
+_POUND = 4.448222  # N
+#: Unit -> by what a column may have been multiplied, and the fault that this is.
+_UNITS = {
+    "rad": {
+        math.degrees(1.0): "is in degrees, read as radians",
+        math.radians(1.0): "is in radians, read as degrees",
+    },
+    "rad/s": {
+        math.degrees(1.0): "is in deg/s, read as rad/s",
+        math.radians(1.0): "is in rad/s, read as deg/s",
+    },
+    "m": {1.0 / _FOOT: "is in ft"},
+    "ft": {_FOOT: "is in m"},
+    "m/s": {1.0 / _FOOT: "is in ft/s", 1.0 / _KNOT: "is in knots", 3.6: "is in km/h"},
+    "ft/s": {_FOOT: "is in m/s", _FOOT / _KNOT: "is in knots", 3.6 * _FOOT: "is in km/h"},
+    "1": {9.80665: "is in m/s^2, read as g", 100.0: "is in percent", 0.01: "is a share of percent"},
+    "m/s^2": {1.0 / 9.80665: "is in g, read as m/s^2"},
+    "s": {1.0 / 60.0: "is in min"},
+    "N": {1.0 / _POUND: "is in lbf", 0.001: "is in kN"},
+    "lbf": {_POUND: "is in N"},
+}
+#: Gauss-Newton steps in which each fault that is undone is tried.
+_TRIAL = 5
+#: Parameters that changed by this factor, or in sign, are suspicious.
+_LARGE_CHANGE = math.log(8.0)
+_CHANGED_SIGN = math.log(100.0)
+
+
+def faults_of(
+    search: Search,
+    fit: Fit,
+    half: np.ndarray,
+    progress: Callable[[float, float], None] | None,
+) -> Iterator[str]:
+    """The faults of the records that explain residuals of a fit.
+
+    half: (p,) half-widths of the bands
+    """
+    column = fault_of_columns(search, fit, progress)
+    sensor = sensor_fault(search, fit, half) if fit.converged and not column else ""
+    if column or sensor:
+        yield column or sensor
+    else:
+        yield from outliers(search, fit)
+
+
+def outliers(search: Search, fit: Fit) -> Iterator[str]:
+    """Samples far from the fit."""
+    for place, name in enumerate(search.responses.measured):
+        for record, residual, present in zip(
+            search.records, fit.residuals, fit.present, strict=True
+        ):
+            values = residual[present[:, place], place]
+            if not len(values):
+                continue
+            middle = np.median(values)
+            spread = 1.4826 * np.median(np.abs(values - middle))
+            far = present[:, place] & (np.abs(residual[:, place] - middle) > _OFF * spread)
+            if 0 < far.sum() <= max(1, len(values) // 50):
+                at = record.time[int(far.argmax())]
+                yield (
+                    f"{int(far.sum())} outliers of {name}, the first at {at:g} s; leave them empty"
+                )
+
+
+# Errors of sensors, by a test of the score.
+
+
+def sensor_fault(search: Search, fit: Fit, half: np.ndarray) -> str:
+    """The bias, scale or delay of a column that explains residuals, and which left out moves an
+    estimate by more than its band; "" where there is none.
+
+    half: (p,) half-widths of the bands
+    """
+    candidates = _suspects(search, fit, half)
+    for name in candidates[:2]:
+        found = _refitted(search, fit, name)
+        if found is None:
+            continue
+        value, unit, gain = found
+        if gain > _CLEAR**2 / 2.0:
+            return f"{name} of {value:.3g}{unit} explains residuals; add {name} to --free"
+    return ""
+
+
+def _suspects(search: Search, fit: Fit, half: np.ndarray) -> list[str]:
+    """Errors of columns that are clear in the residuals, the clearest first.
+
+    With information M, score g and its covariance V of the parameters and one error c:
+    c = s / m, s = g_c - M_cθ M_θθ⁻¹ g_θ, m = M_cc - M_cθ M_θθ⁻¹ M_θc.
+    """
+    responses = search.responses
+    model = responses.model
+    p = len(responses.free)
+    errors = sensor_errors(model, (*_moving_inputs(search), *responses.measured))
+    names = [name for name in errors if name not in responses.free]
+    if not names:
+        return []
+    wider = Responses(model, (*responses.free, *names), responses.measured)
+    bounds = np.array([(each.min, each.max) for each in wider.signals.values()])
+    theta = np.concatenate([fit.theta, np.zeros(len(names))])
+    at = OutputError(wider, search.records, bounds, search.guesses).at(theta, fit.starts)
+    M, V, g = (sum(parts) for parts in zip(*weighted_scores(at), strict=True))
+    clear = []
+    inside = np.linalg.pinv(M[:p, :p], rcond=1e-13, hermitian=True)
+    for place, name in enumerate(names, start=p):
+        along = np.zeros(len(theta))
+        along[place] = 1.0
+        along[:p] = -inside @ M[:p, place]
+        m = M[place, place] + M[place, :p] @ along[:p]
+        deviation = math.sqrt(max(along @ V @ along, m, 0.0))
+        if m < 1e-6 * M[place, place] or deviation == 0.0:
+            continue
+        score = along @ g
+        shift = np.abs(along[:p] * score / m)
+        if abs(score) > _CLEAR * deviation and (shift > half).any():
+            clear.append((abs(score) / deviation, name))
+    return [name for _, name in sorted(clear, reverse=True)]
+
+
+def _refitted(search: Search, fit: Fit, name: str) -> tuple[float, str, float] | None:
+    """The error's estimate and unit, and by how much L falls with it; None without a fit."""
+    responses = search.responses
+    wider = Responses(responses.model, (*responses.free, name), responses.measured)
+    try:
+        found = Search(wider, search.records, search.held).whole(
+            np.append(fit.theta, 0.0), fit.starts
+        )
+    except FloatingPointError:
+        return None
+    unit = wider.signals[name].unit
+    return (
+        float(found.theta[-1]),
+        "" if unit == "1" else f" {unit}",
+        fit.likelihood - found.likelihood,
+    )
+
+
+# Signs and units of columns.
+
+
+@dataclass(frozen=True)
+class _Undone:
+    """A fault of a column, as it is undone: the column times `factor`, about its first value where
+    `is_about_first`."""
+
+    column: str
+    factor: float
+    is_about_first: bool
+    text: str
+
+    def on(self, search: Search, record: Record) -> Record:
+        """The record without the fault."""
+        if self.column == "time":
+            return replace(record, time=self._corrected(record.time))
+        inputs = list(search.responses.model.inputs)
+        if self.column in inputs:
+            table = record.inputs.copy()
+            place = inputs.index(self.column)
+            table[:, place] = self._corrected(table[:, place])
+            return replace(record, inputs=table)
+        measured = dict(record.measured)
+        measured[self.column] = self._corrected(measured[self.column])
+        return replace(record, measured=measured)
+
+    def _corrected(self, values: np.ndarray) -> np.ndarray:
+        first = values[np.isfinite(values)][0] if self.is_about_first else 0.0
+        return np.asarray(first + self.factor * (values - first))
+
+
+def fault_of_columns(
+    search: Search, fit: Fit | None, progress: Callable[[float, float], None] | None
+) -> str:
+    """The wrong sign or unit of a column that, undone, explains the records and leaves parameters
+    nearer to their values before; "" where there is none, or nothing to explain.
+
+    fit: None where the simulation diverges
+    """
+    if fit is not None and not _suspicious(search, fit):
+        return ""
+    candidates = list(_candidates(search))
+    best: tuple[float, Search, _Undone] | None = None
+    for number, undone in enumerate(candidates):
+        if progress is not None:
+            progress(number + 1, len(candidates))
+        corrected = Search(
+            search.responses,
+            [undone.on(search, record) for record in search.records],
+            search.held,
+        )
+        try:
+            rough = corrected.rough(most_steps=_TRIAL)
+        except FloatingPointError:
+            continue
+        level = _compared(search, undone, rough) + _change(search, rough.theta)
+        if best is None or level < best[0]:
+            best = level, corrected, undone
+    if best is None:
+        return ""
+    _, corrected, undone = best
+    try:
+        found = corrected.fit()
+    except FloatingPointError:
+        return ""
+    explains = not _unexplained(found) and found.converged
+    if fit is not None:
+        likelier = _compared(search, undone, found) - fit.likelihood
+        nearer = _change(search, found.theta) < 0.5 * _change(search, fit.theta)
+        explains &= likelier < -0.05 * fit.samples.sum() or (likelier < 5.0 and nearer)
+    return f"{undone.column} {undone.text}" if explains else ""
+
+
+def _suspicious(search: Search, fit: Fit) -> bool:
+    """Whether a fit is poor, or moved parameters far from their values before."""
+    far = _change(search, fit.theta) > _LARGE_CHANGE**2
+    return far or not fit.converged or _unexplained(fit)
+
+
+def _unexplained(fit: Fit) -> bool:
+    """Whether half of the variation of a quantity is left in its residuals."""
+    for place in range(len(fit.noise)):
+        seen = np.concatenate(
+            [
+                (response.y + residual)[flags[:, place], place]
+                for response, residual, flags in zip(
+                    fit.responses, fit.residuals, fit.present, strict=True
+                )
+            ]
+        )
+        if len(seen) and fit.noise[place] > (1.0 - EXPLAINED) * seen.var():
+            return True
+    return False
+
+
+def _change(search: Search, theta: np.ndarray) -> float:
+    """Σ ln² of parameters over their values before; a change of sign counts as a factor of 100."""
+    total = 0.0
+    for name, value, before in zip(search.responses.free, theta, search.begin, strict=True):
+        if name not in search.responses.model.parameters or before == 0.0 or value == 0.0:
+            continue
+        size = _CHANGED_SIGN if value * before < 0.0 else 0.0
+        total += max(size, abs(math.log(abs(value / before)))) ** 2
+    return total
+
+
+def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
+    """L in the units of the uncorrected record."""
+    if undone.column not in search.responses.measured:
+        return fit.likelihood
+    place = search.responses.measured.index(undone.column)
+    return float(fit.likelihood - fit.samples[place] * math.log(abs(undone.factor)))
+
+
+def _candidates(search: Search) -> Iterator[_Undone]:
+    """Signs and units of the columns that move."""
+    model = search.responses.model
+    for factor, text in _UNITS[model.time_unit].items():
+        yield _Undone("time", 1.0 / factor, False, text)
+    for name in (*_moving_inputs(search), *search.responses.measured):
+        for is_about_first in (False, True):
+            yield _Undone(name, -1.0, is_about_first, "has the wrong sign")
+        for factor, text in _UNITS.get(model.unit(name), {}).items():
+            yield _Undone(name, 1.0 / factor, False, text)
+
+
+def _moving_inputs(search: Search) -> list[str]:
+    """Inputs that are not constant in every record."""
+    return [
+        name
+        for place, name in enumerate(search.responses.model.inputs)
+        if any(np.ptp(record.inputs[:, place]) > 0.0 for record in search.records)
+    ]

@@ -1,0 +1,83 @@
+"""The search for parameters: in short windows of the records first, then of whole records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_identify.fit import Fit, OutputError
+from hfa_identify.records import FEWEST, Record
+from hfa_identify.response import Responses
+
+#: Duration of the windows, s.
+_WINDOW = 1.0
+#: The step, in standard deviations, at which the search in windows ends.
+_ROUGH = 0.5
+
+
+class Search:
+    """Fits the unknowns of responses to records.
+
+    held: unmeasured states at the start -> value
+    """
+
+    def __init__(
+        self, responses: Responses, records: Sequence[Record], held: Mapping[str, float]
+    ) -> None:
+        self.responses = responses
+        self.records = tuple(records)
+        self.held = held
+        signals = responses.signals.values()
+        self.bounds = np.array([(each.min, each.max) for each in signals])
+        self.begin = np.array([each.start for each in signals])
+        self.guesses = [begin_of(responses.model, record, held) for record in self.records]
+        self._whole = OutputError(responses, self.records, self.bounds, self.guesses)
+
+    def fit(self, progress: Callable[[float, float], None] | None = None) -> Fit:
+        """The fit of whole records, from that of short windows of them.
+
+        In a short window no simulation diverges from a start far off.
+
+        FloatingPointError where the simulation diverges all the same."""
+        rough = self.rough(progress)
+        try:
+            return self.whole(rough.theta, progress=progress)
+        except FloatingPointError:
+            return self.whole(self.begin, progress=progress)
+
+    def rough(
+        self, progress: Callable[[float, float], None] | None = None, most_steps: int = 30
+    ) -> Fit:
+        """The fit of short windows, with no more samples than the integration needs."""
+        windows = []
+        for record, start in zip(self.records, self.guesses, strict=True):
+            together = self.responses.samples_in_step(record, start, self.begin)
+            together = min(together, len(record.time) // FEWEST)
+            windows += record.part(0, None, together).windows(_WINDOW)
+        starts = [begin_of(self.responses.model, window, self.held) for window in windows]
+        search = OutputError(self.responses, windows, self.bounds, starts)
+        return search.fit(self.begin, starts, progress, _ROUGH, most_steps)
+
+    def whole(
+        self,
+        theta: np.ndarray,
+        starts: Sequence[np.ndarray] | None = None,
+        progress: Callable[[float, float], None] | None = None,
+    ) -> Fit:
+        """The fit of whole records from values of the unknowns, and starts of the records."""
+        return self._whole.fit(theta, self.guesses if starts is None else starts, progress)
+
+
+def begin_of(model: Model, record: Record, held: Mapping[str, float]) -> np.ndarray:
+    """(n,) where a record may begin: measured, held, or where the model's trims do."""
+    start = []
+    for name, signal in model.states.items():
+        values = record.measured.get(name)
+        seen = values[np.isfinite(values)] if values is not None else np.empty(0)
+        if len(seen):
+            start.append(float(seen[0]))
+        else:
+            start.append(float(held.get(name, model.trim.get(name, signal.start))))
+    return np.array(start)
