@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hfa_identify.fit import Fit
@@ -10,6 +12,13 @@ from hfa_identify.fit import Fit
 BAND = 1.959964
 #: Lags of the autocorrelation that a test of whiteness looks at.
 LAGS = 25
+#: Highest order of an autoregressive process that residuals are taken to be.
+_MOST_ORDER = 4
+#: Largest sum of its coefficients: the noise has a mean.
+_SLOWEST = 0.995
+#: Lags at which its autocorrelation is computed, and below which value it is gone.
+_LENGTH = 8192
+_GONE = 1e-3
 
 
 def white_covariance(fit: Fit) -> np.ndarray:
@@ -26,10 +35,13 @@ def white_covariance(fit: Fit) -> np.ndarray:
 def _enlarged(fit: Fit) -> float:
     """N / (N - unknowns): by how much fitted residuals are smaller than the noise."""
     samples = int(fit.samples.sum())
-    unknowns = len(fit.theta) + sum(
-        int(np.linalg.matrix_rank(each.A, tol=1e-6 * np.trace(each.A))) for each in fit.normals
-    )
-    return samples / max(samples - unknowns, 1)
+    return samples / max(samples - _unknowns(fit), 1)
+
+
+def _unknowns(fit: Fit) -> int:
+    """Parameters and the states at the starts that the records show."""
+    starts = [np.linalg.matrix_rank(each.A, tol=1e-6 * np.trace(each.A)) for each in fit.normals]
+    return len(fit.theta) + int(sum(starts))
 
 
 def covariance(fit: Fit) -> np.ndarray:
@@ -37,9 +49,8 @@ def covariance(fit: Fit) -> np.ndarray:
 
         C = D [Σ_i Σ_j S_i' R⁻¹ R_vv(i - j) R⁻¹ S_j] D,   D = (Σ S_i' R⁻¹ S_i)⁻¹
 
-    S: the sensitivities without what another start makes up for. R_vv is estimated up to the lag at
-    which the autocorrelation is gone, with the weights of Parzen's window, and for white residuals
-    C = D.
+    S: the sensitivities without what another start makes up for. R_vv is that of an autoregressive
+    process for each measured quantity (`smooth_autocorrelation`); for white residuals C = D.
 
     Source: E. A. Morelli, V. Klein, Accuracy of aerodynamic model parameters estimated from flight
     test data, Journal of Guidance, Control, and Dynamics 20 (1997) 74-80.
@@ -62,6 +73,7 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
     """Of each record, or of both halves of each: Σ S' R⁻¹ S, the covariance of the score with the
     residuals' autocorrelation, and the score Σ S' R⁻¹ v."""
     parts = []
+    fitted = _unknowns(fit) / (int(np.count_nonzero(fit.samples)) * len(fit.residuals))
     for residual, present, projected in zip(fit.residuals, fit.present, fit.projected, strict=True):
         middle = len(residual) // 2
         rows = [slice(0, middle), slice(middle, None)] if halves else [slice(None)]
@@ -73,47 +85,77 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
                 weighted = S * weights[:, quantity, None]
                 M += weighted[part].T @ S[part]
                 g += weighted[part].T @ residual[part, quantity]
-                V += _summed(weighted[part], residual[:, quantity], present[:, quantity])
+                seen = present[:, quantity]
+                if seen.any():
+                    noise = residual[:, quantity]
+                    variance = float(noise @ noise) / int(seen.sum())
+                    correlation = smooth_autocorrelation(noise, seen, fitted)
+                    V += _summed(weighted[part], variance, correlation)
             parts.append((M, V, g))
     return parts
 
 
-def _summed(S: np.ndarray, residual: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Σ_i Σ_j S_i' r(i - j) S_j of one quantity of one record.
-
-    S: of consecutive samples. residual, present: of the whole record, which r is estimated from."""
-    correlation = autocorrelation(residual, present)
-    variance = float(residual @ residual) / max(1, int(present.sum()))
-    gone = _lag_of_white(correlation, int(present.sum()))
+def _summed(S: np.ndarray, variance: float, correlation: np.ndarray) -> np.ndarray:
+    """Σ_i Σ_j S_i' r(i - j) S_j of one quantity, S: of consecutive samples."""
     total = variance * S.T @ S
-    width = min(len(S) - 1, 3 * gone)
-    for lag in range(1, width + 1):
+    for lag in range(1, min(len(correlation), len(S))):
         product = S[:-lag].T @ S[lag:]
-        total += variance * correlation[lag] * _parzen(lag / (width + 1)) * (product + product.T)
+        total += variance * correlation[lag] * (product + product.T)
     return total
 
 
-def _lag_of_white(correlation: np.ndarray, count: int) -> int:
-    """The first lag at which the autocorrelation is that of white noise; 0 where lag 1 is."""
-    limit = 2.0 / np.sqrt(max(count, 1))
-    beyond = np.flatnonzero(np.abs(correlation[1:]) < limit)
-    return int(beyond[0]) if len(beyond) else len(correlation) - 1
+def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: float) -> np.ndarray:
+    """The autocorrelation of the noise at lags 0, 1, ..., until it is gone: that of an
+    autoregressive process of order 0 to 4, whichever has the least BIC.
+
+    fitted: number of unknowns that were fitted to this quantity. They take a part of the slow noise
+        out of its residuals. The sum a of the coefficients is corrected by the first-order bias of
+        its estimate, fitted (1 + 3 a) / N (Marriott and Pope, Biometrika 41 (1954) 390-402).
+    """
+    from scipy.linalg import solve_toeplitz
+
+    count = int(present.sum())
+    seen = autocorrelation(residual, present)
+    least = 0.0
+    coefficients = np.zeros(0)
+    for order in range(1, _MOST_ORDER + 1):
+        found = solve_toeplitz(seen[:order], seen[1 : order + 1])
+        left = max(1.0 - float(found @ seen[1 : order + 1]), 1e-12)
+        criterion = count * math.log(left) + order * math.log(count)
+        if criterion < least:
+            least, coefficients = criterion, found
+    total = float(coefficients.sum())
+    if total > 0.0:
+        unbiased = min(total + fitted * (1.0 + 3.0 * total) / count, _SLOWEST)
+        coefficients = coefficients * (unbiased / total)
+    return _autocorrelation_of(coefficients)
 
 
-def _parzen(share: float) -> float:
-    """Parzen's window at a share of its half-width."""
-    if share <= 0.5:
-        return float(1.0 - 6.0 * share**2 * (1.0 - share))
-    return float(2.0 * (1.0 - share) ** 3)
+def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:
+    """The autocorrelation of an autoregressive process, up to the lag at which it is gone."""
+    lags = np.arange(1, len(coefficients) + 1)
+    turns = np.exp(-2j * np.pi * np.outer(np.arange(_LENGTH) / _LENGTH, lags))
+    spectrum = 1.0 / np.abs(1.0 - turns @ coefficients) ** 2
+    correlation = np.fft.ifft(spectrum).real[: _LENGTH // 2]
+    correlation /= correlation[0]
+    beyond = np.flatnonzero(np.abs(correlation) > _GONE)
+    return np.asarray(correlation[: beyond[-1] + 1])
 
 
 def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """The autocorrelation at lags 0 to N - 1; a missing sample counts as 0."""
+    """The autocorrelation at lags 0 to N - 1 of the samples that are present, each pair of them
+    weighted alike."""
     values = np.where(present, residual, 0.0)
+    pairs = np.maximum(np.round(_sums_of_products(present.astype(float))), 1.0)
+    means = _sums_of_products(values) / pairs
+    return np.asarray(means / max(means[0], 1e-300))
+
+
+def _sums_of_products(values: np.ndarray) -> np.ndarray:
+    """Σ_i v_i v_(i + lag), lags 0 to N - 1."""
     size = 2 ** int(np.ceil(np.log2(2 * len(values))))
     spectrum = np.fft.rfft(values, size)
-    sums = np.fft.irfft(spectrum * spectrum.conj(), size)[: len(values)]
-    return np.asarray(sums / max(sums[0], 1e-300))
+    return np.asarray(np.fft.irfft(spectrum * spectrum.conj(), size)[: len(values)])
 
 
 def whiteness(residual: np.ndarray, present: np.ndarray) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -24,6 +25,8 @@ from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse
 
 #: A record, arrays by name, or the path of a file.
 AnyRecord: TypeAlias = Record | Mapping[str, Any] | str | Path
+#: Inputs between their samples.
+INPUTS = ("linear", "steps")
 #: Estimates that are correlated by more are named.
 _CORRELATED = 0.9
 #: A parameter whose band is wider than this many times its value is not determined.
@@ -37,6 +40,7 @@ def identify(
     *,
     given: Mapping[str, float] | Sequence[str] = (),
     hold: Mapping[str, float] | None = None,
+    inputs: str = "linear",
     validate: Sequence[AnyRecord] = (),
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
@@ -50,6 +54,7 @@ def identify(
         bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) + bias.
     given: parameters that stay as they are though a pattern fits them, or name -> other value.
     hold: inputs without a column, and unmeasured states at the start -> value.
+    inputs: "linear" or "steps" between their samples; those of a computer are steps.
     validate: records that are kept out, on which Theil's coefficient is computed.
 
     BadInputError where a record or a name is wrong. NoSolutionError where the simulation diverges.
@@ -66,8 +71,9 @@ def identify(
     listed = [records] if isinstance(records, Record | Mapping | str | Path) else list(records)
     if not listed:
         raise BadInputError("identify has no records; give at least one")
-    read = _as_records(model, listed, held)
-    kept_out = _as_records(model, validate, held)
+    refuse_unknown("inputs are", inputs, INPUTS)
+    read = _as_records(model, listed, held, inputs)
+    kept_out = _as_records(model, validate, held, inputs)
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
     names = _free_names(model, free, fixed, measured)
     search = Search(Responses(model, names, measured), read, held)
@@ -103,7 +109,9 @@ def _with_given(
     return model.with_parameters(**given), names
 
 
-def _as_records(model: Model, given: Sequence[Any], held: Mapping[str, float]) -> list[Record]:
+def _as_records(
+    model: Model, given: Sequence[Any], held: Mapping[str, float], inputs: str
+) -> list[Record]:
     """Records of what a caller gave."""
     read = []
     for number, each in enumerate(given, start=1):
@@ -111,7 +119,7 @@ def _as_records(model: Model, given: Sequence[Any], held: Mapping[str, float]) -
             each = read_record(each, model, held)
         elif not isinstance(each, Record):
             each = record_of(model, each, held, f"record {number}")
-        read.append(each)
+        read.append(replace(each, has_steps=inputs == "steps"))
     return read
 
 
@@ -202,7 +210,7 @@ def _identified(
         for place, name in enumerate(responses.measured)
     }
     unexplained = tuple(name for name, each in quantities.items() if each.fit < EXPLAINED)
-    faults = list(faults_of(search, fit, half, progress))
+    faults = list(faults_of(search, fit, BAND * white, progress))
     values = {
         name: value
         for name, value in zip(names, fit.theta.tolist(), strict=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hfa_identify.bands import weighted_scores
+from hfa_identify.bands import covariance, weighted_scores
 from hfa_identify.fit import Fit, OutputError
 from hfa_identify.identified import EXPLAINED
 from hfa_identify.records import Record
@@ -19,8 +19,14 @@ from hfa_identify.sensors import sensor_errors
 
 #: An outlier is so many robust standard deviations off.
 _OFF = 8.0
-#: An error of a sensor is named where it is so many of its own standard deviations.
+#: An error of a sensor is tried where its score is so many standard deviations of the residuals,
+#: and named where its estimate is so many of its own.
+_SEEN = 2.5
 _CLEAR = 4.5
+#: It matters where an estimate moves by this part of its band of white residuals.
+_MATTERS = 0.3
+#: At most so many are tried.
+_TRIED = 3
 _KNOT = 0.514444  # m/s
 _FOOT = 0.3048  # m
 _POUND = 4.448222  # N
@@ -59,33 +65,33 @@ def faults_of(
 ) -> Iterator[str]:
     """The faults of the records that explain residuals of a fit.
 
-    half: (p,) half-widths of the bands
+    half: (p,) half-widths of the bands of white residuals
     """
+    spikes = list(outliers(search, fit))
+    if spikes:
+        yield from spikes
+        return
     column = fault_of_columns(search, fit, progress)
     sensor = sensor_fault(search, fit, half) if fit.converged and not column else ""
     if column or sensor:
         yield column or sensor
-    else:
-        yield from outliers(search, fit)
 
 
 def outliers(search: Search, fit: Fit) -> Iterator[str]:
-    """Samples far from the fit."""
+    """Single samples far from the residuals before and after them."""
     for place, name in enumerate(search.responses.measured):
         for record, residual, present in zip(
             search.records, fit.residuals, fit.present, strict=True
         ):
             values = residual[present[:, place], place]
-            if not len(values):
-                continue
-            middle = np.median(values)
-            spread = 1.4826 * np.median(np.abs(values - middle))
-            far = present[:, place] & (np.abs(residual[:, place] - middle) > _OFF * spread)
-            if 0 < far.sum() <= max(1, len(values) // 50):
-                at = record.time[int(far.argmax())]
-                yield (
-                    f"{int(far.sum())} outliers of {name}, the first at {at:g} s; leave them empty"
-                )
+            times = record.time[present[:, place]]
+            beside = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+            far = np.flatnonzero(beside > _OFF * 1.4826 * np.median(beside))
+            # A spike also lifts the differences of its neighbours, by half.
+            far = far[beside[far] > 0.7 * beside.max()] if len(far) else far
+            if 0 < len(far) <= max(1, len(values) // 50):
+                count = f"{len(far)} outliers" if len(far) > 1 else "an outlier"
+                yield f"{count} of {name} at {times[far[0] + 1]:g} s; leave such samples empty"
 
 
 # Errors of sensors, by a test of the score.
@@ -93,19 +99,32 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 
 def sensor_fault(search: Search, fit: Fit, half: np.ndarray) -> str:
     """The bias, scale or delay of a column that explains residuals, and which left out moves an
-    estimate by more than its band; "" where there is none.
+    estimate by a third of its band; "" where there is none.
 
-    half: (p,) half-widths of the bands
+    half: (p,) half-widths of the bands of white residuals
     """
-    candidates = _suspects(search, fit, half)
-    for name in candidates[:2]:
-        found = _refitted(search, fit, name)
-        if found is None:
-            continue
-        value, unit, gain = found
-        if gain > _CLEAR**2 / 2.0:
-            return f"{name} of {value:.3g}{unit} explains residuals; add {name} to --free"
-    return ""
+    best = 0.0
+    fault = ""
+    for name in _suspects(search, fit, half)[:_TRIED]:
+        value, clear = _estimated(search, fit, name)
+        if clear > max(_CLEAR, best):
+            best = clear
+            unit = search.responses.model.time_unit if name.startswith("delay") else ""
+            unit = search.responses.model.unit(name[5:]) if name.startswith("bias") else unit
+            stated = f" {unit}" if unit not in ("", "1") else ""
+            fault = f"{name} of {value:.3g}{stated} explains residuals; add {name} to --free"
+            if _is_within_a_sample(search, name, value):
+                fault = "inputs are steps between their samples; add --inputs steps"
+    return fault
+
+
+def _is_within_a_sample(search: Search, name: str, delay: float) -> bool:
+    """Whether an input seems to come early by a part of a sample: linear in the record, and a step
+    in truth."""
+    is_input = name.removeprefix("delay_") in search.responses.model.inputs
+    record = search.records[0]
+    step = float(np.median(np.diff(record.time)))
+    return is_input and name.startswith("delay_") and not record.has_steps and -step < delay < 0.0
 
 
 def _suspects(search: Search, fit: Fit, half: np.ndarray) -> list[str]:
@@ -138,27 +157,24 @@ def _suspects(search: Search, fit: Fit, half: np.ndarray) -> list[str]:
             continue
         score = along @ g
         shift = np.abs(along[:p] * score / m)
-        if abs(score) > _CLEAR * deviation and (shift > half).any():
+        if abs(score) > _SEEN * deviation and (shift > _MATTERS * half).any():
             clear.append((abs(score) / deviation, name))
     return [name for _, name in sorted(clear, reverse=True)]
 
 
-def _refitted(search: Search, fit: Fit, name: str) -> tuple[float, str, float] | None:
-    """The error's estimate and unit, and by how much L falls with it; None without a fit."""
+def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float]:
+    """The estimate of an error of a column beside the parameters, and how many of its standard
+    deviations it is; 0, 0 without a fit."""
     responses = search.responses
     wider = Responses(responses.model, (*responses.free, name), responses.measured)
+    begin = np.append(fit.theta, 0.0)
     try:
-        found = Search(wider, search.records, search.held).whole(
-            np.append(fit.theta, 0.0), fit.starts
-        )
+        found = Search(wider, search.records, search.held).whole(begin, fit.starts)
     except FloatingPointError:
-        return None
-    unit = wider.signals[name].unit
-    return (
-        float(found.theta[-1]),
-        "" if unit == "1" else f" {unit}",
-        fit.likelihood - found.likelihood,
-    )
+        return 0.0, 0.0
+    value = float(found.theta[-1])
+    deviation = math.sqrt(max(float(covariance(found)[-1, -1]), 1e-300))
+    return (value, abs(value) / deviation) if found.converged else (0.0, 0.0)
 
 
 # Signs and units of columns.

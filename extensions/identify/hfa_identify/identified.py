@@ -125,19 +125,17 @@ class Identified(Result, Reported):
         if self.at_bounds:
             yield f"at a limit of the model: {', '.join(self.at_bounds)}"
         if self.undetermined:
-            names = [f"{name}{still}" for name, still in self._reasons()]
-            yield f"not determined by the records: {', '.join(names)}"
+            name, still = next(iter(self.undetermined.items()))
+            why = f" ({still} did not move)" if still else ""
+            more = len(self.undetermined) - 1
+            others = f" and {more} more" if more else ""
+            yield f"not determined by the records: {name}{why}{others}"
         if self.other_minimum:
             name, value = self._farthest()
             yield f"two minima explain the records: {name} is {value:.4g} at the other"
         if self.parts_disagree:
             parts = "records" if len(self.records) > 1 else "halves of the record"
             yield f"{parts} disagree on {self.parts_disagree} beyond the bands"
-
-    def _reasons(self) -> Iterator[tuple[str, str]]:
-        """Undetermined parameters, and why."""
-        for name, still in self.undetermined.items():
-            yield name, f" ({still} did not move)" if still else ""
 
     def _farthest(self) -> tuple[str, float]:
         """The estimate that moves most to the other minimum, in bands, and its value there."""
@@ -187,6 +185,9 @@ class Identified(Result, Reported):
         """The estimates, how well the records are explained, and what is not determined."""
         findings = list(self.findings)
         parts: list[Any] = [self._estimates(), self._explained()]
+        if len(self.undetermined) > 1:
+            still_rows = [(name, still or "-") for name, still in self.undetermined.items()]
+            parts.append(Table(("not determined", "did not move"), tuple(still_rows)))
         if self.correlated:
             rows = [(one, other, f"{value:.3f}") for one, other, value in self.correlated]
             parts.append(Table(("correlated", "with", "coefficient"), tuple(rows)))

@@ -33,12 +33,15 @@ class Record:
     time: (N,) s, increasing; steps may differ.
     inputs: (N, m) in the order and units of the model's inputs.
     measured: state or output -> (N,) in the model's unit, NaN where a sample is missing.
+    has_steps: whether inputs stay at a sample until the next, as those of a computer do; otherwise
+        they are linear in between.
     """
 
     name: str
     time: np.ndarray
     inputs: np.ndarray
     measured: Mapping[str, np.ndarray]
+    has_steps: bool = False
 
     def windows(self, seconds: float) -> list[Record]:
         """The record cut into parts of at least this duration, s, that share their end samples."""

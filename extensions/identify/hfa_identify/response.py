@@ -1,9 +1,9 @@
 """The response of a model to the inputs of a record, with its exact sensitivities.
 
-Between samples the inputs are linear in time and the states advance by the classical Runge-Kutta
-method of fourth order: x⁺ = Φ(x, u, u⁺, θ, Δt). The sensitivities S = dx/d(θ, x₀) follow from
-S⁺ = Φ_x S + Φ_θ. The derivatives of the rates are CasADi's, those of the step follow by the chain
-rule. θ holds parameters of the model and errors of sensors (`sensors.py`).
+Between samples the inputs are linear in time, or held. The states advance by the classical
+Runge-Kutta method of fourth order: x⁺ = Φ(x, u, u⁺, θ, Δt). The sensitivities S = dx/d(θ, x₀)
+follow from S⁺ = Φ_x S + Φ_θ. The derivatives of the rates are CasADi's, those of the step follow by
+the chain rule. θ holds parameters of the model and errors of sensors (`sensors.py`).
 """
 
 from __future__ import annotations
@@ -228,17 +228,22 @@ class Responses:
         start: np.ndarray,
         theta: np.ndarray,
         count: int,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """States (steps + 1, n) and inputs (steps + 1, m) of the grid of integration, with its
-        steps (steps,), s."""
+    ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray]:
+        """States (steps + 1, n) of the grid of integration, inputs (steps, m) at the begin and the
+        end of its steps, and the steps (steps,), s."""
         time, inputs = _finer(record.time, driven, count)
+        before = inputs[:-1]
+        after = inputs[1:]
+        if record.has_steps:
+            before = np.repeat(driven[:-1], count, axis=0)
+            after = before
         durations = np.diff(time)
         advance = self._advance(len(durations))
-        moved = advance(start, inputs[:-1].T, inputs[1:].T, theta, durations[None])
+        moved = advance(start, before.T, after.T, theta, durations[None])
         states = np.vstack([start, moved.full().T])
         if not np.isfinite(states).all():
             raise FloatingPointError("the simulation diverges")
-        return states, inputs, durations
+        return states, (before, after), durations
 
     def _advance(self, steps: int) -> ca.Function:
         """The states after each of so many steps; made once for a number of steps."""
@@ -249,19 +254,19 @@ class Responses:
     def _accumulated(
         self,
         states: np.ndarray,
-        inputs: np.ndarray,
+        inputs: tuple[np.ndarray, np.ndarray],
         theta: np.ndarray,
         durations: np.ndarray,
         count: int,
     ) -> np.ndarray:
         """(N, n, p + n) sensitivities of the states to θ and x₀ at every `count`-th step.
 
-        states: (steps, n) before each step. inputs: (steps + 1, m). durations: (steps,), s.
+        states: (steps, n) before each step. inputs: (steps, m) at their begin and end.
+        durations: (steps,), s.
         """
         n, p, _ = self.sizes
         steps = len(states)
-        before = inputs[:-1]
-        after = inputs[1:]
+        before, after = inputs
         middle = 0.5 * (before + after)
         identity = np.zeros((steps, n, n + p))
         identity[:, :, :n] = np.eye(n)

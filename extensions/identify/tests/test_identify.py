@@ -33,9 +33,9 @@ def doublets(time):
 
 
 @cache
-def flown():
+def flown(model=None):
     """Time, inputs and states of the true aircraft, by SciPy."""
-    model = from_derivatives(UAV)
+    model = model or from_derivatives(UAV)
     point = hfa.find_operating_point(model)
     time = np.arange(0.0, SECONDS, STEP)
     inputs = np.tile(np.array(point.inputs), (len(time), 1))
@@ -53,10 +53,10 @@ def flown():
     return time, inputs, solved.y.T
 
 
-def record(seed=0, coloured=False, first=0.0):
+def record(seed=0, coloured=False, first=0.0, model=None):
     """A record with noise of the sensors."""
+    time, inputs, states = flown(model)
     model = from_derivatives(UAV)
-    time, inputs, states = flown()
     generator = np.random.default_rng(seed)
     columns = {"time": time + first}
     columns |= {name: inputs[:, place] for place, name in enumerate(model.inputs)}
@@ -151,14 +151,77 @@ def test_what_the_record_does_not_move_is_named():
         result.draws(2)
 
 
-def test_a_wrong_sign_of_an_input_is_not_explained():
-    """With the effect of the elevator held at its value the model cannot turn it round."""
-    wrong = {name: values[::3] for name, values in record().items()}
-    middle = wrong["elevator"][0]
-    wrong["elevator"] = 2.0 * middle - wrong["elevator"]
-    result = identify(begun(1.0), wrong, ("Cm_q",))
+def late(values, samples=2):
+    return np.concatenate([np.full(samples, values[0]), values[:-samples]])
+
+
+@pytest.mark.parametrize(
+    ("column", "fault", "named"),
+    [
+        ("elevator", lambda e: 2.0 * e[0] - e, "elevator has the wrong sign"),
+        pytest.param(
+            "elevator",
+            lambda e: e * math.pi / 180.0,
+            "elevator is in radians, read as degrees",
+            marks=pytest.mark.slow,
+        ),
+        ("pitch_rate", lambda q: 1.2 * q, "scale_p"),
+        ("elevator", late, "delay_elevator of 0.08"),
+        ("pitch", late, "delay_pitch of 0.0"),
+        (
+            "pitch_rate",
+            lambda q: q + np.where(np.arange(len(q)) == 99, 5.0, 0.0),
+            "an outlier of pitch_rate at 3.96 s",
+        ),
+    ],
+)
+def test_a_planted_fault_is_named(column, fault, named):
+    """Also where free parameters could absorb it."""
+    wrong = record(seed=11)
+    wrong[column] = fault(wrong[column])
+    result = identify(begun(1.2), wrong, FREE)
     assert not result.ok
-    assert "does not explain" in result.first_line
+    assert named in result.first_line
+
+
+def test_errors_of_sensors_are_estimated():
+    """Bias, scale and delay of columns, planted and free, lie within their bands."""
+    wrong = record(seed=5)
+    wrong["pitch"] = late(wrong["pitch"]) + 0.02
+    wrong["pitch_rate"] = 1.1 * wrong["pitch_rate"]
+    errors = {"bias_pitch": 0.02, "delay_pitch": 0.08, "scale_pitch_rate": 0.1}
+    result = identify(begun(1.2), wrong, (*FREE, *errors))
+    assert result.ok
+    for name, planted in errors.items():
+        each = result.parameters[name]
+        assert abs(each.value - planted) < 1.3 * (each.high - each.low)
+
+
+def test_steps_of_inputs_are_told_from_slopes():
+    """Inputs that a computer holds, read as if they were linear between samples."""
+    model = from_derivatives(UAV)
+    moves = [(0.5, 0.04), (1.7, -0.04), (2.5, 0.04), (2.9, -0.04), (3.3, 0.0)]
+    flight = hfa.fly(model, hfa.find_operating_point(model), {"elevator": moves}, seconds=8)
+    columns = {}
+    columns["time"] = flight.times[::20]
+    for place, name in enumerate(model.inputs):
+        columns[name] = flight.inputs[::20, place]
+    generator = np.random.default_rng(0)
+    for name, size in SENSORS.items():
+        states = flight.states[::20, list(model.states).index(name)]
+        columns[name] = states + size * generator.standard_normal(len(states))
+    linear = identify(begun(1.2), columns, FREE)
+    assert linear.first_line == "FAIL: inputs are steps between their samples; add --inputs steps"
+    assert identify(begun(1.2), columns, FREE, inputs="steps").ok
+
+
+def test_records_that_disagree_are_named():
+    """Two aircraft cannot be one: the other has a quarter more damping."""
+    other = from_derivatives(UAV)
+    other = other.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
+    result = identify(begun(1.2), [record(1), record(2, model=other)], FREE)
+    assert not result.ok
+    assert "records disagree on Cm_q" in "; ".join(result.findings)
 
 
 def test_drawn_aircraft_trim():

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from hfa.options.argument_types import input_file, quantity
+from hfa.options.argument_types import input_file, one_of, quantity
 from hfa.options.command import command
 from hfa.options.request import OfModel, option
 from hfa.options.trims import AircraftOptions, OutputOptions, output_option, picture_option
@@ -70,6 +70,12 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         OfModel(_held),
         named=True,
     )
+    inputs: str = option(
+        "between their samples: linear (default) or steps, as those of a computer are",
+        "KIND",
+        one_of("linear", "steps"),
+        default="linear",
+    )
     validate: Path | None = option(
         "a record excluded from the fit, for Theil's coefficient",
         "RECORD.csv",
@@ -102,6 +108,7 @@ def identify(request: IdentifyRequest) -> int:
         request.free,
         given=request.given,
         hold=request.hold,
+        inputs=request.inputs,
         validate=[read_record(path, model, request.hold) for path in kept_out],
         progress=progress,
     )
