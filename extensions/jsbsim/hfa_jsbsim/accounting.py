@@ -1,8 +1,8 @@
-"""Everything in the files of an aircraft is accounted for: what the reader took, what no force in
-flight depends on, what JSBSim does not read either; the rest is refused.
+"""Accounting of the files of an aircraft. Every element was read by the reader, has no effect on
+the forces in flight, is not read by JSBSim either, or is refused.
 
-So it is with properties: each that a file reads or writes is the file's own, or one of JSBSim's
-that the reader has, or it is refused.
+Every property that a file reads or writes is defined by the file, is a supported property of
+JSBSim, or is refused.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ _NOT_READ = "JSBSim does not read them either"
 
 
 def account(parts: Parts, equations: Equations) -> list[Note]:
-    """Notes on what is left out of an aircraft; BadInputError, with file and line, for what may not
-    be left out."""
+    """Return notes on the omitted elements of an aircraft; BadInputError, with file and line, for
+    elements that must not be omitted."""
     reached = equations.properties
     notes = _of_writers(equations)
     _refuse_readers(equations)
@@ -83,7 +83,7 @@ def _elements() -> dict[str, Any]:
 
 
 def _left_out(root: Element) -> Iterator[tuple[Element, str]]:
-    """What of a file was not taken, with the reason why it may be left out."""
+    """Yield the elements of a file that were not read, with the reason why they may be omitted."""
     pending = [root]
     while pending:
         element = pending.pop()
@@ -194,7 +194,7 @@ def _of_writers(equations: Equations) -> list[Note]:
 
 
 def _is_zero(writer: Writer) -> bool:
-    """Whether what is set is the number 0, which changes nothing."""
+    """Return whether the value set is the number 0, which changes nothing."""
     value = writer.compute()
     return is_constant(value) and float(value) == 0.0
 

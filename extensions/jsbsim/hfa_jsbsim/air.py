@@ -44,7 +44,7 @@ def _subsonic_mach(ratio: Any) -> Any:
 
 
 def calibrated_speed(mach: Any, pressure: Any) -> Any:
-    """What an airspeed indicator that is calibrated at sea level shows, ft/s."""
+    """Return the indication of an airspeed indicator calibrated at sea level, ft/s."""
     impact = pitot_pressure(mach, pressure) - pressure
     return SEA_LEVEL.sound * mach_of_pitot(impact, SEA_LEVEL_PRESSURE)
 
@@ -56,7 +56,7 @@ def mach_of_calibrated(speed: Any, pressure: Any) -> Any:
 
 
 def subsonic_mach_of_calibrated(speed: Any, pressure: Any) -> Any:
-    """The same where calibrated airspeed and Mach number are below those of sound."""
+    """Return the Mach number of a calibrated airspeed, both below the speed of sound."""
     total = (1.0 + 0.2 * (speed / SEA_LEVEL.sound) ** 2) ** 3.5
     return _subsonic_mach((total - 1.0) * SEA_LEVEL_PRESSURE / pressure + 1.0)
 

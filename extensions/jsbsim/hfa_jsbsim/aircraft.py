@@ -73,9 +73,9 @@ class Equations:
     """x' = f(x, u, p, w), y = h(x, u, p, w) of an aircraft as expressions.
 
     states, parameters, gusts: name -> symbol. inputs: name -> `PilotInput`.
-    rates: by state. outputs: by name. notes: what a user should know.
-    starts: values of parameters that the files give. properties: all of JSBSim's.
-    mass: with the contents of tanks and the weights of point masses as they are held.
+    rates: by state. outputs: by name. notes: for the user.
+    starts: values of parameters in the files. properties: all properties of JSBSim.
+    mass: for the current contents of tanks and weights of point masses.
     """
 
     def __init__(self, parts: Parts, gusty: bool = False) -> None:
@@ -151,7 +151,7 @@ class Equations:
         return ["throttle"]
 
     def _parameter_names(self) -> Iterator[str]:
-        """Levers, gravity, wind, and what the aircraft carries and runs on."""
+        """Yield the names of levers, gravity, wind, payloads, tanks and engines."""
         yield from (*_LEVERS, "mixture", "advance", "gravity", *WINDS)
         yield from (f"tank{number}" for number in range(len(self.parts.tanks)))
         yield from (f"pointmass{number}" for number in range(len(self.parts.points)))
@@ -345,8 +345,8 @@ class Equations:
             self.properties.define_initial(element.text, value)
 
     def _define_function(self, element: Element, number: int | None, order: int) -> None:
-        """Let a function or a table set the property of its name. Who reads the property that it
-        copies its value to is told to read that name."""
+        """Let a function or a table set the property of its name. A property to which it copies its
+        value is replaced by that name for its readers."""
         name = "-".join(element.attributes["name"].split(" "))
         copy = element.attributes.get("copyto")
         if copy:
@@ -368,7 +368,8 @@ class Equations:
             self.properties.compute(full_name, writer)
 
     def _add_engine(self, file: EngineFile, around: Surroundings) -> Writer:
-        """Let an engine set its properties; the value of what is returned is its effect."""
+        """Let an engine set its properties; the value of the returned writer is the effect of the
+        engine."""
         writer = jets.add_engine(file, around, computing(file, around))
         if file.number == 0:
             for axis, (along, moment_axis) in enumerate(zip("xyz", "lmn", strict=True)):

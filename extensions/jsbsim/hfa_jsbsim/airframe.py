@@ -112,7 +112,7 @@ class PointMass:
     has_form: bool
 
     def inertia_at(self, weight: Any) -> Any:
-        """Its inertia about itself at another weight."""
+        """Return its inertia about its own center at another weight."""
         if not self.has_form or self.weight == 0.0:
             return ca.SX(ca.DM(self.inertia))
         return ca.SX(ca.DM(self.inertia / self.weight)) * weight

@@ -96,8 +96,8 @@ def _properties() -> dict[str, str]:
 
 
 def access(name: str) -> str:
-    """How JSBSim lets a property of its own be used, "R", "RW" or "W"; "" where it is none of
-    JSBSim's. Engines, tanks and wheels of all numbers are alike."""
+    """Return the access of JSBSim to one of its properties, "R", "RW" or "W"; "" for another
+    property. Engines, tanks and wheels of all numbers are alike."""
     if of_component(name):
         return "RW"
     return _properties().get(without_numbers(name), "")

@@ -1,4 +1,4 @@
-"""What components of the control system have in common: inputs, parameters, limits."""
+"""Common parts of the components of the control system: inputs, parameters, limits."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def travels(component: Element) -> bool:
 
 
 def beyond(value: Any, width: Any) -> Any:
-    """What a value exceeds half a width by."""
+    """Return the excess of a value over half a width."""
     half = 0.5 * width
     value = ca.SX(value)
     above = ca.if_else(value > half, value - half, 0.0)

@@ -184,7 +184,8 @@ def _scheduled_gain(component: Element, properties: Properties) -> Any:
 
 
 def _aerosurface_scale(component: Element, properties: Properties) -> Any:
-    """The input from domain to range; centered at zero, each side has a slope of its own."""
+    """Return the input mapped from domain to range; centered at zero, with a slope for each
+    side."""
     domain = component.find("domain")
     lowest, highest = (-1.0, 1.0) if domain is None else ends_of(domain)
     out_lowest, out_highest = ends_of(component.need("range"))
@@ -450,7 +451,7 @@ KINDS = (
 
 
 def surface_limits(writer: Writer | None) -> tuple[float, float]:
-    """Between what the component that sets a surface lets it move: <clipto>, <range> or detents."""
+    """Return the limits of the component that sets a surface: <clipto>, <range> or detents."""
     component = writer.component if writer else None
     if component is None:
         return -math.inf, math.inf

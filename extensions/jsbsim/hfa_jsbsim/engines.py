@@ -1,4 +1,4 @@
-"""Engines: what they have in common, turbines and rockets (`FGEngine`, `FGThruster`, `FGTurbine`,
+"""Engines: their common parts, turbines and rockets (`FGEngine`, `FGThruster`, `FGTurbine`,
 `FGRocket`)."""
 
 from __future__ import annotations
@@ -121,11 +121,11 @@ class EngineFile:
 
 @dataclass
 class Effect:
-    """What an engine does at a state.
+    """The effect of an engine at a state.
 
     force: lb, in body axes. moment: about the center of gravity, ft lb. thrust: lb along its axis.
     power: hp at the propeller; None of a jet. rates: of its states, by name.
-    properties: what else it sets, by the last part of the name.
+    properties: further properties that it sets, by the last part of the name.
     """
 
     force: Any
@@ -174,9 +174,9 @@ def read_engine(
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What an engine needs to know: properties, the motion, the body, which has `mass`, states by
-    name, tanks, the symbols of parameters by name, JSBSim's step, s, and the rotation of the earth,
-    rad/s, in body axes."""
+    """The data of an engine: properties, the motion, the body with `mass`, states by name, tanks,
+    the symbols of parameters by name, JSBSim's step, s, and the rotation of the earth, rad/s, in
+    body axes."""
 
     properties: Properties
     motion: Motion
@@ -247,10 +247,10 @@ def placed(file: EngineFile, around: Surroundings) -> ca.SX:
 def pushed(
     file: EngineFile, around: Surroundings, thrust: Any, location: Any = None, moment: Any = None
 ) -> tuple[ca.SX, ca.SX]:
-    """Force and moment of a thrust along the axis of the thruster.
+    """Return force and moment of a thrust along the axis of the thruster.
 
-    location: where it acts, inches; the thruster's own unless given.
-    moment: what the thruster adds, in body axes.
+    location: point of action, inches; default: that of the thruster.
+    moment: further moment of the thruster, in body axes.
     """
     force = orientation(file, around.properties)[:, 0] * thrust
     point = placed(file, around) if location is None else location

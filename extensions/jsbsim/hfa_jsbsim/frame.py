@@ -2,7 +2,7 @@
 (`FGFDMExec::Run`, `FGPropagate`, `FGAccelerations`, `FGInertial`, `FGLocation`).
 
 A frame moves the aircraft by the accelerations of the frame before; then control system, mass, air,
-engines and forces follow one after the other, each from what is set by then.
+engines and forces follow in this order, each from the values set so far.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class _FrameEquations(Equations):
         self.outputs = {}
 
     def _add_filters(self) -> None:
-        """What is kept for the next frame, also what this brings in."""
+        """Add the values kept for the next frame, including those that they depend on."""
         memories = self.properties.memories
         done = 0
         while done < len(memories):
@@ -307,8 +307,8 @@ def _split(motion: Any) -> dict[str, Any]:
 
 
 def _propagated(parts: dict[str, Any], step: float, turning: float) -> dict[str, Any]:
-    """What `FGPropagate` moves: attitude and rotation by Euler's rule, the velocity by that of
-    Adams and Bashforth of order 2, the position by that of order 3."""
+    """Return the states after `FGPropagate`: attitude and rotation by Euler's rule, the velocity by
+    the rule of Adams and Bashforth of order 2, the position by that of order 3."""
     q0, q1, q2, q3 = ca.vertsplit(parts["attitude"])
     p, q, r = ca.vertsplit(parts["rotation"])
     rate = 0.5 * ca.vertcat(

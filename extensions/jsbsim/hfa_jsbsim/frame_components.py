@@ -14,7 +14,7 @@ from hfa_jsbsim.xml_file import Element
 
 
 class _Past:
-    """What a component kept from the frame before."""
+    """The values that a component keeps from the previous frame."""
 
     def __init__(self, component: Element, properties: Properties) -> None:
         self._key = f"{component.where} {component.attributes.get('name', '')}"

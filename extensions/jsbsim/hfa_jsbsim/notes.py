@@ -1,4 +1,4 @@
-"""What a user should know of how an aircraft's files are read: notes, joined by what they state."""
+"""Notes for the user on the reading of an aircraft's files, grouped by their statement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the files of an aircraft of JSBSim hold, read but not yet put together."""
+"""The content of the files of an aircraft of JSBSim, before it is combined."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ LOADED = (
 
 @dataclass(frozen=True)
 class Choices:
-    """How an aircraft is to be read.
+    """Options for reading an aircraft.
 
     partial: leave out motors, rotors and gas cells, which cannot be read; else they are refused.
     filters: whether lags, washouts, integrators and other components with a memory are states; else
-        they stand where a steady input holds them.
+        they are in their steady state.
     throttles: whether each engine has a throttle of its own.
     engines: whether the lags of engines are states; else they follow their throttles at once.
     step: that of JSBSim's frame, s, where the equations are those of one frame; else 0.
@@ -47,11 +47,11 @@ class Choices:
 
 
 class Parts:
-    """What the files of an aircraft hold.
+    """The content of the files of an aircraft.
 
-    sections: <metrics>, <aerodynamics>, ... with what other files add.
+    sections: <metrics>, <aerodynamics>, ... with the additions of other files.
     wings, empty, tanks, points, engines: read from them. mass: with the contents of the files.
-    notes: what a user should know.
+    notes: for the user.
     """
 
     def __init__(self, path: Path, folders: Folders, choices: Choices) -> None:

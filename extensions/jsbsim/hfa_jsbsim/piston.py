@@ -92,7 +92,7 @@ def piston_power(
 
 
 def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
-    """A number of the engine's file, or what a system sets in its place."""
+    """Return a number of the engine's file, or the value that a system sets in its place."""
     default_value = file.engine.value_of(name, default)
     return around.properties.read_or(file.full_name(name), default_value, file.mount.where)
 
@@ -132,7 +132,7 @@ def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) 
 
 
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
-    """The same without what systems set."""
+    """Return the consumption of the engine without values set by systems."""
     stated = engine.value_of("bsfc", -1.0, "LBS/HP*HR")
     if stated >= 0.0:
         return stated
@@ -195,8 +195,8 @@ def _boosted(
 
 
 def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
-    """Of each speed of the supercharger: multiplier, rated rpm, rated pressure, and the pressure of
-    the air, Pa, below which the next speed is taken. The first bad speed ends the list."""
+    """Return for each speed of the supercharger: multiplier, rated rpm, rated pressure, and the air
+    pressure, Pa, below which the next speed is used. The first invalid speed ends the list."""
     count = int(engine.value_of("numboostspeeds", 0.0))
     gears: list[tuple[float, float, float, float]] = []
     last_altitude = 0.0

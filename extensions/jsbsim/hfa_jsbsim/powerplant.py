@@ -1,4 +1,4 @@
-"""What an engine with its thruster does: the power of its kind, and what it drives."""
+"""The effect of an engine with its thruster: the power of the engine, and the thrust."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hfa_jsbsim.propeller import propeller_effect
 
 
 def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
-    """What works out the effect of an engine."""
+    """Return the function that computes the effect of an engine."""
 
     def compute() -> Effect:
         try:

@@ -127,7 +127,7 @@ def _coefficient(
 
 
 def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) -> Any:
-    """Of momentum theory, ft/s, signs apart."""
+    """Return the induced velocity of momentum theory, ft/s, without its sign."""
     area = 0.25 * math.pi * diameter**2
     squared = speed * ca.fabs(speed) + 2.0 * thrust / (density * area)
     root = ca.sqrt(ca.fmax(ca.fabs(squared), 1e-12))

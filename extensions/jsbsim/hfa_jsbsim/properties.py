@@ -91,8 +91,8 @@ class FilterState:
 
 @dataclass(eq=False)
 class Memory:
-    """What JSBSim keeps from one frame to the next: the symbol of what the last one left, and who
-    works out what this one leaves."""
+    """The value of a component that JSBSim keeps from one frame to the next: its symbol, and the
+    function that computes the next one."""
 
     symbol: ca.SX
     writer: Writer
@@ -101,17 +101,16 @@ class Memory:
 class Properties:
     """All properties of an aircraft.
 
-    unset: what is read although nothing sets it, name -> where it is first read; it is 0, as in
-    JSBSim.
-    notes: what a user should know of these values.
-    interpolate: gives values of tables.
+    unset: name of a property that is read but never set -> place of its first reading; its value is
+        0, as in JSBSim.
+    notes: for the user, on these values.
+    interpolate: returns values of tables.
     centered: whether integrators that the pilot reaches are 0, in place of a LoopError.
     has_filter_states: whether components with a memory are states.
     step: of JSBSim's frame, s, where values are those of a frame; else 0.
-    memories: by name, what a frame keeps for the next.
-    travels: kinematics that take time, with where they go.
-    filters: these states. left_out: component -> what of its memory is left out, where they are no
-        states.
+    memories: by name, the values kept for the next frame.
+    travels: kinematics that take time, with their targets.
+    filters: these states. left_out: component -> the omitted part of its memory, without states.
     """
 
     def __init__(self, has_filter_states: bool = False, step: float = 0.0) -> None:
@@ -167,7 +166,7 @@ class Properties:
         return symbol
 
     def set_rate(self, symbol: ca.SX, compute: Callable[[], Any]) -> None:
-        """What the rate of a state will be, worked out in the place of its component."""
+        """Set the function that computes the rate of a state, at the place of its component."""
         state = next(each for each in self.filters if each.symbol is symbol)
         state.writer = Writer(compute, state.component.where, self._order, state.component)
 
@@ -208,10 +207,10 @@ class Properties:
         return tuple(self._writers)
 
     def read(self, name: str, where: str) -> Any:
-        """The value of a property, which a sign may precede.
+        """Return the value of a property, whose name may begin with a sign.
 
-        A component reads what components before it have set in this pass, else what is set last, in
-        the pass before: in a steady state the two agree. LoopError where the value depends on
+        A component reads the value set by an earlier component in this pass, else the last value of
+        the previous pass. In a steady state the two agree. LoopError where the value depends on
         itself.
         """
         if name.startswith("-"):
@@ -238,9 +237,9 @@ class Properties:
         return self.value_of(before[-1] if before else writers[-1], key, where)
 
     def _is_late(self, key: str, before: list[Writer]) -> bool:
-        """Whether what runs now in a frame reads a property as the frame before left it.
+        """Return whether the current component reads the value of the previous frame.
 
-        before: who has set it in this frame.
+        before: component that has set the property in this frame.
         """
         if self._order == BEFORE_AIR:
             return key in _SET_IN_AIR
@@ -249,7 +248,7 @@ class Properties:
         return not before or (before[-1].order < 0 and bool(_LATE.match(key)))
 
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
-        """What a writer sets, worked out once."""
+        """Return the value of a writer, computed once."""
         if writer in self._running:
             if self.centered:
                 return 0.0
@@ -273,8 +272,8 @@ class Properties:
         return writer.value
 
     def read_or(self, name: str, default: Any, where: str) -> Any:
-        """What a system sets; the default where none does, or where that depends on its past: then
-        every reader gets the default."""
+        """Return the value that a system sets; the default where none does, or where the value
+        depends on its past."""
         self.asked.add(plain(name))
         if self.writer(name) is None:
             return self._initial.get(plain(name), default)
@@ -335,7 +334,7 @@ def _identifier(component: Element, taken: list[ca.SX]) -> str:
 
 
 def lower_dashes(name: str) -> str:
-    """The property that a name with blanks stands for: "Pitch Trim Sum" is pitch-trim-sum."""
+    """Return the property for a name with blanks: "Pitch Trim Sum" is pitch-trim-sum."""
     return "-".join(name.lower().split(" "))
 
 

@@ -187,7 +187,7 @@ class _Declaration:
         self.usual_speed = math.sqrt(2.0 * pressure / (SEA_LEVEL.density * 0.5))
 
     def model(self, source: tuple[str, str], notes: list[Note]) -> Model:
-        """The declaration. notes: what the reader says of the files."""
+        """Return the model. notes: on the reading of the files."""
         states = self._states()
         outputs = self._outputs()
         moving = tuple(name for name in states if name not in ("yaw", "altitude"))

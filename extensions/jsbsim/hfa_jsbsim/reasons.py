@@ -21,7 +21,8 @@ _SOME = 1e-6
 
 
 def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: Solve) -> str:
-    """One line: what is missing, by solves with other things free; empty where none says it.
+    """Return one line on what is missing, found by trims with other free variables; empty where
+    none explains it.
 
     parts: of the aircraft. steered: whether it has inputs.
     imposed: values by name, as the trim imposes them.
@@ -78,7 +79,7 @@ def _of_lift(solve: Solve) -> Iterator[str]:
 
 
 def _of_moments(solve: Solve) -> Iterator[str]:
-    """What is left of the pitching moment where everything else that can be is balanced."""
+    """Yield the remaining pitching moment where all other equations are balanced."""
     for free in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
         values = solve({}, free)
         if values is not None:
@@ -89,7 +90,7 @@ def _of_moments(solve: Solve) -> Iterator[str]:
 
 
 def of_files(parts: Parts) -> Iterator[str]:
-    """What the files say of engines that explains why they are weak."""
+    """Yield properties of engines in the files that explain missing power."""
     reasons: dict[str, Any] = {}
     for file in parts.engines:
         for reason in _of_engine(file):
@@ -98,7 +99,7 @@ def of_files(parts: Parts) -> Iterator[str]:
 
 
 def _of_engine(file: EngineFile) -> Iterator[str]:
-    """What is odd about an engine."""
+    """Yield unusual entries of an engine."""
     name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
     if file.dry_of:
         yield f"the {file.dry_of} tank of {name} is empty: glide"

@@ -46,7 +46,7 @@ def _functions() -> dict[str, ca.Function]:
 
 
 def _at(name: str, speed: Any, altitude: Any) -> list[Any]:
-    """What one of `_functions` gives at numbers, or at arrays of one length."""
+    """Return the value of one of `_functions` at numbers, or at arrays of one length."""
     speeds, altitudes = np.broadcast_arrays(np.atleast_2d(speed), np.atleast_2d(altitude))
     results = _functions()[name].map(speeds.size).call([speeds, altitudes])
     arrays = [result.full().ravel() for result in results]

@@ -18,7 +18,7 @@ _ENDINGS = ("-pos-rad", "-pos-deg", "-pos-norm", "-rad", "-deg", "-norm", "-pos"
 
 @dataclass(frozen=True)
 class PilotInput:
-    """What the pilot moves: its symbol, its unit, its limits."""
+    """A pilot's input: its symbol, its unit, its limits."""
 
     symbol: ca.SX
     unit: str = "1"
@@ -40,11 +40,11 @@ def names_read_by(element: Element) -> list[str]:
 def cut_surfaces(
     names: Iterable[str], properties: Properties, inputs: dict[str, PilotInput]
 ) -> list[Note]:
-    """Where the pilot acts through an integrator, or a loop closes, make the surface an input.
+    """Make a surface an input where the pilot acts through an integrator or a closed loop.
 
-    What else depends on them stays where it is with the stick in its middle.
-    names: what the forces of the air depend on. inputs: to which the new ones are added, in place
-    of the commands of the same name. Returned: notes for the user.
+    Other components that depend on these commands keep their values for a centered stick.
+    names: properties on which the forces of the air depend. inputs: receives the new inputs in
+        place of the commands of the same name. Returned: notes for the user.
     """
     commands = ca.vertcat(*(command.symbol for command in inputs.values()))
     cut: dict[str, PilotInput] = {}

@@ -51,9 +51,9 @@ class Element:
     attributes: name -> text.
     children: its elements, in order.
     lines: (number, text) of each line of text that is not empty.
-    file, line: where it begins.
-    parent: what it stands in; None for the root.
-    taken: whether somebody asked for it (`accounting.py`).
+    file, line: of its beginning.
+    parent: the enclosing element; None for the root.
+    taken: whether it was read (`accounting.py`).
     """
 
     name: str
@@ -72,7 +72,7 @@ class Element:
 
     @property
     def text(self) -> str:
-        """Its first line of text; empty without one."""
+        """Return its first line of text; empty without one."""
         return self.lines[0][1] if self.lines else ""
 
     def error(self, fault: str) -> BadInputError:
@@ -84,11 +84,11 @@ class Element:
         return BadInputError(f"{self.file}:{line}: {fault}")
 
     def find(self, name: str) -> Element | None:
-        """Its first child of this name."""
+        """Return its first child of this name."""
         return next(self.all(name), None)
 
     def all(self, name: str) -> Iterator[Element]:
-        """Its children of this name."""
+        """Yield its children of this name."""
         return (child.take() for child in self.children if child.name == name)
 
     def take(self) -> Element:
@@ -97,14 +97,14 @@ class Element:
         return self
 
     def need(self, name: str) -> Element:
-        """Its first child of this name; an error without one."""
+        """Return its first child of this name; an error without one."""
         child = self.find(name)
         if child is None:
             raise self.error(f"<{self.name}> has no <{name}>; add it")
         return child
 
     def number(self, unit: str = "") -> float:
-        """Its text as a number, converted from its own unit where both have one."""
+        """Return its text as a number, converted from its own unit where both have one."""
         if len(self.lines) > 1:
             raise self.error(f"<{self.name}> holds several lines; give one number")
         value = self.as_number(self.text)
@@ -114,7 +114,7 @@ class Element:
         return value * self.factor(own_unit, unit)
 
     def factor(self, own_unit: str, unit: str) -> float:
-        """What a value in its own unit is multiplied by."""
+        """Return the factor from its own unit to another."""
         if (own_unit, unit) in _FACTORS:
             return _FACTORS[own_unit, unit]
         if (unit, own_unit) in _FACTORS:
@@ -136,7 +136,7 @@ class Element:
         return default if child is None else child.number(unit)
 
     def vector(self, unit: str) -> np.ndarray:
-        """Its children x, y, z (or roll, pitch, yaw) as (3,) numbers; 0 for what it lacks."""
+        """Return its children x, y, z (or roll, pitch, yaw) as (3,) numbers; 0 for missing ones."""
         own_unit = self.attributes.get("unit", "") or unit
         factor = 1.0 if own_unit == unit else self.factor(own_unit, unit)
         numbers = []
@@ -181,7 +181,7 @@ _FACTORS = {
 
 
 def number_of(text: str) -> float | None:
-    """A text as a number, as C reads it; None where it is none."""
+    """Return a text as a number, in the format of C; None where it is not a number."""
     try:
         return None if "_" in text else float(text)
     except ValueError:
@@ -189,8 +189,8 @@ def number_of(text: str) -> float | None:
 
 
 def parsed(text: bytes, file: str) -> Element:
-    """The root element of an XML text. BadInputError where it is none, or where it declares an
-    entity that is more than a short text: nothing grows, nothing is fetched."""
+    """Return the root element of an XML text. BadInputError where it is not XML, or declares an
+    entity other than a short text; no entity is expanded or fetched."""
     parser = xml.parsers.expat.ParserCreate()
     parser.SetParamEntityParsing(xml.parsers.expat.XML_PARAM_ENTITY_PARSING_NEVER)
     open_elements: list[Element] = []
@@ -295,7 +295,7 @@ class Folders:
         return self.read(self._found(element, name)).take() if name else element
 
     def merged(self, element: Element) -> Element:
-        """The element with what the file that it names holds before its own children
+        """Return the element with the content of the file that it names before its own children
         (`FGModel::Upload`)."""
         document = self.opened(element)
         if document is element:
