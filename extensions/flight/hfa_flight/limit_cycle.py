@@ -131,7 +131,7 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
     off_line = values - values.mean()
     off_line = off_line - np.polyval(np.polyfit(times, off_line, 1), times)
     for _ in range(_ROUNDS):
-        crossings = np.flatnonzero(np.diff(np.signbit(off_line)))
+        crossings = np.flatnonzero(np.diff(off_line < 0.0))
         if len(crossings) < CROSSINGS:
             return None
         before = off_line[crossings]

@@ -21,7 +21,14 @@ from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.nonlinearity import Nonlinearity, nonlinearity
 from hfa_policy.outcomes import Outcome, Place, ends_from_trim, fly_places, start_box
-from hfa_policy.reach import HORIZON, Reach, reach_of, seconds_to_converge
+from hfa_policy.reach import (
+    HORIZON,
+    OwnMode,
+    Reach,
+    left_alone,
+    reach_of,
+    seconds_to_converge,
+)
 from hfa_policy.rough_flights import RoughFlights
 from hfa_policy.sampled_loop import Chain, Delays, Margins, chain_of, delays, margins
 from hfa_support.errors import NoSolutionError
@@ -67,6 +74,7 @@ class AssessedPoint(Result):
         "nonlinearity flights disturbed findings best? rough?"
     )
 
+    deployed: Deployed
     point: OperatingPoint
     place: Place
     radius: float
@@ -79,6 +87,22 @@ class AssessedPoint(Result):
     findings: tuple[str, ...]
     best: BestCosts | None = None
     rough: RoughFlights | None = None
+    slowest: complex = math.nan
+
+    @property
+    def own_mode(self) -> OwnMode | None:
+        """The mode of the aircraft out of reach that grows most, else the slowest of the loop where
+        the policy leaves it as it is and flights do not converge; None where neither is."""
+        reach = self.place.reach
+        if reach is None:
+            return None
+        if reach.own:
+            return max(reach.own, key=lambda mode: mode.growth)
+        converges = self.flights is None or self.flights.returned == self.flights.starts
+        is_saturated = bool(reach.loop.clips)
+        if is_saturated or (self.holds and converges):
+            return None
+        return left_alone(self.deployed, reach.loop, self.slowest, self.deployed.deployment.dt)
 
     @property
     def equilibrium(self) -> Equilibrium | None:
@@ -260,6 +284,7 @@ class Assessor:
         equilibrium = place.equilibrium
         findings: list[str] = []
         radius = math.nan
+        slowest: complex = math.nan
         loop_margins: Margins | None = None
         cost: CostLost | None = None
         off_slope: Nonlinearity | None = None
@@ -267,7 +292,8 @@ class Assessor:
             findings.append("there is no equilibrium near the trim")
         else:
             chain = self._chain(place.reach)
-            radius = chain.radius
+            slowest = chain.slowest
+            radius = abs(slowest)
             findings += equilibrium_findings(equilibrium, place.reach)
             off_slope = nonlinearity(self.deployed, place.point, equilibrium, place.box)
             if radius < 1.0:
@@ -281,6 +307,8 @@ class Assessor:
                 findings += [lost] if isinstance(lost, str) else []
         findings += flight_findings(radius, flown, pushed)
         return AssessedPoint(
+            deployed=self.deployed,
+            slowest=slowest,
             point=place.point,
             place=place,
             radius=radius,
@@ -324,7 +352,7 @@ def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
     if equilibrium.clipped_observations:
         names = ", ".join(equilibrium.clipped_observations)
         findings.append(f"the normalizer clips {names} at the equilibrium")
-    findings += reach.own
+    findings += [f"{mode.why} the aircraft's own mode {mode.name}" for mode in reach.own]
     if not reach.judged.all():
         findings.append(f"convergence is judged by the states within reach: {reach.states}")
     if equilibrium.kinks:

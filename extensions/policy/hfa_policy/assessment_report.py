@@ -124,16 +124,17 @@ class Assessment(Result, Reported):
         verdicts = [holding, self._leaving_roughly()]
         if self.holds:
             verdicts.reverse()
-        bad = [self._mistaken(), *verdicts, *self.unmet, self._changed()]
+        bad = [*filter(None, [self._mistaken(), *verdicts, *self.unmet, self._changed()])]
         flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
         costs = [self._flown_costs(), self._costing()]
         loop = [self._saturating(), self._delaying(), self._offset(), *costs]
+        own = self._leaving_alone()
         flown += [sentence for rough in self._rough[:1] for sentence in rough.left_out]
         if not self.ok:
-            return [*filter(None, [*bad, *flown, *loop])]
+            return [*filter(None, [bad[0], own, *bad[1:], *flown, *loop])]
         rough = "every flight with {} stays inside the envelope".format
         roughly = [rough(flown.disturbed_by) for flown in self._rough[:1]]
-        return [*filter(None, [holding, loop[1], *flown, *roughly, loop[0], *loop[2:]])]
+        return [*filter(None, [holding, own, loop[1], *flown, *roughly, loop[0], *loop[2:]])]
 
     @property
     def first_line(self) -> str:
@@ -201,6 +202,20 @@ class Assessment(Result, Reported):
         total = sum(flown.flights for flown in self._rough)
         flights = f"{count} of {total} flights with {self._rough[0].disturbed_by}"
         return f"{flights} leave the envelope ({departure_text(first)})"
+
+    def _leaving_alone(self) -> str:
+        """Which slow mode of the aircraft the policy leaves as it is; not one that decays where it
+        holds."""
+        found = [(point.own_mode, point) for point in self.points]
+        modes = [(mode, point) for mode, point in found if mode is not None]
+        if not modes:
+            return ""
+        mode, point = max(modes, key=lambda pair: pair[0].growth)
+        if point.holds and mode.growth < 0.0:
+            return ""
+        if mode.why:
+            return f"not judged: {mode.name}"
+        return f"leaves {mode.name} as it is"
 
     def _departing(self) -> str:
         """How many flights leave the envelope, and the state and limit of the first."""

@@ -23,8 +23,22 @@ _MOVES = 0.05
 _SHOWS = 0.05
 #: A state belongs to the modes that take so large a part in it.
 _MOST = 0.5
+#: A policy leaves a mode as it is where it moves the eigenvalue by so small a part.
+_SAME = 0.1
 #: Condition of the eigenvectors beyond which modes are not told apart.
 _DEFECTIVE = 1e10
+
+
+class OwnMode(NamedTuple):
+    """A slow mode of the aircraft, which a deployment leaves as it is.
+
+    name: of the mode, with its time to half or to double. growth: 1/s, real part of its eigenvalue.
+    why: it is out of reach; "" for a mode within reach.
+    """
+
+    name: str
+    growth: float
+    why: str = ""
 
 
 class Reach(NamedTuple):
@@ -32,13 +46,13 @@ class Reach(NamedTuple):
 
     judged: (k,), which linear states; all unless a slow mode is out of reach.
     loop: the equilibrium in coordinates of the modes within reach, (r); as it is where all are.
-    own: a sentence on each slow mode of the aircraft out of reach.
+    own: the slow modes of the aircraft out of reach.
     states: names of those that are judged.
     """
 
     judged: np.ndarray
     loop: Equilibrium
-    own: tuple[str, ...]
+    own: tuple[OwnMode, ...]
     states: str
 
 
@@ -79,8 +93,32 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
     basis = _real(values, right, ~own)
     inverse = np.linalg.inv(np.hstack([basis, _real(values, right, own)]))[: basis.shape[1]]
     loop = equilibrium.in_basis(basis, inverse)
-    sentences = _sentences(deployed, A, values[slow], unmoved[slow])
-    return Reach(judged, loop, sentences, ", ".join(names[judged]))
+    out_of_reach = [
+        mode._replace(why="no action moves" if by_actions else "no observation shows")
+        for value, by_actions in zip(values[slow], unmoved[slow], strict=True)
+        for mode in _own_modes(deployed, A, value)
+    ]
+    return Reach(judged, loop, tuple(dict.fromkeys(out_of_reach)), ", ".join(names[judged]))
+
+
+def left_alone(
+    deployed: Deployed, equilibrium: Equilibrium, slowest: complex, dt: float
+) -> OwnMode | None:
+    """Return the mode of the aircraft that the slowest mode of the sampled loop is, where it is
+    slow and the policy moves its eigenvalue by no more than a tenth; None where there is none.
+
+    slowest: the eigenvalue of the sampled loop of largest absolute value. dt: s.
+    """
+    if slowest == 0.0 or not np.isfinite(slowest):
+        return None
+    of_loop = complex(np.log(slowest)) / dt
+    values = np.linalg.eigvals(equilibrium.A)
+    nearest = complex(values[np.argmin(np.abs(values - of_loop))])
+    is_same = abs(of_loop - nearest) <= _SAME * abs(nearest)
+    if not is_same or abs(nearest.real) >= _SETTLES / HORIZON:
+        return None
+    modes = _own_modes(deployed, equilibrium.A, nearest)
+    return modes[0] if modes else None
 
 
 def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.ndarray:
@@ -99,24 +137,21 @@ def _real(values: np.ndarray, vectors: np.ndarray, chosen: np.ndarray) -> np.nda
     return np.hstack([real, pairs.real, pairs.imag])
 
 
-def _sentences(
-    deployed: Deployed, A: np.ndarray, slow: np.ndarray, unmoved: np.ndarray
-) -> tuple[str, ...]:
-    """Each slow mode out of reach with its time to half or to double. unmoved: by actions."""
+def _own_modes(deployed: Deployed, A: np.ndarray, value: complex) -> list[OwnMode]:
+    """The modes of the aircraft with this eigenvalue, with their times to half or to double."""
     model = deployed.model
-    sentences = []
+    found = []
     for mode in modes_of(A, model.linear, model.modes):
-        apart = np.abs(slow - mode.eigenvalue)
-        if apart.min() > 1e-6 * max(abs(mode.eigenvalue), 1e-9):
+        apart = min(abs(value - mode.eigenvalue), abs(value - np.conj(mode.eigenvalue)))
+        if apart > 1e-6 * max(abs(mode.eigenvalue), 1e-9):
             continue
-        out_of = "no action moves" if unmoved[np.argmin(apart)] else "no observation shows"
-        how = "is neutral"
+        how = "neutral"
         if math.isfinite(mode.time_to_half):
             how = f"halves in {mode.time_to_half:.3g} s"
         elif math.isfinite(mode.time_to_double):
             how = f"doubles in {mode.time_to_double:.3g} s"
-        sentences.append(f"{out_of} the aircraft's own mode {mode.name}, which {how}")
-    return tuple(sentences)
+        found.append(OwnMode(f"{mode.name} ({how})", mode.eigenvalue.real))
+    return found
 
 
 def seconds_to_converge(radius: float, dt: float) -> float:

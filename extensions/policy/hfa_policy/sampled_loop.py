@@ -52,13 +52,19 @@ class Chain(NamedTuple):
         return self.F + self.G @ self.C
 
     @property
-    def radius(self) -> float:
-        """The spectral radius of the closed loop; inf where its gains are too large to compute
-        with."""
+    def slowest(self) -> complex:
+        """The eigenvalue of the closed loop of largest absolute value; inf where its gains are too
+        large to compute with."""
         closed = self.closed
         if not np.isfinite(closed).all():
             return math.inf
-        return float(np.abs(np.linalg.eigvals(closed)).max())
+        values = np.linalg.eigvals(closed)
+        return complex(values[np.argmax(np.abs(values))])
+
+    @property
+    def radius(self) -> float:
+        """The spectral radius of the closed loop."""
+        return abs(self.slowest)
 
 
 def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

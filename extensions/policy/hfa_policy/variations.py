@@ -60,19 +60,36 @@ def changes_of(
 
     vary: parameter, or input that no action moves -> (lowest, highest).
 
-    BadInputError for another name, and for limits that are not two numbers in rising order.
+    BadInputError for another name, for limits that are not two numbers in rising order, and for
+    values beyond the limits of the model.
     """
     model = deployed.model
     inputs = [name for name in model.inputs if name not in deployed.commanded]
     changes = []
     for name, limits in vary.items():
-        refuse_unknown("cannot vary", name, (*model.parameters, *inputs))
+        refuse_unvaried(model, name, inputs)
         low, high = _lowest_and_highest(name, limits)
         values = np.linspace(low, high, VALUES).tolist()
         if name in model.inputs:
             _refuse_beyond(model, name, values)
+        else:
+            for value in values:
+                model.with_parameters(**{name: value})
         changes += [(name, value) for value in values]
     return changes
+
+
+def refuse_unvaried(model: Model, name: str, inputs: Sequence[str]) -> None:
+    """BadInputError unless the name is a parameter of the model or one of these inputs."""
+    if name in inputs:
+        return
+    if name in model.inputs:
+        raise BadInputError(f"cannot vary {name}: an action of the deployment file moves it")
+    if not model.parameters and not inputs:
+        raise BadInputError(
+            f"cannot vary {name!r}: {model.title} has no parameters, and no input is free"
+        )
+    refuse_unknown("cannot vary", name, (*model.parameters, *inputs))
 
 
 def variations(

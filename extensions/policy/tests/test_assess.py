@@ -377,7 +377,10 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
 @pytest.mark.parametrize(
     ("vary", "said"),
     [
-        ({"elevator": (0.0, 1.0)}, "cannot vary 'elevator'; choose from xcg"),
+        (
+            {"elevator": (0.0, 1.0)},
+            "cannot vary elevator: an action of the deployment file moves it",
+        ),
         ({"xcg": None}, r"vary\['xcg'\] is None; give \(lowest, highest\)"),
         ({"throttle": (0.0, 9.0)}, "throttle is 2.25; it lies between 0 and 1"),
     ],

@@ -78,11 +78,25 @@ def test_a_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, co
     rate = np.log(2.0) / doubles
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, rate]]
     exit_code, output, _ = assessed([[4.24, 2.8]], "--json", A=A, B=[[0.0], [1.0], [0.1]])
-    (point,) = json.loads(output)["points"]
+    data = json.loads(output)
     said = "no observation shows the aircraft's own mode"
-    sentences = [text for text in point["findings"] if text.startswith(said)]
+    sentences = [text for text in data["points"][0]["findings"] if text.startswith(said)]
     assert exit_code == code
-    assert [text.endswith("doubles in 150 s") for text in sentences] == [True] * (1 - code)
+    assert [text.endswith("(doubles in 150 s)") for text in sentences] == [True] * (1 - code)
+    assert ("not judged: x3 (doubles in 150 s)" in data["first_line"]) is (code == 0)
+
+
+def test_a_slow_mode_that_the_policy_leaves_is_named_in_the_first_line(folder, capsys):
+    """It fails by a mode that it observes and could move; one that it slows to a half is its own."""
+    A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, np.log(2.0) / 150.0]]
+    np.savez("plant.npz", A=A, B=[[0.0], [1.0], [0.1]])
+    for gain, said in ((0.0, "leaves x3 (doubles in 150 s) as it is"), (0.005, "")):
+        np.savez("K.npz", K=[[4.24, 2.8, gain]])
+        words = ["assess", "K.npz", "--model", "plant.npz", "--sample-time", "0.02", "--json"]
+        assert main(words) == 1
+        line = json.loads(capsys.readouterr().out)["first_line"]
+        assert line.startswith("FAIL on the linear plant: does not hold")
+        assert line.endswith(said)
 
 
 def test_a_gain_alone_is_assessed(folder, capsys):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,8 +63,10 @@ def _half_width(model: Model, name: str, text: str) -> float:
 
 
 def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
-    """Lowest and highest value of a parameter or an input."""
-    refuse_unknown("cannot vary", name, (*model.parameters, *model.inputs))
+    """Lowest and highest value of a parameter or an input; of an unknown name anything, which is
+    refused once the actions are known."""
+    if name not in (*model.parameters, *model.inputs):
+        return nan, nan
     return span(model, name, text)
 
 
