@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hfa_aircraft.layout import Layout
 from hfa_aircraft.signals import VECTORS
 from hfa_support.errors import BadInputError, refuse_unknown
+
+if TYPE_CHECKING:
+    from hfa_aircraft.layout import Layout
 
 
 def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:

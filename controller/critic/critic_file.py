@@ -13,9 +13,9 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic, from_parts
-from controller.game.array_file import UNKNOWN, read_arrays
+from controller.game.array_file import read_arrays
 from controller.game.basis import Basis, basis
-from controller.game.file_entries import file_scales, found_in
+from controller.game.file_entries import UNKNOWN, file_scales, found_in
 from controller.game.names import UNNAMED, PlantNames
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix
 from hfa_support.arguments import checks_arguments

@@ -17,17 +17,14 @@ import numpy as np
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import LARGEST, MATRIX_FILES, read_json, regular_file
 
-#: What an .npy file of another name holds.
-UNKNOWN = "the array"
-
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
     """Name -> array, of JSON as Python has it, of a structure a mapping. BadInputError, one line
     that names the file.
 
     .npy and .csv: a matrix under the name of the file, W.npy or P.csv; A.csv with B.csv and so on
-    beside it; of an .npy file of any other name under `UNKNOWN`. .csv: a first row and a first
-    column of words are names, with units as in "speed [ft/s]"."""
+    beside it; of an .npy file of any other name under `file_entries.UNKNOWN`. .csv: a first row and
+    a first column of words are names, with units as in "speed [ft/s]"."""
     suffix = Path(path).suffix.lower()
     if suffix not in _READERS:
         raise BadInputError(

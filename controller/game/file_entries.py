@@ -11,6 +11,9 @@ from controller.game.names import PlantNames
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.units import si_factor, si_unit
 
+#: The entry of a file that holds one array without a name.
+UNKNOWN = "the array"
+
 
 def found_in(stored: Mapping[str, Any]) -> str:
     """For a message: the names in a file."""

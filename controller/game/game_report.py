@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from controller.game.zero_sum import Game
+from typing import TYPE_CHECKING
+
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import matrix_table, numbered
+
+if TYPE_CHECKING:
+    from controller.game.zero_sum import Game
 
 #: Larger matrices are not shown.
 _MOST = 12

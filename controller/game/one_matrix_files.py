@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from controller.game.array_file import UNKNOWN
 from controller.game.csv_file import matrices_and_names
+from controller.game.file_entries import UNKNOWN
 from hfa_support.files import regular_file
 
 #: What they hold by their own names: a plant, in files beside A.csv, and a critic.

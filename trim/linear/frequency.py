@@ -13,7 +13,6 @@ from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text
-from trim.linear.linear_model import LinearModel
 from trim.linear.modes import spectrum
 from trim.linear.transfer import (
     ROUNDING,
@@ -25,6 +24,8 @@ from trim.linear.transfer import (
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from trim.linear.linear_model import LinearModel
 
 #: A Bode plot of more outputs cannot be read.
 _MOST_PANELS = 6

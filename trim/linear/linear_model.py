@@ -9,7 +9,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import positions
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
@@ -199,18 +199,6 @@ class LinearModel(ByValue, Result, Reported):
         from trim.linear.exchange import dataset
 
         return dataset(self)
-
-
-def positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
-    """Where the names stand among the known ones; None names all."""
-    chosen = known if names is None else names
-    positions = {name: index for index, name in enumerate(known)}
-    for index, name in enumerate(chosen):
-        if name not in positions:
-            refuse_unknown(f"unknown {what}", name, known)
-        if name in chosen[:index]:
-            raise BadInputError(f"{what} {name} is named twice; name it once")
-    return [positions[name] for name in chosen]
 
 
 @checks_arguments

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, degrees, matrix_table
-from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
 from trim.point.operating_point import at_scheduled
+
+if TYPE_CHECKING:
+    from trim.linear.linear_model import LinearModel
 
 #: Units of length.
 _LENGTHS = ("ft", "m", "km", "nmi", "mi", "in", "cm", "mm")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hfa_support.errors import BadInputError
-from trim.linear.linear_model import LinearModel, positions
+from hfa_support.errors import BadInputError, positions
+
+if TYPE_CHECKING:
+    from trim.linear.linear_model import LinearModel
 
 #: Condition number, in nominal units, from which a matrix counts as singular.
 _SINGULAR = 1e12

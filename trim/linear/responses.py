@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, refuse_unknown
-from trim.linear.linear_model import LinearModel, positions
+from hfa_support.errors import BadInputError, positions, refuse_unknown
 
 if TYPE_CHECKING:
     import control
+
+    from trim.linear.linear_model import LinearModel
 
 Names = str | tuple[str, ...] | list[str] | None
 

@@ -95,7 +95,7 @@ def check_critic(
     diagnosis = ""
     table = None
     if run is not None:
-        from verification.critic.history import rank_check, run_table, time_checks
+        from verification.critic.error_table import rank_check, run_table, time_checks
 
         table = run_table(game, run, exact)
         rank = rank_check(run)

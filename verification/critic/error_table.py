@@ -1,17 +1,28 @@
-"""Errors of a critic over time."""
+"""Errors of a critic over time, and what a training run shows of itself."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controller.game.basis import basis
 from controller.game.settling import settled_at
+from controller.game.zero_sum import Game
+from controller.riccati.gare import Solution
+from controller.riccati.normal_form import NormalForm
+from hfa_support.reporting.checks import Check, at_least, at_most
 from hfa_support.reporting.results import Result, Vector, plain
+from verification.critic.critic_errors import relative_error
 
+if TYPE_CHECKING:
+    from controller.game.training_run import TrainingRun
+
+#: Relative Riccati residual, in balanced units, below which a run counts as settled.
+SETTLED = 1e-9
 #: What is computed for each row of a table of critics, and the head of its column and curve.
 COLUMNS = {
     "P_rel_error": "error of P",
@@ -66,3 +77,36 @@ class ErrorTable(Result):
             return f"{what} stays within {self.limit:g} from {self.settling_time:.4g} s on"
         last = self.errors[self.decides][-1]
         return f"{what} ends at {last:.3g} and does not settle within {self.limit:g}"
+
+
+def run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
+    """The errors of P(t) of a training run, computed anew from its weights."""
+    psi = basis(run.basis, len(game.A))
+    values = np.array([psi.matrix(weights) for weights in run.weights])
+    form = NormalForm.of(game)
+    residuals = form.relative_residual(form.of_value(values))
+    errors = {
+        "riccati_residual": residuals,
+        "P_rel_error": np.array([relative_error(P, exact.P) for P in values]),
+    }
+    promised = run.settings.get("predefined_time")
+    return ErrorTable(run.times, errors, "riccati_residual", SETTLED, promised)
+
+
+def rank_check(run: TrainingRun) -> Check:
+    """Whether the data of a run determine its weights."""
+    rank = run.excitation
+    poor = (
+        f"the data have rank {rank.rank} of {rank.size}: whatever their residual, they do not "
+        "determine the weights"
+    )
+    return at_least("data_rank", rank.rank, rank.size, poor, kind="data")
+
+
+def time_checks(table: ErrorTable) -> list[Check]:
+    """The settling time of a history or a run that promises one."""
+    promised = table.predefined_time
+    if promised is None:
+        return []
+    reason = f"{table.sentence}; T_w is {promised:g} s"
+    return [at_most("settling_time", table.settling_time, promised, reason, kind="data")]

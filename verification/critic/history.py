@@ -10,26 +10,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.game.basis import basis
 from controller.game.zero_sum import Game
-from controller.riccati.gare import Solution
 from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress, told
-from hfa_support.reporting.checks import Check, at_least, at_most
 from hfa_support.reporting.text import Table
 from verification.critic.critic_check import check_critic
-from verification.critic.critic_errors import critic_errors, relative_error
-from verification.critic.error_table import COLUMNS, ErrorTable
+from verification.critic.critic_errors import critic_errors
+from verification.critic.error_table import COLUMNS, ErrorTable, time_checks
 from verification.critic.scope import LIMIT, Scope
 from verification.critic.verdict import Details, Section, Verdict, shown_number
 
 if TYPE_CHECKING:
-    from controller.game.training_run import TrainingRun
+    pass
 
-#: Relative Riccati residual, in balanced units, below which a run counts as settled.
-SETTLED = 1e-9
 #: Rows of the table in a report. Files have all.
 _TIMES = 9
 
@@ -96,36 +91,3 @@ def _residual(game: Game, P: np.ndarray) -> float:
     """The relative Riccati residual of P in balanced units."""
     form = NormalForm.of(game)
     return float(form.relative_residual(form.of_value(P)))
-
-
-def run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
-    """The errors of P(t) of a training run, computed anew from its weights."""
-    psi = basis(run.basis, len(game.A))
-    values = np.array([psi.matrix(weights) for weights in run.weights])
-    form = NormalForm.of(game)
-    residuals = form.relative_residual(form.of_value(values))
-    errors = {
-        "riccati_residual": residuals,
-        "P_rel_error": np.array([relative_error(P, exact.P) for P in values]),
-    }
-    promised = run.settings.get("predefined_time")
-    return ErrorTable(run.times, errors, "riccati_residual", SETTLED, promised)
-
-
-def rank_check(run: TrainingRun) -> Check:
-    """Whether the data of a run determine its weights."""
-    rank = run.excitation
-    poor = (
-        f"the data have rank {rank.rank} of {rank.size}: whatever their residual, they do not "
-        "determine the weights"
-    )
-    return at_least("data_rank", rank.rank, rank.size, poor, kind="data")
-
-
-def time_checks(table: ErrorTable) -> list[Check]:
-    """The settling time of a history or a run that promises one."""
-    promised = table.predefined_time
-    if promised is None:
-        return []
-    reason = f"{table.sentence}; T_w is {promised:g} s"
-    return [at_most("settling_time", table.settling_time, promised, reason, kind="data")]

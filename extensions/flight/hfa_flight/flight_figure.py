@@ -9,8 +9,6 @@ import numpy as np
 from hfa_flight.air import ALPHA, ANGLE_OF_ATTACK, UPDRAFT, flown_through_air
 from hfa_flight.envelope import limits_text
 from hfa_flight.gust_equations import in_gusts
-from hfa_flight.nonlinear_flight import Flight
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit, shown_values
 
@@ -18,12 +16,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from hfa_flight.nonlinear_flight import Flight
+
 #: A legend beside no curve: on the upper edge of its axes.
 _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
 _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
 
 
-@checks_arguments
 def flight_figure(result: Flight, title: str) -> Figure:
     """The picture of a flight over time on a figure of its own, as `drawn_flight` draws it."""
     return drawn_flight(new_figure(10.0, 2.1), result, title)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_flight.nonlinear_flight import Flight
 from hfa_support.errors import refuse_unknown
+
+if TYPE_CHECKING:
+    from hfa_flight.nonlinear_flight import Flight
 
 
 def series(flight: Flight, name: str) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -10,7 +11,9 @@ import numpy as np
 from hfa_flight.export.c_code import c_function
 from hfa_flight.export.c_text import comment_lines, filled, positions, units_of
 from hfa_flight.export.exported_loop import Channel, ExportedLoop
-from hfa_policy.flown import DeployedPolicy
+
+if TYPE_CHECKING:
+    from hfa_policy.flown import DeployedPolicy
 
 #: Of a policy that takes the observations of several samples.
 _MORE = """,

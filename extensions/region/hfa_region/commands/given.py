@@ -110,7 +110,7 @@ def _given_trim(
 
 def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
     """K, and what of the policy is not linear."""
-    from hfa_region.commands.region import loop_of
+    from hfa_region.commands.policy import loop_of
 
     _, K, _, policy = loop_of(request)
     option = "the game" if request.weights is None else f"--weights {request.weights}"

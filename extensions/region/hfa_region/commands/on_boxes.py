@@ -11,13 +11,12 @@ from controller.critic.critic import symbols_for
 from hfa_boxes.commands.region import ProvedPolicy, check, prove
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
-from hfa_region.commands.region import RegionRequest
 from hfa_support.errors import BadInputError, said_of
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
-    from hfa_proof.commands.check import CheckRequest
+    from hfa_region.commands.region import RegionRequest
 
 #: Options of the other prover.
 _OF_SQUARES = ("degree", "disturbance", "resume", "picture")
@@ -35,13 +34,8 @@ def prove_on_boxes(request: RegionRequest) -> int:
     return prove(request, linear, tried, request.seconds)
 
 
-def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
+def checked_on_boxes(request: RegionRequest, certificate: Path) -> int:
     """Verify the certificate of a region that is proved on boxes; the exit code."""
-    if not isinstance(request, RegionRequest) or (request.weights or request.policy) is None:
-        raise BadInputError(
-            f"{certificate}: is about a network; give it by `hfa prove region --weights NETWORK "
-            "--check FILE` or `--policy CARD.toml`, with the options of its proof"
-        )
     linear, policy, _ = _policy_of(request)
     return check(request, certificate, linear, policy, request.model if request.own else None)
 

@@ -10,10 +10,13 @@ import casadi as ca
 import numpy as np
 
 from hfa_region.check.statement import HIGHEST_POLICY, Terms
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, NoSolutionError, said_of
+from trim.linear.linear_model import LinearModel, linearize
 
 if TYPE_CHECKING:
     from controller.critic.critic import Critic
+    from hfa_proof.commands.check import CheckRequest
+    from hfa_region.commands.region import RegionRequest
 
 #: Points at which the polynomials are compared with the policy, and by how much they may differ.
 _POINTS = 200
@@ -86,3 +89,35 @@ def _check_same(u: ca.Function, terms: Terms) -> None:
         )
     if any(not any(powers) for _, powers in terms):
         raise BadInputError("its policy is not 0 at the trim; leave the linear terms of V out")
+
+
+def loop_of(
+    request: CheckRequest | RegionRequest,
+) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
+    """The linear model at the trim, K, P of the game where it has been solved, and what of the
+    policy is not linear."""
+    if request.basis is not None and request.weights is None:
+        raise BadInputError("--basis is of the W of --weights; add that or leave it out")
+    if not request.model.inputs:
+        aircraft = request.flown_aircraft()
+        linear = linearize(aircraft, request.operating_point(aircraft))
+        return linear, np.zeros((0, len(linear.states))), None, {}
+    named = request.game()
+    assert named.linear is not None
+    if request.weights is not None:
+        from controller.critic.critic_file import Reading, critic_in
+
+        with said_of(request.weights):
+            critic = critic_in(request.weights, named.game, Reading(request.basis))
+            policy = policy_terms(critic, named.linear.inputs)
+        return named.linear, critic.K, critic.P, policy
+    from controller.riccati.gare import solve_game
+
+    try:
+        solution = solve_game(named.game)
+    except NoSolutionError as error:
+        raise NoSolutionError(
+            f"the game of the linear model has no solution ({error}), so that there is no loop;"
+            " an equilibrium whose linearization is not Hurwitz is not covered"
+        ) from error
+    return named.linear, solution.K, solution.P, {}

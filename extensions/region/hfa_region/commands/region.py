@@ -19,13 +19,14 @@ from hfa.options.request import OfModel, option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, print_report, show
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown, said_of
+from hfa_region.commands.policy import loop_of
+from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import forget_read
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
     from hfa_proof.commands.check import CheckRequest
-    from hfa_region.check.statement import SaturatedLoop, Terms
+    from hfa_region.check.statement import SaturatedLoop
     from hfa_region.search.function import PolynomialFunction
 
 #: What changes nothing beside a certificate.
@@ -139,10 +140,20 @@ def _checked(request: RegionRequest, certificate: Path) -> int:
     from hfa_proof.checker.checker import kind_of
 
     if kind_of(certificate) == KIND:
-        from hfa_region.commands.on_boxes import check_on_boxes
-
         return check_on_boxes(request, certificate)
     return check(request, certificate)
+
+
+def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
+    """Verify the certificate of a region that is proved on boxes; the exit code."""
+    from hfa_region.commands.on_boxes import checked_on_boxes
+
+    if not isinstance(request, RegionRequest) or (request.weights or request.policy) is None:
+        raise BadInputError(
+            f"{certificate}: is about a network; give it by `hfa prove region --weights NETWORK "
+            "--check FILE` or `--policy CARD.toml`, with the options of its proof"
+        )
+    return checked_on_boxes(request, certificate)
 
 
 def _prove(request: RegionRequest) -> int:
@@ -185,39 +196,6 @@ def _prove(request: RegionRequest) -> int:
         save_figure(figure, request.picture, request.provenance.text())
     print_report(region_report(found), request)
     return 0
-
-
-def loop_of(
-    request: CheckRequest | RegionRequest,
-) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
-    """The linear model at the trim, K, P of the game where it has been solved, and what of the
-    policy is not linear."""
-    if request.basis is not None and request.weights is None:
-        raise BadInputError("--basis is of the W of --weights; add that or leave it out")
-    if not request.model.inputs:
-        aircraft = request.flown_aircraft()
-        linear = linearize(aircraft, request.operating_point(aircraft))
-        return linear, np.zeros((0, len(linear.states))), None, {}
-    named = request.game()
-    assert named.linear is not None
-    if request.weights is not None:
-        from controller.critic.critic_file import Reading, critic_in
-        from hfa_region.commands.policy import policy_terms
-
-        with said_of(request.weights):
-            critic = critic_in(request.weights, named.game, Reading(request.basis))
-            policy = policy_terms(critic, named.linear.inputs)
-        return named.linear, critic.K, critic.P, policy
-    from controller.riccati.gare import solve_game
-
-    try:
-        solution = solve_game(named.game)
-    except NoSolutionError as error:
-        raise NoSolutionError(
-            f"the game of the linear model has no solution ({error}), so that there is no loop;"
-            " an equilibrium whose linearization is not Hurwitz is not covered"
-        ) from error
-    return named.linear, solution.K, solution.P, {}
 
 
 def _box(linear: LinearModel) -> np.ndarray | None:
