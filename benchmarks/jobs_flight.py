@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.report import FOLDER, Limit, Row, in_turn
 from controller.game.basis import basis
-from controller.hfa_game import published_game
+from controller.hfa_files import published_game
 from controller.riccati.gare import solve_game
 from hfa_flight.closed_loop import ClosedLoop, LinearPlant
 from hfa_flight.scenario import Scenario

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.report import Limit, Row, in_turn, shortest
-from controller.hfa_game import published_game
+from controller.hfa_files import published_game
 from controller.riccati.game_batch import solve_games
 from hfa.paper import default_parameters
 from hfa_aircraft.loading import load_model

@@ -20,7 +20,7 @@ import numpy as np
 import hfa
 from benchmarks.jobs_flight import STEP, FlightCase
 from benchmarks.report import Comparison, Limit, Row, Size, in_turn, value_text
-from controller.hfa_game import published_game
+from controller.hfa_files import published_game
 from controller.riccati.gare import solve_game
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.monte_carlo import MonteCarlo, fly_member

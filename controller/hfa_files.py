@@ -1,21 +1,58 @@
-"""Plants in users' files that may be the aircraft's: what they do not say is the paper's."""
+"""Plants of the user's, in arrays and files, on which the game is the paper's."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from controller.game.file_entries import file_scales
-from controller.game.names import PlantNames
+from controller.game.names import UNNAMED, PlantNames
 from controller.game.user_files import Defaults, stored_game
 from controller.game.zero_sum import Game
+from controller.hfa_game import paper_game, plant_names
 from hfa_model.published_data import published_data
-from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
+from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError, refuse_unknown
+
+if TYPE_CHECKING:
+    from trim.linear.linear_model import LinearModel
+
+
+@checks_arguments
+def published_game(
+    A: LinearModel | np.ndarray, B: np.ndarray | None = None, **changes: Any
+) -> Game:
+    """The game of paper Section 5.1 on (A, B) or on a linear model: its Q, R, delta and E = I.
+
+    A: (n, n), or a linear model
+    B: (n, m), where A is a matrix
+    changes: of Q, R, delta, E
+
+    A linear model with more than the paper's six states has weight 0
+    and no disturbance on the others; with anything else than six states and five inputs Q and R
+    must be given. Of a linear model in SI units it is the same game: Q, R and E are converted.
+
+    >>> import hfa
+    >>> model = hfa.paper.level_model(hfa.aircraft(), 0.2)
+    >>> hfa.paper.published_game(model, delta=250.0).R.diagonal().tolist()
+    [100.0, 400.0, 400.0, 400.0, 50.0]
+    """
+    for name in changes:
+        refuse_unknown("a game has no", name, ("Q", "R", "delta", "E"))
+    if B is None:
+        if not hasattr(A, "point"):
+            raise BadInputError("B is missing; give A and B, or a linear model")
+        linear: Any = A
+        return paper_game(linear.A, linear.B, plant_names(linear), linear.point.model, changes)
+    names = UNNAMED
+    if np.shape(B) == (len(LINEAR_STATES), len(INPUTS)):
+        names = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS, tuple(INPUT_UNITS))
+    return paper_game(A, B, names, None, changes)
 
 
 @checks_arguments

@@ -6,14 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.names import UNNAMED, PlantNames, names_of_linear
+from controller.game.names import PlantNames, names_of_linear
 from controller.game.weights import nominal_weights
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_aircraft.model import Model
 from hfa_model.published_data import published_data
-from hfa_model.vectors import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
-from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.units import si_factor
 from trim.point.operating_point import at_scheduled
 
@@ -23,38 +21,6 @@ if TYPE_CHECKING:
 #: Half widths of the box of ordinary deviations of the aircraft: ft/s, rad and rad/s, in the order
 #: of `LINEAR_STATES`; the size of the commands of Section 5.1, less for the dihedral.
 ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
-
-
-@checks_arguments
-def published_game(
-    A: LinearModel | np.ndarray, B: np.ndarray | None = None, **changes: Any
-) -> Game:
-    """The game of paper Section 5.1 on (A, B) or on a linear model: its Q, R, delta and E = I.
-
-    A: (n, n), or a linear model
-    B: (n, m), where A is a matrix
-    changes: of Q, R, delta, E
-
-    A linear model with more than the paper's six states has weight 0
-    and no disturbance on the others; with anything else than six states and five inputs Q and R
-    must be given. Of a linear model in SI units it is the same game: Q, R and E are converted.
-
-    >>> import hfa
-    >>> model = hfa.paper.level_model(hfa.aircraft(), 0.2)
-    >>> hfa.paper.published_game(model, delta=250.0).R.diagonal().tolist()
-    [100.0, 400.0, 400.0, 400.0, 50.0]
-    """
-    for name in changes:
-        refuse_unknown("a game has no", name, ("Q", "R", "delta", "E"))
-    if B is None:
-        if not hasattr(A, "point"):
-            raise BadInputError("B is missing; give A and B, or a linear model")
-        linear: Any = A
-        return _published_game(linear.A, linear.B, plant_names(linear), linear.point.model, changes)
-    names = UNNAMED
-    if np.shape(B) == (len(LINEAR_STATES), len(INPUTS)):
-        names = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS, tuple(INPUT_UNITS))
-    return _published_game(A, B, names, None, changes)
 
 
 def plant_names(linear: LinearModel) -> PlantNames:
@@ -71,7 +37,7 @@ def _is_flexible(model: Model) -> bool:
     return set(LINEAR_STATES) <= set(model.linear) and tuple(model.inputs) == INPUTS
 
 
-def _published_game(
+def paper_game(
     A: Any, B: Any, names: PlantNames, model: Model | None, changes: dict[str, Any]
 ) -> Game:
     """The game of the paper on (A, B), in the units of the model, with its changes."""
@@ -95,20 +61,23 @@ def _published_game(
     return Game(A=A, B=B, names=names, **(parts | changes))
 
 
-def usual_game(model: Model, A: np.ndarray, B: np.ndarray, **changes: Any) -> Game:
+def usual_game(
+    model: Model, A: np.ndarray, B: np.ndarray, names: PlantNames | None = None, **changes: Any
+) -> Game:
     """The game on (A, B) of a model where nothing else is asked for.
 
     Of a model with the aircraft's states and inputs the paper's; else 1/nominal² on the diagonals
-    of Q and R, and delta inf (no disturbance). changes: of Q, R, delta.
+    of Q and R, and delta inf (no disturbance). names: of the plant, unless given those of the
+    model. changes: of Q, R, delta.
     """
-    names = PlantNames(
+    names = names or PlantNames(
         model.linear,
         tuple(model.inputs),
         model.units(model.linear),
         model.units(tuple(model.inputs)),
     )
     if _is_flexible(model):
-        return _published_game(A, B, names, model, changes)
+        return paper_game(A, B, names, model, changes)
     parts: dict[str, Any] = {
         "E": np.eye(len(A)),
         "Q": nominal_weights(model, model.linear),

@@ -41,16 +41,10 @@ _FOR_PROGRAMMERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns 0 done, 1 a check failed or no solution exists, 2 bad usage or
     input."""
-    return _reported(list(sys.argv[1:] if argv is None else argv), _named_command)
+    return reported(list(sys.argv[1:] if argv is None else argv), _named_command)
 
 
-def run_alone(command: Command, program: str, argv: Sequence[str] | None = None) -> int:
-    """Run a command as a separate program; return its exit code, like `main`."""
-    words = list(sys.argv[1:] if argv is None else argv)
-    return _reported(words, lambda words: (command, program, words))
-
-
-def _reported(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[str]]]) -> int:
+def reported(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[str]]]) -> int:
     """Run the command that the words name, and say in a line what went wrong; the exit code.
 
     find: the words -> the command, how it is called, the words of its options."""

@@ -3,7 +3,6 @@ symbolically."""
 
 from .declaration import (
     is_hfa as is_hfa,
-    loads as loads,
     parameters_of as parameters_of,
     variant_of as variant_of,
 )
@@ -11,6 +10,7 @@ from .parameter_files import save_parameters as save_parameters
 from .parameter_samples import sample_parameters as sample_parameters
 from .parameters import Parameters as Parameters, load_parameters as load_parameters
 from .printed_matrices import published_models as published_models
+from .trim_loads import loads as loads
 from .variants import VARIANTS as VARIANTS
 from .vectors import (
     DEGREE as DEGREE,

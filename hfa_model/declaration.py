@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.native_units import native_of, native_values
+from hfa_aircraft.native_units import native_of
 from hfa_aircraft.signals import Signal
-from hfa_model.aerodynamics import Loads, aircraft_loads
-from hfa_model.atmosphere import density, refuse_beyond_the_atmosphere
+from hfa_model.atmosphere import refuse_beyond_the_atmosphere
 from hfa_model.kinematics import DISTURBANCES, winds_named
 from hfa_model.outputs import OUTPUTS, moment_of, outputs_of
 from hfa_model.parameters import FIELDS, Parameters
@@ -23,19 +22,14 @@ from hfa_model.published_data import published_data
 from hfa_model.variants import VARIANTS, Variant, variant_named
 from hfa_model.vectors import (
     INPUT_SIGNALS,
-    INPUTS,
     LINEAR_STATES,
     STATE_SIGNALS,
     STATES,
-    Input,
     State,
 )
 from hfa_support.errors import BadInputError
-from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from hfa_support.reporting.report import Report
 
 
@@ -200,32 +194,3 @@ def variant_of(model: Model) -> Variant:
     """The variant of the equations of a model for which `is_hfa` holds."""
     equations: Equations = native_of(model).equations  # type: ignore[assignment]
     return equations.variant
-
-
-def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
-    """Forces and moments on the aircraft and its panels: lbf and ft lbf, or N and N m in SI.
-
-    model: for which `is_hfa` holds
-    x: (7,), in the order of `STATES`, in the units of the model
-    u: (5,), in the order of `INPUTS`, in the units of the model
-
-    BadInputError when the state is out of range (`check_in_range`).
-    """
-    native = native_of(model)
-    state = State(*native_values(model, STATES, x).tolist())
-    control = Input(*native_values(model, INPUTS, u).tolist())
-    check_in_range(state)
-    air = density(state.altitude)
-    in_lbf = aircraft_loads(state, control, air, parameters_of(native), variant_of(native))
-    return in_lbf if native is model else _loads_in_si(in_lbf)
-
-
-def _loads_in_si(loads: Any) -> Any:
-    """`Loads` or the loads of a panel, in N and N m."""
-    converted = {}
-    for name, value in loads._asdict().items():
-        if isinstance(value, tuple):
-            converted[name] = _loads_in_si(value)
-        else:
-            converted[name] = value * si_factor("ft lbf" if name.endswith("moment") else "lbf")
-    return loads._replace(**converted)

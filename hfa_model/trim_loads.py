@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hfa_aircraft.native_units import in_units_of, native_values, unit_of
-from hfa_model.aerodynamics import Loads, PanelLoads
+from hfa_aircraft.model import Model
+from hfa_aircraft.native_units import in_units_of, native_of, native_values, unit_of
+from hfa_model.aerodynamics import Loads, PanelLoads, aircraft_loads
 from hfa_model.atmosphere import density, speed_of_sound
-from hfa_model.declaration import loads as loads_at, parameters_of
+from hfa_model.declaration import check_in_range, parameters_of, variant_of
+from hfa_model.vectors import INPUTS, STATES, Input, State
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, four_decimals, short_number, shown_unit
+from hfa_support.units import si_factor
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 #: Name -> unit, and how the table calls what it shows. The coefficients are C_L = L / (q S) and C_D
 #: = D / (q S) of the whole aircraft, tails included, q = ρ V² / 2, S = 3 s c the wing without
@@ -53,16 +59,47 @@ class TrimLoads(Result):
     performance_units: Mapping[str, str]
 
 
+def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
+    """Forces and moments on the aircraft and its panels: lbf and ft lbf, or N and N m in SI.
+
+    model: for which `is_hfa` holds
+    x: (7,), in the order of `STATES`, in the units of the model
+    u: (5,), in the order of `INPUTS`, in the units of the model
+
+    BadInputError when the state is out of range (`check_in_range`).
+    """
+    native = native_of(model)
+    state = State(*native_values(model, STATES, x).tolist())
+    control = Input(*native_values(model, INPUTS, u).tolist())
+    check_in_range(state)
+    air = density(state.altitude)
+    in_lbf = aircraft_loads(state, control, air, parameters_of(native), variant_of(native))
+    return in_lbf if native is model else _loads_in_si(in_lbf)
+
+
+def _loads_in_si(loads: Any) -> Any:
+    """`Loads` or the loads of a panel, in N and N m."""
+    converted = {}
+    for name, value in loads._asdict().items():
+        if isinstance(value, tuple):
+            converted[name] = _loads_in_si(value)
+        else:
+            converted[name] = value * si_factor("ft lbf" if name.endswith("moment") else "lbf")
+    return loads._replace(**converted)
+
+
 def with_loads(point: Any, report: Report) -> Report:
     """The report of an operating point with the loads on the aircraft and its panels, and its
     performance."""
     aircraft = point.model
-    loads = loads_at(aircraft, point.states, point.inputs)
+    forces = loads(aircraft, point.states, point.inputs)
     numbers = performance(point)
-    flat = {name: getattr(loads, name) for name in Loads._fields if name not in ("center", "outer")}
+    flat = {
+        name: getattr(forces, name) for name in Loads._fields if name not in ("center", "outer")
+    }
     for panel in ("center", "outer"):
         flat |= {
-            f"{panel}_{name}": getattr(getattr(loads, panel), name) for name in PanelLoads._fields
+            f"{panel}_{name}": getattr(getattr(forces, panel), name) for name in PanelLoads._fields
         }
     force = unit_of(aircraft, "lbf")
     moment = unit_of(aircraft, "ft lbf")
@@ -75,7 +112,7 @@ def with_loads(point: Any, report: Report) -> Report:
     ]
     parts = (
         *report.parts,
-        _loads(loads, numbers, force, moment),
+        _loads(forces, numbers, force, moment),
         Table(("performance", "value", "unit"), rows),
     )
     found = TrimLoads(flat, load_units, numbers, units)
@@ -87,7 +124,7 @@ def performance(point: Any) -> dict[str, float]:
     aircraft = point.model
     parameters = parameters_of(aircraft)
     watched = aircraft.outputs_at(point.states, point.inputs, _WATCHED)
-    loads = loads_at(aircraft, point.states, point.inputs)
+    forces = loads(aircraft, point.states, point.inputs)
     wing_area = 3 * parameters.panel_span * parameters.chord
     force = watched["dynamic_pressure"] * wing_area
     altitude_ft = float(native_values(aircraft, ("altitude",), [point.states.altitude])[0])
@@ -98,9 +135,9 @@ def performance(point: Any) -> dict[str, float]:
         "density": in_units_of(aircraft, float(density(altitude_ft)), "slug/ft^3"),
         "speed_of_sound": sound,
         "mach": point.states.speed / sound,
-        "lift_coefficient": loads.lift / force,
-        "drag_coefficient": loads.drag / force,
-        "lift_over_drag": loads.lift / loads.drag,
+        "lift_coefficient": forces.lift / force,
+        "drag_coefficient": forces.drag / force,
+        "lift_over_drag": forces.lift / forces.drag,
     }
     return {name: found[name] for name in PERFORMANCE}
 

@@ -11,7 +11,7 @@ import stat
 import tempfile
 import time
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -177,15 +177,6 @@ def write_text(path: str | Path, text: str) -> None:
     """Write a UTF-8 text file whole or not at all."""
     with written_whole(path) as stream:
         stream.write(text.encode("utf-8"))
-
-
-def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write UTF-8 text files that belong together, name -> text, all or none, into a folder that is
-    made if need be."""
-    with all_or_none(folder):
-        for name, text in texts.items():
-            write_text(folder / name, text)
-    return [folder / name for name in texts]
 
 
 def regular_file(path: str | Path) -> Path:

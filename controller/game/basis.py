@@ -95,16 +95,6 @@ class Basis(Shown):
         s * W."""
         return np.prod(np.asarray(scales, dtype=float) ** self.exponents, axis=-1)
 
-    def weight_units(self, state_units: tuple[str, ...]) -> list[str]:
-        """Of each weight, V having none: 1/((ft/s) (rad))."""
-        units = []
-        for row in self.exponents.tolist():
-            factors: list[str] = []
-            for unit, power in zip(state_units, row, strict=True):
-                factors += power * [f"({unit})"]
-            units.append(f"1/({' '.join(factors)})")
-        return units
-
 
 @checks_arguments
 def basis(name: str, states: int) -> Basis:

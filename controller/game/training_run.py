@@ -99,10 +99,18 @@ class TrainingRun(Result, Reported):
 
     @property
     def weight_units(self) -> list[str]:
-        """Unit of each weight, where those of the states are known."""
-        if not any(self.names.state_units):
+        """Unit of each weight, V having none, where those of the states are known:
+        1/((ft/s) (rad))."""
+        state_units = self.names.state_units
+        if not any(state_units):
             return []
-        return basis(self.basis, self.K.shape[1]).weight_units(self.names.state_units)
+        units = []
+        for row in basis(self.basis, self.K.shape[1]).exponents.tolist():
+            factors: list[str] = []
+            for unit, power in zip(state_units, row, strict=True):
+                factors += power * [f"({unit})"]
+            units.append(f"1/({' '.join(factors)})")
+        return units
 
     @property
     def settling_time(self) -> float:

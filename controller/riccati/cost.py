@@ -9,59 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game
-from controller.riccati.balancing import is_hurwitz, spectrum
+from controller.riccati.balancing import spectrum
 from controller.riccati.frequency_response import bounded_real_gain
 from controller.riccati.gare import Solution
 from controller.riccati.normal_form import NormalForm
-from hfa_support.errors import NoSolutionError
-from hfa_support.reporting.checks import Check, at_most
 from hfa_support.reporting.results import Result
 
-COST_TOLERANCE = 1e-8
 #: An eigenvalue of P* below this part of the largest is that of a state that costs nothing.
 SIGNLESS = 1e-12
 #: Newton steps to the loss double their digits; from 0 they grow to it from below.
 MAX_STEPS = 100
 #: Relative change of the loss below which the Newton steps end.
 LOSS_TOLERANCE = 1e-10
-
-
-def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
-    """X with cost z0'X z0 of u = -K z, d = L z:  F'X + X F + Q + K'R K - δ² L'L = 0,  F = A - B K +
-    E L.
-
-    K: (m, n); L: (k, n); X: (n, n).  Raises NoSolutionError when F is not Hurwitz: the cost is not
-    finite."""
-    from scipy.linalg import solve_continuous_lyapunov
-
-    loop = game.A - game.B @ K + game.E @ L
-    abscissa = spectrum(loop).abscissa
-    if abscissa >= 0.0:
-        raise NoSolutionError(
-            f"A - B K + E L has abscissa {abscissa:+.4g} 1/s: the cost of these policies is"
-            " infinite"
-        )
-    cost = game.Q + K.T @ game.R @ K
-    if math.isfinite(game.delta):
-        cost = cost - game.delta**2 * L.T @ L
-    with warnings.catch_warnings(action="ignore"):  # of a loop near the axis; the cost is compared
-        X = solve_continuous_lyapunov(loop.T, -cost)
-    return (X + X.T) / 2.0
-
-
-def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
-    """The policies of P cost z0'P z0, by a Lyapunov equation. initial: z0, (n,)."""
-    K = game.gain(P)
-    L = game.disturbance_gain(P)
-    name = "cost_lyapunov"
-    if not is_hurwitz(game.A - game.B @ K + game.E @ L):
-        reason = "the policies of P do not bring the state to rest: their cost is not finite"
-        return at_most(name, math.inf, COST_TOLERANCE, reason)
-    cost = float(initial @ cost_matrix(game, K, L) @ initial)
-    claimed = float(initial @ P @ initial)
-    error = abs(cost - claimed) / max(abs(claimed), np.finfo(float).tiny)
-    reason = f"the policies of P cost {cost:.10g} where P claims {claimed:.10g}"
-    return at_most(name, error, COST_TOLERANCE, reason)
 
 
 @dataclass(frozen=True)

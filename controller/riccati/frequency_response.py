@@ -1,4 +1,4 @@
-"""The L2 gain of a closed loop, by two methods.
+"""The L2 gain of a closed loop, by its bounded-real Hamiltonian; `gain_sweep.py` has it by a sweep.
 
 Closed loop z' = (A - B K) z + E d, output y = (Q^½ z, R^½ u) with u = -K z; the gain is sup
 ‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The game promises a gain below δ.
@@ -7,7 +7,6 @@ Closed loop z' = (A - B K) z + E d, output y = (Q^½ z, R^½ u) with u = -K z; t
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,32 +14,13 @@ from controller.game.zero_sum import Game
 from controller.riccati.balancing import is_hurwitz, spectrum
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
-from hfa_support.reporting.checks import Check, at_most, below
 
 TOLERANCE = 1e-9
 #: A gain below this fraction of ‖C‖ ‖E‖ / ‖A - B K‖ is rounding: the disturbance does not reach the
 #: output.
 ZERO = 1e-12
-#: The sweep can only miss a peak, never exceed it; this is how much it may miss.
-SWEEP_TOLERANCE = 1e-6
-GRID_PER_DECADE = 60
-#: About a resonance the steps grow with the distance from its pole, up to a hundred of its widths.
-RESONANCE = np.linspace(-5.3, 5.3, 45)
-#: Frequencies that differ by a smaller part are one.
-_SAME = 1e-9
-#: Finer grids, each of so many points over two steps of the last: ten times finer, the last a
-#: billionth of the peak.
-REFINEMENTS = 8
-POINTS = 20
 #: A, E, Q.
 Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
-class SweptGain(NamedTuple):
-    """The largest gain met on the imaginary axis and the frequency (rad/s) where it is."""
-
-    gain: float
-    frequency: float
 
 
 def level_crossings(
@@ -113,62 +93,6 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
             break
         level = peak * (1.0 + TOLERANCE)
     return level if level > 10.0 * ZERO * typical else 0.0
-
-
-def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
-    """Largest σ_max(C (jω I - loop)⁻¹ E) on a logarithmic grid, then on finer ones.
-
-    inf when the loop is not Hurwitz.
-    """
-    poles = spectrum(loop)
-    if poles.abscissa >= 0.0:
-        return SweptGain(math.inf, float(abs(poles.eigenvalues[-1].imag)))
-    grid = frequency_grid(poles.eigenvalues)
-    for refinement in range(REFINEMENTS + 1):
-        gains = np.linalg.norm(C @ responses(loop, E, grid), ord=2, axis=(1, 2))
-        peak = int(np.argmax(gains))
-        if refinement < REFINEMENTS:
-            below_peak = grid[max(peak - 1, 0)]
-            above_peak = grid[min(peak + 1, len(grid) - 1)]
-            around = np.linspace(below_peak, above_peak, POINTS)
-            grid = np.unique(np.append(around, grid[peak]))
-    return SweptGain(float(gains[peak]), float(grid[peak]))
-
-
-def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
-    """The gain of the closed loop is below delta, and the two methods agree on it."""
-    gain = bounded_real_gain(game, K)
-    if math.isinf(gain):
-        reason = "A - B K is not Hurwitz: the closed loop has no finite L2 gain"
-        return (below("l2_gain", gain, game.delta, reason),)
-    swept = swept_gain(*closed_loop(game, K))
-    difference = abs(swept.gain - gain)
-    if gain > 0.0:
-        difference /= gain
-    too_large = f"the L2 gain {gain:.6g} of the closed loop is not below delta = {game.delta:.6g}"
-    apart = (
-        f"the sweep gives {swept.gain:.9g} at {swept.frequency:.4g} rad/s,"
-        f" the bounded-real lemma {gain:.9g}"
-    )
-    return (
-        below("l2_gain", gain, game.delta, too_large),
-        at_most("l2_gain_methods_agree", difference, SWEEP_TOLERANCE, apart),
-    )
-
-
-def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -> np.ndarray:
-    """0, a logarithmic grid over the moduli of the eigenvalues (two decades beyond), and finer ones
-    about each resonance, from its width on."""
-    moduli = np.abs(eigenvalues)
-    slowest = float(moduli[moduli > 0.0].min(initial=1.0))
-    fastest = float(moduli.max(initial=1.0))
-    decades = math.log10(fastest / slowest) + 4.0
-    grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * per_decade))
-    around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
-    resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
-    found = np.unique(np.concatenate([[0.0], grid, resonances]))
-    # Of frequencies that are equal but for rounding one stays: a peak lies between neighbours.
-    return found[np.append(True, np.diff(found) > _SAME * found[1:])]
 
 
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:

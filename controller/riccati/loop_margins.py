@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.frequency_response import frequency_grid
+from controller.riccati.gain_sweep import frequency_grid
 from controller.riccati.margins import ClosedLoop, disk_of, loop_at_inputs
 
 #: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding

@@ -12,7 +12,8 @@ from controller.game.zero_sum import Game
 from controller.riccati.certificate import Certified, certified_solution, reach_checks
 from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.existence import existence
-from controller.riccati.frequency_response import square_root, swept_gain, system_gain
+from controller.riccati.frequency_response import square_root, system_gain
+from controller.riccati.gain_sweep import swept_gain
 from controller.riccati.normal_form import RANK, NormalForm
 from controller.riccati.reach import loses_rank, not_decaying, on_axis
 from hfa_support.arguments import checks_arguments

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.cost import cost_check
-from controller.riccati.frequency_response import gain_checks
 from controller.riccati.gare import Solution, certified, solution_of
 from controller.riccati.loop_margins import LoopMargin, loop_margins
 from controller.riccati.margins import DiskMargin, disk_margin, disk_sizes
+from controller.riccati.meaning import meaning_checks
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of
 from hfa_support.arguments import checks_arguments
@@ -95,14 +94,6 @@ def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
         loops=loop_margins(balanced, K),
         disk=disk_margin(balanced, K),
     )
-
-
-def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
-    """The cost of the policies equals z0'P z0, and the L2 gain is below delta.
-
-    P: (n, n), exact or learned; initial z0: (n,).  With delta = inf (no disturbance) the gain is
-    not limited."""
-    return cost_check(game, P, initial), *gain_checks(game, game.gain(P))
 
 
 def solution_report(analysed: AnalysedGame) -> Report:

@@ -21,7 +21,6 @@ from hfa.options.request import option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
-from hfa_model.printed_matrices import published_models
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
 from hfa_support.files import MATRIX_FILES, note_read
@@ -185,22 +184,25 @@ def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
         from verification.critic.about_trim import box_within_limits
 
         box = box_within_limits(named.linear)
-    if request.at is None:
-        return Scope(box)
+    return Scope(box, None if request.at is None else partial(_nearby, request, named.game))
+
+
+def _nearby(request: VerifyRequest, game: Game) -> Nearby:
+    """Return the games of the printed matrices, and those at other dihedral angles."""
+    from hfa_model.printed_matrices import published_models
 
     @cache
     def game_at(degrees: float) -> Game:
         return replace(request, at=math.radians(degrees)).game().game
 
     printed = {
-        f"of the matrices printed for {pair.dihedral_deg:g} deg": replace(
-            named.game, A=pair.A, B=pair.B
-        )
+        f"of the matrices printed for {pair.dihedral_deg:g} deg": replace(game, A=pair.A, B=pair.B)
         for pair in published_models()
-        if pair.B.shape == named.game.B.shape
+        if pair.B.shape == game.B.shape
     }
-    scheduled = Scheduled(lambda degrees: f"at dihedral {degrees:.4f} deg", game_at, _ANGLES)
-    return Scope(box, Nearby(printed, scheduled))
+    return Nearby(
+        printed, Scheduled(lambda degrees: f"at dihedral {degrees:.4f} deg", game_at, _ANGLES)
+    )
 
 
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
@@ -235,7 +237,9 @@ def _check_file(
     critics = critics_in(path, named.game, request.reading())
     critic = critics[-1]
     if request.discount is not None:
-        return _check_discounted(path, critic, request, named, scope)
+        judge = part(PARTS, "verify.discounted", "--discount")
+        verdict: Verdict = judge(path, critic, request, named.game, scope)
+        return verdict
     if critic.time is not None:
         return _check_history(path, critics, request, named, scope)
     if "predefined_time" in request.set:
@@ -252,22 +256,6 @@ def _check_file(
 
             scope = replace(scope, plant=nonlinear_plant(named.linear))
     return check_critic(named.game, critic, limit=request.limit_error, scope=scope)
-
-
-def _check_discounted(
-    path: Path, critic: Critic, request: VerifyRequest, named: NamedGame, scope: Scope
-) -> Verdict:
-    """The verdict on a critic as one of the discounted problem in discrete time."""
-    if critic.time is not None:
-        raise BadInputError(
-            f"{path}: --discount judges one critic and this is over time; give one row of it"
-        )
-    scope = replace(scope, progress=ProgressLine("prove"))
-    check = part(PARTS, "verify.discounted", "--discount")
-    verdict: Verdict = check(
-        named.game, critic, request.discount, request.dt, limit=request.limit_error, scope=scope
-    )
-    return verdict
 
 
 def _check_history(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_model.variants import VARIANTS
 from hfa_support.entry_points import PARTS, loaded, offered, part
-from hfa_support.errors import BadInputError, NoSolutionError, said_of
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Matrix, Result
 from trim.linear.linear_model import LinearModel, linearize
@@ -68,8 +68,8 @@ class WeightOptions(Request):
     def game_on(self, linear: LinearModel) -> Game:
         """The usual game on a linear model, with the weights that the options change."""
         changes = self.changed_weights()
-        game = usual_game(linear.point.model, linear.A, linear.B, **changes)
-        return replace(game, names=plant_names(linear))
+        names = plant_names(linear)
+        return usual_game(linear.point.model, linear.A, linear.B, names, **changes)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -189,19 +189,12 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
             warnings += (f"{' and '.join(missing)} not given; taken: {', '.join(taken)}",)
         if self.design is not None:
-            why = "does not go with --design, whose weights are in the units of the declaration"
-            self.refuse(("units",), f"{why}; leave it out")
-            built = part(PARTS, "design.model", "--design")(aircraft, linear, self.design)
-            with said_of(f"design {built.design.name}"):
-                game = replace(built.game(), **self.changed_weights())
-            of_design = f"design {built.design.name} of {plant_names(linear).origin}"
-            game = replace(game, names=game.names._replace(origin=of_design))
-            whose = self._weights_from("design")
-            return NamedGame(game, tuple(point.warnings), weights_from=whose)
-        whose = self._weights_from("default")
+            named_game: NamedGame = part(PARTS, "design.game", "--design")(self, linear)
+            return named_game
+        whose = self.weights_from("default")
         return NamedGame(self.game_on(linear), warnings, linear=linear, weights_from=whose)
 
-    def _weights_from(self, else_from: str, of_file: Collection[str] = ()) -> dict[str, str]:
+    def weights_from(self, else_from: str, of_file: Collection[str] = ()) -> dict[str, str]:
         """Whose Q, R and delta are: of an option, of a file, or else."""
         whose = dict.fromkeys(("Q", "R", "delta"), else_from)
         whose |= {name: "file" for name in of_file if name in whose}
@@ -219,7 +212,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             plant_provenance=stored.provenance,
             discrete=stored.discrete,
             has_time=stored.has_time,
-            weights_from=self._weights_from("default", stored.stated),
+            weights_from=self.weights_from("default", stored.stated),
         )
 
     def refuse_of_the_aircraft(self) -> None:

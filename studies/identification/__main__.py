@@ -6,12 +6,12 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from hfa.main import run_alone
 from hfa.options.argument_types import whole
 from hfa.options.command import command
 from hfa.options.request import option
 from hfa.options.trims import OutputOptions, output_option
 from hfa.output import ProgressLine, print_report, show
+from studies.alone import run_alone
 from studies.identification.parameters import run_identification
 
 #: Suffix of a parameters file.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from hfa.main import run_alone
 from hfa.options.command import command
 from hfa.options.trims import HfaOptions, OutputOptions
 from hfa.output import show
+from studies.alone import run_alone
 from studies.validation.outside import validate
 
 

@@ -12,8 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hfa_support.files import write_texts
-
 COMPILER = shutil.which("gcc")
 FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
 needs_gcc = pytest.mark.skipif(COMPILER is None, reason="there is no gcc")
@@ -32,7 +30,8 @@ def ran(folder: Path, *words: str) -> dict[str, float]:
 
 def written(folder: Path, texts: Mapping[str, str], source: str) -> Path:
     """The folder with the texts, and with the library of `source`, which is one of them."""
-    write_texts(folder, texts)
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
     compiled(folder, "-shared", "-fPIC", source, "-o", "library.so")
     return folder
 

@@ -105,7 +105,8 @@ def check_critic(
     if not diagnosis and critic.finite and is_wrong and "verify.reason" in offered(PARTS):
         diagnose = loaded(offered(PARTS)["verify.reason"])
         with suppress(NoSolutionError):  # of another game, with which it would be compared
-            diagnosis = diagnose(game, exact, critic, limit, scope.nearby, box.half_widths)
+            nearby = None if scope.nearby is None else scope.nearby()
+            diagnosis = diagnose(game, exact, critic, limit, nearby, box.half_widths)
     return Verdict(
         critic,
         exact,

@@ -53,7 +53,7 @@ class Scope:
 
     box: of the states over which V, its slopes and the policies are compared; by default
         `balanced_box`.
-    nearby: other games, to recognize a critic that was learned on one of them.
+    nearby: () -> other games, to recognize a wrong critic that was learned on one of them.
     plant: the nonlinear plant about its trim, on which a network is flown too.
     flights: from how many starts a network is flown.
     seconds: for a proof of the largest error of a network; 0 for none.
@@ -61,7 +61,7 @@ class Scope:
     """
 
     box: Box | None = None
-    nearby: Nearby | None = None
+    nearby: Callable[[], Nearby] | None = None
     plant: NonlinearPlant | None = None
     flights: int = FLIGHTS
     seconds: float = SECONDS

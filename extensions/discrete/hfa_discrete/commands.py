@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,9 +13,12 @@ from hfa_discrete.discrete_game import DiscreteGame
 from hfa_support.errors import BadInputError, NoSolutionError, said_of
 
 if TYPE_CHECKING:
+    from controller.critic.critic import Critic
     from hfa.commands.game import GameRequest, LearnRequest
     from hfa.commands.verify import VerifyRequest
     from hfa.options.games import NamedGame
+    from verification.critic.scope import Scope
+    from verification.critic.verdict import Verdict
 
 #: Results that the commands write, as in `hfa.entry_points`.
 RESULTS = (
@@ -83,3 +87,20 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
     report = report.with_data(**named.as_data(), **named.weights.as_data())
     show(report, request, notes=named.warnings)
     return 0 if verdict.holds(cost) else 1
+
+
+def verify_discounted(
+    path: Path, critic: Critic, request: VerifyRequest, game: Game, scope: Scope
+) -> Verdict:
+    """Return the verdict on the critic of a file as one of the discounted problem in steps."""
+    from hfa_discrete.critic_check import check_discounted
+
+    assert request.discount is not None
+    if critic.time is not None:
+        raise BadInputError(
+            f"{path}: --discount judges one critic and this is over time; give one row of it"
+        )
+    scope = replace(scope, progress=ProgressLine("prove"))
+    return check_discounted(
+        game, critic, request.discount, request.dt, limit=request.limit_error, scope=scope
+    )

@@ -114,7 +114,7 @@ def test_a_design_with_sensors_is_designed_from_its_measurements() -> None:
 @pytest.mark.parametrize(
     ("sensors", "changed", "code", "named"),
     [
-        ("[sensors]\nlift = 1", {}, 2, "unknown sensor 'lift'; choose from speed"),
+        ("[sensors]\nlift = 1", {}, 2, "unknown sensor 'lift'; did you mean"),
         (
             "[sensors]\nspeed = 0",
             {},

@@ -12,8 +12,8 @@ from game_samples import INITIAL, failed_names, game_models
 from tolerances import FEW_ROUNDINGS
 
 from controller import bounded_real_gain
-from controller.riccati.cost import cost_check, cost_matrix, flight_cost, loss_matrix
-from controller.riccati.solution_report import meaning_checks
+from controller.riccati.cost import flight_cost, loss_matrix
+from controller.riccati.meaning import cost_check, cost_matrix, meaning_checks
 from hfa import Game, NoSolutionError, check_critic, from_value, solve_game
 
 

@@ -13,12 +13,9 @@ from tolerances import TWO_GAINS
 
 from controller import bounded_real_gain, minimum_delta
 from controller.riccati.existence import existence
-from controller.riccati.frequency_response import (
-    SweptGain,
-    closed_loop,
-    gain_checks,
-    swept_gain,
-)
+from controller.riccati.frequency_response import closed_loop
+from controller.riccati.gain_sweep import SweptGain, swept_gain
+from controller.riccati.meaning import gain_checks
 from controller.riccati.normal_form import NormalForm
 from hfa import Game, solve_game
 
@@ -92,9 +89,7 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
     first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     game, P = first
-    monkeypatch.setattr(
-        "controller.riccati.frequency_response.swept_gain", lambda *_: SweptGain(100.0, 0.1)
-    )
+    monkeypatch.setattr("controller.riccati.meaning.swept_gain", lambda *_: SweptGain(100.0, 0.1))
     assert failed_names(gain_checks(game, game.gain(P))) == {"l2_gain_methods_agree"}
 
 

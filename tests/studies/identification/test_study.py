@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hfa.main import run_alone
 from hfa.paper import default_parameters
 from hfa_model import load_parameters
+from studies.alone import run_alone
 from studies.identification.__main__ import identification
 from studies.identification.parameters import ALTERNATIVES
 

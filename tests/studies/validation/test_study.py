@@ -6,7 +6,8 @@ import json
 
 import pytest
 
-from hfa.main import BAD_INPUT, DONE, FAILED, run_alone
+from hfa.main import BAD_INPUT, DONE, FAILED
+from studies.alone import run_alone
 from studies.validation.__main__ import validation
 
 

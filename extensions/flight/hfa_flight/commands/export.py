@@ -15,6 +15,7 @@ from hfa.options.games import DEFAULT_LAW
 from hfa.options.request import option
 from hfa.options.trims import AircraftOptions, JsonOption, TrimOptions, scheduled
 from hfa.output import print_report
+from hfa_flight.export.c_text import write_texts
 from hfa_flight.options import (
     LawOptions,
     actuators_of,
@@ -27,7 +28,7 @@ from hfa_flight.options import (
 from hfa_flight.results import Exported
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
-from hfa_support.files import write_text, write_texts
+from hfa_support.files import write_text
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 

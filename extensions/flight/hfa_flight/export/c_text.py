@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_support.files import all_or_none, write_text
 
 #: C has no empty arrays: the one entry of an array that would have none.
 UNUSED = "unused"
@@ -97,3 +99,12 @@ def displaced_state(model: Model) -> tuple[str, float]:
         return "speed", 1.0
     name = model.linear[0]
     return name, model.states[name].nominal / 100
+
+
+def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """Write UTF-8 text files that belong together, name -> text, all or none, into a folder that is
+    made if need be."""
+    with all_or_none(folder):
+        for name, text in texts.items():
+            write_text(folder / name, text)
+    return [folder / name for name in texts]

@@ -24,6 +24,7 @@ from hfa_flight import ActuatorBank, CommandSteps, GainPolicy, Scenario
 from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
 from hfa_flight.export.aircraft_c import AIRCRAFT_FILES, c_model_texts
 from hfa_flight.export.c_code import c_function
+from hfa_flight.export.c_text import write_texts
 from hfa_flight.policies import Measurements
 from hfa_flight.signals import CommandedStates
 from hfa_flight.simulation import CompiledLoop
@@ -38,7 +39,6 @@ from hfa_servo.controller_c import (
     longest_step,
 )
 from hfa_servo.servo_policy import servo_policy
-from hfa_support.files import write_texts
 from trim.point.condition import usual_condition
 
 pytestmark = needs_gcc

@@ -1,0 +1,63 @@
+"""The L2 gain of a closed loop by a sweep over frequencies, without the method that it checks."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.riccati.balancing import spectrum
+from controller.riccati.frequency_response import responses
+
+GRID_PER_DECADE = 60
+#: About a resonance the steps grow with the distance from its pole, up to a hundred of its widths.
+RESONANCE = np.linspace(-5.3, 5.3, 45)
+#: Frequencies that differ by a smaller part are one.
+_SAME = 1e-9
+#: Finer grids, each of so many points over two steps of the last: ten times finer, the last a
+#: billionth of the peak.
+REFINEMENTS = 8
+POINTS = 20
+
+
+class SweptGain(NamedTuple):
+    """The largest gain met on the imaginary axis and the frequency (rad/s) where it is."""
+
+    gain: float
+    frequency: float
+
+
+def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
+    """Largest σ_max(C (jω I - loop)⁻¹ E) on a logarithmic grid, then on finer ones.
+
+    inf when the loop is not Hurwitz.
+    """
+    poles = spectrum(loop)
+    if poles.abscissa >= 0.0:
+        return SweptGain(math.inf, float(abs(poles.eigenvalues[-1].imag)))
+    grid = frequency_grid(poles.eigenvalues)
+    for refinement in range(REFINEMENTS + 1):
+        gains = np.linalg.norm(C @ responses(loop, E, grid), ord=2, axis=(1, 2))
+        peak = int(np.argmax(gains))
+        if refinement < REFINEMENTS:
+            below_peak = grid[max(peak - 1, 0)]
+            above_peak = grid[min(peak + 1, len(grid) - 1)]
+            around = np.linspace(below_peak, above_peak, POINTS)
+            grid = np.unique(np.append(around, grid[peak]))
+    return SweptGain(float(gains[peak]), float(grid[peak]))
+
+
+def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -> np.ndarray:
+    """0, a logarithmic grid over the moduli of the eigenvalues (two decades beyond), and finer ones
+    about each resonance, from its width on."""
+    moduli = np.abs(eigenvalues)
+    slowest = float(moduli[moduli > 0.0].min(initial=1.0))
+    fastest = float(moduli.max(initial=1.0))
+    decades = math.log10(fastest / slowest) + 4.0
+    grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * per_decade))
+    around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
+    resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
+    found = np.unique(np.concatenate([[0.0], grid, resonances]))
+    # Of frequencies that are equal but for rounding one stays: a peak lies between neighbours.
+    return found[np.append(True, np.diff(found) > _SAME * found[1:])]

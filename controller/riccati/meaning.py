@@ -1,0 +1,86 @@
+"""What the policies of a solution mean in flight: their cost, and their L2 gain by two methods."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.balancing import is_hurwitz, spectrum
+from controller.riccati.frequency_response import bounded_real_gain, closed_loop
+from controller.riccati.gain_sweep import swept_gain
+from hfa_support.errors import NoSolutionError
+from hfa_support.reporting.checks import Check, at_most, below
+
+COST_TOLERANCE = 1e-8
+#: The sweep can only miss a peak, never exceed it; this is how much it may miss.
+SWEEP_TOLERANCE = 1e-6
+
+
+def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
+    """The cost of the policies equals z0'P z0, and the L2 gain is below delta.
+
+    P: (n, n), exact or learned; initial z0: (n,).  With delta = inf (no disturbance) the gain is
+    not limited."""
+    return cost_check(game, P, initial), *gain_checks(game, game.gain(P))
+
+
+def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
+    """X with cost z0'X z0 of u = -K z, d = L z:  F'X + X F + Q + K'R K - δ² L'L = 0,  F = A - B K +
+    E L.
+
+    K: (m, n); L: (k, n); X: (n, n).  Raises NoSolutionError when F is not Hurwitz: the cost is not
+    finite."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    loop = game.A - game.B @ K + game.E @ L
+    abscissa = spectrum(loop).abscissa
+    if abscissa >= 0.0:
+        raise NoSolutionError(
+            f"A - B K + E L has abscissa {abscissa:+.4g} 1/s: the cost of these policies is"
+            " infinite"
+        )
+    cost = game.Q + K.T @ game.R @ K
+    if math.isfinite(game.delta):
+        cost = cost - game.delta**2 * L.T @ L
+    with warnings.catch_warnings(action="ignore"):  # of a loop near the axis; the cost is compared
+        X = solve_continuous_lyapunov(loop.T, -cost)
+    return (X + X.T) / 2.0
+
+
+def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
+    """The policies of P cost z0'P z0, by a Lyapunov equation. initial: z0, (n,)."""
+    K = game.gain(P)
+    L = game.disturbance_gain(P)
+    name = "cost_lyapunov"
+    if not is_hurwitz(game.A - game.B @ K + game.E @ L):
+        reason = "the policies of P do not bring the state to rest: their cost is not finite"
+        return at_most(name, math.inf, COST_TOLERANCE, reason)
+    cost = float(initial @ cost_matrix(game, K, L) @ initial)
+    claimed = float(initial @ P @ initial)
+    error = abs(cost - claimed) / max(abs(claimed), np.finfo(float).tiny)
+    reason = f"the policies of P cost {cost:.10g} where P claims {claimed:.10g}"
+    return at_most(name, error, COST_TOLERANCE, reason)
+
+
+def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
+    """The gain of the closed loop is below delta, and the two methods agree on it."""
+    gain = bounded_real_gain(game, K)
+    if math.isinf(gain):
+        reason = "A - B K is not Hurwitz: the closed loop has no finite L2 gain"
+        return (below("l2_gain", gain, game.delta, reason),)
+    swept = swept_gain(*closed_loop(game, K))
+    difference = abs(swept.gain - gain)
+    if gain > 0.0:
+        difference /= gain
+    too_large = f"the L2 gain {gain:.6g} of the closed loop is not below delta = {game.delta:.6g}"
+    apart = (
+        f"the sweep gives {swept.gain:.9g} at {swept.frequency:.4g} rad/s,"
+        f" the bounded-real lemma {gain:.9g}"
+    )
+    return (
+        below("l2_gain", gain, game.delta, too_large),
+        at_most("l2_gain_methods_agree", difference, SWEEP_TOLERANCE, apart),
+    )

@@ -1,0 +1,18 @@
+"""A study as a program of its own."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from hfa.main import reported
+
+if TYPE_CHECKING:
+    from hfa.options.command import Command
+
+
+def run_alone(command: Command, program: str, argv: Sequence[str] | None = None) -> int:
+    """Run a command as a separate program; return its exit code, like `main`."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    return reported(words, lambda words: (command, program, words))
