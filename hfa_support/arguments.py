@@ -69,9 +69,25 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
                 if wanted.endswith(_NUMBERS) and isinstance(value, (list, tuple, np.ndarray)):
                     numbers_in(f"{name}: {parameter}", value)  # says which row is wrong
                 raise BadInputError(f"{name}: {parameter} is {_said(value)}; give {wanted}")
-        return function(*arguments, **named)
+        try:
+            return function(*arguments, **named)
+        except TypeError:
+            _refuse_unbound(function, name, arguments, named)
+            raise
 
     return checked
+
+
+def _refuse_unbound(
+    function: Callable[..., Any], name: str, arguments: tuple[Any, ...], named: dict[str, Any]
+) -> None:
+    """BadInputError where one is missing, unknown or too many."""
+    signature = inspect.signature(function)
+    try:
+        signature.bind(*arguments, **named)
+    except TypeError as wrong:
+        names = ", ".join(each for each in signature.parameters if each != "self")
+        raise BadInputError(f"{name}: {wrong}; its arguments are {names}") from None
 
 
 def _tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Test, str]]:

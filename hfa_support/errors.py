@@ -109,7 +109,7 @@ def is_finite(value: object) -> bool:
     """Whether it is a number, and a finite one."""
     try:
         return math.isfinite(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):  # no number; a whole one of more than 308 digits
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # CasADi raises the last
         return False
 
 

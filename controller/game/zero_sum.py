@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from controller.game.names import UNNAMED, PlantNames
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
@@ -23,6 +24,7 @@ LARGEST_CRITIC_ENTRY = 1e50
 SEMIDEFINITE = 1e-12
 
 
+@checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Game(ByValue, Reported):
     """J = ∫ z'Qz + u'Ru - δ² d'd dt,  z' = A z + B u + E d,  u minimizes and d maximizes (paper Eq.

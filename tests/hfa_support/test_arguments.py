@@ -100,8 +100,16 @@ def test_what_it_does_not_name_is_refused(arguments: dict[str, Any], message: st
 def test_an_argument_by_its_place_is_checked_too() -> None:
     with pytest.raises(BadInputError, match="number is 'x'"):
         public(Thing(), "x")
-    with pytest.raises(TypeError, match="thing"):
+
+
+def test_missing_and_unknown_arguments_are_named() -> None:
+    for call in (public, lambda: public(Thing(), other=1), lambda: public(*[Thing()] * 40)):
+        with pytest.raises(BadInputError, match=r"^public: "):
+            call()
+    with pytest.raises(BadInputError, match=r"required .*: 'thing'; its arguments are thing,"):
         public()
+    with pytest.raises(BadInputError, match="unexpected keyword argument 'other'"):
+        public(Thing(), other=1)
 
 
 def test_the_function_keeps_its_name_and_its_text() -> None:
@@ -122,3 +130,16 @@ def test_of_a_class_the_constructor_is_checked() -> None:
         Declared(3)
     with pytest.raises(BadInputError, match="Declared: number is 'x'; give a number"):
         Declared(Thing(), number="x")
+    with pytest.raises(
+        BadInputError, match=r"Declared: .*'thing'; its arguments are thing, number"
+    ):
+        Declared()
+
+
+def test_a_failure_inside_stays_as_it_is() -> None:
+    @checks_arguments
+    def failing(word: str) -> int:
+        return len(word) + word
+
+    with pytest.raises(TypeError, match="unsupported operand"):
+        failing("a")

@@ -16,6 +16,7 @@ from hfa_policy.rough_flights import rough_flights, rough_scenario
 from hfa_policy.trims import trims_of
 from hfa_policy.variations import changes_of, variations
 from hfa_support.arguments import checks_arguments
+from hfa_support.errors import refuse_unless_whole
 from hfa_support.progress import Progress
 
 
@@ -58,6 +59,8 @@ def assess(
     >>> hfa.assess(hfa.aircraft(), card, [0.1], samples=0).points[0].holds
     True
     """
+    refuse_unless_whole("samples", samples, 0)
+    refuse_unless_whole("seed", seed, 0)
     deployed = deployment.on(model)
     changes = changes_of(deployed, vary or {})
     if scenario is not None:

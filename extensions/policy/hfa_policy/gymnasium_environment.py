@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -9,7 +10,8 @@ import numpy as np
 from gymnasium import spaces
 
 from hfa_policy.episodes import Episodes
-from hfa_support.errors import BadInputError, numbers_in, shown
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole, shown
 
 _FIRST = np.array([0])
 
@@ -33,21 +35,38 @@ class AircraftEnvironment(gymnasium.Env):
         self.action_space = action_space(episodes)
         self._flown: list[tuple[np.ndarray, np.ndarray]] = []
 
+    @checks_arguments
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin at a random trim from a random start; with options={"start": X, "trim": number}
         from that state."""
         super().reset(seed=seed)
         if options and "start" in options:
-            owners = np.array([int(options.get("trim", 0))])
-            starts = np.asarray(options["start"], dtype=float)[None]
+            owners = np.array([self._trim_number(options.get("trim", 0))])
+            starts = self._start(options["start"])[None]
             observations = self.episodes.begin_at(_FIRST, owners, starts)
         else:
             observations = self.episodes.begin(_FIRST, self.np_random)
         self._flown = []
         self._remember()
         return observations[0].astype(np.float32), self._info()
+
+    def _trim_number(self, number: Any) -> int:
+        """The number of a trim of the episodes; BadInputError where there is none."""
+        count = len(self.episodes.points)
+        refuse_unless_whole("options: trim", number, 0)
+        if number >= count:
+            raise BadInputError(f"options: trim is {number}; there are {count} trims, from 0 on")
+        return int(number)
+
+    def _start(self, start: Any) -> np.ndarray:
+        """A state as floats, (n,); BadInputError where it is something else."""
+        states = numbers_in("options: start", start)
+        wanted = self.episodes.states.shape[1:]
+        if states.shape != wanted or not np.isfinite(states).all():
+            raise BadInputError(f"options: start is {shown(start)}; give {wanted[0]} finite states")
+        return states
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One sample."""

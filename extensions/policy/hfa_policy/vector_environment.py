@@ -11,7 +11,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from hfa_policy.episodes import Episodes
 from hfa_policy.gymnasium_environment import action_space, observation_space
-from hfa_support.errors import numbers_in
+from hfa_support.errors import numbers_in, refuse_unless_whole
 
 
 class AircraftVectorEnvironment(VecEnv):
@@ -30,6 +30,8 @@ class AircraftVectorEnvironment(VecEnv):
 
     def seed(self, seed: int | None = None) -> list[int | None]:
         """The seed decides all starts from the next reset on."""
+        if seed is not None:
+            refuse_unless_whole("seed", seed, 0)
         self._random = np.random.default_rng(seed)
         return [seed] * self.num_envs
 

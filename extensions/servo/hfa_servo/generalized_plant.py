@@ -551,9 +551,12 @@ def check_modes(plant: GeneralizedPlant) -> None:
     NoSolutionError names the mode or the zero: without that a Riccati equation has no stabilizing
     solution."""
     for side, sentences in zip(plant.sides, _OBSTACLES, strict=False):
-        sentence = obstacle(NormalForm.of(side.game(math.inf)), *sentences).sentence
-        if sentence:
-            raise NoSolutionError(sentence)
+        found = obstacle(NormalForm.of(side.game(math.inf)), *sentences)
+        if found.sentence:
+            raise NoSolutionError(found.sentence)
+        if found.shown <= RANK:  # entries of the size of rounding move a double pole off the axis
+            _, hidden = sentences
+            raise NoSolutionError(hidden.format(found.undamped))
 
 
 def _hidden_by(plant: GeneralizedPlant, condition: str) -> str:
