@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
+from functools import cache, wraps
 from numbers import Integral, Real
 from pathlib import Path
 from types import NoneType, UnionType
@@ -49,16 +49,11 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
 
     name: of the function or class in messages
     """
-    tests: list[tuple[int, str, _Test, str]] = []
-    is_known = False
 
     @wraps(function)
     def checked(*arguments: Any, **named: Any) -> Any:
-        nonlocal is_known
-        if not is_known:  # annotations may name what is defined later in their module
-            tests.extend(_tests(function, first))
-            is_known = True
-        for place, parameter, holds, wanted in tests:
+        # At the first call: annotations may name what is defined later in their module.
+        for place, parameter, holds, wanted in _tests(function, first):
             if place < len(arguments):
                 value = arguments[place]
             elif parameter in named:
@@ -90,6 +85,7 @@ def _refuse_unbound(
         raise BadInputError(f"{name}: {wrong}; its arguments are {names}") from None
 
 
+@cache
 def _tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Test, str]]:
     """Place, name, test and words of every parameter whose annotation can be compared."""
     tests = []
@@ -99,7 +95,9 @@ def _tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Te
         if parameter.kind is parameter.KEYWORD_ONLY:
             place = sys.maxsize
         annotation = _evaluated(parameter.annotation, function)
-        kinds = [_kind(member) for member in _members(annotation)]
+        is_union = get_origin(annotation) in (Union, UnionType)
+        members = get_args(annotation) if is_union else (annotation,)
+        kinds = [_kind(member) for member in members]
         if parameter.default is None:
             kinds.append((_is_none, ""))
         if all(kind is not None for kind in kinds):
@@ -110,8 +108,6 @@ def _tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Te
 
 
 def _any_of(tests: Sequence[_Test]) -> _Test:
-    if len(tests) == 1:
-        return tests[0]
     return lambda value: any(test(value) for test in tests)
 
 
@@ -125,13 +121,6 @@ def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
         return eval(annotation, vars(sys.modules[function.__module__]))
     except NameError:
         return Any
-
-
-def _members(annotation: Any) -> tuple[Any, ...]:
-    """The kinds of a union, or the one that an annotation is."""
-    if get_origin(annotation) in (Union, UnionType):
-        return get_args(annotation)
-    return (annotation,)
 
 
 def _kind(annotation: Any) -> tuple[_Test, str] | None:
@@ -165,7 +154,7 @@ def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_
         return whole
     is_member, called = known
     if member is str and whole == _GENERIC[Sequence]:  # a text is a sequence of texts
-        holds = _is_text_or_sequence
+        holds = _any_of([_is_text, holds])
         words = f"a text or {words}"
     return (
         lambda value: holds(value) and all(map(is_member, value)),
@@ -206,10 +195,6 @@ def _is_array(value: Any) -> bool:
 
 def _is_sequence(value: Any) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, (str, bytes))
-
-
-def _is_text_or_sequence(value: Any) -> bool:
-    return _is_text(value) or _is_sequence(value)
 
 
 def _said(value: Any) -> str:

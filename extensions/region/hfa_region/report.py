@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hfa_proof.checker.riccati import SAME_GAIN
 from hfa_proof.outward import at_least, at_most
 from hfa_proof.subject import taken_from_certificate
 from hfa_region.check.certificate import VerifiedRegion
@@ -95,6 +96,7 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
         *_extents(statement, verified.extents),
         trim,
         gains,
+        *_of_this_gain(statement, not_given),
         _parameters(statement),
         f"{_where_proved(statement, verified.parts)} V is of degree {checked.degree}.",
         _V(statement),
@@ -102,6 +104,16 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
     )
     title = f"{_title(statement)}, checked{taken_from_certificate(not_given)}"
     return Report(title, parts, data=checked.as_data())
+
+
+def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple[str, ...]:
+    """How near to the printed K the one that the user gave is."""
+    if "policy" in not_given or not statement.loop.inputs:
+        return ()
+    return (
+        "Proved for the policy in the certificate. The one that was given is the same to within "
+        f"{SAME_GAIN:g} of its largest entry.",
+    )
 
 
 #: What no statement covers, in a first line.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_proof.checker.riccati import SAME_GAIN
 from hfa_proof.commands.given import aircraft_option, at_one_value, names_aircraft
 from hfa_proof.subject import Given, close_to, within
 from hfa_region.check.statement import (
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 #: Options by any of which a policy is named.
 _OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
-#: A gain that follows from P, W or the game is the same to within this, of the largest entry.
-_SAME_GAIN = 1e-9
 
 
 def given_for(
@@ -116,7 +115,7 @@ def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
     option = "the game" if request.weights is None else f"--weights {request.weights}"
     rows = {name: rows_of(terms) for name, terms in policy.items()}
     return {
-        "K": Given(K.tolist(), option, close_to(_SAME_GAIN)),
+        "K": Given(K.tolist(), option, close_to(SAME_GAIN)),
         "policy": Given(rows, option, _same_policy),
     }
 
@@ -133,6 +132,6 @@ def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
             return False
         pairs = [[found[powers], wanted[powers]] for powers in wanted]
         first, second = np.array(pairs).T
-        if not close_to(_SAME_GAIN)(first, second):
+        if not close_to(SAME_GAIN)(first, second):
             return False
     return True
