@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import zarr
 from cli import answer, hfa
+from extension import needs
 from game_files import AT_15
 
 from hfa import find_operating_point, linearize
@@ -315,6 +316,7 @@ def test_json_has_the_whole_condition(heavy: Path) -> None:
     assert (data["date"], data["dynamics"]) == ("2026-09-21T14:13:20Z", "published")
 
 
+@needs("hfa_stores", "hfa_flight")
 @pytest.mark.parametrize("command", ["sweep", pytest.param("fly", marks=pytest.mark.slow)])
 def test_a_store_has_it(command: str, heavy: Path, tmp_path: Path) -> None:
     path = tmp_path / "out.zarr"

@@ -9,6 +9,7 @@ from pathlib import Path
 import hostile
 import pytest
 from cli import Result, hfa
+from extension import needs
 from hostile import WAYS, attempt, case, said_wrongly, seeds
 
 from hfa.commands import trim
@@ -16,12 +17,18 @@ from hfa.options.command import Command
 
 #: Warnings are what the command makes of them, as they are for its users.
 pytestmark = pytest.mark.filterwarnings("default")
+#: The files that become hostile are of the extensions too.
+IN_FILES = needs(
+    "hfa_jsbsim", "hfa_networks", "hfa_printed", "hfa_proof", "hfa_servo", "hfa_stores"
+)
 #: Inputs of each way in, and the number of the first of them.
 INPUTS = int(os.environ.get("HOSTILE_INPUTS", "1"))
 FIRST = int(os.environ.get("HOSTILE_FIRST", "0"))
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    "way", [pytest.param(way, marks=IN_FILES if WAYS[way] else ()) for way in WAYS]
+)
 def test_a_hostile_input_is_a_result_or_one_line(way: str) -> None:
     faults = {number: attempt(*case(way, number)) for number in range(FIRST, FIRST + INPUTS)}
     assert {
@@ -29,6 +36,7 @@ def test_a_hostile_input_is_a_result_or_one_line(way: str) -> None:
     } == {}
 
 
+@IN_FILES
 @pytest.mark.parametrize(
     "way",
     [

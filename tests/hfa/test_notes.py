@@ -7,6 +7,7 @@ import re
 
 import pytest
 from cli import Terminal, hfa
+from extension import needs
 
 from hfa import output
 from hfa.output import ProgressLine
@@ -30,6 +31,7 @@ def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
     assert (refused.code, refused.out, refused.err[:13]) == (1, "", "hfa: no trim:")
 
 
+@needs("hfa_stores")
 def test_a_stored_sweep_has_it_of_its_farthest_dihedral_in_its_store() -> None:
     import zarr
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
+from extension import needs
 from game_files import small, stored
 
 from hfa.entry_points import commands
@@ -77,7 +78,7 @@ REFUSED = {
         ),
         (
             "--dihedral 15 --dynamics aristotle",
-            "unknown dynamics 'aristotle'; choose from published, newton, unsteady",
+            "unknown dynamics 'aristotle'; choose from published, newton",
         ),
         ("--dihedral 15 --limit throttle=1", "throttle is '1'; give LOW:HIGH"),
         ("--dihedral 15 --outputs lift", "--outputs names 'lift'; choose from speed, alpha"),
@@ -106,10 +107,6 @@ REFUSED = {
             "--hold belongs to the aircraft; leave it out with --model",
         ),
         ("--model given.json --units si", "--units belongs to the aircraft"),
-        (
-            "--design servo --dihedral 11 --units si",
-            "in the units of the declaration; leave it out",
-        ),
     ],
     "learn": [
         ("--dihedral 15 --law sarsa", "--law is 'sarsa'; use one of certified"),
@@ -130,17 +127,32 @@ REFUSED = {
             "--law belongs to a law; leave it out with --weights",
         ),
     ],
-    "design": [
-        ("given.npz", "given.npz: this is no controller file"),
-        ("--design paper --dihedral 0:5", "--dihedral is '0:5'; give start:stop:step"),
-    ],
-    "regenerate": [("--dynamics unsteady", "more than seven states")],
 }
+#: Package that is needed, command, words, what the error names.
+REFUSED_BY_EXTENSIONS = (
+    (
+        "hfa_servo",
+        "solve",
+        "--design servo --dihedral 11 --units si",
+        "in the units of the declaration; leave it out",
+    ),
+    ("hfa_servo", "design", "given.npz", "given.npz: this is no controller file"),
+    (
+        "hfa_servo",
+        "design",
+        "--design paper --dihedral 0:5",
+        "--dihedral is '0:5'; give start:stop:step",
+    ),
+    ("hfa_air", "regenerate", "--dynamics unsteady", "more than seven states"),
+)
 
 
 @pytest.mark.parametrize(
     ("command", "words", "named"),
-    [(command, *case) for command, some in REFUSED.items() for case in some],
+    [
+        *((command, *case) for command, some in REFUSED.items() for case in some),
+        *(pytest.param(*case, marks=needs(package)) for package, *case in REFUSED_BY_EXTENSIONS),
+    ],
 )
 def test_bad_requests(command: str, words: str, named: str) -> None:
     small("given.json")

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import Terminal, answer, assert_refused, hfa
+from extension import needs
 from game_files import AT_15, LABELS, QUICK, checks_of, small, stored
 
 from controller import load_game
@@ -51,6 +52,7 @@ def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
     assert message == "\r\033[Kcompare:   0 %\r\033[Kcompare: 100 %\r\033[K"
 
 
+@needs("hfa_reasons")
 def test_a_weight_that_leaves_P_and_K_alone_is_refused_with_its_reason(game: Game) -> None:
     P = solve_game(game).P
     row, column = np.triu_indices(6)
@@ -92,6 +94,7 @@ def test_verify_draws_a_run() -> None:
 # A critic over time.
 
 
+@needs("hfa_discrete")
 def test_a_critic_over_time_is_held_to_its_time() -> None:
     plant = small("plant.json")
     exact = solve_game(load_game("plant.json")).P

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import Any
 
 import pytest
@@ -16,3 +17,9 @@ class Extension:
     def __getattr__(self, name: str) -> Any:
         """A name of the module; the test is skipped where there is no such module."""
         return getattr(pytest.importorskip(self._module), name)
+
+
+def needs(*packages: str) -> pytest.MarkDecorator:
+    """Return the mark of a test that needs extensions, by the names of their packages."""
+    missing = [name for name in packages if find_spec(name) is None]
+    return pytest.mark.skipif(bool(missing), reason=f"needs {', '.join(missing)}")
