@@ -90,6 +90,7 @@ class Equations:
             self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(0.0, 1.0))
         self.parameters = {name: ca.SX.sym(name) for name in self._parameter_names()}
         self.starts: dict[str, float] = {}
+        self._functions: dict[str, str] = {}
         self._time = ca.SX.sym("time")
         self.properties.define("simulation/sim-time-sec", self._time)
         self.gusts = {name: ca.SX.sym(name) for name in GUSTS}
@@ -364,6 +365,10 @@ class Equations:
 
         if "#" not in name or number is not None:
             full_name = name.replace("#", str(number))
+            first = self._functions.setdefault(full_name, element.where)
+            if first != element.where:
+                fault = f"{shortened(full_name)} is the name of another function ({first})"
+                raise element.error(f"{fault}; JSBSim refuses a second one: rename it")
             writer = Writer(compute, element.where, order, element=element)
             self.properties.compute(full_name, writer)
 

@@ -110,6 +110,14 @@ def test_provenance_changes_with_every_file(tmp_path):
             r"glider.xml:\d+: aero/a depends on itself; break the loop of functions",
         ),
         (
+            glider(
+                LIFT
+                + '<function name="aero/a"> <v>1</v> </function>'
+                + '<function name="aero/a"> <v>2</v> </function>'
+            ),
+            r"glider.xml:\d+: aero/a is the name of another function \(.*glider.xml:\d+\); JSBSim",
+        ),
+        (
             glider().replace('<wingarea unit="FT2"> 150', '<wingarea unit="ACRE"> 150'),
             r'glider.xml:4: <wingarea> has the unit "ACRE"; give it in FT2',
         ),
