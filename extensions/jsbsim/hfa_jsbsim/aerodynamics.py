@@ -57,7 +57,7 @@ class Aerodynamics:
         where = element.where if element else ""
         computed = {
             "aero/cl-squared": self._lift_squared,
-            "forces/load-factor": lambda: self._lift() / body.mass.weight,
+            "forces/load-factor": lambda: self._known_lift() / body.mass.weight,
         }
         for name, compute in computed.items():
             properties.compute(name, Writer(compute, where))
@@ -133,11 +133,15 @@ class Aerodynamics:
         force = self._force(False) + self._force(True)
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
+    def _known_lift(self) -> Any:
+        """Lift, lb; in frames of JSBSim that of the frame before."""
+        if self._properties.step:
+            return self._properties.remember("lift", self._lift)
+        return self._lift()
+
     def _lift_squared(self) -> Any:
         """(lift / (q S))^2."""
-        in_frames = self._properties.step > 0.0  # of the lift of the frame before
-        lift = self._properties.remember("lift", self._lift) if in_frames else self._lift()
-        return (lift / (self._motion.pressure_head * self._wings.area)) ** 2
+        return (self._known_lift() / (self._motion.pressure_head * self._wings.area)) ** 2
 
     def loads(self) -> tuple[ca.SX, ca.SX]:
         """Force, lb, and moment about the center of gravity, ft lb, in body axes."""

@@ -219,7 +219,7 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
         "atmosphere/density-altitude": x.altitude,
     }
     for letter, rate in zip("pqr", (x.roll_rate, x.pitch_rate, x.yaw_rate), strict=True):
-        values |= {f"velocities/{letter}{kind}-rad_sec": rate for kind in ("", "-aero", "i")}
+        values |= {f"velocities/{letter}{kind}-rad_sec": rate for kind in ("", "-aero")}
     for letter, speed, own_speed in zip("uvw", (u, v, w), inertial, strict=True):
         values[f"velocities/{letter}-aero-fps"] = speed
         values[f"velocities/{letter}-fps"] = own_speed

@@ -90,7 +90,7 @@ class Equations:
             self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(0.0, 1.0))
         self.parameters = {name: ca.SX.sym(name) for name in self._parameter_names()}
         self.starts: dict[str, float] = {}
-        self._functions: dict[str, str] = {}
+        self._functions: dict[str, Element] = {}
         self._time = ca.SX.sym("time")
         self.properties.define("simulation/sim-time-sec", self._time)
         self.gusts = {name: ca.SX.sym(name) for name in GUSTS}
@@ -98,6 +98,9 @@ class Equations:
         self.motion = motion_of(x, self._winds(gusty))
         for name, value in state_properties(x, self.motion, parts.wings).items():
             self.properties.define(name, value)
+        inertial = ca.vertsplit(self.motion.rates + self._planet_rates())
+        for letter, rate in zip("pqr", inertial, strict=True):
+            self.properties.define(f"velocities/{letter}i-rad_sec", rate)
         self.rate_symbols = [ca.SX.sym("alpha_rate"), ca.SX.sym("beta_rate")]
         for name, symbol in zip(("alpha", "beta"), self.rate_symbols, strict=True):
             self.properties.define(f"aero/{name}dot-rad_sec", symbol)
@@ -365,9 +368,9 @@ class Equations:
 
         if "#" not in name or number is not None:
             full_name = name.replace("#", str(number))
-            first = self._functions.setdefault(full_name, element.where)
-            if first != element.where:
-                fault = f"{shortened(full_name)} is the name of another function ({first})"
+            first = self._functions.setdefault(full_name, element)
+            if first is not element:
+                fault = f"{shortened(full_name)} is the name of another function ({first.where})"
                 raise element.error(f"{fault}; JSBSim refuses a second one: rename it")
             writer = Writer(compute, element.where, order, element=element)
             self.properties.compute(full_name, writer)

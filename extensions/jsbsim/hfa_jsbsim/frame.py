@@ -81,6 +81,10 @@ class _FrameEquations(Equations):
     def _solve_rates_of_angles(self) -> None:
         """They are those of the frame before."""
 
+    def _stop_clock(self) -> None:
+        """The time is 0, as in the model."""
+        self._substitute(self._time, ca.SX(0.0))
+
 
 class Frames:
     """Flights of an aircraft in frames of JSBSim."""
@@ -120,7 +124,8 @@ class Frames:
         self._x = np.zeros(0)
 
     def begin(self, x: Any, p: Any, u: Any) -> None:
-        """Start a flight at a state, over the equator: engines and filters come to rest first.
+        """Start a flight at a state, over the equator: what is no state of the model, lags of
+        engines and filters, comes to rest first.
 
         x, p, u: (n,) states, parameters and inputs of the model
         """
@@ -130,8 +135,10 @@ class Frames:
         motion = self._begun(values, np.array([wind.get(name, 0.0) for name in WINDS]))
         engines = [values.get(name, self._starts.get(name, 0.0)) for name in self._engines]
         z = np.concatenate([motion, engines, np.zeros(len(self._memories))])
+        held = [_SIZE + i for i, name in enumerate(self._engines) if name in values]
         for _ in range(round(_LONGEST / self.step)):
             later = np.array(self._still(z, u, self._p)).ravel()
+            later[held] = z[held]
             moved = np.abs(later - z) / np.maximum(1.0, np.abs(z))
             z = later
             if moved.max() < _STEADY:
