@@ -7,6 +7,7 @@ JSBSim flies over a sphere so large that it is flat, without rotation.
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,6 +19,7 @@ from scipy.optimize import root
 from hfa import find_operating_point
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
+from studies.jsbsim.__main__ import RESULTS
 from studies.jsbsim.reference import GRAVITY, answered
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -90,11 +92,23 @@ def line(name: str, count: int, seed: int = 2) -> str:
 
 
 def trimmed(name: str) -> tuple[Model, OperatingPoint]:
-    """An aircraft over a flat earth and its trim."""
-    kcas, altitude = CONDITIONS[name.removeprefix("jsbsim:").partition("?")[0]]
+    """An aircraft over a flat earth and its trim: that of `CONDITIONS`, else the first level one of
+    the study."""
     model = read_model(name).with_parameters(gravity=GRAVITY)
-    condition = release(usual_condition(model), hold={"kcas": kcas, "altitude": altitude})
+    held = _condition(name.removeprefix("jsbsim:").partition("?")[0])
+    condition = release(usual_condition(model), hold=held)
     return model, find_operating_point(model, condition)
+
+
+def _condition(name: str) -> dict[str, float]:
+    """What a trim of an aircraft imposes. KeyError where it has no level trim."""
+    if name in CONDITIONS:
+        return dict(zip(("kcas", "altitude"), CONDITIONS[name], strict=True))
+    for row in json.loads(RESULTS.read_text())["aircraft"]:
+        level = [point["at"] for point in row["points"] if point["kind"] == "level"]
+        if row["aircraft"] == name and level:
+            return dict(level[0])
+    raise KeyError(f"{name} has no level trim in {RESULTS.name}")
 
 
 def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:

@@ -414,6 +414,7 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     length = point.get("step", _FINE)
     _start(simulator, point["state"], commands)
     simulator["propulsion/fuel_freeze"] = 1
+    leaned = {name: simulator[name] for name in _mixtures(simulator)}
     if "rest" in point:
         orders = {name: simulator[name] for name in _INTEGRATORS}
         _stand_still(simulator)
@@ -432,7 +433,7 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
         while changes and changes[0][0] <= step * length + 1e-9:
             _command(simulator, changes.pop(0)[1])
         if "changes" in point:
-            _lean(simulator, commands)
+            _lean(simulator, commands, leaned)
         _run(simulator.run, simulator)
         if (step + 1) % a_second == 0:
             states.append(_states(simulator))
@@ -440,12 +441,21 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     return answer | {"start": start, "states": states} if "changes" in point else answer
 
 
-def _lean(simulator: Any, commands: Mapping[str, float]) -> None:
-    """Let the mixture follow the pressure, as in the model."""
+def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float]) -> None:
+    """Let the mixture follow the pressure, as in the model, unless a component sets it.
+
+    leaned: what was set a step before, by name
+    """
     mixture = commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
-    for number in range(simulator.get_propulsion().get_num_engines()):
-        index = f"[{number}]" if number else ""
-        simulator[f"fcs/mixture-cmd-norm{index}"] = mixture
+    for name in _mixtures(simulator):
+        if leaned[name] == simulator[name]:
+            simulator[name] = leaned[name] = mixture
+
+
+def _mixtures(simulator: Any) -> list[str]:
+    """The commands of the mixture of each engine."""
+    count = simulator.get_propulsion().get_num_engines()
+    return ["fcs/mixture-cmd-norm" + (f"[{number}]" if number else "") for number in range(count)]
 
 
 def _states(simulator: Any) -> dict[str, float]:

@@ -74,6 +74,7 @@ class Equations:
 
     states, parameters, gusts: name -> symbol. inputs: name -> `PilotInput`.
     rates: by state. outputs: by name. notes: for the user.
+    cut_throttles: inputs that are positions of throttles.
     starts: values of parameters in the files. properties: all properties of JSBSim.
     mass: for the current contents of tanks and weights of point masses.
     """
@@ -90,6 +91,7 @@ class Equations:
             self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(0.0, 1.0))
         self.parameters = {name: ca.SX.sym(name) for name in self._parameter_names()}
         self.starts: dict[str, float] = {}
+        self.cut_throttles: list[str] = []
         self._functions: dict[str, Element] = {}
         self._time = ca.SX.sym("time")
         self.properties.define("simulation/sim-time-sec", self._time)
@@ -225,7 +227,7 @@ class Equations:
             for lever, value in levers.items():
                 command = f"fcs/{lever}-cmd-norm[{file.number}]"
                 properties.define(command, value)
-                follow = Writer(partial(properties.read, command, file.mount.where), "", -1)
+                follow = Writer(partial(properties.read_commanded, command), "", -1)
                 properties.compute(f"fcs/{lever}-pos-norm[{file.number}]", follow)
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
@@ -301,7 +303,10 @@ class Equations:
             own_name = f"throttle{file.number}"
             name = own_name if own_name in self.inputs else "throttle"
             symbol = self.inputs[name].symbol
-            self.notes += reach_throttles([file.number], self.properties, symbol)
+            notes = reach_throttles([file.number], self.properties, symbol)
+            self.notes += notes
+            if notes:
+                self.cut_throttles.append(name)
 
     def _define_functions(self) -> None:
         """Let <property value="..."> and functions with names set their properties."""

@@ -265,7 +265,7 @@ class Frames:
         engines = ca.vertcat(ca.SX(0, 1), *(values[name] for name in self._engines))
         inputs = {name: each.symbol for name, each in equations.inputs.items()}
         for name in self._inputs:
-            refuse_surface(name, equations.inputs[name])
+            refuse_surface(name, equations.inputs[name], name in equations.cut_throttles)
         parameters = dict(equations.parameters)
         given = [
             *equations.states.values(),
@@ -287,12 +287,14 @@ class Frames:
         return at_end
 
 
-def refuse_surface(name: str, pilot_input: PilotInput) -> None:
-    """BadInputError for an input that is no command of the pilot."""
-    if pilot_input.unit != "1":
+def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> None:
+    """BadInputError for an input that is no command of the pilot: a surface, or is_position: the
+    position of a throttle."""
+    if is_position or pilot_input.unit != "1":
+        part = "the position of a throttle" if is_position else "a surface itself"
         raise BadInputError(
-            f"the input {name} is a surface itself, which JSBSim's control system moves; its frames"
-            " are not flown"
+            f"the input {name} is {part}, which JSBSim's control system moves; its frames are not"
+            " flown"
         )
 
 

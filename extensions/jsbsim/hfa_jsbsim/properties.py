@@ -187,6 +187,14 @@ class Properties:
             return self.read(key, "")
         return self.remember(key, lambda: self.value_of(writer, key, ""))
 
+    def read_commanded(self, name: str) -> Any:
+        """A command when JSBSim copies it to its position, before the control system runs: what a
+        component sets is then of the frame before."""
+        writer = self.writer(name)
+        if self.step and writer is not None and writer.component is not None:
+            return self.before(name)
+        return self.read(name, "")
+
     def leave_out(self, component: Element, what: str, is_never: bool = False) -> None:
         """Note that the memory of a component is left out; is_never: also where it could be a
         state."""

@@ -12,7 +12,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import brentq
 
 from hfa_aircraft.atmosphere import SEA_LEVEL
 from hfa_aircraft.model import Model
@@ -383,6 +382,8 @@ class _Declaration:
         first = steady[0]
         if first == 0:
             return fastest
+        from scipy.optimize import brentq
+
         return float(brentq(lambda rpm: rates(np.array([rpm]))[0], *speeds[first - 1 : first + 1]))
 
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
@@ -399,7 +400,7 @@ class _Declaration:
             from hfa_jsbsim.frame import Frames, refuse_surface
 
             for name, pilot_input in self.inputs.items():
-                refuse_surface(name, pilot_input)
+                refuse_surface(name, pilot_input, name in self.equations.cut_throttles)
             names = ([*self._states()], [*self.inputs], [*self.parameters])
             return Frames(self.parts, step, names)
 
