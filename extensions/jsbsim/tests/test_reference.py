@@ -1,6 +1,8 @@
 """Accelerations, engines and linear models against JSBSim, in a process of its own."""
 
 import importlib.util
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -149,3 +151,15 @@ def test_where_the_surface_is_the_input_forces_are_those_at_jsbsims_surfaces(nam
     for point, answer in zip(points, measured(name, points), strict=True):
         _, rates, _ = ours_at(model, point, answer | {"aileron": 0.0})
         assert rates["pitch_rate"] == pytest.approx(answer["qdot"], rel=1e-9)
+
+
+def test_reading_an_aircraft_loads_no_scipy():
+    """scipy.optimize alone takes half the time of `hfa trim --aircraft jsbsim:737`."""
+    code = (
+        "import sys; from hfa_jsbsim.reader import read_model; read_model('jsbsim:737');"
+        " print('scipy' in sys.modules)"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.strip() == "False"
