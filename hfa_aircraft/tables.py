@@ -12,10 +12,12 @@ import numpy as np
 class Interpolator:
     """Values of tables at expressions, constant beyond the first and the last breakpoint.
 
-    On each axis one comparison a breakpoint selects the cell. Its corners are selected with these
-    0-1 numbers, whose derivatives are zero, so that a derivative costs as much as one of
-    y0 + t (y1 - y0), however large the table is. At a breakpoint the slope is the one to the right.
-    Tables over the same expression and breakpoints share the comparisons.
+    On each axis one comparison a breakpoint selects the cell. The line of that cell, a level and a
+    slope, is selected with these 0-1 numbers, whose derivatives are zero, so that a derivative
+    costs as much as one of y0 + t (y1 - y0), however large the table is. Numbers between 0 and 1
+    give a blend of the lines of both cells, so that smooth comparisons make a smooth table. At a
+    breakpoint the slope is the one to the right. Tables over the same expression and breakpoints
+    share the comparisons.
     """
 
     def __init__(self) -> None:
@@ -29,34 +31,58 @@ class Interpolator:
         values: (n1, ..., nd), in row-major order. breakpoints: d arrays, increasing, of at least
         two. arguments: d scalars, numbers or expressions.
         """
-        corner = ca.SX(ca.DM(np.asarray(values, dtype=float).ravel()))
+        axes = [np.asarray(points, dtype=float) for points in breakpoints]
+        lines = np.asarray(values, dtype=float)
+        for axis, points in enumerate(axes):
+            first = 2 * axis
+            both = np.stack(lines_of_cells(np.moveaxis(lines, first, 0), points))
+            lines = np.moveaxis(both, (0, 1), (first, first + 1))
         cells = [
-            self.cell(ca.SX(argument), np.asarray(points, dtype=float))
-            for points, argument in zip(breakpoints, arguments, strict=True)
+            self.cell(ca.SX(argument), points)
+            for points, argument in zip(axes, arguments, strict=True)
         ]
-        return _between(corner, cells)
+        return _between(ca.SX(ca.DM(lines.ravel())), cells)
 
     def cell(self, argument: ca.SX, points: np.ndarray) -> tuple[ca.SX, ca.SX]:
-        """1 at the cell (n - 1,) that holds the argument, and its share of that cell's width."""
+        """1 at the cell (n - 1,) that holds the argument, and the argument, kept within the
+        breakpoints, from the middle one on."""
         key = (argument.element_hash(), points.tobytes())
         if key not in self._axes:
             inside = ca.fmin(ca.fmax(argument, points[0]), points[-1])
             above = argument >= ca.SX(ca.DM(points[1:-1]))
             chosen = ca.vertcat(1, above) - ca.vertcat(above, 0)
-            start = ca.dot(chosen, ca.DM(points[:-1]))
-            width = ca.dot(chosen, ca.DM(np.diff(points)))
-            self._axes[key] = (chosen, (inside - start) / width, argument)  # it keeps its hash
-        chosen, share, _ = self._axes[key]
-        return chosen, share
+            self._axes[key] = (chosen, inside - _middle(points), argument)  # it keeps its hash
+        chosen, offset, _ = self._axes[key]
+        return chosen, offset
 
 
-def _between(values: ca.SX, cells: Sequence[tuple[ca.SX, ca.SX]]) -> ca.SX:
-    """The interpolated value of a table in row-major order: one axis after the other."""
+def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
+    """Levels at the middle breakpoint and slopes (n - 1, ...) of the lines between values.
+
+    values: (n, ...), an array, or expressions as a column. points: (n,)"""
+    column = (-1, *[1] * (len(values.shape) - 1))
+    widths = np.diff(points).reshape(column)
+    starts = (points[:-1] - _middle(points)).reshape(column)
+    slopes = (values[1:] - values[:-1]) / widths
+    return values[:-1] - slopes * starts, slopes
+
+
+def _middle(points: np.ndarray) -> float:
+    """The breakpoint from which the arguments of lines count."""
+    return float(points[len(points) // 2])
+
+
+def _between(lines: ca.SX, cells: Sequence[tuple[ca.SX, ca.SX]]) -> ca.SX:
+    """The interpolated value of a table of lines in row-major order: one axis after the other.
+
+    lines: (2, n1 - 1, 2, n2 - 1, ...), of each axis the levels and the slopes"""
     if not cells:
-        return values
-    chosen, share = cells[0]
-    count = chosen.numel() + 1
-    rows = ca.reshape(values, values.numel() // count, count)
-    low = _between(ca.mtimes(rows[:, :-1], chosen), cells[1:])
-    high = _between(ca.mtimes(rows[:, 1:], chosen), cells[1:])
-    return low + share * (high - low)
+        return lines
+    chosen, offset = cells[0]
+    half = lines.numel() // 2
+    count = chosen.numel()
+    level, slope = (
+        _between(ca.mtimes(ca.reshape(part, half // count, count), chosen), cells[1:])
+        for part in (lines[:half], lines[half:])
+    )
+    return level + offset * slope

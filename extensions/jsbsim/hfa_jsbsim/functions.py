@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.tables import lines_of_cells
 from hfa_jsbsim.properties import Properties
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
@@ -239,10 +240,10 @@ class Table:
         if not self.parts:
             return interpolate(self.values, self.breakpoints, arguments)
         inner = [table.at(properties, arguments[:-1]) for table in self.parts]
-        chosen, share = interpolate.cell(ca.SX(arguments[-1]), self.breakpoints[0])
-        low = ca.dot(chosen, ca.vertcat(*inner[:-1]))
-        high = ca.dot(chosen, ca.vertcat(*inner[1:]))
-        return low + share * (high - low)
+        points = self.breakpoints[0]
+        chosen, offset = interpolate.cell(ca.SX(arguments[-1]), points)
+        levels, slopes = lines_of_cells(ca.vertcat(*inner), points)
+        return ca.dot(chosen, levels) + offset * ca.dot(chosen, slopes)
 
 
 def read_table(element: Element) -> Table:

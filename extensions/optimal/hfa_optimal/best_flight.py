@@ -232,12 +232,21 @@ class BestFlight(StatesAndInputs, Result, Reported):
         return f"No flight from this start costs less than {self.lower_bound:.6g}, which is proved."
 
     def _checked(self) -> str:
-        meshes = " and ".join(map(str, list(self.found.meshes)[-2:]))
-        return (
+        found = self.found
+        meshes = " and ".join(map(str, list(found.meshes)[-2:]))
+        lines = [
             f"Flown with the simulator: {self.cost:.6g}; the optimizer proposed "
-            f"{self.proposed_cost:.6g}. Meshes of {meshes} intervals over {self.seconds:.3g} s, "
-            f"{len(self.found.guesses)} guesses: within {100 * self.spread:.2g} %."
-        )
+            f"{self.proposed_cost:.6g}.",
+            f"Meshes of {meshes} intervals over {self.seconds:.3g} s agree within "
+            f"{100 * found.spread_of_meshes:.2g} %. {len(found.guesses)} guesses end up to "
+            f"{100 * found.spread_of_guesses:.2g} % above the best.",
+        ]
+        if self.problem.has_kinks:
+            lines.append(
+                "The optimizer had a copy of the aircraft with smooth tables and kinks; the flight "
+                "is of the true equations."
+            )
+        return " ".join(lines)
 
     def _records(self) -> Table:
         rows = np.column_stack([self.time, self.states, self.inputs]).tolist()

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_optimal.problem import MARGIN, FlightProblem
+from hfa_support.native.machine_code import machine_code
 
 #: Collocation points of an interval.
 DEGREE = 3
@@ -27,8 +28,18 @@ OPTIONS: dict[str, Any] = {
     "ipopt.acceptable_tol": 1e-6,
     "ipopt.max_iter": 300,
 }
+#: From so many intervals on IPOPT takes a third fewer iterations where it adapts its barrier.
+_LARGE = 100
+#: From so many starts on the equations are compiled, which takes as long as 4 starts of the
+#: flexible aircraft and 25 of a c172p, and saves 10 and 60 % of each.
+_MACHINE_CODE_STARTS = 20
 #: Roughness, as a part of the largest, that every interval of an adapted mesh counts at least.
 _EVEN = 1e-3
+#: Kinks of the inputs count so many times, and lengths of intervals follow this power of the
+#: roughness: half the distance between meshes of 25 and 50 intervals on the flexible aircraft, of
+#: some values that were tried.
+_KINKS = 3.0
+_POWER = 0.5
 #: Largest violation of the transcribed equations, in nominal sizes, of what is flown at all.
 FEASIBLE = 1e-6
 
@@ -38,7 +49,7 @@ class Proposal(NamedTuple):
 
     lengths: (N,), s, of the intervals.
     start: (k,), z at the begin.
-    z: (N, DEGREE, k), deviations at the collocation points.
+    z: (N, DEGREE, followed), deviations of the followed states at the collocation points.
     v: (N + 1, m), inputs at the ends of the intervals, linear between them.
     cost: by the collocation's quadrature, with the linear cost of the end.
     tail: the linear cost of the end alone.
@@ -60,12 +71,13 @@ class Proposal(NamedTuple):
 
     @property
     def nodes(self) -> np.ndarray:
-        """(N, 1 + DEGREE, k), z at the begin and the collocation points of each interval."""
-        before = np.vstack([self.start[None], self.z[:-1, -1]])
+        """(N, 1 + DEGREE, followed), at the begin and the collocation points of each interval."""
+        start = np.pad(self.start, (0, self.z.shape[-1] - len(self.start)))
+        before = np.vstack([start[None], self.z[:-1, -1]])
         return np.concatenate([before[:, None], self.z], axis=1)
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """z (N, k) and v (N, m) at times; 0 after the end."""
+        """The followed states (N, followed) and v (N, m) at times; 0 after the end."""
         ends = self.ends
         count = len(self.lengths)
         interval = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, count - 1)
@@ -116,21 +128,21 @@ def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
 
 
 def adapted_mesh(
-    problem: FlightProblem, proposal: Proposal, intervals: int, step: float
+    proposal: Proposal, intervals: int, step: float, weights: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """(N,), lengths of intervals in which a proposal is about equally smooth.
+    """(N,), lengths of intervals in which a proposal is about equally smooth, judged by the leading
+    terms of its polynomials.
 
-    Its polynomials are judged by their leading terms, in units of the cost. step: as of
-    `_on_steps`."""
-    of_states = np.sqrt(np.abs(np.diag(problem.P)))
-    of_inputs = np.sqrt(np.diag(problem.R))
+    step: as of `_on_steps`. weights: how much a unit of each z, (k,), and v, (m,), counts"""
+    of_states, of_inputs = weights
     leading = np.einsum("j,ijk->ik", _leading(collocation_points()), proposal.nodes)
+    leading = leading[:, : len(of_states)]
     bent = np.diff(np.diff(proposal.v, axis=0) / proposal.lengths[:, None], axis=0)
-    kinks = np.abs(bent * of_inputs).sum(axis=1)
+    kinks = _KINKS * np.abs(bent * of_inputs).sum(axis=1)
     at_ends = np.maximum(np.append(kinks, 0.0), np.append(0.0, kinks))
     rough = np.abs(leading * of_states).sum(axis=1) + at_ends * proposal.lengths
     near = np.maximum.reduce([rough, np.append(rough[1:], 0.0), np.append(0.0, rough[:-1])])
-    shares = (near + _EVEN * near.max()) ** (1.0 / DEGREE)
+    shares = (near + _EVEN * near.max()) ** _POWER
     filled = np.append(0.0, np.cumsum(shares))
     wanted = np.linspace(0.0, filled[-1], intervals + 1)
     return _on_steps(np.interp(wanted, filled, proposal.ends), step)
@@ -171,6 +183,24 @@ def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
     return ca.DM.triplet(rows, places, ca.DM(values), intervals * DEGREE * (k + m), columns)
 
 
+class Equations(NamedTuple):
+    """The equations of an aircraft at one point and their derivatives, as a `FlightProblem` has
+    them: in CasADi's virtual machine, or as machine code."""
+
+    rates: ca.Function
+    slopes: ca.Function
+    curvature: ca.Function
+
+    @staticmethod
+    def of(problem: FlightProblem, starts: int = 1) -> Equations:
+        """The derivatives as machine code where it pays for a number of starts. CasADi derives
+        the rates itself too, which it cannot do of machine code."""
+        slopes, curvature = problem.slopes, problem.curvature
+        if starts >= _MACHINE_CODE_STARTS:
+            slopes, curvature = machine_code(slopes), machine_code(curvature)
+        return Equations(problem.smooth_rates, slopes, curvature)
+
+
 @dataclass(frozen=True, eq=False)
 class Transcription:
     """The nonlinear program of a problem with a number of intervals, compiled once.
@@ -180,6 +210,7 @@ class Transcription:
 
     problem: FlightProblem
     intervals: int
+    equations: Equations
 
     def solve(
         self,
@@ -188,15 +219,19 @@ class Transcription:
         z: np.ndarray,
         v: np.ndarray,
         margin: float = MARGIN,
+        price: float = 1.0,
     ) -> Proposal:
         """What IPOPT makes of a guess.
 
         start: (k,), z at the begin. lengths: (N,), s.
         margin: how far inside the limits of the states it stays, as `inner_limits` takes it.
-        z: (N DEGREE, k), the guess at the collocation points. v: (N + 1, m), at the ends."""
+        z: (N DEGREE, k) or of all followed states, the guess at the collocation points.
+        v: (N + 1, m), at the ends. price: R counts so many times."""
         problem = self.problem
         of_states, of_inputs = problem.sizes
-        limits = problem.inner_limits(start, margin)
+        z = problem.padded(z)
+        begin = problem.padded(start)
+        limits = problem.inner_limits(begin, margin)
         below, above = (
             unknowns_in_order(
                 np.tile(of_z / of_states, (len(z), 1)), np.tile(of_v / of_inputs, (len(v), 1))
@@ -205,7 +240,7 @@ class Transcription:
         )
         guess = unknowns_in_order(z / of_states, v / of_inputs)
         scale = 1.0 / max(float(start @ problem.P @ start), 1e-12)
-        parameters = np.concatenate([start / of_states, lengths, [scale]])
+        parameters = np.concatenate([begin / of_states, lengths, [scale, price]])
         solved = self._solver(
             x0=np.clip(guess, below, above), p=parameters, lbx=below, ubx=above, lbg=0.0, ubg=0.0
         )
@@ -214,13 +249,14 @@ class Transcription:
         inner = row[m:].reshape(self.intervals, -1)
         z = inner[:, :-m].reshape(self.intervals, DEGREE, -1) * of_states
         violation = np.abs(np.array(solved["g"])).max()
+        end = z[-1, -1, : len(start)]
         return Proposal(
             lengths=lengths,
             start=start,
             z=z,
             v=np.vstack([row[:m], inner[:, -m:]]) * of_inputs,
             cost=float(solved["f"]) / scale,
-            tail=float(z[-1, -1] @ problem.P @ z[-1, -1]),
+            tail=float(end @ problem.P @ end),
             feasible=bool(np.isfinite(row).all() and violation <= FEASIBLE),
         )
 
@@ -228,15 +264,16 @@ class Transcription:
     def _solver(self) -> ca.Function:
         """(guess, parameters, bounds) -> solution, of IPOPT."""
         problem = self.problem
-        k, both = len(problem.states), len(problem.states) + len(problem.inputs)
+        k = len(problem.followed)
+        both = k + len(problem.inputs)
         N = self.intervals
         points = N * DEGREE
         chosen = points_of_unknowns(k, both - k, N)
         w = ca.MX.sym("w", chosen.columns())
-        p = ca.MX.sym("p", k + N + 1)
-        start, lengths, scale = ca.vertsplit(p, [0, k, k + N, k + N + 1])
+        p = ca.MX.sym("p", k + N + 2)
+        start, lengths, scale, price = ca.vertsplit(p, [0, k, k + N, k + N + 1, k + N + 2])
         Q, R, P = problem.scaled_weights()
-        weight = ca.diagcat(ca.DM(Q), ca.DM(R))
+        weight = ca.diagcat(ca.DM(Q), price * ca.DM(R))
         rows = ca.reshape(ca.mtimes(chosen, w), both, points)
         z = rows[:k, :]
         begins = ca.horzcat(start, z[:, DEGREE - 1 : points - 1 : DEGREE])
@@ -246,14 +283,13 @@ class Transcription:
         unit = ca.DM.eye(N)
         slopes = ca.mtimes(z, ca.kron(unit, derivatives[1:, :]))
         slopes += ca.mtimes(begins, ca.kron(unit, derivatives[0, :]))
-        rates = problem.rates()
-        g = ca.vec(slopes - ca.repmat(seconds, k, 1) * rates.map(points)(rows))
+        equations = self.equations
+        g = ca.vec(slopes - ca.repmat(seconds, k, 1) * equations.rates.map(points)(rows))
         running = ca.dot(ca.repmat(shares, both, 1) * rows, ca.mtimes(weight, rows))
         f = scale * (running + ca.bilin(ca.DM(P), z[:, -1], z[:, -1]))
 
-        slope, curvature = _derivatives(rates, k, both)
         constant = ca.evalf(_without_symbols(ca.jacobian(ca.vec(slopes), w), [w, p]))
-        of_rates = slope.map(points)(rows) * ca.repmat(
+        of_rates = equations.slopes.map(points)(rows) * ca.repmat(
             ca.reshape(ca.repmat(seconds, both, 1), 1, points * both), k, 1
         )
         jacobian = constant - ca.mtimes(_blocks(of_rates, points, k, both), chosen)
@@ -261,7 +297,7 @@ class Transcription:
         of_cost = ca.MX.sym("of_cost")
         of_equations = ca.MX.sym("of_equations", points * k)
         weighed = ca.reshape(of_equations, k, points) * ca.repmat(seconds, k, 1)
-        bent = 2.0 * of_cost * scale * ca.kron(shares, weight) - curvature.map(points)(
+        bent = 2.0 * of_cost * scale * ca.kron(shares, weight) - equations.curvature.map(points)(
             rows, weighed
         )
         at_points = _blocks(bent, points, both, both)
@@ -272,6 +308,7 @@ class Transcription:
 
         options = {
             **OPTIONS,
+            "ipopt.mu_strategy": "adaptive" if N >= _LARGE else "monotone",
             "jac_g": ca.Function("jac_g", [w, p], [g, jacobian], ["x", "p"], ["g", "jac:g:x"]),
             "hess_lag": ca.Function(
                 "hess_lag",
@@ -283,21 +320,6 @@ class Transcription:
         }
         program: dict[str, Any] = {"x": w, "p": p, "f": f, "g": g}
         return ca.nlpsol("flight", "ipopt", program, options)
-
-
-def _derivatives(rates: ca.Function, k: int, both: int) -> tuple[ca.Function, ca.Function]:
-    """Of the rates at one point: the slopes (k, both), and the curvature (both, both) of their sum
-    weighed by k multipliers."""
-    at = ca.SX.sym("at", both)
-    multipliers = ca.SX.sym("multipliers", k)
-    f = rates(at)
-    slopes = ca.densify(ca.jacobian(f, at))
-    bent, _ = ca.hessian(ca.dot(multipliers, f), at)
-    options = {"cse": True}
-    return (
-        ca.Function("slopes", [at], [slopes], options),
-        ca.Function("curvature", [at, multipliers], [ca.densify(bent)], options),
-    )
 
 
 def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:

@@ -22,7 +22,7 @@ from hfa_optimal.problem import FlightProblem
 from hfa_optimal.tracking import STEPS, TrackingPolicy, held_size, tracking_rows
 
 #: s: the longest step of the integration.
-_STEP = 0.0025
+_STEP = 0.005
 #: About as many ticks has a flight; so many flights of one tick decide about machine code.
 _TICKS = 500
 #: Largest product of a step and the fastest mode of the linear loop.
@@ -80,10 +80,12 @@ class Flights:
 
     problem: the aircraft, its trim, the price and the limits.
     count: how many starts are to come, about; it decides whether machine code pays.
+    longest_step: s, of the integration.
     """
 
     problem: FlightProblem
     count: int = 1
+    longest_step: float = _STEP
 
     @cached_property
     def step(self) -> float:
@@ -92,7 +94,7 @@ class Flights:
         linear = self.problem.linear
         loop = linear.A - linear.B @ self.problem.K
         modes = np.concatenate([np.linalg.eigvals(linear.A), np.linalg.eigvals(loop)])
-        return min(_STEP, _FASTEST / float(np.abs(modes).max()))
+        return min(self.longest_step, _FASTEST / float(np.abs(modes).max()))
 
     @cached_property
     def tick(self) -> float:

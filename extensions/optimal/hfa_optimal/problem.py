@@ -15,6 +15,7 @@ from controller.riccati.gare import solve_game
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits, flight_envelope
+from hfa_optimal.smooth import smoothed
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from trim.limits import Limits
 from trim.linear.linear_model import LinearModel, linearize
@@ -23,6 +24,11 @@ from trim.point.operating_point import OperatingPoint
 #: How far inside the limits of the states a proposal stays, as a part of the distance from the
 #: trim, so that a flight that follows it stays within them.
 MARGIN = 2e-3
+#: Half-width of a smoothed kink, in standard deviations of its argument over points within the
+#: limits that are nearer to the trim than so many nominal sizes.
+KINK_WIDTH = 0.02
+_NEAR = 3.0
+_KINK_POINTS = 500
 #: Two trims have the same value of a state within this part of its nominal size.
 _SAME = 1e-6
 
@@ -72,6 +78,38 @@ class FlightProblem:
         return [names.index(name) for name in self.states]
 
     @cached_property
+    def carried(self) -> tuple[str, ...]:
+        """States that the linear model leaves out and on which the rates of z depend: altitude."""
+        every = ca.SX.sym("x", len(self.model.states))
+        vectors = ca.vertsplit(every), list(self.point.inputs), components(ca.DM(self.model.p))
+        every_rate, _ = self.model.layout.expressions(vectors, ())
+        depends = ca.DM(ca.jacobian(every_rate, every).sparsity(), 1).full() != 0.0
+        followed = set(self.places)
+        while True:
+            needed = set(np.flatnonzero(depends[sorted(followed)].any(axis=0)).tolist())
+            if needed <= followed:
+                break
+            followed |= needed
+        names = list(self.model.states)
+        return tuple(names[place] for place in sorted(followed - set(self.places)))
+
+    @property
+    def followed(self) -> tuple[str, ...]:
+        """Names of what the optimizer follows: z, then the carried states."""
+        return (*self.states, *self.carried)
+
+    @cached_property
+    def followed_places(self) -> list[int]:
+        """Where the followed states are among all."""
+        names = list(self.model.states)
+        return [names.index(name) for name in self.followed]
+
+    def padded(self, z: np.ndarray) -> np.ndarray:
+        """z (..., k) with the carried states at their trim; followed states as they are."""
+        missing = len(self.followed) - z.shape[-1]
+        return np.pad(z, [(0, 0)] * (z.ndim - 1) + [(0, missing)])
+
+    @cached_property
     def moved(self) -> list[int]:
         """Where the inputs of v are among all."""
         names = list(self.model.inputs)
@@ -79,9 +117,9 @@ class FlightProblem:
 
     @cached_property
     def sizes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nominal sizes of z, (k,), and v, (m,): what the optimizer counts in."""
+        """Nominal sizes of the followed states, and of v, (m,): what the optimizer counts in."""
         signals = self.model.signals
-        of_states = np.array([signals[name].nominal for name in self.states])
+        of_states = np.array([signals[name].nominal for name in self.followed])
         return of_states, np.array([signals[name].nominal for name in self.inputs])
 
     @cached_property
@@ -93,39 +131,77 @@ class FlightProblem:
 
     @cached_property
     def state_limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest z, (k,) each."""
+        """Lowest and highest deviations of the followed states."""
         trim = np.array(self.point.states)
-        lowest = (self.envelope.lowest - trim)[self.places]
-        return lowest, (self.envelope.highest - trim)[self.places]
+        lowest = (self.envelope.lowest - trim)[self.followed_places]
+        return lowest, (self.envelope.highest - trim)[self.followed_places]
 
     def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest z of a proposal from a start, (k,) each: nearer to the trim than those
-        of a flight by the part `margin`, but where the start is farther."""
+        """Lowest and highest deviations of the followed states in a proposal from a start: nearer
+        to the trim than those of a flight by the part `margin`, but where the start is farther.
+
+        start: of the followed states"""
         lowest, highest = self.state_limits
         lowest = np.minimum((1.0 - margin) * lowest, start)
         return lowest, np.maximum((1.0 - margin) * highest, start)
 
+    @cached_property
     def rates(self) -> ca.Function:
-        """(z, v) in nominal sizes -> z' in nominal sizes; the other states and inputs are held at
-        the trim."""
+        """(followed states, v) in nominal sizes -> rates of the followed states in nominal sizes;
+        inputs that do not move are held at the trim."""
         of_states, of_inputs = self.sizes
-        both = ca.SX.sym("both", len(self.states) + len(self.inputs))
+        both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
         X = [ca.SX(value) for value in self.point.states]
         U = [ca.SX(value) for value in self.point.inputs]
-        for row, place in enumerate(self.places):
+        for row, place in enumerate(self.followed_places):
             X[place] += float(of_states[row]) * both[row]
         for row, place in enumerate(self.moved):
-            U[place] += float(of_inputs[row]) * both[len(self.states) + row]
+            U[place] += float(of_inputs[row]) * both[len(self.followed) + row]
         vectors = X, U, components(ca.DM(self.model.p))
         every_rate, _ = self.model.layout.expressions(vectors, ())
-        rates = every_rate[self.places] / ca.DM(of_states)
+        rates = every_rate[self.followed_places] / ca.DM(of_states)
         return ca.Function("rates", [both], [ca.densify(rates)], {"cse": True})
 
+    @cached_property
+    def has_kinks(self) -> bool:
+        """Whether the equations have tables or kinks, so that the optimizer has a smooth copy."""
+        return self.smooth_rates is not self.rates
+
+    @cached_property
+    def smooth_rates(self) -> ca.Function:
+        """`rates`, of an aircraft with tables and kinks a smooth copy, for the optimizer."""
+        of_states, of_inputs = self.sizes
+        pairs = zip(self.state_limits, self.input_limits, strict=True)
+        below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
+        rng = np.random.default_rng(0)
+        shape = (_KINK_POINTS, len(below))
+        near = rng.uniform(np.maximum(below, -_NEAR), np.minimum(above, _NEAR), shape)
+        return smoothed(self.rates, near, KINK_WIDTH)
+
+    @cached_property
+    def slopes(self) -> ca.Function:
+        """(followed states, v) in nominal sizes -> the derivatives of `smooth_rates`, dense."""
+        at = ca.SX.sym("at", self.smooth_rates.numel_in(0))
+        slopes = ca.densify(ca.jacobian(self.smooth_rates(at), at))
+        return ca.Function("slopes", [at], [slopes], {"cse": True})
+
+    @cached_property
+    def curvature(self) -> ca.Function:
+        """(followed states and v in nominal sizes, multipliers of their rates) -> the second
+        derivatives of the rates weighed by the multipliers, dense."""
+        rates = self.smooth_rates
+        at = ca.SX.sym("at", rates.numel_in(0))
+        multipliers = ca.SX.sym("multipliers", rates.numel_out(0))
+        bent, _ = ca.hessian(ca.dot(multipliers, rates(at)), at)
+        return ca.Function("curvature", [at, multipliers], [ca.densify(bent)], {"cse": True})
+
     def scaled_weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Q, R and P of z and v in nominal sizes."""
+        """Q, R and P of the followed states and v in nominal sizes; carried states cost nothing."""
         of_states, of_inputs = self.sizes
         of_both = np.outer(of_states, of_states)
-        return self.Q * of_both, self.R * np.outer(of_inputs, of_inputs), self.P * of_both
+        carried = [(0, len(self.carried))] * 2
+        Q, P = (np.pad(weight, carried) * of_both for weight in (self.Q, self.P))
+        return Q, self.R * np.outer(of_inputs, of_inputs), P
 
     def deviations(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
         """A start by name, or another trim, as z, (k,). BadInputError for an unknown name, for a

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,6 +35,12 @@ _RESERVES = (0.002, 0.008, 0.032)
 #: The flight has arrived where each state is nearer to the trim than this part of its largest
 #: deviation on the way.
 ARRIVED = 0.02
+#: Part of its nominal size that the largest deviation of a signal counts at least, where a mesh is
+#: adapted.
+_SMALLEST = 1e-3
+#: Steps of the simulation of a flight at least, so that an input that changes from one limit to the
+#: other does it when it was proposed.
+_STEPS = 2000
 #: Times of the guesses, as parts of the horizon of the linear loop.
 _GUESSES = (0.3, 0.1)
 _NONE_WITHIN = (
@@ -140,7 +146,7 @@ class QuickestFlight(StatesAndInputs, Result, Reported):
     def report(self) -> Report:
         """Its time, where it begins and arrives, and within which limits."""
         rows = []
-        most = np.abs(self.proposal.nodes).max(axis=(0, 1))
+        most = largest_deviations(self.proposal)
         for name, farthest in zip(self.problem.states, most.tolist(), strict=True):
             unit = self.model.unit(name)
             values = (self.start.get(name, 0.0), farthest, self.arrival[name], self.box[name])
@@ -186,9 +192,15 @@ class QuickestFlight(StatesAndInputs, Result, Reported):
         return drawn(new_figure(10.0, 8.0), self.problem, flights, seconds, self.title())
 
 
+def largest_deviations(proposal: Proposal) -> np.ndarray:
+    """(k,), the largest absolute z on the way."""
+    states = proposal.nodes[..., : len(proposal.start)]
+    return np.asarray(np.abs(states).max(axis=(0, 1)))
+
+
 def arrival_box(proposal: Proposal) -> np.ndarray:
     """(k,), half-widths of the box about the trim in which a flight has arrived."""
-    return np.asarray(ARRIVED * np.abs(proposal.nodes).max(axis=(0, 1)))
+    return ARRIVED * largest_deviations(proposal)
 
 
 def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.ndarray:
@@ -268,24 +280,29 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
         raise BadInputError("the flight begins at its end; give a start off the trim")
     best = _from_guesses(TimeProgram(problem, _MESHES[0]), z, v, horizon)
     meshes = {_MESHES[0]: best.cost}
+    flights = replace(flights, longest_step=best.cost / _STEPS)
     for count in _MESHES[1:]:
         program = TimeProgram(problem, count)
-        before, best = best, _on_finer(flights, best, count)
-        best = program.solve(best, _RESERVES[0])
+        best = program.solve(_on_finer(flights, best, count), _RESERVES[0])
         if not best.feasible:
             raise NoSolutionError(f"no flight found: {_NONE_WITHIN}")
         meshes[count] = best.cost
-        change = abs(best.cost / before.cost - 1.0)
+        before, last = list(meshes.values())[-2:]
+        change = abs(last / before - 1.0)
         reason = f"two meshes differ by {100 * change:.2g} %"
         if change > _MESHES_AGREE:
             continue
+        proposal = best
         for reserve in _RESERVES:
             if reserve > _RESERVES[0]:
-                best = program.solve(best, reserve)
-            flown = flights.follow(best, (1.0 + _HELD) * best.cost)
-            reason = not_arrived(problem, flown, best) if best.feasible else _NONE_WITHIN
+                proposal = program.solve(_on_finer(flights, proposal, count), reserve)
+            if not proposal.feasible:
+                reason = _NONE_WITHIN
+                break
+            flown = flights.follow(proposal, (1.0 + _HELD) * proposal.cost)
+            reason = not_arrived(problem, flown, proposal)
             if not reason:
-                return QuickestFlight(problem, best, flown, meshes, reserve)
+                return QuickestFlight(problem, proposal, flown, meshes, reserve)
     raise NoSolutionError(f"no flight found: {reason}")
 
 
@@ -294,7 +311,7 @@ def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: f
     does."""
     count = program.intervals
     inside = ((np.arange(count)[:, None] + collocation_points()[1:]) / count).ravel()
-    states = ((1.0 - inside)[:, None] * z).reshape(count, DEGREE, -1)
+    states = program.problem.padded((1.0 - inside)[:, None] * z).reshape(count, DEGREE, -1)
     inputs = (1.0 - np.linspace(0.0, 1.0, count + 1))[:, None] * v
     best: Proposal | None = None
     for part in _GUESSES:
@@ -310,7 +327,11 @@ def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: f
 
 def _on_finer(flights: Flights, proposal: Proposal, count: int) -> Proposal:
     """A proposal on a mesh of that many intervals."""
-    lengths = adapted_mesh(flights.problem, proposal, count, flights.step)
+    of_states, of_inputs = flights.problem.sizes
+    largest_z = largest_deviations(proposal)
+    largest_z = np.maximum(largest_z, _SMALLEST * of_states[: len(largest_z)])
+    largest_v = np.maximum(np.abs(proposal.v).max(axis=0), _SMALLEST * of_inputs)
+    lengths = adapted_mesh(proposal, count, flights.step, (1.0 / largest_z, 1.0 / largest_v))
     ends = np.append(0.0, np.cumsum(lengths))
     inside = (ends[:-1, None] + lengths[:, None] * collocation_points()[1:]).ravel()
     z = proposal.at(inside)[0].reshape(count, DEGREE, -1)

@@ -44,12 +44,13 @@ class TimeProgram:
         of_states, of_inputs = problem.sizes
         count = self.intervals * DEGREE
         start = guess.start
+        begin = problem.padded(start)
         bounds = []
         for of_z, of_v in zip(
-            problem.inner_limits(start, reserve), problem.input_limits, strict=True
+            problem.inner_limits(begin, reserve), problem.input_limits, strict=True
         ):
             z = np.tile(of_z / of_states, (count, 1))
-            z[-1] = 0.0
+            z[-1, : len(start)] = 0.0
             v = np.tile((1.0 - reserve) * of_v / of_inputs, (self.intervals + 1, 1))
             bounds.append(unknowns_in_order(z, v))
         below, above = bounds
@@ -58,7 +59,7 @@ class TimeProgram:
         shares = guess.lengths / seconds
         solved = self._solver(
             x0=np.append(np.clip(row, below, above), 1.0),
-            p=np.concatenate([start / of_states, seconds * shares]),
+            p=np.concatenate([begin / of_states, seconds * shares]),
             lbx=np.append(below, _SHORTEST),
             ubx=np.append(above, _LONGEST),
             lbg=0.0,
@@ -84,7 +85,7 @@ class TimeProgram:
         """(guess, parameters, bounds) -> solution, of IPOPT; the last unknown is the time over that
         of the guess."""
         problem = self.problem
-        k, m, N = len(problem.states), len(problem.inputs), self.intervals
+        k, m, N = len(problem.followed), len(problem.inputs), self.intervals
         points = N * DEGREE
         chosen = points_of_unknowns(k, m, N)
         w = ca.MX.sym("w", chosen.columns())
@@ -99,7 +100,7 @@ class TimeProgram:
         slopes = ca.mtimes(z, ca.kron(unit, derivatives[1:, :]))
         slopes += ca.mtimes(begins, ca.kron(unit, derivatives[0, :]))
         seconds = longer * ca.reshape(ca.repmat(lengths.T, DEGREE, 1), 1, points)
-        g = ca.vec(slopes - ca.repmat(seconds, k, 1) * problem.rates().map(points)(rows))
+        g = ca.vec(slopes - ca.repmat(seconds, k, 1) * problem.smooth_rates.map(points)(rows))
         lowest, highest = problem.input_limits
         _, of_inputs = problem.sizes
         ranges = ca.DM(np.where(np.isfinite(highest - lowest), highest - lowest, of_inputs))

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from hfa_optimal.collocation import DEGREE, Proposal, Transcription, adapted_mesh, mesh
+from hfa_optimal.collocation import (
+    DEGREE,
+    Equations,
+    Proposal,
+    Transcription,
+    adapted_mesh,
+    mesh,
+)
 from hfa_optimal.flights import Flights, Flown
 from hfa_optimal.problem import MARGIN, FlightProblem
 from hfa_optimal.tracking import exponentials
@@ -27,6 +34,17 @@ MESHES_AGREE = 0.005
 FLIGHT_AGREES = 0.01
 #: The linear cost of the end is below this part of the cost.
 TAIL = 0.001
+#: The same where an altitude that no cost holds moves the equilibrium.
+DRIFTING_TAIL = 0.005
+#: Costs of one optimum on the coarsest mesh differ by less than this part.
+_SAME_OPTIMUM = 0.002
+#: So many different optima of the coarsest mesh are followed on the next.
+_FOLLOWED = 2
+#: Guess that begins with the optimum at a larger R, and how many times larger.
+_COSTLY = "costly inputs"
+_COSTLY_PRICE = 10.0
+#: Nominal sizes of the inputs of a guess at the begin, at most.
+_LARGEST_INPUT = 10.0
 #: The linear cost after the first horizon, as a part of that of the start.
 _FIRST_TAIL = 3e-4
 #: How much longer a horizon is made, and how often.
@@ -48,7 +66,8 @@ class Found(NamedTuple):
     """A flight that was found and flown, and what it was compared with.
 
     flown: the flight. proposal: what it follows. seconds: the horizon.
-    meshes: intervals -> cost that was proposed. guesses: name of a guess -> cost that came of it.
+    meshes: intervals -> cost that was proposed. guesses: name of a guess -> cost that came of it,
+        on the finest mesh that it was tried on.
     linear: the flight of the linear optimum from the same start.
     """
 
@@ -63,10 +82,19 @@ class Found(NamedTuple):
     def spread(self) -> float:
         """The largest relative difference between the costs of the last two meshes, and of the
         guesses."""
+        return max(self.spread_of_meshes, self.spread_of_guesses)
+
+    @property
+    def spread_of_meshes(self) -> float:
+        """The relative difference between the costs of the last two meshes."""
         finest = list(self.meshes.values())[-2:]
+        return max(finest) / min(finest) - 1.0
+
+    @property
+    def spread_of_guesses(self) -> float:
+        """The largest relative difference between the costs that came of the guesses."""
         guessed = list(self.guesses.values())
-        between = [max(finest) / min(finest), max(guessed) / min(guessed)]
-        return max(between) - 1.0
+        return max(guessed) / min(guessed) - 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +115,10 @@ class BestFlights:
         return Flights(self.problem, self.count)
 
     @cached_property
+    def _equations(self) -> Equations:
+        return Equations.of(self.problem, self.count)
+
+    @cached_property
     def _loop(self) -> np.ndarray:
         """A - B K."""
         linear = self.problem.linear
@@ -104,10 +136,11 @@ class BestFlights:
         for _ in range(_EXTENSIONS):
             horizon = self.flights.tick * math.ceil(horizon / self.flights.tick)
             linear = self.flights.linear(start, (1.0 + AFTER) * horizon)
-            guesses, best = self._from_guesses(start, horizon, linear)
+            proposals = self._from_guesses(start, horizon, linear)
+            best = proposals[_cheapest_first(proposals)[0]]
             share = best.tail / best.cost
-            if share <= TAIL:
-                return self._refined(horizon, linear, guesses, best)
+            if share <= (DRIFTING_TAIL if self.problem.carried else TAIL):
+                return self._refined(horizon, linear, proposals)
             if seconds is not None:
                 raise BadInputError(
                     f"{seconds:g} s are too short: {100 * share:.2g} % of the cost is left at the "
@@ -135,33 +168,56 @@ class BestFlights:
             count += 1
         return 1.2 * count * step
 
-    def _refined(
-        self, seconds: float, linear: Flown, guesses: dict[str, float], best: Proposal
-    ) -> Found:
-        """The best flight of a horizon, flown; the mesh is divided until two agree, and the flight
-        with them."""
-        meshes = {INTERVALS: best.cost}
+    def _refined(self, seconds: float, linear: Flown, proposals: Mapping[str, Proposal]) -> Found:
+        """The best flight of a horizon, flown: from the cheapest proposals on twice as many
+        intervals, the cheapest that the simulator confirms."""
+        finer = {}
+        for name in _distinct(proposals):
+            proposal = self._finer(2 * INTERVALS, proposals[name], MARGIN)
+            if proposal.feasible:
+                finer[name] = proposal
+        reason = _NONE_WITHIN
+        guesses = {name: each.cost for name, each in (dict(proposals) | finer).items()}
+        for name in _cheapest_first(finer):
+            meshes = {INTERVALS: proposals[name].cost, 2 * INTERVALS: finer[name].cost}
+            try:
+                flown, best = self._confirmed(seconds, meshes, finer[name])
+            except NoSolutionError as error:
+                reason = str(error)
+                continue
+            return Found(flown, best, seconds, meshes, guesses | {name: best.cost}, linear)
+        raise NoSolutionError(f"no flight found: {reason}")
+
+    def _confirmed(
+        self, seconds: float, meshes: dict[int, float], best: Proposal
+    ) -> tuple[Flown, Proposal]:
+        """The flight of a proposal and what it follows; the mesh is divided until two agree, and
+        the flight with them.
+
+        meshes: intervals -> cost so far; those that are tried are added.
+
+        NoSolutionError with the reason where the last ones do not."""
         margin = MARGIN
-        reason = ""
-        for division in range(1, _DIVISIONS + 1):
-            intervals = INTERVALS * 2**division
+        intervals = len(best.lengths)
+        for _ in range(_DIVISIONS):
+            before, last = list(meshes.values())[-2:]
+            change = abs(last / before - 1.0)
+            reason = f"two meshes differ by {100 * change:.2g} %"
+            if change <= MESHES_AGREE:
+                flown, best, margin = self._flown(best, margin, seconds)
+                reason = refutation(flown, best)
+                if not reason:
+                    return flown, best
+                if flown.departure is not None:
+                    break
+            intervals *= 2
             if 2 * intervals * self.flights.step > seconds:
                 break
-            before, best = best, self._finer(intervals, best, margin)
+            best = self._finer(intervals, best, margin)
             if not best.feasible:
-                raise NoSolutionError(f"no flight found: {reason or _NONE_WITHIN}")
-            meshes[intervals] = best.cost
-            change = abs(best.cost / before.cost - 1.0)
-            if change > MESHES_AGREE:
-                reason = f"two meshes differ by {100 * change:.2g} %"
-                continue
-            flown, best, margin = self._flown(best, margin, seconds)
-            reason = refutation(flown, best)
-            if not reason:
-                return Found(flown, best, seconds, meshes, guesses, linear)
-            if flown.departure is not None:
                 break
-        raise NoSolutionError(f"no flight found: {reason}")
+            meshes[intervals] = best.cost
+        raise NoSolutionError(reason)
 
     def _flown(
         self, best: Proposal, margin: float, seconds: float
@@ -182,44 +238,64 @@ class BestFlights:
 
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: Flown
-    ) -> tuple[dict[str, float], Proposal]:
-        """The cost that came of each guess on the coarsest mesh, and the best proposal."""
-        lengths = self._mesh(seconds, INTERVALS)
-        slow = 3.0 / seconds
-        fast = 10.0 / seconds
-        tried = {
+    ) -> dict[str, Proposal]:
+        """Guess -> proposal on the coarsest mesh, of those that IPOPT solves; more guesses where
+        the first ones end in different optima. NoSolutionError where it solves none."""
+        first = {
             "linear loop": self._linear_guess(start),
-            "slow decay": self._decay(start, slow),
-            "fast decay": self._decay(start, fast),
+            "slow decay": self._decay(start, 3.0 / seconds),
         }
-        if not linear.lost:
-            tried["linear optimum, clipped"] = self._flown_guess(linear)
-            del tried["linear loop"]
-            del tried["fast decay"]
-        costs = {}
-        best: Proposal | None = None
-        for name, guess in tried.items():
-            proposal = self._transcription(INTERVALS).solve(
-                start, lengths, *_sampled(guess, lengths)
-            )
-            if not proposal.feasible:
-                continue
-            costs[name] = proposal.cost
-            if best is None or proposal.cost < best.cost:
-                best = proposal
-        if best is None:
+        if linear.lost:
+            first["fast decay"] = self._decay(start, 10.0 / seconds)
+        else:
+            first["linear loop"] = self._flown_guess(linear)
+        proposals = self._solved(start, seconds, first)
+        costs = [proposal.cost for proposal in proposals.values()]
+        if len(costs) == len(first) and max(costs) <= (1.0 + _SAME_OPTIMUM) * min(costs):
+            return proposals
+        lowest, highest = self.problem.input_limits
+        more = {
+            "inputs at their highest": self._decay(start, 3.0 / seconds, highest),
+            "inputs at their lowest": self._decay(start, 3.0 / seconds, lowest),
+        }
+        proposals |= self._solved(start, seconds, more)
+        proposals |= self._solved(start, seconds, {_COSTLY: first["linear loop"]}, _COSTLY_PRICE)
+        if not proposals:
             raise NoSolutionError(f"no flight found: {_NONE_WITHIN}")
-        return costs, best
+        return proposals
+
+    def _solved(
+        self, start: np.ndarray, seconds: float, guesses: Mapping[str, Guess], price: float = 1.0
+    ) -> dict[str, Proposal]:
+        """Guess -> proposal on the coarsest mesh after that was adapted to a first one.
+
+        price: with which the first one counts R"""
+        lengths = self._mesh(seconds, INTERVALS)
+        coarsest = self._transcription(INTERVALS)
+        proposals = {}
+        for name, guess in guesses.items():
+            proposal = coarsest.solve(start, lengths, *_sampled(guess, lengths), price=price)
+            if proposal.feasible:
+                proposal = self._finer(INTERVALS, proposal, MARGIN)
+            if proposal.feasible:
+                proposals[name] = proposal
+        return proposals
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
         """The proposal of a finer mesh that begins from that of a coarser one."""
-        lengths = adapted_mesh(self.problem, guess, intervals, self.flights.step)
+        lengths = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         z, v = _sampled(guess.at, lengths)
         return self._transcription(intervals).solve(guess.start, lengths, z, v, margin)
 
+    @cached_property
+    def _weights(self) -> tuple[np.ndarray, np.ndarray]:
+        """What a unit of z and v counts in a mesh: the roots of its cost."""
+        problem = self.problem
+        return np.sqrt(np.abs(np.diag(problem.P))), np.sqrt(np.diag(problem.R))
+
     def _transcription(self, intervals: int) -> Transcription:
         if intervals not in self.transcriptions:
-            self.transcriptions[intervals] = Transcription(self.problem, intervals)
+            self.transcriptions[intervals] = Transcription(self.problem, intervals, self._equations)
         return self.transcriptions[intervals]
 
     def _mesh(self, seconds: float, intervals: int) -> np.ndarray:
@@ -235,19 +311,26 @@ class BestFlights:
 
         return guess
 
-    def _decay(self, start: np.ndarray, rate: float) -> Guess:
-        """z that decays, with the inputs of the trim."""
+    def _decay(self, start: np.ndarray, rate: float, v: np.ndarray | None = None) -> Guess:
+        """z and inputs that decay.
+
+        v: (m,), the inputs at the begin, limited to some nominal sizes; those of the trim unless
+            given"""
+        begin = np.zeros(len(self.problem.inputs)) if v is None else v
+        most = _LARGEST_INPUT * self.problem.sizes[1]
+        begin = np.clip(begin, -most, most)
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            v = np.zeros((len(times), len(self.problem.inputs)))
-            return np.exp(-rate * times)[:, None] * start, v
+            decay = np.exp(-rate * times)[:, None]
+            return decay * start, decay * begin
 
         return guess
 
     def _flown_guess(self, flown: Flown) -> Guess:
         """A flight."""
         problem = self.problem
-        z = flown.states[:, problem.places] - np.array(problem.point.states)[problem.places]
+        places = problem.followed_places
+        z = flown.states[:, places] - np.array(problem.point.states)[places]
         v = flown.inputs[:, problem.moved] - np.array(problem.point.inputs)[problem.moved]
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -255,6 +338,21 @@ class BestFlights:
             return z[rows], v[rows]
 
         return guess
+
+
+def _cheapest_first(proposals: Mapping[str, Proposal]) -> list[str]:
+    """Names of proposals by their costs."""
+    return sorted(proposals, key=lambda name: proposals[name].cost)
+
+
+def _distinct(proposals: Mapping[str, Proposal]) -> list[str]:
+    """Names of the cheapest proposals that are not the same optimum."""
+    chosen: list[str] = []
+    for name in _cheapest_first(proposals):
+        dearest = proposals[chosen[-1]].cost if chosen else 0.0
+        if proposals[name].cost > (1.0 + _SAME_OPTIMUM) * dearest and len(chosen) < _FOLLOWED:
+            chosen.append(name)
+    return chosen
 
 
 def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

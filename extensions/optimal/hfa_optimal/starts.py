@@ -195,7 +195,7 @@ def usual_box(problem: FlightProblem) -> np.ndarray:
 
 def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
     """Half-widths inside the limits."""
-    lowest, highest = problem.state_limits
+    lowest, highest = (limit[: len(half)] for limit in problem.state_limits)
     return np.minimum(half, _INSIDE * np.minimum(-lowest, highest))
 
 

@@ -57,7 +57,7 @@ def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np
     seconds = float(proposal.lengths.sum())
     ticks = int(np.ceil(seconds / tick - 1e-9))
     z, v = proposal.at(tick / STEPS * np.arange(ticks * STEPS + 1))
-    both = np.hstack([z, v])
+    both = np.hstack([z[:, : len(problem.states)], v])
     knots = STEPS * np.arange(ticks)[:, None] + np.arange(STEPS + 1)
     begins = tick * np.arange(ticks)
     gains = tracking_gains(problem, proposal)
@@ -120,11 +120,9 @@ def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.
     middle = DEGREE // 2
     v = 0.5 * (proposal.v[1:] + proposal.v[:-1])
     both = np.hstack([proposal.z[:, middle] / of_states, v / of_inputs])
-    rates = problem.rates()
-    at = ca.SX.sym("at", both.shape[1])
-    slopes = ca.Function("slopes", [at], [ca.densify(ca.jacobian(rates(at), at))], {"cse": True})
-    rows = np.array(slopes.map(len(both))(both.T))
-    k = len(of_states)
-    stack = rows.reshape(k, len(both), -1).transpose(1, 0, 2)
+    rows = np.array(problem.slopes.map(len(both))(both.T))
+    k = len(problem.states)
+    followed = len(of_states)
+    stack = rows.reshape(followed, len(both), -1).transpose(1, 0, 2)
     scaled = stack * of_states[:, None] / np.concatenate([of_states, of_inputs])
-    return scaled[..., :k], scaled[..., k:]
+    return scaled[:, :k, :k], scaled[:, :k, followed:]

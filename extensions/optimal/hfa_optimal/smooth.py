@@ -1,0 +1,183 @@
+"""Smooth copies of functions with tables and kinks, for an optimizer that needs two derivatives.
+
+Where an argument passes a kink, the two branches are blended over a width; elsewhere the copy is
+the function. The width of each kink is a part of how much its argument varies over the points that
+are given, so that it means the same in degrees, feet and Mach numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+_COMPARISONS = (ca.OP_LT, ca.OP_LE)
+_KINKS = (ca.OP_FMIN, ca.OP_FMAX, ca.OP_FABS)
+_LOGIC = (ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
+_UNARY = (ca.OP_FABS, ca.OP_NOT)
+#: An argument that varies less than this part of its size does not vary.
+_VARIES = 1e-9
+
+
+def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Function:
+    """The function with each kink smoothed over a part of how much its argument varies; itself
+    where the points pass no kink.
+
+    function: SX, of one column (n,), with one result. points: (N, n), where it is used.
+    part: the half-width of a kink, in standard deviations of its argument over the points
+
+    Comparisons that choose between infinite values, equalities, and steps (floor, ceil) stay."""
+    symbol = ca.SX.sym("x", function.numel_in(0))
+    sharp = _Replay(function, symbol)
+    sharp.run()
+    values = np.array(ca.Function("kinks", [symbol], [sharp.arguments_of_kinks()])(points.T))
+    kinks = [_Kink.of(row, part) for row in values]
+    if not any(kink.width for kink in kinks):
+        return function
+    result = _Replay(function, symbol, kinks).run()
+    return ca.Function(function.name(), [symbol], [result], {"cse": True})
+
+
+@dataclass(frozen=True)
+class _Kink:
+    """How a kink at argument 0 is smoothed.
+
+    width: half-width; 0 where it stays sharp.
+    levels: the two values of an argument that has no others; None of one that varies.
+    """
+
+    width: float
+    levels: tuple[float, float] | None = None
+
+    @staticmethod
+    def of(values: np.ndarray, part: float) -> _Kink:
+        """Of an argument with these values, (N,)."""
+        finite = values[np.isfinite(values)]
+        size = np.abs(finite).max(initial=0.0)
+        if len(finite) < len(values) or np.ptp(finite) <= _VARIES * size:
+            return _Kink(0.0)
+        levels = np.unique(finite)
+        if len(levels) == 2:
+            return _Kink(0.0, (float(levels[0]), float(levels[1])))
+        width = part * float(finite.std())
+        passed = finite.min() <= width and finite.max() >= -width
+        if len(levels) < max(3, len(values) // 20) or not passed:
+            return _Kink(0.0)
+        return _Kink(width)
+
+    def step(self, argument: ca.SX, otherwise: ca.SX) -> tuple[ca.SX, bool]:
+        """1 where the argument is positive, 0 where it is negative, between them within the width;
+        and whether it is smooth.
+
+        otherwise: the comparison"""
+        if self.levels is not None:
+            low, high = self.levels
+            if low < 0.0 < high:
+                return (argument - low) / (high - low), True
+            return otherwise, False
+        if self.width == 0.0:
+            return otherwise, False
+        t = ca.fmin(ca.fmax(argument / self.width, -1.0), 1.0)
+        return 0.5 + t * (15.0 - t**2 * (10.0 - 3.0 * t**2)) / 16.0, True
+
+    def size(self, argument: ca.SX) -> ca.SX:
+        """The absolute value of the argument; a polynomial with two slopes within the width."""
+        sharp = ca.fabs(argument)
+        if self.width == 0.0:
+            return sharp
+        t = ca.fmin(ca.fmax(argument / self.width, -1.0), 1.0)
+        square = t**2
+        rounded = 0.375 + square * (0.75 - 0.125 * square)
+        return sharp + self.width * (rounded - ca.fabs(t))
+
+
+@dataclass
+class _Replay:
+    """The instructions of a function, evaluated once more on symbols.
+
+    kinks: of each kink in the order of the instructions; none: all stay sharp.
+    arguments: of the kinks, those that are passed at 0.
+    soft: places of the work vector that hold smooth numbers between 0 and 1.
+    """
+
+    function: ca.Function
+    symbol: ca.SX
+    kinks: list[_Kink] | None = None
+    arguments: list[ca.SX] = field(default_factory=list)
+    work: dict[int, ca.SX] = field(default_factory=dict)
+    soft: set[int] = field(default_factory=set)
+
+    def run(self) -> ca.SX:
+        """The result, dense."""
+        function = self.function
+        result = ca.SX.zeros(function.size_out(0))
+        for number in range(function.n_instructions()):
+            code = function.instruction_id(number)
+            out = function.instruction_output(number)
+            places = function.instruction_input(number)
+            if code == ca.OP_OUTPUT:
+                result[out[1]] = self.work[places[0]]
+                continue
+            value, is_soft = self._value(number, code, places)
+            self.work[out[0]] = value
+            self.soft.discard(out[0])
+            if is_soft:
+                self.soft.add(out[0])
+        return result
+
+    def arguments_of_kinks(self) -> ca.SX:
+        """The arguments of the kinks as a column."""
+        return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
+
+    def _value(self, number: int, code: int, places: list[int]) -> tuple[ca.SX, bool]:
+        """What an instruction gives, and whether it is a smooth number between 0 and 1."""
+        if code == ca.OP_CONST:
+            return ca.SX(self.function.instruction_constant(number)), False
+        if code == ca.OP_INPUT:
+            return self.symbol[places[1]], False
+        operands = [self.work[place] for place in places]
+        if code in _COMPARISONS:
+            return self._compared(code, *operands)
+        if code in _KINKS:
+            return self._kinked(code, *operands), False
+        if code in _LOGIC:
+            return self._chosen(code, places, operands)
+        return _applied(code, operands), False
+
+    def _compared(self, code: int, low: ca.SX, high: ca.SX) -> tuple[ca.SX, bool]:
+        return self._next_kink(high - low).step(high - low, ca.SX.binary(code, low, high))
+
+    def _kinked(self, code: int, one: ca.SX, other: ca.SX | None = None) -> ca.SX:
+        if other is None:
+            return self._next_kink(one).size(one)
+        kink = self._next_kink(one - other)
+        if kink.width == 0.0:
+            return ca.SX.binary(code, one, other)
+        half = 0.5 * kink.size(one - other)
+        middle = 0.5 * (one + other)
+        return middle + half if code == ca.OP_FMAX else middle - half
+
+    def _chosen(self, code: int, places: list[int], operands: list[ca.SX]) -> tuple[ca.SX, bool]:
+        """Logic of smooth numbers: 1 - a, a b, a + b - a b, and the branch that a chooses."""
+        is_soft = [place in self.soft for place in places]
+        if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):
+            return _applied(code, operands), False
+        if code == ca.OP_NOT:
+            return 1.0 - operands[0], True
+        one, other = operands
+        if code == ca.OP_IF_ELSE_ZERO:
+            if other.is_constant() and not np.isfinite(float(other)):
+                return ca.SX.binary(code, one >= 0.5, other), False
+            return one * other, other.is_constant() and float(other) == 1.0
+        return (one * other if code == ca.OP_AND else one + other - one * other), True
+
+    def _next_kink(self, argument: ca.SX) -> _Kink:
+        self.arguments.append(argument)
+        return _Kink(0.0) if self.kinks is None else self.kinks[len(self.arguments) - 1]
+
+
+def _applied(code: int, operands: list[ca.SX]) -> ca.SX:
+    """An operation of one or two operands."""
+    if len(operands) == 1:
+        return ca.SX.unary(code, operands[0])
+    return ca.SX.binary(code, *operands)
