@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfa_support.errors import on_one_line
+from hfa_support.errors import NoSolutionError, on_one_line
 from hfa_support.progress import say, say_aside
 
 if TYPE_CHECKING:
@@ -71,6 +71,9 @@ def show(
         say_aside(f"wrote {request.output}")
     if request.picture is not None and figure is not None:
         say_aside(f"wrote {request.picture}")
+    draws = report.data.get("draws")
+    if draws is not None and not draws["ok"]:
+        raise NoSolutionError(draws["first_line"])
 
 
 def _with_warnings(

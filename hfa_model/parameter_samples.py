@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hfa_aircraft.parameter_spread import ParameterSpread
 from hfa_model.parameters import Parameters, ParameterSet
 from hfa_support.errors import BadInputError, refuse_unless_whole
 
@@ -36,9 +37,7 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     if not center.all():
         name = parameters.identified[int(np.argmin(np.abs(center)))]
         raise BadInputError(f"{name} is zero and identified; its logarithm cannot be sampled")
-    variances, axes = np.linalg.eigh(parameters.covariance / np.outer(center, center))
-    # The symmetric root, which does not depend on the signs and the order of the axes.
-    root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T
-    deviations = np.random.default_rng(seed).standard_normal((count, len(columns))) @ root
-    table[:, columns] *= np.exp(deviations)
+    values = dict(zip(parameters.identified, center.tolist(), strict=True))
+    spread = ParameterSpread(values, parameters.covariance, of_logarithms=True)
+    table[:, columns] = spread.draws(count, seed)
     return tuple(Parameters(*row) for row in table.tolist())

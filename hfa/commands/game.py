@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from hfa.options.command import command
+from hfa.options.draws import draws_option, with_draws
 from hfa.options.games import IN_STEPS, GameOptions, LearningOptions, NamedGame
 from hfa.options.trims import OutputOptions
 from hfa.output import ProgressLine, show
@@ -24,8 +25,15 @@ class GameRequest(GameOptions, OutputOptions):
     """A game."""
 
 
-@command(GameRequest)
-def solve(request: GameRequest) -> int:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolveRequest(GameRequest):
+    """A game to be solved."""
+
+    draws: int | None = draws_option()
+
+
+@command(SolveRequest)
+def solve(request: SolveRequest) -> int:
     """Solve the zero-sum game exactly, with a certificate, the smallest delta, the cost of the
     policies and their margins.
 
@@ -55,6 +63,7 @@ def solve(request: GameRequest) -> int:
     with named.asking_for_time():
         analysed_game = analyse_game(named.game, ProgressLine("solve"))
     report = solution_report(analysed_game)
+    report = with_draws(report, request, (named, analysed_game.solution.K))
     show(report.with_data(**named.as_data()), request, notes=named.warnings)
     return 0
 

@@ -12,6 +12,7 @@ import numpy as np
 import hfa_model
 from hfa.options.argument_types import some_of
 from hfa.options.command import command
+from hfa.options.draws import draws_option, with_draws
 from hfa.options.request import OfModel, option
 from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
 from hfa.output import failure_as_data, show
@@ -70,6 +71,7 @@ class LinearizeRequest(OneTrimOptions, OutputOptions):
         default=(),
     )
     bode: bool = option("add transmission zeros and transfer functions")
+    draws: int | None = draws_option()
     picture: Path | None = picture_option("Bode plots from the inputs to the outputs")
 
 
@@ -104,6 +106,7 @@ def linearize(request: LinearizeRequest) -> int:
     notes = [*report.notes, reduction_note(model, full.select(usual), follow)]
     notes = [note for note in notes if note]
     report = replace(report, notes=notes).with_data(warnings=notes)
+    report = with_draws(report, request, full.select(usual))
 
     def figure() -> Figure:
         from trim.linear.frequency import bode_figure

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import hfa_model
 from hfa.options.command import command
+from hfa.options.draws import draws_option, with_draws
 from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
 from hfa.output import failure_as_data, show
 from trim.point.trim_report import trim_report
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 class TrimRequest(OneTrimOptions, OutputOptions):
     """One trim."""
 
+    draws: int | None = draws_option()
     picture: Path | None = picture_option("the aircraft from the front with its loads")
 
 
@@ -33,7 +35,7 @@ def trim(request: TrimRequest) -> int:
     condition = request.trim_condition()
     with failure_as_data(request, condition, aircraft):
         point = request.operating_point(aircraft)
-    report = trim_report(aircraft, condition, point)
+    report = with_draws(trim_report(aircraft, condition, point), request, point)
 
     def figure() -> Figure:
         from trim.hfa.front_view import trim_figure

@@ -16,6 +16,7 @@ from controller.game.zero_sum import Game
 from hfa.options.argument_types import positive, whole
 from hfa.options.command import command
 from hfa.options.critics import READING_SETTINGS, ReadingOptions, critic_path
+from hfa.options.draws import draws_option, with_draws
 from hfa.options.games import IN_STEPS, GameOptions, LearningOptions, NamedGame, setting_option
 from hfa.options.request import option
 from hfa.options.trims import OutputOptions, picture_option
@@ -107,6 +108,7 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         "N",
         whole(1),
     )
+    draws: int | None = draws_option()
     picture: Path | None = picture_option(
         "P learned, exact, difference, and errors over time; of several critics their errors"
     )
@@ -154,6 +156,9 @@ def verify(request: VerifyRequest) -> int:
         if amount is not None:
             with_section = part(PARTS, f"verify.{section}", f"--{section}")
             report = with_section(report, list(verdicts.values()), named, amount)
+    if request.draws is not None and len(verdicts) > 1:
+        raise BadInputError("--draws needs one critic; leave it out")
+    report = with_draws(report, request, (named, list(verdicts.values())[-1].critic.K))
     show(report, request, figure=partial(_figure, verdicts, origin), notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
 

@@ -11,8 +11,8 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, is_finite, said_of, shown
 from hfa_support.files import read_toml
 
-#: Entries of such a file; the bands are for those who read it.
-_KNOWN = ("aircraft", "parameters", "bands")
+#: Entries of such a file; all but the first two are for others who read it.
+_KNOWN = ("aircraft", "parameters", "bands", "covariance", "sensors")
 
 
 def changed_aircraft(path: str) -> Model | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
@@ -17,8 +19,18 @@ def aircraft_text(found: Identified) -> str:
     source = found.model.source[0]
     if not source:
         raise BadInputError("-o FILE.toml names the aircraft's file; give the aircraft as a file")
+    own = [name for name in found.parameters if name in found.model.parameters]
+    errors = [name for name in found.parameters if name not in own]
+    places = [list(found.parameters).index(name) for name in own]
     rows = [f"aircraft = '{source}'", "", "[parameters]"]
-    rows += [f"{name} = {each.value!r}" for name, each in found.parameters.items()]
+    rows += [f"{name} = {found.parameters[name].value!r}" for name in own]
     rows += ["", "# The ends of the 95 % bands.", "[bands]"]
     rows += [f"{name} = [{each.low!r}, {each.high!r}]" for name, each in found.parameters.items()]
+    if errors:
+        rows += ["", "# Errors of the columns of the records.", "[sensors]"]
+        rows += [f"{name} = {found.parameters[name].value!r}" for name in errors]
+    covariance = found.covariance[np.ix_(places, places)]
+    if np.isfinite(covariance).all():
+        rows += ["", "# Of the parameters, for --draws.", "[covariance]", f"names = {own!r}"]
+        rows += ["rows = [", *(f"    {row!r}," for row in covariance.tolist()), "]"]
     return "\n".join(rows) + "\n"

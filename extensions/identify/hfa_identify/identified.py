@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.parameter_spread import ParameterSpread
 from hfa_identify.records import Record
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.report import Report, Reported
@@ -168,18 +169,11 @@ class Identified(Result, Reported):
                 f"no aircraft can be drawn: {', '.join(self.undetermined)} not determined by the"
                 " records; leave them out of free"
             )
-        generator = np.random.default_rng(seed)
-        values = [estimate.value for estimate in self.parameters.values()]
-        drawn = generator.multivariate_normal(values, self.covariance, size=count)
-        places = [at for at, name in enumerate(self.parameters) if name in self.model.parameters]
         names = [name for name in self.parameters if name in self.model.parameters]
-        signals = [self.model.parameters[name] for name in names]
-        lowest = [signal.min for signal in signals]
-        highest = [signal.max for signal in signals]
-        return [
-            self.model.with_parameters(**dict(zip(names, row.tolist(), strict=True)))
-            for row in np.clip(drawn[:, places], lowest, highest)
-        ]
+        places = [list(self.parameters).index(name) for name in names]
+        values = {name: self.parameters[name].value for name in names}
+        spread = ParameterSpread(values, self.covariance[np.ix_(places, places)])
+        return spread.aircraft(self.model, count, seed)
 
     def report(self) -> Report:
         """The estimates, how well the records are explained, and what is not determined."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from hfa.options.argument_types import input_file, number, quantity, span, whole
 from hfa.options.command import command
+from hfa.options.draws import draws_option
 from hfa.options.ranges import Range, array_of, scheduled_range
 from hfa.options.request import OfModel, option
 from hfa.options.trims import (
@@ -137,6 +138,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         whole(0, _MOST_SAMPLES),
         default=0,
     )
+    draws: int | None = draws_option()
     picture: Path | None = picture_option("radius over delay, and the outcomes of the flights")
 
     def points(self) -> list[OperatingPoint]:
@@ -197,9 +199,11 @@ def assess(request: AssessRequest) -> int:
     and flights from a box of initial conditions, with and without a disturbance pulse. Exit code 0
     when the policy holds at every trim and meets every --need. Exit code 1 when it does not, or
     when its files prove a mistake of the deployment file."""
+    from hfa_identify.draws.report import reported
     from hfa_policy.assessment import Assessor
     from hfa_policy.assessment_report import Assessment
     from hfa_policy.comparison import Comparison
+    from hfa_policy.drawn_aircraft import drawn_policy
     from hfa_policy.mistakes import mistakes_of
     from hfa_policy.rough_flights import rough_flights
     from hfa_policy.variations import changes_of, variations
@@ -232,8 +236,14 @@ def assess(request: AssessRequest) -> int:
             assessed = [replace(at, rough=flown) for at, flown in zip(assessed, rough, strict=True)]
         found = Assessment(each, tuple(assessed), mistakes, request.need, tuple(changed))
         results.append(found)
+    if request.draws is not None and len(results) > 1:
+        raise BadInputError("--draws is of one deployment; name one")
     if len(results) == 1:
-        show(results[0].report(), request, figure=results[0].figure, notes=results[0].warnings)
+        report = results[0].report()
+        if request.draws is not None:
+            draws = drawn_policy(assessor, assessed, request, ProgressLine("draws"))
+            report = reported(report, draws)
+        show(report, request, figure=results[0].figure, notes=results[0].warnings)
         return 0 if results[0].ok else 1
     if request.picture is not None:
         raise BadInputError("--picture is of one deployment; name one")

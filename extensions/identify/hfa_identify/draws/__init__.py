@@ -1,0 +1,1 @@
+"""`--draws`: the spread of results over the aircraft that uncertain parameters allow."""

@@ -1,0 +1,89 @@
+"""The uncertain parameters that an aircraft carries: those of a file, or those of the HFA."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.parameter_spread import ParameterSpread
+from hfa_support.errors import BadInputError, is_finite
+from hfa_support.files import read_toml
+from hfa_support.units import si_factor
+
+_ADVICE = "give the file that `hfa identify -o FILE.toml` writes"
+
+
+def spread_of_file(path: str, model: Model) -> ParameterSpread:
+    """The parameters of a file with [covariance], in the units of its model.
+
+    BadInputError where the file has no covariance, or a wrong one."""
+    data = read_toml(path) if path.endswith(".toml") and Path(path).is_file() else {}
+    table = data.get("covariance")
+    if table is None:
+        raise BadInputError(f"{path} has no [covariance], which --draws needs; {_ADVICE}")
+    names = table.get("names", ()) if isinstance(table, Mapping) else ()
+    rows = table.get("rows", ()) if isinstance(table, Mapping) else ()
+    known = isinstance(names, list) and all(name in model.parameters for name in names)
+    if not names or not known or not _is_square(rows, len(names)):
+        raise BadInputError(f"{path}: [covariance] is not names of parameters and rows; {_ADVICE}")
+    matrix = np.array(rows, dtype=float)
+    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(_scaled(matrix)).min() < -1e-8:
+        raise BadInputError(f"{path}: [covariance] is no covariance; {_ADVICE}")
+    values = {name: model.parameters[name].start for name in names}
+    return ParameterSpread(values, matrix)
+
+
+def spread_of(request: Any) -> ParameterSpread:
+    """The uncertain parameters of the aircraft of a request, in the units of its model.
+
+    Those that the request holds are left out."""
+    model = request.model
+    native = model.native or model
+    if request.own:
+        spread = spread_of_file(model.source[0], native)
+    else:
+        known = request.parameter_set
+        if not known.covariance.size:
+            raise BadInputError("--draws needs --parameters with a covariance")
+        values = {name: getattr(known.values, name) for name in known.identified}
+        spread = ParameterSpread(values, known.covariance, of_logarithms=True)
+    if model.native is not None:
+        spread = _in_si(spread, native)
+    held = request.held_parameters()
+    kept = [at for at, name in enumerate(spread.values) if name not in held]
+    return replace(
+        spread,
+        values={name: value for name, value in spread.values.items() if name not in held},
+        covariance=spread.covariance[np.ix_(kept, kept)],
+    )
+
+
+def _in_si(spread: ParameterSpread, native: Model) -> ParameterSpread:
+    """The parameters in SI units."""
+    factors = np.array([si_factor(native.unit(name)) for name in spread.values])
+    values = {
+        name: value * factor
+        for (name, value), factor in zip(spread.values.items(), factors.tolist(), strict=True)
+    }
+    covariance = spread.covariance * np.outer(factors, factors)
+    return replace(spread, values=values, covariance=covariance)
+
+
+def _is_square(rows: Any, size: int) -> bool:
+    """Whether these are so many rows of so many finite numbers."""
+    if not isinstance(rows, list) or len(rows) != size:
+        return False
+    return all(
+        isinstance(row, list) and len(row) == size and all(map(is_finite, row)) for row in rows
+    )
+
+
+def _scaled(covariance: np.ndarray) -> np.ndarray:
+    """The matrix of correlations."""
+    sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return np.asarray(covariance / sizes[:, None] / sizes)

@@ -1,0 +1,63 @@
+"""What `--draws N` adds to the reports of trim, linearize, solve and verify."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from hfa.output import ProgressLine
+from hfa_identify.draws.parameters import spread_of
+from hfa_identify.draws.spread import DrawnAircraft, Draws
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table, shown_unit, shown_value
+from trim.linear.linear_model import LinearModel
+from trim.point.operating_point import OperatingPoint
+
+#: Of the draws.
+SEED = 0
+#: A band of a smaller part of its ends is not listed.
+_CONSTANT = 1e-9
+
+
+def with_draws(report: Report, request: Any, subject: Any) -> Report:
+    """The report with the spread of its subject over `request.draws` aircraft.
+
+    subject: an operating point, a linear model, or (`NamedGame`, gain)
+
+    BadInputError where the aircraft has no uncertain parameters.
+    """
+    progress = ProgressLine("draws")
+    if isinstance(subject, OperatingPoint):
+        return reported(report, _drawn(request, subject).trims(progress))
+    if isinstance(subject, LinearModel):
+        drawn = _drawn(request, subject.point)
+        return reported(report, drawn.linear_models(subject, progress))
+    named, gain = subject
+    if named.linear is None:
+        raise BadInputError("--draws needs an aircraft without --design; leave --draws out")
+    drawn = _drawn(request, named.linear.point)
+    return reported(report, drawn.gain(named.game, gain, progress))
+
+
+def reported(report: Report, draws: Draws) -> Report:
+    """The report with a table of bands, and a line below its title."""
+    rows = []
+    for name, band in draws.bands.items():
+        if band.high - band.low <= _CONSTANT * max(abs(band.high), abs(band.low)):
+            continue
+        values = [shown_value(value, band.unit) for value in (band.value, band.low, band.high)]
+        rows.append((name, *values, shown_unit(band.unit)))
+    about = f"95 % of {draws.count} aircraft, drawn from {len(draws.parameters)} parameters"
+    table = Table((about, "itself", "low", "high", "unit"), tuple(rows))
+    title = f"{report.title}\n{draws.first_line}"
+    parts = (*report.parts, table)
+    return replace(report, title=title, parts=parts).with_data(draws=draws.as_data())
+
+
+def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:
+    """The drawn aircraft of a request."""
+    spread = spread_of(request)
+    models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)
+    condition = request.trim_condition()
+    return DrawnAircraft(models, tuple(spread.values), SEED, condition, point)

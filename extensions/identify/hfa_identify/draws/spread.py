@@ -1,0 +1,171 @@
+"""The spread of a trim, of a linear model and of a gain over drawn aircraft."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.cost import flight_cost
+from controller.riccati.gare import solve_game
+from hfa_aircraft.model import Model
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress, told
+from hfa_support.reporting.results import Result
+from trim.linear.linear_model import LinearModel, linearize
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import OperatingPoint
+from trim.point.solve import TrimError, find_operating_point
+
+#: Percentiles of a band of 95 %.
+_BAND = (2.5, 97.5)
+
+
+@dataclass(frozen=True)
+class Band(Result):
+    """95 % of the drawn aircraft.
+
+    value: of the aircraft itself.
+    low: 2.5th percentile.
+    high: 97.5th percentile.
+    unit: of all three.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Draws(Result):
+    """A result on aircraft with drawn parameters.
+
+    count: number of aircraft.
+    seed: of the draws.
+    parameters: names of the drawn parameters.
+    trimmed: number of aircraft with a trim within their limits.
+    stable: number of aircraft whose linear model the gain stabilizes; None without a gain.
+    cost_lost_worst_percent: largest cost of the gain above the optimum of an aircraft, of the
+        linear models; None without a gain.
+    bands: what varies -> its band.
+    """
+
+    keys = "first_line ok count seed parameters trimmed stable? cost_lost_worst_percent? bands"
+
+    count: int
+    seed: int
+    parameters: tuple[str, ...]
+    trimmed: int
+    stable: int | None
+    cost_lost_worst_percent: float | None
+    bands: Mapping[str, Band]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every aircraft has a trim, and the gain stabilizes it."""
+        return self.trimmed == self.count and self.stable in (None, self.count)
+
+    @property
+    def first_line(self) -> str:
+        """How many aircraft, and what the gain costs at most."""
+        aircraft = f"of {self.count} aircraft that the parameters allow"
+        if self.trimmed < self.count or self.stable is None:
+            return f"trimmed: {self.trimmed} {aircraft}"
+        line = f"stable for {self.stable} {aircraft}"
+        if self.cost_lost_worst_percent is not None and np.isfinite(self.cost_lost_worst_percent):
+            line += f"; linear cost lost at most {self.cost_lost_worst_percent:.2g} %"
+        return line
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnAircraft:
+    """Aircraft with drawn parameters, trimmed like the aircraft itself.
+
+    models: the aircraft.
+    parameters: names of the drawn parameters.
+    seed: of the draws.
+    condition: of the trims.
+    point: the trim of the aircraft itself.
+    """
+
+    models: Sequence[Model]
+    parameters: tuple[str, ...]
+    seed: int
+    condition: TrimCondition
+    point: OperatingPoint
+
+    def points(self, progress: Progress | None = None) -> list[OperatingPoint]:
+        """The trims of those that have one."""
+        found = []
+        for model in told(self.models, progress):
+            try:
+                found.append(find_operating_point(model, self.condition, self.point))
+            except TrimError:
+                continue
+        return found
+
+    def trims(self, progress: Progress | None = None) -> Draws:
+        """The spread of the trim."""
+        points = self.points(progress)
+        model = self.point.model
+        names = [name for name in self.point.values if name not in self.condition.imposed]
+        bands = {
+            name: band_of(self.point[name], [point[name] for point in points], model.unit(name))
+            for name in names
+        }
+        return self._draws(len(points), bands)
+
+    def linear_models(self, linear: LinearModel, progress: Progress | None = None) -> Draws:
+        """The spread of the modes of a linear model."""
+        points = self.points(progress)
+        drawn = [linearize(point.model, point) for point in points]
+        bands = {}
+        names = [mode.name for mode in linear.modes]
+        for mode in linear.modes:
+            if names.count(mode.name) > 1:
+                continue
+            same = [each for model in drawn for each in model.modes if each.name == mode.name]
+            if same:
+                name = mode.name
+                damping = [each.damping for each in same]
+                frequency = [each.frequency for each in same]
+                bands[f"{name} damping"] = band_of(mode.damping, damping, "1")
+                bands[f"{name} frequency"] = band_of(mode.frequency, frequency, "1/s")
+        return self._draws(len(points), bands)
+
+    def gain(self, game: Game, K: np.ndarray, progress: Progress | None = None) -> Draws:
+        """The spread of what a gain does and costs; u = -K z about the trim of each aircraft.
+
+        game: of the aircraft itself, whose weights the others share
+        """
+        points = self.points(progress)
+        stable = 0
+        costs = []
+        slowest = []
+        for point in points:
+            linear = linearize(point.model, point)
+            abscissa = float(np.linalg.eigvals(linear.A - linear.B @ K).real.max())
+            slowest.append(abscissa)
+            stable += abscissa < 0.0
+            drawn = replace(game, A=linear.A, B=linear.B)
+            try:
+                costs.append(flight_cost(drawn, solve_game(drawn), K).worst)
+            except NoSolutionError:
+                costs.append(np.inf)
+        own = float(np.linalg.eigvals(game.A - game.B @ K).real.max())
+        bands = {"abscissa of the loop": band_of(own, slowest, "1/s")}
+        found = self._draws(len(points), bands)
+        return replace(found, stable=stable, cost_lost_worst_percent=max(costs, default=np.nan))
+
+    def _draws(self, trimmed: int, bands: Mapping[str, Band]) -> Draws:
+        """The result without a gain."""
+        return Draws(len(self.models), self.seed, self.parameters, trimmed, None, None, bands)
+
+
+def band_of(value: float, values: Sequence[float], unit: str) -> Band:
+    """The band of drawn values."""
+    low, high = np.percentile(values, _BAND).tolist() if values else (np.nan, np.nan)
+    return Band(float(value), low, high, unit)

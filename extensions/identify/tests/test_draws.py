@@ -1,0 +1,149 @@
+"""`--draws N`: what follows from the bands of an identified aircraft."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from project import ROOT
+
+import hfa
+from hfa.main import main
+from hfa_aircraft.parameter_spread import ParameterSpread
+from hfa_identify.draws.spread import DrawnAircraft
+from trim.point.condition import usual_condition
+
+UAV = str(ROOT / "examples" / "uav.toml")
+NAMES = ("CL_alpha", "Cm_alpha", "Cm_q")
+
+
+def written(deviation=0.02, name="found.toml"):
+    """An aircraft whose parameters deviate by so much of their values, correlated by half."""
+    model = hfa.load_model(UAV)
+    values = np.array([model.parameters[each].start for each in NAMES])
+    correlation = 0.5 * np.eye(3) + 0.5
+    covariance = np.outer(values, values) * deviation**2 * correlation
+    rows = [f"aircraft = '{UAV}'", "[covariance]", f"names = {list(NAMES)}"]
+    rows.append(f"rows = {covariance.tolist()}")
+    Path(name).write_text("\n".join(rows))
+    return name
+
+
+def answer(capsys, *words):
+    """The exit code, and the entry `draws` of the JSON."""
+    code = main([*words, "--json"])
+    return code, json.loads(capsys.readouterr().out)["draws"]
+
+
+def test_drawn_values_have_the_covariance():
+    covariance = np.array([[4.0, 1.0], [1.0, 1.0]])
+    spread = ParameterSpread({"CL_alpha": 3.0, "Cm_q": 0.0}, covariance)
+    drawn = spread.draws(20_000, seed=1)
+    np.testing.assert_allclose(drawn.mean(axis=0), [3.0, 0.0], atol=0.06)
+    np.testing.assert_allclose(np.cov(drawn.T), covariance, atol=0.15)
+
+
+def test_the_trim_spreads_as_its_slopes_say(folder, capsys):
+    """The elevator of the trim balances Cm_alpha times alpha."""
+    code, draws = answer(capsys, "trim", "--aircraft", written(), "--draws", "300")
+    assert code == 0
+    assert draws["first_line"] == "trimmed: 300 of 300 aircraft that the parameters allow"
+    model = hfa.load_model("found.toml")
+    slopes = []
+    for name in NAMES:
+        value = model.parameters[name].start
+        ends = [
+            hfa.find_operating_point(model.with_parameters(**{name: factor * value}))["elevator"]
+            for factor in (1.001, 0.999)
+        ]
+        slopes.append((ends[0] - ends[1]) / 0.002)
+    deviation = 0.02 * np.sqrt(np.array(slopes) @ (0.5 * np.eye(3) + 0.5) @ slopes)
+    band = draws["bands"]["elevator"]
+    assert band["high"] - band["low"] == pytest.approx(2 * 1.96 * deviation, rel=0.15)
+
+
+def test_modes_spread_and_held_parameters_stay(folder, capsys):
+    words = ("linearize", "--aircraft", written(), "--draws", "40")
+    code, draws = answer(capsys, *words)
+    assert code == 0
+    band = draws["bands"]["short period frequency"]
+    assert band["low"] < band["value"] < band["high"]
+    _, held = answer(capsys, *words, "--hold", "Cm_alpha=-0.38")
+    assert held["parameters"] == ["CL_alpha", "Cm_q"]
+    kept = held["bands"]["short period frequency"]
+    assert kept["high"] - kept["low"] < 0.5 * (band["high"] - band["low"])
+
+
+def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
+    """`solve` judges the exact gain, `verify` that of a file; the wider band costs more."""
+    narrow, wide = written(), written(0.2, "wide.toml")
+    code, draws = answer(capsys, "solve", "--aircraft", narrow, "--draws", "25", "-o", "K.npz")
+    assert code == 0
+    assert draws["stable"] == 25
+    assert 0.0 < draws["cost_lost_worst_percent"] < 1.0
+    code, again = answer(
+        capsys, "verify", "--aircraft", narrow, "--weights", "K.npz", "--draws", "25"
+    )
+    assert code == 0
+    assert again["cost_lost_worst_percent"] == pytest.approx(draws["cost_lost_worst_percent"])
+    _, wider = answer(capsys, "verify", "--aircraft", wide, "--weights", "K.npz", "--draws", "25")
+    assert wider["cost_lost_worst_percent"] > 10.0 * draws["cost_lost_worst_percent"]
+
+
+def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
+    """Planted: a gain that no drawn aircraft needs, of the wrong sign. The report is printed, and
+    the exit code is 1."""
+    model = hfa.load_model(written())
+    linear = hfa.linearize(model, hfa.find_operating_point(model))
+    game = hfa.game(linear, np.ones(8), np.ones(4), delta=np.inf)
+    np.savez("K.npz", K=-hfa.solve_game(game).K)
+    words = ["verify", "--aircraft", "found.toml", "--weights", "K.npz", "--draws", "10"]
+    assert main(words) == 1
+    printed = capsys.readouterr()
+    assert "stable for 0 of 10 aircraft that the parameters allow" in printed.out
+    assert "stable for 0 of 10 aircraft" in printed.err
+
+
+def test_aircraft_without_a_trim_count():
+    """Planted: among the drawn aircraft one without lift."""
+    model = hfa.load_model(UAV)
+    point = hfa.find_operating_point(model)
+    dead = model.with_parameters(CL_alpha=0.0, CL_0=0.0)
+    drawn = DrawnAircraft([model, dead], ("CL_alpha",), 0, usual_condition(model), point)
+    draws = drawn.trims()
+    assert (draws.trimmed, draws.ok) == (1, False)
+
+
+def test_a_deployed_policy_is_judged_on_drawn_aircraft(folder, capsys):
+    """With its trim values frozen; a sampled gain that is gentle enough."""
+    model = hfa.load_model(written())
+    linear = hfa.linearize(model, hfa.find_operating_point(model))
+    weak = hfa.game(linear, np.ones(8), 1e4 * np.ones(4), delta=np.inf)
+    np.savez("K.npz", K=hfa.solve_game(weak).K)
+    words = ("assess", "K.npz", "--sample-time", "0.02", "--aircraft", "found.toml")
+    _, draws = answer(capsys, *words, "--samples", "0", "--draws", "10")
+    assert draws["stable"] == draws["trimmed"] == 10
+    band = draws["bands"]["spectral radius"]
+    assert band["low"] <= band["value"] <= band["high"] < 1.0
+
+
+def test_the_parameters_of_the_hfa_are_drawn(capsys):
+    code, draws = answer(capsys, "solve", "--dihedral", "15", "--draws", "5")
+    assert code == 0
+    assert draws["stable"] == 5
+    assert "hinge_stiffness" in draws["parameters"]
+
+
+@pytest.mark.parametrize(
+    ("covariance", "message"),
+    [
+        ("", "has no [covariance], which --draws needs"),
+        ("[covariance]\nnames = ['CL_alpha']\nrows = [[1.0, 2.0]]", "is not names of parameters"),
+        ("[covariance]\nnames = ['Cl']\nrows = [[1.0]]", "is not names of parameters"),
+        ("[covariance]\nnames = ['CL_alpha']\nrows = [[-1.0]]", "is no covariance"),
+    ],
+)
+def test_a_wrong_covariance_is_refused(covariance, message, folder, capsys):
+    Path("found.toml").write_text(f"aircraft = '{UAV}'\n{covariance}")
+    assert main(["trim", "--aircraft", "found.toml", "--draws", "3"]) == 2
+    assert message in capsys.readouterr().err

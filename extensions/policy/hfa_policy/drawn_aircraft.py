@@ -1,0 +1,64 @@
+"""A deployed policy on aircraft with drawn parameters, its trim values frozen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hfa_identify.draws.parameters import spread_of
+from hfa_identify.draws.report import SEED
+from hfa_identify.draws.spread import Draws, band_of
+from hfa_policy.assessment import AssessedPoint, Assessor
+from hfa_policy.variations import frozen_at
+from hfa_support.progress import Progress
+
+
+def drawn_policy(
+    assessor: Assessor,
+    assessed: Sequence[AssessedPoint],
+    request: Any,
+    progress: Progress | None = None,
+) -> Draws:
+    """The sampled loop and the linear cost on `request.draws` aircraft, without flights.
+
+    assessed: what the policy does on the aircraft itself, at each trim.
+
+    An aircraft counts as trimmed where the policy has an equilibrium at every trim, and as stable
+    where its sampled loop is stable at every trim.
+    """
+    spread = spread_of(request)
+    models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)
+    rests = np.ones(len(models), dtype=bool)
+    stable = np.ones(len(models), dtype=bool)
+    bands = {}
+    costs = []
+    for point, itself in zip(assessor.points, assessed, strict=True):
+        changed = replace(
+            assessor,
+            deployed=frozen_at(assessor.deployed, point),
+            points=tuple(replace(point, model=model, problem=None) for model in models),
+            samples=0,
+            steady=point,
+        )
+        found = changed.assessed(progress)
+        radii = np.array([each.radius for each in found])
+        rests &= np.isfinite(radii)
+        stable &= radii < 1.0
+        seen = radii[np.isfinite(radii)].tolist()
+        where = f" at {point.title}" if len(assessed) > 1 else ""
+        bands[f"spectral radius{where}"] = band_of(itself.radius, seen, "1")
+        costs += [math.inf if each.cost is None else each.cost.largest for each in found]
+    has_cost = all(each.cost is not None for each in assessed)
+    return Draws(
+        len(models),
+        SEED,
+        tuple(spread.values),
+        int(rests.sum()),
+        int(stable.sum()),
+        max(costs) if has_cost else None,
+        bands,
+    )

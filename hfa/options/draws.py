@@ -1,0 +1,27 @@
+"""The option --draws: the spread of a result over the aircraft that its uncertain parameters
+allow."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hfa.options.argument_types import whole
+from hfa.options.request import option
+from hfa_support.entry_points import PARTS, part
+from hfa_support.reporting.report import Report
+
+
+def draws_option() -> Any:
+    """The field `draws` of a request."""
+    return option("spread over N aircraft, drawn from uncertain parameters", "N", whole(1))
+
+
+def with_draws(report: Report, request: Any, subject: Any) -> Report:
+    """The report, with the spread of its subject where --draws is typed.
+
+    subject: an operating point, a linear model, or (game, gain)
+    """
+    if request.draws is None:
+        return report
+    drawn: Report = part(PARTS, "draws", "--draws")(report, request, subject)
+    return drawn

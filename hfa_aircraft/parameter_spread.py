@@ -1,0 +1,41 @@
+"""Parameters of an aircraft that are known up to a normal distribution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterSpread:
+    """Parameters p with a normal distribution, of their values or of their logarithms.
+
+    values: name -> p_i.
+    covariance: (n, n) C, in their order and units.
+    of_logarithms: p_i exp(z_i) with z of the covariance C_ij / (p_i p_j), in place of p_i + z_i.
+    """
+
+    values: Mapping[str, float]
+    covariance: np.ndarray
+    of_logarithms: bool = False
+
+    def draws(self, count: int, seed: int) -> np.ndarray:
+        """(count, n) random samples; the seed decides them."""
+        center = np.array(list(self.values.values()))
+        sizes = center if self.of_logarithms else np.sqrt(np.diag(self.covariance))
+        variances, axes = np.linalg.eigh(self.covariance / np.outer(sizes, sizes))
+        # The symmetric root, which does not depend on the signs and the order of the axes.
+        root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T
+        z = np.random.default_rng(seed).standard_normal((count, len(center))) @ root
+        return np.asarray(center * np.exp(z) if self.of_logarithms else center + sizes * z)
+
+    def aircraft(self, model: Model, count: int, seed: int) -> list[Model]:
+        """Models with drawn values of these parameters, within the limits of the model."""
+        signals = [model.parameters[name] for name in self.values]
+        ends = np.array([(signal.min, signal.max) for signal in signals]).T
+        rows = np.clip(self.draws(count, seed), *ends).tolist()
+        return [model.with_parameters(**dict(zip(self.values, row, strict=True))) for row in rows]
