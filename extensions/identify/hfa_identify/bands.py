@@ -12,6 +12,10 @@ from hfa_identify.fit import Fit
 BAND = 1.959964
 #: Lags of the autocorrelation that a test of whiteness looks at.
 LAGS = 25
+#: A quantity is not explained where this part of its variance is left in the residuals, and the
+#: model moves it by this part of their variance.
+_UNEXPLAINED = 0.5
+_MOVES = 0.25
 #: Highest order of an autoregressive process that residuals are taken to be.
 _MOST_ORDER = 4
 #: Largest sum of its coefficients: the noise has a mean.
@@ -73,26 +77,44 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
     """Of each record, or of both halves of each: Σ S' R⁻¹ S, the covariance of the score with the
     residuals' autocorrelation, and the score Σ S' R⁻¹ v."""
     parts = []
-    fitted = _unknowns(fit) / (int(np.count_nonzero(fit.samples)) * len(fit.residuals))
-    for residual, present, projected in zip(fit.residuals, fit.present, fit.projected, strict=True):
+    for residual, present, projected, fitted in zip(
+        fit.residuals, fit.present, fit.projected, _fitted_by_quantity(fit), strict=True
+    ):
         middle = len(residual) // 2
         rows = [slice(0, middle), slice(middle, None)] if halves else [slice(None)]
         weights = np.where(present, 1.0 / fit.noise, 0.0)
         for part in rows:
             M, V, g = (np.zeros((len(fit.theta),) * size) for size in (2, 2, 1))
-            for quantity in range(residual.shape[1]):
-                S = projected[:, quantity]
-                weighted = S * weights[:, quantity, None]
-                M += weighted[part].T @ S[part]
-                g += weighted[part].T @ residual[part, quantity]
+            for quantity in np.flatnonzero(present.any(axis=0)):
+                S = projected[part, quantity]
+                weighted = S * weights[part, quantity, None]
+                noise = residual[:, quantity]
                 seen = present[:, quantity]
-                if seen.any():
-                    noise = residual[:, quantity]
-                    variance = float(noise @ noise) / int(seen.sum())
-                    correlation = smooth_autocorrelation(noise, seen, fitted)
-                    V += _summed(weighted[part], variance, correlation)
+                M += weighted.T @ S
+                g += weighted.T @ noise[part]
+                variance = float(noise @ noise) / int(seen.sum())
+                correlation = smooth_autocorrelation(noise, seen, fitted[quantity])
+                V += _summed(weighted, variance, correlation)
             parts.append((M, V, g))
     return parts
+
+
+def _fitted_by_quantity(fit: Fit) -> list[np.ndarray]:
+    """(k,) of each record: how many unknowns its samples of each quantity determine, the trace of
+    S D S' R⁻¹ and of the same of the start."""
+    p = len(fit.theta)
+    D = inverse(fit.information)
+    shares = []
+    for response, normal, present, projected in zip(
+        fit.responses, fit.normals, fit.present, fit.projected, strict=True
+    ):
+        weights = np.where(present, 1.0 / fit.noise, 0.0)
+        total = np.zeros(len(fit.noise))
+        for S, covariance in ((projected, D), (response.slopes[:, :, p:], inverse(normal.A))):
+            leverage = ((S @ covariance) * S).sum(axis=2)
+            total += (leverage * weights).sum(axis=0)
+        shares.append(total)
+    return shares
 
 
 def _summed(S: np.ndarray, variance: float, correlation: np.ndarray) -> np.ndarray:
@@ -163,6 +185,28 @@ def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
     correlation = autocorrelation(residual, present)[1 : LAGS + 1]
     limit = BAND / np.sqrt(max(1, int(present.sum())))
     return float((np.abs(correlation) < limit).mean())
+
+
+def unexplained(fit: Fit) -> np.ndarray:
+    """(k,) flags of quantities that the model moves, but not as they were measured: more than half
+    of their variation is left in the residuals."""
+    flags = []
+    for place, noise in enumerate(fit.noise):
+        y = np.concatenate(
+            [
+                response.y[present[:, place], place]
+                for response, present in zip(fit.responses, fit.present, strict=True)
+            ]
+        )
+        v = np.concatenate(
+            [
+                residual[present[:, place], place]
+                for residual, present in zip(fit.residuals, fit.present, strict=True)
+            ]
+        )
+        moves = len(y) > 0 and y.var() > _MOVES * v.var()
+        flags.append(moves and noise > _UNEXPLAINED * (y + v).var())
+    return np.array(flags)
 
 
 def correlations(covariance: np.ndarray) -> np.ndarray:

@@ -11,11 +11,18 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_identify.bands import BAND, correlations, covariance, white_covariance, whiteness
+from hfa_identify.bands import (
+    BAND,
+    correlations,
+    covariance,
+    unexplained,
+    white_covariance,
+    whiteness,
+)
 from hfa_identify.excitation import still_quantities
 from hfa_identify.faults import fault_of_columns, faults_of
 from hfa_identify.fit import Fit, OutputError
-from hfa_identify.identified import EXPLAINED, Estimate, FittedQuantity, Identified
+from hfa_identify.identified import Estimate, FittedQuantity, Identified
 from hfa_identify.minima import other_minimum, parts_disagree
 from hfa_identify.records import Record, read_record, record_of
 from hfa_identify.response import Responses
@@ -209,7 +216,6 @@ def _identified(
         name: _quantity(responses, fit, place, theils.get(name))
         for place, name in enumerate(responses.measured)
     }
-    unexplained = tuple(name for name, each in quantities.items() if each.fit < EXPLAINED)
     faults = list(faults_of(search, fit, BAND * white, progress))
     values = {
         name: value
@@ -230,7 +236,7 @@ def _identified(
             for name, value, ends in zip(names, fit.theta, search.bounds, strict=True)
             if value in ends
         ),
-        unexplained=unexplained,
+        unexplained=tuple(np.array(responses.measured)[unexplained(fit)].tolist()),
         faults=tuple(faults),
         other_minimum={} if other is None else dict(zip(names, other.theta.tolist(), strict=True)),
         parts_disagree=parts_disagree(search, fit),

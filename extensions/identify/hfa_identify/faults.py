@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hfa_identify.bands import covariance, weighted_scores
+from hfa_identify.bands import covariance, unexplained, weighted_scores
 from hfa_identify.fit import Fit, OutputError
-from hfa_identify.identified import EXPLAINED
 from hfa_identify.records import Record
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
@@ -243,7 +242,7 @@ def fault_of_columns(
         found = corrected.fit()
     except FloatingPointError:
         return ""
-    explains = not _unexplained(found) and found.converged
+    explains = not unexplained(found).any() and found.converged
     if fit is not None:
         likelier = _compared(search, undone, found) - fit.likelihood
         nearer = _change(search, found.theta) < 0.5 * _change(search, fit.theta)
@@ -254,23 +253,7 @@ def fault_of_columns(
 def _suspicious(search: Search, fit: Fit) -> bool:
     """Whether a fit is poor, or moved parameters far from their values before."""
     far = _change(search, fit.theta) > _LARGE_CHANGE**2
-    return far or not fit.converged or _unexplained(fit)
-
-
-def _unexplained(fit: Fit) -> bool:
-    """Whether half of the variation of a quantity is left in its residuals."""
-    for place in range(len(fit.noise)):
-        seen = np.concatenate(
-            [
-                (response.y + residual)[flags[:, place], place]
-                for response, residual, flags in zip(
-                    fit.responses, fit.residuals, fit.present, strict=True
-                )
-            ]
-        )
-        if len(seen) and fit.noise[place] > (1.0 - EXPLAINED) * seen.var():
-            return True
-    return False
+    return far or not fit.converged or bool(unexplained(fit).any())
 
 
 def _change(search: Search, theta: np.ndarray) -> float:

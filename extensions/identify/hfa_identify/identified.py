@@ -19,8 +19,6 @@ from hfa_support.reporting.text import Table, shown_unit, shown_value
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: A quantity of whose variation the model explains a smaller part is not explained.
-EXPLAINED = 0.5
 #: Residuals of which a smaller share of lags is white are coloured.
 _WHITE = 0.8
 
@@ -76,7 +74,7 @@ class Identified(Result, Reported):
     undetermined: parameter that the records do not determine -> the state or input that it
         multiplies, where that did not move; "" otherwise.
     at_bounds: parameters that end at a limit of the model.
-    unexplained: quantities of whose variation the model explains less than half.
+    unexplained: quantities that the model moves, and of whose variation it explains less than half.
     faults: of the records, which explain residuals: sentences.
     other_minimum: name -> estimate at a second minimum that explains the records as well.
     parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
