@@ -13,10 +13,11 @@ from hfa_flight.envelope import flight_envelope
 from hfa_policy.assessment import Assessor
 from hfa_policy.deployed import Deployed
 from hfa_policy.episodes import cost_weights
-from hfa_policy.flights import SampledFlight, symbols_of_a_sample
+from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import BALL, Place, seeded_starts
 from hfa_policy.repairs import Repair
+from hfa_policy.sampled_loop import held
 
 #: A flight that ends farther from the trim than so many half-widths of the box of initial
 #: conditions, or swings by more than the ball in the last second, has not converged. Some
@@ -90,8 +91,69 @@ class ChangeFlights:
             enters=ca.Function("enters", arguments, [ca.densify(seen)]),
             moves=ca.Function("moves", [raw, *arguments], [ca.densify(moved)]),
         )
+        return self._steered_by(steered, dt, delay, extra)
+
+    def _steered_by(self, steered: Steered, dt: float, delay: float, extra: int) -> SampledFlight:
+        """The flights of another policy at another sample time and delay."""
         parts = parts_of_a_sample(self.points, dt)
+        whole = self.assessor.flight()
         return replace(whole, dt=dt, delay=delay, parts=parts, extra=extra, other=steered)
+
+    def flown_by_optimum(self, sample: Sample) -> Flown | None:
+        """The flights of the sampled optimum of the cost about the first trim, without delay; None
+        where it has none."""
+        gain = self._optimum()
+        if gain is None:
+            return None
+        deployed = self.deployed
+        model = deployed.model
+        arguments = symbols_of_a_sample(deployed, 0)
+        X, _, trim, _ = arguments
+        states, inputs = list(model.states), list(model.inputs)
+        linear = [states.index(name) for name in model.linear]
+        seen = ca.vertcat(*(X[row] - trim[row] for row in linear))
+        raw = ca.SX.sym("raw", self.m)
+        moved = [trim[len(states) + row] for row in range(len(inputs))]
+        for name, value in zip(deployed.commanded, ca.vertsplit(raw), strict=True):
+            signal = model.inputs[name]
+            row = inputs.index(name)
+            moved[row] = ca.fmin(ca.fmax(moved[row] + value, signal.min), signal.max)
+        deviation = ca.SX.sym("deviation", len(linear))
+        steered = Steered(
+            enters=ca.Function("enters", arguments, [ca.densify(seen)]),
+            network=ca.Function("optimum", [deviation], [ca.mtimes(ca.DM(-gain), deviation)]),
+            moves=ca.Function("moves", [raw, *arguments], [ca.vertcat(*moved)]),
+        )
+        flight = self._steered_by(steered, deployed.deployment.dt, 0.0, 0)
+        starts_here = sample.starts // len(self.places)
+        rows = []
+        for place in self.places:
+            starts, pushes = seeded_starts(place, starts_here, self.assessor.seed, False)
+            trims = np.tile(deployed.trim_vector(place.point), (starts_here, 1))
+            rows.append(flight.rows(starts, trims, pushes))
+        owners = np.repeat(np.arange(len(self.places)), starts_here)
+        costs, kept = self._costs_and_kept(flight, np.vstack(rows), owners, sample.seconds)
+        return Flown(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
+
+    def _optimum(self) -> np.ndarray | None:
+        """K of u = -K x, the sampled optimum at the first trim; None where there is none."""
+        from scipy.linalg import LinAlgError, solve_discrete_are
+
+        point = self.points[0]
+        model = self.deployed.model
+        linear = [list(model.states).index(name) for name in model.linear]
+        moved = [list(model.inputs).index(name) for name in self.deployed.commanded]
+        slopes = model.at(point.states, point.inputs)
+        A, B = slopes.A[np.ix_(linear, linear)], slopes.B[np.ix_(linear, moved)]
+        Q, R = cost_weights(self.deployed)
+        weights = np.diag([Q.get(name, 0.0) for name in model.linear])
+        dear = np.diag([R.get(name, 0.0) for name in self.deployed.commanded])
+        Phi, Gamma = held(A, B, self.deployed.deployment.dt)
+        try:
+            P = solve_discrete_are(Phi, Gamma, weights, dear)
+        except (LinAlgError, ValueError):
+            return None
+        return np.asarray(np.linalg.solve(dear + Gamma.T @ P @ Gamma, Gamma.T @ P @ Phi))
 
     def flown(
         self,

@@ -12,12 +12,14 @@ from policy_cases import AIRCRAFT, FOLDER, ROOT, aircraft, card, trims
 import hfa
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor
+from hfa_policy.change_flights import ChangeFlights, Sample
 from hfa_policy.deployment import Deployment
 from hfa_policy.mistakes import mistakes_of
 from hfa_policy.mistakes_in_files import mistakes_in_files
 from hfa_policy.normalizer import read_normalizer
 from hfa_policy.normalizer_evidence import unknown_normalizer
 from hfa_policy.observation_evidence import UNCLEAR
+from hfa_policy.repairs import card_with_gain
 from hfa_policy.trims import trims_of
 
 DEGREES = 180.0 / np.pi
@@ -354,6 +356,24 @@ def with_mistake(kind):
 @pytest.mark.parametrize("kind", ["sign", "order", "about", "degrees", "scale", "map", "actions"])
 def test_each_kind_of_mistake_is_suggested_on_another_aircraft(kind):
     assert kind in kinds_on_f16(with_mistake(kind))
+
+
+@pytest.mark.parametrize(("times", "found"), [(-0.1, ["sign"]), (-0.02, []), (-10.0, [])])
+def test_a_change_is_named_only_near_the_optimum(times, found):
+    """A wrong sign of a gain ten times too weak; beyond, the policy flies badly with it too."""
+    assert kinds_on_f16(optimum_on_f16(times)) == found
+
+
+def test_the_optimum_of_changed_flights_is_that_of_scipy():
+    """The card of the exact optimum costs what it does, but for sampling."""
+    model = load_model(F16)
+    deployed = optimum_on_f16().on(model)
+    assessor = Assessor(deployed, tuple(trims_of(model, [502.0])), 4)
+    flights = ChangeFlights(assessor, assessor.places(assessor.flight()))
+    (own,) = flights.flown([card_with_gain(deployed.deployment, 1.0)], Sample(8, 20.0))
+    optimum = flights.flown_by_optimum(Sample(8, 20.0))
+    assert optimum.kept == own.kept == 8
+    assert own.times(optimum) == pytest.approx(1.0, abs=0.03)
 
 
 def test_all_signs_are_suggested_where_each_alone_would_not_do():
