@@ -21,7 +21,7 @@ def notes_on_degrees(model: Model) -> list[str]:
 
     Sums and differences of such signals count too; what is multiplied first has been converted.
     """
-    model = model.native or model
+    model = model.extras.native or model
     names = tuple(name for name, signal in model.signals.items() if signal.unit == "deg")
     if not names:
         return []

@@ -44,7 +44,7 @@ def load_model(text: str) -> Model:
         offer = _format_of(text)
         if offer is not None:
             read = _read(offer, text)
-            return replace(read, source=(text, _digest(read, text)), made_by=reloaded)
+            return _loaded(read, text, _digest(read, text))
     if not colon or not name.isidentifier():
         forms = ", ".join(("FILE.py:NAME", *forms_of_packages()))
         raise BadInputError(f"{shown(text)} is no aircraft; give {forms} or package.module:NAME")
@@ -75,7 +75,13 @@ def load_model(text: str) -> Model:
         ) from error
     if not isinstance(model, Model):
         raise BadInputError(f"{where}: {_what_is_there(module, name, model)}")
-    return replace(model, source=(text, sources), made_by=reloaded)
+    return _loaded(model, text, sources)
+
+
+def _loaded(model: Model, text: str, digest: str) -> Model:
+    """The model, which another process loads again from the same text."""
+    extras = replace(model.extras, source=(text, digest), made_by=reloaded)
+    return replace(model, extras=extras)
 
 
 def forms_of_packages() -> list[str]:
@@ -109,8 +115,8 @@ def _read(offer: EntryPoint, text: str) -> Model:
 
 def _digest(model: Model, text: str) -> str:
     """The hash of what a reader has read: its own, or a hash of the file and of the model."""
-    if model.source[1]:
-        return model.source[1]
+    if model.extras.source[1]:
+        return model.extras.source[1]
     path = Path(text.partition("?")[0])
     content = regular_file(str(path)).read_bytes() if path.exists() else text.encode()
     return fingerprint(model, hashlib.sha256(content).hexdigest())
@@ -144,6 +150,6 @@ def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
 def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
     """The model of a file in another process. BadInputError when the file has changed since."""
     model = load_model(source[0])
-    if model.source != source:
+    if model.extras.source != source:
         raise BadInputError(f"{source[0]} has changed since the work began; start again")
     return model.with_parameters(**parameters)

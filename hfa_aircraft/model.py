@@ -9,11 +9,12 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.extras import Extras
 from hfa_aircraft.layout import (
     Layout,
     Linearization,
@@ -26,9 +27,6 @@ from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.text import shown_unit, shown_value
 from hfa_support.units import si_factor
-
-if TYPE_CHECKING:
-    from hfa_support.reporting.report import Report
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,34 +42,11 @@ class Model:
     steady: the states whose rates a trim balances; all of them unless given.
     linear: the states of the linear model; all of them unless given.
     schedule: the state, input or parameter that sweeps, gain schedules and proofs run over.
-    names_schedule: whether options and data call it by its own name, --dihedral and dihedral_deg,
-        and not --at and scheduled.
     modes: name of a mode -> the states that take part most; unless given, those of states that are
         named as in textbooks (`usual_modes`).
     replaced: state -> the output, affine in it, that people name in its place in a trim:
         pitch -> gamma.
-    parts: ending -> linear states. OUTPUT_ending names the part of an output that these states, the
-        inputs and the disturbances cause, for controllers.
-    variants: names of its other equations, which a design may treat differently.
-    range: state -> (largest absolute value, whose). Beyond it models come with a warning.
-    envelope: (x, p) of a trim, by name -> limits of the states that a flight about it keeps where
-        they are not min and max: state -> (lowest, highest).
-    check: raises BadInputError for a state, by name, where the equations mean nothing whatever the
-        limits.
-    called: how reports name it; its name unless given.
-    source: the file and name that it was loaded from, and a hash.
-    alternatives: groups of names of which a trim imposes one: to impose another sets it free.
-    begin: imposed values by name, numbers or arrays -> where a search for others begins. The value
-        of the first of a group of alternatives is exact.
-    explain: (imposed values, solve) -> why there is no trim, in the words of its field
-        (`trim.point.reasons`).
-    describe_trim: (operating point, report of it) -> the report with what this aircraft says of a
-        trim in place of its outputs.
-    aliases: name in another program -> name here.
-    notes: what every report says of it.
-    native: the model that `hfa_aircraft.units.in_si` converted into this one.
-    made_by: what makes it again in another process: of `native`, else of `source` and the values of
-        the parameters; None where it is sent as it is.
+    extras: what a reader of files, or the paper's aircraft, adds to the declaration.
 
     BadInputError when a name is no identifier, is declared twice or is unknown, a number cannot be,
     or the equations fail.
@@ -96,24 +71,9 @@ class Model:
     steady: tuple[str, ...] = ()
     linear: tuple[str, ...] = ()
     schedule: str = ""
-    names_schedule: bool = False
     modes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     replaced: Mapping[str, str] = field(default_factory=dict)
-    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    variants: tuple[str, ...] = ()
-    range: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-    envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]] | None = None
-    check: Callable[[Any], None] | None = None
-    called: str = ""
-    source: tuple[str, str] = ("", "")
-    alternatives: tuple[tuple[str, ...], ...] = ()
-    begin: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
-    explain: Callable[[Mapping[str, float], Callable[..., Any]], str] | None = None
-    describe_trim: Callable[[Any, Report], Report] | None = None
-    aliases: Mapping[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    native: Model | None = None
-    made_by: Callable[..., Model] | None = None
+    extras: Extras = field(default_factory=Extras)
 
     def __post_init__(self) -> None:
         """Check the declaration before anything is compiled."""
@@ -132,7 +92,7 @@ class Model:
             refuse_unknown(f"{self.name}: trim imposes the unknown variable", name, self.holdable)
             if not is_finite(value):
                 raise BadInputError(f"{self.name}: trim imposes {name} = {value}; give a number")
-        if self.made_by is None:
+        if self.extras.made_by is None:
             self.layout.refuse_broken()
 
     def _check_signals(self) -> None:
@@ -160,8 +120,8 @@ class Model:
         """Refuse names that are not declared."""
         schedule = [self.schedule] if self.schedule else []
         schedulable = [*self.states, *self.inputs, *self.parameters]
-        in_modes = self._names_of_groups("modes")
-        in_parts = self._names_of_groups("parts")
+        in_modes = self._names_of_groups("modes", self.modes)
+        in_parts = self._names_of_groups("parts", self.extras.parts)
         for meaning, names, declared in (
             ("steady names the unknown state", self.steady, self.states),
             ("linear names the unknown state", self.linear, self.states),
@@ -174,10 +134,10 @@ class Model:
             for name in names:
                 refuse_unknown(f"{self.name}: {meaning}", name, declared)
 
-    def _names_of_groups(self, kind: str) -> list[str]:
+    def _names_of_groups(self, kind: str, groups: Mapping[str, tuple[str, ...]]) -> list[str]:
         """The names of all groups of `modes` or `parts`."""
         names: list[str] = []
-        for group, members in getattr(self, kind).items():
+        for group, members in groups.items():
             names += _names(f"{self.name}: {kind} {shown(group)}", members)
         return names
 
@@ -195,19 +155,20 @@ class Model:
 
     def __reduce__(self) -> Any:
         """How another process makes it again: what was loaded from a file is loaded there."""
-        if self.made_by is None:
+        extras = self.extras
+        if extras.made_by is None:
             return super().__reduce__()
-        if self.native is not None:
-            return self.made_by, (self.native,)
+        if extras.native is not None:
+            return extras.made_by, (extras.native,)
         values = {name: signal.start for name, signal in self.parameters.items()}
-        return self.made_by, (self.source, values)
+        return extras.made_by, (extras.source, values)
 
     # Names and units.
 
     @property
     def title(self) -> str:
         """How reports name it."""
-        return self.called or self.name
+        return self.extras.called or self.name
 
     @property
     def schedule_unit(self) -> str:
@@ -245,13 +206,13 @@ class Model:
     @cached_property
     def measurable(self) -> tuple[str, ...]:
         """What a controller can measure: states, outputs and the parts of outputs."""
-        parts = [f"{output}_{ending}" for ending in self.parts for output in self.outputs]
+        parts = [f"{output}_{ending}" for ending in self.extras.parts for output in self.outputs]
         return (*self.states, *self.outputs, *parts)
 
     def part(self, name: str) -> tuple[str, tuple[str, ...]]:
         """The output or state that a name of `measurable` is about, and the linear states whose
         effect on it counts."""
-        for ending, states in self.parts.items():
+        for ending, states in self.extras.parts.items():
             whole = name.removesuffix(f"_{ending}")
             if whole != name and whole in self.outputs:
                 return whole, states
@@ -334,6 +295,7 @@ class Model:
     def with_parameters(self, **values: float) -> Model:
         """The same model with other values of parameters. BadInputError beyond their limits."""
         changed = dict(self.parameters)
+        native = self.extras.native
         native_values = {}
         for name, value in values.items():
             refuse_unknown(f"{self.name} has no parameter", name, tuple(self.parameters))
@@ -343,10 +305,11 @@ class Model:
                 unit = "" if signal.unit == "1" else f" {signal.unit}"
                 raise BadInputError(f"{name} is {value:g}{unit}; it is at {which} {limit:g}{unit}")
             changed[name] = signal._replace(start=float(value))
-            if self.native is not None:
-                native_values[name] = float(value) / si_factor(self.native.unit(name))
-        native = None if self.native is None else self.native.with_parameters(**native_values)
-        return replace(self, parameters=changed, native=native)
+            if native is not None:
+                native_values[name] = float(value) / si_factor(native.unit(name))
+        if native is not None:
+            native = native.with_parameters(**native_values)
+        return replace(self, parameters=changed, extras=replace(self.extras, native=native))
 
     @cached_property
     def p(self) -> np.ndarray:

@@ -12,7 +12,7 @@ from hfa_support.units import si_factor, si_unit
 
 def native_of(model: Model) -> Model:
     """The model in the units of its declaration: itself unless `in_si` made it."""
-    return model if model.native is None else model.native
+    return model if model.extras.native is None else model.extras.native
 
 
 def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarray:
@@ -25,9 +25,9 @@ def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarr
 
 def in_units_of(model: Model, value: Any, unit: str) -> Any:
     """A value of an English unit in the units of the model: in SI if `in_si` made the model."""
-    return value if model.native is None else value * si_factor(unit)
+    return value if model.extras.native is None else value * si_factor(unit)
 
 
 def unit_of(model: Model, unit: str) -> str:
     """The unit in which `in_units_of` gives values of an English unit."""
-    return unit if model.native is None else si_unit(unit)
+    return unit if model.extras.native is None else si_unit(unit)

@@ -31,4 +31,4 @@ def signals_report(model: Model) -> Report:
         value = "value" if kind == "parameters" else "trim"
         if rows:
             parts.append(Table((kind, "unit", "lowest", "highest", value), rows))
-    return Report(model.title, parts, model.notes)
+    return Report(model.title, parts, model.extras.notes)

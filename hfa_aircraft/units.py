@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS, Signal, record
 from hfa_support.units import si_factor, si_unit
@@ -18,7 +19,7 @@ from hfa_support.units import si_factor, si_unit
 def in_si(model: Model) -> Model:
     """The same aircraft with all signals in SI units; a model without English units itself.
 
-    `native` of the result is the model that was converted.
+    `extras.native` of the result is the model that was converted.
     """
     if all(si_unit(signal.unit) == signal.unit for signal in model.signals.values()):
         return model
@@ -32,14 +33,22 @@ def in_si(model: Model) -> Model:
         **scaled,
         equations=_Equations(conversion, model.equations),
         trim={name: value * si_factor(model.unit(name)) for name, value in model.trim.items()},
+        extras=_extras_in_si(model, conversion),
+    )
+
+
+def _extras_in_si(model: Model, conversion: _Conversion) -> Extras:
+    extras = model.extras
+    return replace(
+        extras,
         range={
             name: (largest * si_factor(model.unit(name)), whose)
-            for name, (largest, whose) in model.range.items()
+            for name, (largest, whose) in extras.range.items()
         },
-        envelope=model.envelope and _Envelope(conversion, model.envelope),
-        check=model.check and _Check(conversion, model.check),
+        envelope=extras.envelope and _Envelope(conversion, extras.envelope),
+        check=extras.check and _Check(conversion, extras.check),
         explain=None,  # its words are in the units of the declaration
-        begin=model.begin and _Begin(model.begin, _factors_of_all(model)),
+        begin=extras.begin and _Begin(extras.begin, _factors_of_all(model)),
         native=model,
         made_by=in_si,
     )

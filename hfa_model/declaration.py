@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.native_units import native_of
 from hfa_aircraft.signals import Signal
@@ -120,7 +121,6 @@ def _with_loads(point: Any, report: Report) -> Report:
 
 _DECLARED = Model(
     name="published",
-    called="published dynamics",
     states=STATE_SIGNALS,  # type: ignore[arg-type]  # a named tuple of them
     inputs=INPUT_SIGNALS,  # type: ignore[arg-type]
     equations=Equations(variant_named("published")),
@@ -143,7 +143,6 @@ _DECLARED = Model(
     steady=tuple(name for name in STATES if name != "altitude"),
     linear=LINEAR_STATES,
     schedule="dihedral",
-    names_schedule=True,
     modes={
         "short period": ("alpha", "pitch_rate"),
         "phugoid": ("speed", "pitch"),
@@ -151,14 +150,18 @@ _DECLARED = Model(
         "altitude": ("altitude",),
     },
     replaced={"pitch": "gamma"},
-    # Of the vertical acceleration: SimVFA's A_z.
-    parts={"short_period": ("alpha",)},
-    variants=tuple(VARIANTS),
-    # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
-    envelope=flight_limits,
-    check=check_in_range,
-    describe_trim=_with_loads,
-    range={"dihedral": (math.radians(15.0), "the paper's range")},
+    extras=Extras(
+        called="published dynamics",
+        names_schedule=True,
+        # Of the vertical acceleration: SimVFA's A_z.
+        parts={"short_period": ("alpha",)},
+        variants=tuple(VARIANTS),
+        # The paper calls its linear model applicable up to this dihedral angle (Section 5.1).
+        range={"dihedral": (math.radians(15.0), "the paper's range")},
+        envelope=flight_limits,
+        check=check_in_range,
+        describe_trim=_with_loads,
+    ),
 )
 
 
@@ -173,9 +176,9 @@ def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
     return replace(
         _DECLARED,
         name=variant.name,
-        called=f"{variant.name} dynamics",
         equations=Equations(variant),
         parameters=values,
+        extras=replace(_DECLARED.extras, called=f"{variant.name} dynamics"),
     )
 
 

@@ -104,7 +104,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
                     "fix all but one"
                 )
         is_named = by in (*axes, *condition.free, *self.hold)
-        if listing is None and self.model.names_schedule and not is_named:
+        if listing is None and self.model.extras.names_schedule and not is_named:
             warnings.warn(f"no --{by} is given: every point is at 0 deg", stacklevel=2)
         aircraft = self.flown_aircraft()
         return SweepPlan(axes, aircraft, condition, self.start_point, listing is not None)

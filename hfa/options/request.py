@@ -71,7 +71,7 @@ class Option:
             count=self.count,
             required=_resolved(self.required, model),
             rare=self.rare,
-            aliases={} if model is None else model.aliases,
+            aliases={} if model is None else model.extras.aliases,
         )
 
     @property

@@ -86,7 +86,7 @@ class HfaOptions(Request):
     @property
     def own(self) -> bool:
         """Whether the model is the user's own, and not the HFA."""
-        return self.model.source[0] != ""
+        return self.model.extras.source[0] != ""
 
     @property
     def parameter_set(self) -> ParameterSet:
@@ -107,7 +107,7 @@ class HfaOptions(Request):
 
     def _origin_of_file(self, condition: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the provenance of the user's own aircraft, with the condition of its trims."""
-        file, digest = self.model.source
+        file, digest = self.model.extras.source
         return {"model": f"{file} (SHA-256 {digest[:12]})", "condition": condition}
 
     def _origin(self, model: Model, **of_the_trim: Any) -> Mapping[str, Any]:
@@ -171,7 +171,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
 
 def called_at(model: Model) -> str:
     """Return the name of --at for this model."""
-    return model.schedule if model.names_schedule else "at"
+    return model.schedule if model.extras.names_schedule else "at"
 
 
 def scheduled(
@@ -207,8 +207,8 @@ def scheduled(
         words,
         lambda model: form or ("DEG" if unit(model) == "deg" else "VALUE"),
         OfModel(convert),
-        names=lambda model: f"--at --{model.schedule}" if model.names_schedule else "--at",
-        required=lambda model: required and model.names_schedule,
+        names=lambda model: f"--at --{model.schedule}" if model.extras.names_schedule else "--at",
+        required=lambda model: required and model.extras.names_schedule,
     )
 
 
@@ -232,7 +232,7 @@ def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
 
 def _name(model: Model, text: str) -> str:
     """A name of the model, or another name of it."""
-    return model.aliases.get(text, text)
+    return model.extras.aliases.get(text, text)
 
 
 def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:

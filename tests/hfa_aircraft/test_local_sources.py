@@ -33,7 +33,7 @@ def test_a_changed_module_beside_the_file_is_another_model(
     hashes = []
     for content in ("two = 2.0\n", "two = 2.0\n", "two = 3.0\n"):
         (tmp_path / "inner_of_plant.py").write_text(content)
-        hashes.append(load_model(f"{tmp_path}/plant.py:PLANT").source[1])
+        hashes.append(load_model(f"{tmp_path}/plant.py:PLANT").extras.source[1])
     for name in ("helper_of_plant", "inner_of_plant"):
         sys.modules.pop(name)
     assert hashes[0] == hashes[1] != hashes[2]
@@ -44,7 +44,7 @@ def test_installed_modules_do_not_count(tmp_path: Path) -> None:
     alone.write_text(MODEL.format(helper="math").replace("import gain", "import pi as gain"))
     model = load_model(f"{alone}:PLANT")
     expected = hashlib.sha256(alone.read_bytes()).hexdigest()
-    assert model.source[1] == fingerprint(model, expected)
+    assert model.extras.source[1] == fingerprint(model, expected)
 
 
 def test_a_table_beside_the_file_is_in_the_fingerprint(tmp_path: Path) -> None:
@@ -58,7 +58,7 @@ def test_a_table_beside_the_file_is_in_the_fingerprint(tmp_path: Path) -> None:
     hashes = []
     for table in ("1.0,2.0", "1.0,2.0", "1.5,2.0", "1.0,2.5"):
         (tmp_path / "a.csv").write_text(table)
-        hashes.append(load_model(f"{tmp_path / 'plant.py'}:PLANT").source[1])
+        hashes.append(load_model(f"{tmp_path / 'plant.py'}:PLANT").extras.source[1])
     assert hashes[0] == hashes[1]
     assert len({*hashes}) == 3
 
@@ -77,7 +77,7 @@ def test_a_changed_module_of_an_outer_package_is_another_model(
     hashes = []
     for content in ("gain = 2.0\n", "gain = 2.0\n", "gain = 3.0\n"):
         common.write_text(content)
-        hashes.append(load_model("outer_of_plant.models.plant:PLANT").source[1])
+        hashes.append(load_model("outer_of_plant.models.plant:PLANT").extras.source[1])
     for name in [name for name in sys.modules if name.startswith("outer_of_plant")]:
         sys.modules.pop(name)
     assert hashes[0] == hashes[1] != hashes[2]

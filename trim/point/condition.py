@@ -133,14 +133,14 @@ class TrimCondition:
     def freed_for(self, names: Iterable[str]) -> TrimCondition:
         """The condition where these names will be imposed too: of the model's `alternatives`
         one."""
-        if not self.model.alternatives:
+        if not self.model.extras.alternatives:
             return self
         return replace(self, imposed=without_alternatives(self.model, self.imposed, names))
 
     def resolved(self) -> TrimCondition:
         """The condition in which the first of each group of the model's `alternatives` is imposed
         in place of the others, where they give its value: speed in place of kcas."""
-        if not self.model.alternatives:
+        if not self.model.extras.alternatives:
             return self
         return replace(self, imposed=with_first_alternatives(self.model, self.imposed))
 
@@ -218,7 +218,7 @@ class TrimCondition:
 
 def refuse_unfit(condition: TrimCondition, model: Model) -> None:
     """BadInputError when one of condition and model is in SI units and the other is not."""
-    if (condition.model.native is None) != (model.native is None):
+    if (condition.model.extras.native is None) != (model.extras.native is None):
         raise BadInputError(
             "the condition is not in the units of the model; make both of the same model"
         )
@@ -269,11 +269,11 @@ def release(
 def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
     """What is imposed, numbers or arrays, with the first name of each group of the model's
     `alternatives` in place of the others, where these give its value."""
-    if model.begin is None:
+    if model.extras.begin is None:
         return dict(imposed)
-    begun = model.begin(imposed)
+    begun = model.extras.begin(imposed)
     values = dict(imposed)
-    for group in model.alternatives:
+    for group in model.extras.alternatives:
         others = set(group[1:]).intersection(imposed)
         if len(others) == 1 and group[0] not in imposed and group[0] in begun:
             values = {name: value for name, value in values.items() if name not in others}
@@ -286,7 +286,7 @@ def without_alternatives(
 ) -> dict[str, Any]:
     """What stays imposed when these names are imposed too: of the model's `alternatives` one."""
     released: set[str] = set()
-    for group in model.alternatives:
+    for group in model.extras.alternatives:
         if not set(group).isdisjoint(names):
             released |= set(group).difference(names)
     return {name: value for name, value in imposed.items() if name not in released}

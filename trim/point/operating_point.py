@@ -117,12 +117,12 @@ class OperatingPoint(Result, Reported):
     def dihedral_deg(self) -> float | None:
         """Of the HFA the dihedral angle, degrees."""
         model = self.model
-        return in_degrees(self.values[model.schedule]) if model.names_schedule else None
+        return in_degrees(self.values[model.schedule]) if model.extras.names_schedule else None
 
     @property
     def scheduled(self) -> dict[str, float] | None:
         """Of other models the scheduling variable."""
-        if self.model.names_schedule:
+        if self.model.extras.names_schedule:
             return None
         name = self.model.schedule
         return {name: self.values[name]} if name in self.values else {}
@@ -135,8 +135,8 @@ class OperatingPoint(Result, Reported):
     @property
     def warnings(self) -> list[str]:
         """What a user should know before trusting a model at this point."""
-        notes = [*self.model.notes]
-        declared = self.model.native or self.model
+        notes = [*self.model.extras.notes]
+        declared = self.model.extras.native or self.model
         if any(signal.unit == "deg" for signal in declared.signals.values()):
             from hfa_aircraft.degrees import notes_on_degrees
 
@@ -150,7 +150,7 @@ class OperatingPoint(Result, Reported):
 
     def refuse_other(self, model: Model) -> None:
         """BadInputError when the point was trimmed with another model, or other dynamics."""
-        if (self.model.native is None) != (model.native is None):
+        if (self.model.extras.native is None) != (model.extras.native is None):
             raise BadInputError(
                 "the operating point is not in the units of the model; trim the model itself"
             )
@@ -220,12 +220,12 @@ class OperatingPoint(Result, Reported):
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
-    """A sentence for every value beyond the range that the model is meant for (`Model.range`).
+    """A sentence for every value beyond the range that the model is meant for (`Extras.range`).
 
     values: by name; a name that is missing lies within
     """
     sentences = []
-    for name, (limit, range_name) in model.range.items():
+    for name, (limit, range_name) in model.extras.range.items():
         if abs(values.get(name, 0.0)) > limit * (1 + 1e-12):
             value = model.describe(name, values[name])
             end = model.describe(name, limit)

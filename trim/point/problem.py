@@ -71,8 +71,8 @@ class TrimProblem:
         if self._last is not None and self._last[0] == key:
             return self._last[1]
         evaluation = self.system.at(z, self.c)
-        if self.model.check is not None:
-            self.model.check(evaluation.x)
+        if self.model.extras.check is not None:
+            self.model.extras.check(evaluation.x)
         if not evaluation.finite:
             self.model.at(evaluation.x, evaluation.u)  # says which rate is not a number
             raise FloatingPointError(f"{self.model.name}: an output is not a number")

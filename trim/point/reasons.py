@@ -17,7 +17,7 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
 
     `explain` may solve the condition with other values held and names set free, by Newton's method
     from the usual start."""
-    if model.explain is None:
+    if model.extras.explain is None:
         return error
 
     def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:
@@ -38,7 +38,7 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
             **{f"{name}_dot": rate for name, rate in rates.items()},
         }
 
-    reason = model.explain(condition.imposed, solve)
+    reason = model.extras.explain(condition.imposed, solve)
     if not reason:
         return error
     details = str(error).removeprefix("no trim: ")

@@ -422,8 +422,8 @@ def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]
     """Where the declaration of a model begins the search for each variable: at the values that it
     declares, or at those that belong to what is imposed."""
     values = {name: model.signals[name].start for name in model.variables}
-    if model.begin is not None:
+    if model.extras.begin is not None:
         held = {name: signal.start for name, signal in model.parameters.items()}
-        begun = model.begin({**held, **imposed})
+        begun = model.extras.begin({**held, **imposed})
         values |= {name: float(begun[name]) for name in begun if name in values}
     return values

@@ -89,7 +89,7 @@ class Performance(Result):
 def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
     """Every variable between its limits, the limits that bind, the verdict on each equation, what
     the search found beside this point, the rates that are not balanced, and the outputs or what
-    the model says in their place (`Model.describe_trim`); angles in degrees for people, in radians
+    the model says in their place (`Extras.describe_trim`); angles in degrees for people, in radians
     in the data."""
     margins = all_margins(condition, point)
     # What the trim used up, or could.
@@ -135,14 +135,15 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
         status=str(point.status),
         warnings=point.warnings,
     ).as_data()
-    if model.describe_trim is None:
+    if model.extras.describe_trim is None:
         outputs = model.outputs_at(point.states, point.inputs)
         units = {name: model.unit(name) for name in outputs}
         data |= Performance(outputs, units).as_data()
         if outputs:
             parts.append(_outputs_table(outputs, units))
     report = Report(point.title, parts, point.warnings, data, point_records(point))
-    return report if model.describe_trim is None else model.describe_trim(point, report)
+    described = model.extras.describe_trim
+    return report if described is None else described(point, report)
 
 
 def _outputs_table(outputs: dict[str, float], units: dict[str, str]) -> Table:

@@ -118,7 +118,7 @@ def _resolved(
 ) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
     """The same points with the first of each group of the model's `alternatives` in place of the
     others: speed in place of kcas."""
-    if not condition.model.alternatives:
+    if not condition.model.extras.alternatives:
         return variables, values, condition
     condition = condition.freed_for(variables)
     columns = dict(zip(variables, values.T, strict=True))
@@ -258,10 +258,10 @@ def _starts(
 def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
     """(N, k), the unknowns where the model says that searches at these values begin."""
     starts = np.tile(system.start, (len(values), 1))
-    if system.model.begin is None:
+    if system.model.extras.begin is None:
         return starts
     columns = dict(zip(variables, values.T, strict=True))
-    begun = system.model.begin({**system.condition.imposed, **columns})
+    begun = system.model.extras.begin({**system.condition.imposed, **columns})
     for column, name in enumerate(system.equations.unknowns):
         if name in begun:
             starts[:, column] = begun[name] / system.scales[column]

@@ -120,7 +120,7 @@ class SweepPlan:
             "units": {name: signal.unit for name, signal in self.model.signals.items()},
             "parameters": {name: signal.start for name, signal in parameters},
             "dynamics": self.model.name,
-            "source": list(self.model.source),
+            "source": list(self.model.extras.source),
             "listed": self.listed,
             "condition": self.condition.changes,
             "start": None if self.start is None else self.start.to_dict(),

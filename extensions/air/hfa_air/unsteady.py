@@ -535,7 +535,6 @@ def _signals() -> dict[str, Signal]:
 UNSTEADY = replace(
     _RIGID,
     name="unsteady",
-    called="unsteady dynamics",
     states={**STATE_SIGNALS._asdict(), **dict.fromkeys(LAG_STATES, Signal("rad", 0.1))},
     equations=UnsteadyEquations(),
     parameters=_signals(),
@@ -543,8 +542,12 @@ UNSTEADY = replace(
     # Wind alone moves the states of gusts: no input reaches them, and a game cannot learn them.
     linear=(*LINEAR_STATES, *_LAGS, "downwash"),
     modes={**_RIGID.modes, "lag": (*_LAGS, "downwash"), "gust": _GUSTS},
-    parts={"short_period": ("alpha", *_LAGS, "downwash")},
-    describe_trim=None,  # its loads are others
+    extras=replace(
+        _RIGID.extras,
+        called="unsteady dynamics",
+        parts={"short_period": ("alpha", *_LAGS, "downwash")},
+        describe_trim=None,  # its loads are others
+    ),
 )
 
 

@@ -22,6 +22,7 @@ from typing import Any
 import casadi as ca
 
 from hfa_aircraft.atmosphere import FT_TO_M, SEA_LEVEL, air_at
+from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid_body import (
     STATES,
@@ -141,8 +142,9 @@ class _Files:
             steady=steady,
             linear=steady,
             schedule="speed",
-            source=source,
-            notes=("read from DAVE-ML over a flat Earth in standard air",),
+            extras=Extras(
+                source=source, notes=("read from DAVE-ML over a flat Earth in standard air",)
+            ),
         )
 
     def _usual_speed(self, constants: Callable[[str], Any], mass: float) -> float:

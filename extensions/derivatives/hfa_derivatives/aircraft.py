@@ -19,6 +19,7 @@ from typing import Any
 import casadi as ca
 
 from hfa_aircraft.atmosphere import FT_TO_M, Air, air_at
+from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid_body import (
     STATES,
@@ -119,7 +120,7 @@ def _model(table: Table) -> Model:
         linear=steady,
         schedule="speed",
         modes=_MODES,
-        source=table.source,
+        extras=Extras(source=table.source),
     )
 
 

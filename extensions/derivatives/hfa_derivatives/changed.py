@@ -38,5 +38,6 @@ def changed_aircraft(path: str) -> Model | None:
         raise BadInputError(f"{path}: parameters are {shown(values)}; give numbers by name")
     with said_of(path):
         model = load_model(other).with_parameters(**values)
-    digest = hashlib.sha256((model.source[1] + Path(path).read_text("utf-8")).encode())
-    return replace(model, source=(path, digest.hexdigest()))
+    digest = hashlib.sha256((model.extras.source[1] + Path(path).read_text("utf-8")).encode())
+    extras = replace(model.extras, source=(path, digest.hexdigest()))
+    return replace(model, extras=extras)

@@ -75,14 +75,14 @@ def flight_envelope(
 ) -> Limits:
     """Limits of all states within which the equations of a model are meant to hold.
 
-    These are min and max of the states, what the model limits about a trim (`Model.envelope`), and
+    These are min and max of the states, what the model limits about a trim (`Extras.envelope`), and
     `changes`: state -> (lowest, highest), absolute; `ANGLE_OF_ATTACK` is another name of alpha's.
 
     BadInputError for a name that is no state, or when the trim lies outside.
     """
     pairs = {name: (signal.min, signal.max) for name, signal in model.states.items()}
-    if model.envelope is not None:
-        pairs |= model.envelope(point.states, model.layout.record("p", model.p.tolist()))
+    if model.extras.envelope is not None:
+        pairs |= model.extras.envelope(point.states, model.layout.record("p", model.p.tolist()))
     for key, pair in (changes or {}).items():
         name = ALPHA if key == ANGLE_OF_ATTACK else key
         refuse_unknown("the envelope has no state", name, tuple(model.states))

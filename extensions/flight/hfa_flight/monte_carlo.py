@@ -141,8 +141,8 @@ class MonteCarlo(StatesAndInputs, Shown):
 def _equations_identity(model: Model) -> tuple[str, ...]:
     """What decides a model's equations: the file that it comes from and its hash, else a hash of
     the expressions."""
-    if model.source[0]:
-        return model.source
+    if model.extras.source[0]:
+        return model.extras.source
     vectors = model.layout.symbols(*VECTORS)
     *given, w = map(components, vectors)
     rates = model.layout.expressions(given, (), w)[0]

@@ -16,7 +16,7 @@ def aircraft_text(found: Identified) -> str:
     """The TOML text of an aircraft with the estimates as its parameters, with their bands.
 
     BadInputError where the model was not loaded from a file that can be named."""
-    source = found.model.source[0]
+    source = found.model.extras.source[0]
     if not source:
         raise BadInputError("-o FILE.toml names the aircraft's file; give the aircraft as a file")
     own = [name for name in found.parameters if name in found.model.parameters]

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.atmosphere import SEA_LEVEL
+from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid_body import STATES
 from hfa_aircraft.signals import Signal
@@ -205,12 +206,14 @@ class _Declaration:
             linear=moving,
             schedule="speed",
             modes=_MODES | self._engine_modes(),
-            source=source,
-            notes=(*of_files(self.parts), *grouped(notes)),
-            alternatives=(("speed", "kcas", "mach"),),
-            aliases=_with_short_names(ALIASES | self._own_aliases()),
-            begin=self._beginning(),
-            explain=partial(explain, self.parts, bool(self.inputs)),
+            extras=Extras(
+                source=source,
+                notes=(*of_files(self.parts), *grouped(notes)),
+                alternatives=(("speed", "kcas", "mach"),),
+                aliases=_with_short_names(ALIASES | self._own_aliases()),
+                begin=self._beginning(),
+                explain=partial(explain, self.parts, bool(self.inputs)),
+            ),
         )
 
     def _own_aliases(self) -> dict[str, str]:

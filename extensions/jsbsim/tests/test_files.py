@@ -156,7 +156,7 @@ def test_short_entities_are_text(tmp_path):
 
 def test_a_property_that_nothing_sets_is_zero_and_listed(tmp_path):
     model = model_of(tmp_path, glider(LIFT + REST + force("SIDE", slope(1.0, "sim/gust"))))
-    notes = [note for note in model.notes if "sim/gust" in note]
+    notes = [note for note in model.extras.notes if "sim/gust" in note]
     assert re.search(r"nothing sets these; they are 0: .*glider.xml: \d+ sim/gust", notes[0])
 
 
@@ -242,7 +242,7 @@ def test_an_actuator_with_hysteresis_rests_at_its_input_and_a_note_says_so(tmp_p
     u = [0.3 if name == "elevator" else 0.0 for name in model.inputs]
     outputs = model.outputs_at([120.0, 0.1, *[0.0] * 7, 1000.0], u)
     assert outputs["elevator_position"] == pytest.approx(0.3, abs=1e-14)
-    notes = [note for note in model.notes if "hysteresis" in note]
+    notes = [note for note in model.extras.notes if "hysteresis" in note]
     assert len(notes) == 1
     assert "these actuators may rest so far away" in notes[0]
     assert "by 0.025" in notes[0]
@@ -258,7 +258,7 @@ def test_the_surface_is_the_input_where_the_stick_acts_through_an_integrator(tmp
     model = model_of(tmp_path, glider(control=CONTROL[:start] + pid + CONTROL[end:]))
     elevator = model.inputs["elevator"]
     assert (elevator.unit, elevator.min, elevator.max) == ("rad", -0.2, 0.3)
-    assert any("the integrator has no steady value" in note for note in model.notes)
+    assert any("the integrator has no steady value" in note for note in model.extras.notes)
     point = find_operating_point(model, release(usual_condition(model), hold={"speed": 120.0}))
     assert point.inputs.elevator == pytest.approx(-point.states.alpha, rel=1e-10)
 

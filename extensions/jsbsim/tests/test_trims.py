@@ -133,7 +133,7 @@ def test_an_engine_that_is_out_is_not_counted():
 @needs_jsbsim
 def test_an_empty_tank_is_noted():
     model = load_model("jsbsim:X15")
-    assert any("tank of" in note and "is empty: glide" in note for note in model.notes)
+    assert any("tank of" in note and "is empty: glide" in note for note in model.extras.notes)
     assert "gamma" not in model.trim
 
 
@@ -152,4 +152,4 @@ def test_an_aircraft_that_is_not_there_is_named(monkeypatch, tmp_path):
     with pytest.raises(BadInputError, match="'Glyder'; did you mean glider"):
         load_model("jsbsim:Glyder")
     model = load_model("jsbsim:glider")
-    assert (model.name, model.aliases["vc-kts"]) == ("glider", "kcas")
+    assert (model.name, model.extras.aliases["vc-kts"]) == ("glider", "kcas")

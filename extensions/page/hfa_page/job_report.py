@@ -180,7 +180,7 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
     )
     report = with_bands(linear_model_report(model), model, bands)
     printed = printed_at(model.point)
-    if printed is None or model.point.model.native is not None:  # the print is in feet
+    if printed is None or model.point.model.extras.native is not None:  # the print is in feet
         return report
     beside: tuple[Part, ...] = matrices_beside_the_print(model, printed)
     kept = report.parts[len(beside) :]

@@ -139,7 +139,7 @@ class Assessment(Result, Reported):
     @property
     def first_line(self) -> str:
         """The verdict and at most two findings, in at most 100 columns."""
-        is_linear = LINEAR in self.deployed.model.notes
+        is_linear = LINEAR in self.deployed.model.extras.notes
         subject = " on the linear plant" if is_linear else ""
         line = f"{verdict_text(self.ok)}{subject}: {self.headlines[0]}"
         for headline in self.headlines[1:2]:

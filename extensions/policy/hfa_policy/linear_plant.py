@@ -10,6 +10,7 @@ import numpy as np
 from controller.game.array_file import read_arrays
 from controller.game.names import PlantNames
 from controller.game.user_files import Defaults, entries_of, is_discrete, stored_game
+from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_support.errors import BadInputError, said_of
@@ -45,7 +46,7 @@ def linear_plant(path: str) -> Model:
     states = _signals(names.states, names.state_units)
     inputs = _signals(names.inputs, names.input_units)
     at_rest = dict.fromkeys(inputs, 0.0)
-    return Model(path, states, inputs, equations, trim=at_rest, notes=(LINEAR,))
+    return Model(path, states, inputs, equations, trim=at_rest, extras=Extras(notes=(LINEAR,)))
 
 
 def _signals(names: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Signal]:

@@ -270,7 +270,8 @@ def kinked_model():
         rates, outputs = gtm.equations(x, u, p, w)
         return {**rates, "speed": rates["speed"] - 5.0 * ca.fabs(x.pitch_rate)}, outputs
 
-    return replace(gtm, name="kinked", equations=equations, native=None, made_by=None)
+    extras = replace(gtm.extras, native=None, made_by=None)
+    return replace(gtm, name="kinked", equations=equations, extras=extras)
 
 
 def test_slopes_at_a_kink_are_those_of_linearize():

@@ -222,7 +222,7 @@ def _parameters(statement: RegionStatement) -> str:
     model = statement.loop.model
     values = statement.loop.parameters.items()
     named = ", ".join(f"{name} {model.describe(name, value)}" for name, value in values)
-    file = model.source[1]
+    file = model.extras.source[1]
     source = f", file of SHA-256 {file[:16]}" if file else ""
     return f"Of {model.name}{source}; parameters: {named or 'none'}."
 

@@ -188,7 +188,7 @@ class ScheduledController(ByValue, Reported):
         breakpoints."""
         if model.name != self.dynamics:
             choose = ""
-            if self.dynamics in model.variants:
+            if self.dynamics in model.extras.variants:
                 choose = f", or choose --dynamics {self.dynamics}"
             raise BadInputError(
                 f"controller {self.name} was designed for {self.called}, the aircraft has"
@@ -216,7 +216,7 @@ class ScheduledController(ByValue, Reported):
     @property
     def called(self) -> str:
         """The model that it was made for."""
-        if self.dynamics in self.model.variants:
+        if self.dynamics in self.model.extras.variants:
             return f"{self.dynamics} dynamics"
         return self.dynamics
 
@@ -294,7 +294,7 @@ def in_units_of(controller: ScheduledController, model: Model) -> ScheduledContr
     With a signal s' = f s: A' = f_x A / f_x, B' = f_x B / f_y, C' = f_u C / f_x, D' = f_u D / f_y,
     W' = f_x W / f_u.
     """
-    if (controller.model.native is None) == (model.native is None):
+    if (controller.model.extras.native is None) == (model.extras.native is None):
         return controller
     measured = (*controller.measurements, *controller.commands)
     y = _factors(controller.model, model, measured)
@@ -327,7 +327,7 @@ def _factors(before: Model, after: Model, names: Iterable[str]) -> np.ndarray:
 
 def _key(model: Model) -> str:
     """Name of the values of the scheduling variable in files and data."""
-    return f"{model.schedule}s" if model.names_schedule else "places"
+    return f"{model.schedule}s" if model.extras.names_schedule else "places"
 
 
 def _stored(controller: ScheduledController) -> dict[str, Any]:
@@ -353,7 +353,7 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
             f"{path}: a controller is written as {' or '.join(SUFFIXES)}; choose one of them"
         )
     about = json.dumps(jsonable(controller.about))
-    units: Literal["si"] | None = None if controller.model.native is None else "si"
+    units: Literal["si"] | None = None if controller.model.extras.native is None else "si"
     content = ControllerFile(about=about, **_stored(controller), units=units)
     save_data(target, content.as_data(), Table((), ()))
 
@@ -406,7 +406,7 @@ def _is_controller(content: Mapping[str, Any]) -> bool:
 def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledController:
     """The controller of the arrays of a file."""
     texts: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
-    if texts["dynamics"] not in (model.name, *model.variants):
+    if texts["dynamics"] not in (model.name, *model.extras.variants):
         raise BadInputError(
             f"the controller was made for {texts['dynamics']}, not for {model.title}"
         )

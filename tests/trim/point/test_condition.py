@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from trim.point.condition import with_first_alternatives, without_alternatives
@@ -21,10 +22,12 @@ MODEL = Model(
     {"thrust": Signal()},
     equations,
     outputs={"knots": Signal(), "mach": Signal()},
-    alternatives=(("speed", "knots", "mach"),),
-    begin=lambda imposed: {
-        "speed": imposed.get("knots", 0.0) / 2.0 + imposed.get("mach", 0.0) * 100.0
-    },
+    extras=Extras(
+        alternatives=(("speed", "knots", "mach"),),
+        begin=lambda imposed: {
+            "speed": imposed.get("knots", 0.0) / 2.0 + imposed.get("mach", 0.0) * 100.0
+        },
+    ),
 )
 
 

@@ -139,10 +139,10 @@ def model_limits(
     for name in (*model.states, *model.inputs, *model.outputs):
         signal = model.signals[name]
         limits[name] = (signal.min, signal.max)
-    if model.envelope is not None:
+    if model.extras.envelope is not None:
         x = model.layout.record("x", [states[name] for name in model.states])
         p = model.layout.record("p", [parameters[name] for name in model.parameters])
-        limits |= model.envelope(x, p)
+        limits |= model.extras.envelope(x, p)
     return {name: pair for name, pair in limits.items() if np.isfinite(pair).any()}
 
 
@@ -150,7 +150,7 @@ def facts(model: Model) -> dict[str, Any]:
     """Which model it is, the order of its states and inputs, and the units of all numbers."""
     return {
         "dynamics": model.name,
-        "source": model.source[1],
+        "source": model.extras.source[1],
         "states": list(model.linear),
         "state_units": list(model.units(model.linear)),
         "input_units": list(model.units(tuple(model.inputs))),

@@ -86,7 +86,7 @@ def fly(request: FlyRequest) -> int:
     if request.output is not None and request.output.suffix == ".zarr":
         raise BadInputError(f"{request.output} is the store of many members; add --samples N")
     planned = request.flight()
-    if request.at is None and request.model.names_schedule:
+    if request.at is None and request.model.extras.names_schedule:
         warnings.warn(
             f"no --{request.model.schedule} is given: the flight is {at_scheduled(planned.point)}",
             stacklevel=2,

@@ -38,7 +38,7 @@ def _deviations(model: Model, text: str) -> dict[str, float]:
     values = {}
     for word in text.split(","):
         typed, equals, value = word.partition("=")
-        name = model.aliases.get(typed, typed)
+        name = model.extras.aliases.get(typed, typed)
         refuse_unknown("names the unknown state", name, model.linear)
         if not equals:
             raise BadInputError(f"has no value of {name}; give NAME=VALUE,NAME=VALUE")

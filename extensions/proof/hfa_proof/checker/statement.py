@@ -524,7 +524,7 @@ def facts_of(model: Model) -> dict[str, Any]:
     """Which model it is, over which variable, and the units of all numbers."""
     return {
         "dynamics": model.name,
-        "source": model.source[1],
+        "source": model.extras.source[1],
         "over": model.schedule,
         "unit": model.schedule_unit,
         "state_units": list(model.units(model.linear)),
@@ -566,7 +566,7 @@ def model_of(name: Any, source: Any, own: Model | None) -> Model:
     """
     require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
     if own is not None:
-        if (own.name, own.source[1]) != (name, source):
+        if (own.name, own.extras.source[1]) != (name, source):
             raise BadInputError(
                 f"the certificate is about {shown(name)} of another file than that of {own.name}"
             )

@@ -140,7 +140,7 @@ def _flight_said(flight: Flight) -> tuple[str, Content]:
         lines.append(_values_said(model, flight.spread))
     data: Content = {
         "dynamics": model.name,
-        "source": model.source[1],
+        "source": model.extras.source[1],
         **breakpoint_data(model, [flight.low, flight.high]),
         "limits": {name: list(ends) for name, ends in flight.limits.items()},
         "spread": dict(flight.spread),
@@ -154,7 +154,7 @@ def _flight_said(flight: Flight) -> tuple[str, Content]:
 
 def _identity(flight: Flight) -> tuple[str, str] | None:
     """Return the name and the hash of the parameters; None for an aircraft of a file."""
-    return None if flight.model.source[1] else identity_of(flight.parameters)
+    return None if flight.model.extras.source[1] else identity_of(flight.parameters)
 
 
 def _aircraft_said(flight: Flight) -> str:
@@ -163,7 +163,7 @@ def _aircraft_said(flight: Flight) -> str:
     if identity is not None:
         name, digest = identity
         return f"{model.name} dynamics, parameters {name} ({digest})"
-    source = f", files of SHA-256 {model.source[1][:16]}" if model.source[1] else ""
+    source = f", files of SHA-256 {model.extras.source[1][:16]}" if model.extras.source[1] else ""
     numbers = "".join(f", {name} {value:.10g}" for name, value in flight.parameters.items())
     return f"{model.title}{source}{numbers}"
 

@@ -66,7 +66,7 @@ def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, floa
 def breakpoint_data(model: Model, breakpoints: Any) -> Content:
     """Scheduling values as data: of the HFA dihedral_deg; of other models by the name of the
     scheduling variable."""
-    if model.names_schedule:
+    if model.extras.names_schedule:
         return {model.schedule_key: breakpoints}
     return {"scheduled": {model.schedule: breakpoints}}
 
@@ -110,7 +110,7 @@ def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
         names = ("bandwidth", "effectiveness", "delay")
         data["actuators"] = {name: getattr(statement.actuators, name) for name in names}
     if moving:
-        key = f"{model.schedule}_rate_deg_s" if model.names_schedule else "scheduled_rate"
+        key = f"{model.schedule}_rate_deg_s" if model.extras.names_schedule else "scheduled_rate"
         data[key] = statement.scheduled_rate or 0.0
     return data
 

@@ -132,12 +132,12 @@ class InterpolatedModels(StatesAndInputs, Result):
     @property
     def dihedral_deg(self) -> Vector | None:
         """Nodes, degrees."""
-        return self.statement.breakpoints if self.model.names_schedule else None
+        return self.statement.breakpoints if self.model.extras.names_schedule else None
 
     @property
     def scheduled(self) -> Mapping[str, Vector] | None:
         """Return scheduling variable -> nodes, for an aircraft other than the HFA."""
-        if self.model.names_schedule:
+        if self.model.extras.names_schedule:
             return None
         return {self.model.schedule: self.statement.breakpoints}
 

@@ -19,6 +19,7 @@ from controller import basis
 from controller.critic.critic import from_parts
 from hfa import Game, solve_game
 from hfa.paper import default_parameters, published_game
+from hfa_aircraft.extras import Extras
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
 from hfa_model import INPUTS, LINEAR_STATES
@@ -208,7 +209,7 @@ def two_trims(start: float = 1.0) -> Model:
         equations=lambda x, u, p, w: ({"x": 1.0 + p.p - x.x * x.x + u.u}, {}),
         trim={"u": 0.0},
         schedule="p",
-        source=("two_trims.py:TWO", "2" * 64),
+        extras=Extras(source=("two_trims.py:TWO", "2" * 64)),
     )
 
 

@@ -140,7 +140,7 @@ def facts_of(model: Model) -> dict[str, Any]:
     """Which model it is, the order of its states and inputs, and the units of all numbers."""
     return {
         "dynamics": model.name,
-        "source": model.source[1],
+        "source": model.extras.source[1],
         "states": list(model.linear),
         "state_units": list(model.units(model.linear)),
         "input_units": list(model.units(tuple(model.inputs))),

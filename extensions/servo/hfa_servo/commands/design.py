@@ -57,7 +57,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
     at: Range | None = scheduled(
         scheduled_range,
         "RANGE",
-        lambda model: f"default {_RANGE}" if model.names_schedule else "",
+        lambda model: f"default {_RANGE}" if model.extras.names_schedule else "",
     )
     bandwidth: tuple[float, ...] | None = option(
         "bandwidths of the actuators in the margins, rad/s; default 2:10",
@@ -80,7 +80,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
             return native_values(self.model, (by,), typed[:, None])[:, 0]
         if design.shaping is not None:
             return np.array(design.shaping.breakpoints)
-        if not self.model.names_schedule:
+        if not self.model.extras.names_schedule:
             raise BadInputError(
                 f"give the values of {by or 'the scheduling variable'} by --at RANGE"
             )
