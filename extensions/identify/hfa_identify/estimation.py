@@ -24,6 +24,7 @@ from hfa_identify.faults import fault_of_columns, faults_of
 from hfa_identify.fit import Fit, OutputError
 from hfa_identify.identified import Estimate, FittedQuantity, Identified
 from hfa_identify.minima import other_minimum, parts_disagree
+from hfa_identify.plan import manoeuvres
 from hfa_identify.records import Record, read_record, record_of
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
@@ -49,6 +50,7 @@ def identify(
     hold: Mapping[str, float] | None = None,
     inputs: str = "linear",
     validate: Sequence[AnyRecord] = (),
+    plan: bool = False,
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
     """The parameters of a model that make its response to the inputs of flight records most likely
@@ -63,6 +65,8 @@ def identify(
     hold: inputs without a column, and unmeasured states at the start -> value.
     inputs: "linear" or "steps" between their samples; those of a computer are steps.
     validate: records that are kept out, on which Theil's coefficient is computed.
+
+    plan: whether to compare manoeuvres that narrow the bands further.
 
     BadInputError where a record or a name is wrong. NoSolutionError where the simulation diverges.
 
@@ -98,7 +102,10 @@ def identify(
     if better is not None and better.likelihood < fit.likelihood:
         fit, better = better, fit
     theils = _theils(search, kept_out, fit)
-    return _identified(search, fit, better, theils, progress)
+    found = _identified(search, fit, better, theils, progress)
+    if plan:
+        found = replace(found, plan=tuple(manoeuvres(search, fit, found.model, found.coloured)))
+    return found
 
 
 def _with_given(

@@ -49,6 +49,12 @@ class Normal:
     g: np.ndarray
     h: np.ndarray
 
+    @property
+    def information(self) -> np.ndarray:
+        """(p, p) of the parameters, with an unknown start."""
+        part = self.M - self.B @ np.linalg.solve(self.A, self.B.T)
+        return np.asarray(0.5 * (part + part.T))
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
@@ -80,8 +86,7 @@ class Fit:
     @cached_property
     def information(self) -> np.ndarray:
         """(p, p) of the parameters, with unknown starts."""
-        parts = [each.M - each.B @ np.linalg.solve(each.A, each.B.T) for each in self.normals]
-        return np.asarray(0.5 * sum(part + part.T for part in parts))
+        return np.sum([each.information for each in self.normals], axis=0)
 
     @cached_property
     def projected(self) -> tuple[np.ndarray, ...]:
@@ -223,26 +228,41 @@ class OutputError:
         noise: np.ndarray,
     ) -> tuple[Normal, ...]:
         """The normal equations of all records."""
-        p = len(self.responses.free)
         normals = []
         for number, response in enumerate(responses):
-            weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
-            slopes = response.slopes * weights[:, :, None]
-            rows = slopes.reshape(-1, slopes.shape[2])
-            square = rows.T @ rows
-            right = rows.T @ (residuals[number] * weights).ravel()
-            prior = self._priors[number]
-            pull = prior * (self.guesses[number] - starts[number])
-            normals.append(
-                Normal(
-                    M=square[:p, :p],
-                    B=square[:p, p:],
-                    A=square[p:, p:] + np.diag(prior),
-                    g=right[:p],
-                    h=right[p:] + pull,
-                )
-            )
+            pull = self._priors[number] * (self.guesses[number] - starts[number])
+            normals.append(self._normal(number, response.slopes, residuals[number], noise, pull))
         return tuple(normals)
+
+    def _normal(
+        self,
+        number: int,
+        slopes: np.ndarray,
+        residual: np.ndarray,
+        noise: np.ndarray,
+        pull: np.ndarray,
+    ) -> Normal:
+        """The normal equations of a record. pull: (n,) of its start to the guess."""
+        p = len(self.responses.free)
+        weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
+        rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
+        square = rows.T @ rows
+        right = rows.T @ (residual * weights).ravel()
+        return Normal(
+            M=square[:p, :p],
+            B=square[:p, p:],
+            A=square[p:, p:] + np.diag(self._priors[number]),
+            g=right[:p],
+            h=right[p:] + pull,
+        )
+
+    def information(self, slopes: np.ndarray, noise: np.ndarray, number: int) -> np.ndarray:
+        """(p, p) what a record with these slopes would tell of the parameters, its start unknown.
+
+        number: of the record"""
+        nothing = np.zeros(slopes.shape[:2])
+        normal = self._normal(number, slopes, nothing, noise, np.zeros(len(self.guesses[number])))
+        return normal.information
 
     def _solved(self, found: Fit, damping: float) -> tuple[np.ndarray, list[np.ndarray]]:
         """The step of the parameters and those of the starts.

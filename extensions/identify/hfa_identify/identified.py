@@ -10,6 +10,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.parameter_spread import ParameterSpread
+from hfa_identify.plan import Manoeuvre
 from hfa_identify.records import Record
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.report import Report, Reported
@@ -81,6 +82,7 @@ class Identified(Result, Reported):
         where they agree.
     converged: whether the search ended at a maximum of the likelihood.
     steps: of Gauss and Newton.
+    plan: manoeuvres that would narrow the bands further, the best first.
     """
 
     schema = "hfa.identified/1"
@@ -88,7 +90,7 @@ class Identified(Result, Reported):
     keys = (
         "dynamics=model.name first_line ok records parameters quantities covariance coloured "
         "correlated undetermined at_bounds unexplained faults other_minimum parts_disagree "
-        "converged steps"
+        "converged steps plan?"
     )
 
     model: Model
@@ -107,6 +109,7 @@ class Identified(Result, Reported):
     converged: bool
     steps: int
     fitted: tuple[tuple[Record, np.ndarray], ...] = field(repr=False)
+    plan: tuple[Manoeuvre, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -183,6 +186,8 @@ class Identified(Result, Reported):
         if self.correlated:
             rows = [(one, other, f"{value:.3f}") for one, other, value in self.correlated]
             parts.append(Table(("correlated", "with", "coefficient"), tuple(rows)))
+        if self.plan:
+            parts.append(self._planned())
         parts.append(
             f"The bands are 95 %; coloured residuals widen them up to {self.coloured:.2g} times."
         )
@@ -216,6 +221,19 @@ class Identified(Result, Reported):
             white = f"{100.0 * each.white:.0f} %"
             rows.append((name, f"{100.0 * each.fit:.2f} %", noise, white, theil))
         return Table(("measured", "explained", "noise", "white lags", "Theil"), tuple(rows))
+
+    def _planned(self) -> Table:
+        """A row a manoeuvre."""
+        rows = []
+        for each in self.plan:
+            amplitude = f"{shown_value(each.amplitude, each.unit)} {shown_unit(each.unit)}"
+            band = f"{each.before:.2g} % -> {each.after:.2g} %"
+            rows.append(
+                (each.kind, each.input, amplitude, f"{each.seconds:.1f}", each.widest, band)
+            )
+        return Table(
+            ("next", "input", "amplitude", "unit s", "widest band then", "half of it"), tuple(rows)
+        )
 
     def figure(self) -> Figure:
         """Measured and fitted quantities over time, a panel each."""

@@ -81,6 +81,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         "RECORD.csv",
         input_file(".csv", ".npz", ".mat"),
     )
+    plan: bool = option("also compare manoeuvres that would narrow the widest band")
     output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")
     picture: Path | None = picture_option("measured and fitted quantities, and residuals")
 
@@ -110,6 +111,7 @@ def identify(request: IdentifyRequest) -> int:
         hold=request.hold,
         inputs=request.inputs,
         validate=[read_record(path, model, request.hold) for path in kept_out],
+        plan=request.plan,
         progress=progress,
     )
     if request.output is not None and request.output.suffix == AIRCRAFT:

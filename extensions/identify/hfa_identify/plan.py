@@ -1,0 +1,163 @@
+"""The next manoeuvre: which of doublet, 3-2-1-1 and multisine on which input narrows the widest
+band most, by the information of the model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_identify.bands import BAND, inverse
+from hfa_identify.fit import Fit, OutputError
+from hfa_identify.records import Record
+from hfa_identify.response import Responses
+from hfa_identify.search import Search
+from hfa_support.reporting.results import Result
+from trim.point.solve import find_operating_point
+
+#: Duration of a manoeuvre, s, and durations of the unit of doublet and 3-2-1-1, s.
+_SECONDS = 15.0
+_UNITS = (0.2, 0.4, 0.8, 1.6)
+#: The manoeuvre begins there, s.
+_BEGIN = 0.5
+#: Frequencies of the multisine: so many multiples of 1 / (duration), Hz.
+_SINES = 24
+#: Largest part of the way from the trim to a limit of the input, halved until no state leaves its
+#: limits, so often.
+_PART = 0.5
+_HALVINGS = 6
+#: So many manoeuvres are reported.
+_MOST = 10
+
+
+@dataclass(frozen=True)
+class Manoeuvre(Result):
+    """A manoeuvre about the trim of the identified aircraft, and the bands after it.
+
+    kind: "doublet", "3-2-1-1" or "multisine".
+    input: that moves.
+    amplitude: of the input, the largest within the limits of the model of a few that were tried.
+    unit: of the amplitude.
+    seconds: duration of the unit of doublet and 3-2-1-1; of the multisine its whole duration.
+    widest: parameter with the widest band afterwards, as a part of its value.
+    before: half-width of its band now, percent of its value.
+    after: the same with this manoeuvre in addition.
+    """
+
+    kind: str
+    input: str
+    amplitude: float
+    unit: str
+    seconds: float
+    widest: str
+    before: float
+    after: float
+
+
+def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[Manoeuvre]:
+    """The best manoeuvres, those of the narrowest widest band first.
+
+    model: the identified aircraft. coloured: factor by which coloured residuals widen bands.
+
+    The sensors, their noise and their rate are those of the records. Starts are unknown.
+    """
+    known = fit.information / coloured**2
+    before = _relative_bands(search, fit, known)
+    found = []
+    for kind, name, amplitude, seconds, information in _candidates(search, fit, model):
+        after = _relative_bands(search, fit, known + information / coloured**2)
+        worst = int(np.argmax(after))
+        found.append(
+            Manoeuvre(
+                kind,
+                name,
+                amplitude,
+                model.unit(name),
+                seconds,
+                search.responses.free[worst],
+                100.0 * float(before[worst]),
+                100.0 * float(after[worst]),
+            )
+        )
+    return sorted(found, key=lambda each: each.after)[:_MOST]
+
+
+def _relative_bands(search: Search, fit: Fit, information: np.ndarray) -> np.ndarray:
+    """(p,) half-widths of the bands as parts of the values; 0 of errors of sensors."""
+    variances = np.diag(inverse(information)).copy()
+    variances[np.diag(information) <= 0.0] = np.inf
+    parameters = search.responses.model.parameters
+    sizes = [
+        max(abs(value), 1e-300) if name in parameters else np.inf
+        for name, value in zip(search.responses.free, fit.theta, strict=True)
+    ]
+    return np.asarray(BAND * np.sqrt(np.maximum(variances, 0.0)) / sizes)
+
+
+def _candidates(
+    search: Search, fit: Fit, model: Model
+) -> Iterator[tuple[str, str, float, float, np.ndarray]]:
+    """Kind, input, amplitude, duration and information of manoeuvres within the limits."""
+    point = find_operating_point(model)
+    start = np.array(point.states)
+    trim = np.array(point.inputs)
+    measured = search.responses.measured
+    others = tuple(name for name in model.states if name not in measured)
+    wider = Responses(model, search.responses.free, (*measured, *others))
+    record = search.records[0]
+    time = np.arange(0.0, _SECONDS, float(np.median(np.diff(record.time))))
+    seen = {name: np.zeros(len(time)) for name in measured}
+    for place, (name, signal) in enumerate(model.inputs.items()):
+        room = _PART * min(signal.max - trim[place], trim[place] - signal.min)
+        if not math.isfinite(room):
+            room = signal.nominal
+        for kind, seconds, shape in _shapes(time):
+            for halving in range(_HALVINGS):
+                amplitude = room / 2**halving
+                inputs = np.tile(trim, (len(time), 1))
+                inputs[:, place] += amplitude * shape
+                flown = Record(kind, time, inputs, seen)
+                try:
+                    response = wider.of(flown, start, fit.theta)
+                except FloatingPointError:
+                    continue
+                if not _within(model, wider, response.y):
+                    continue
+                searched = OutputError(search.responses, [flown], search.bounds, [start])
+                information = searched.information(
+                    response.slopes[:, : len(measured)], fit.noise, 0
+                )
+                yield kind, name, amplitude, seconds, information
+                break
+
+
+def _within(model: Model, responses: Responses, y: np.ndarray) -> bool:
+    """Whether every state stays within the limits of the model."""
+    columns = [responses.measured.index(name) for name in model.states]
+    states = y[:, columns]
+    low = np.array([signal.min for signal in model.states.values()])
+    high = np.array([signal.max for signal in model.states.values()])
+    return bool(((states >= low) & (states <= high)).all())
+
+
+def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
+    """Kind, duration and shape, between -1 and 1."""
+    for unit in _UNITS:
+        yield "doublet", unit, _steps(time, unit, (1, 1))
+        yield "3-2-1-1", unit, _steps(time, unit, (3, 2, 1, 1))
+    # Schroeder's phases keep the peak of the sum low.
+    numbers = np.arange(1, _SINES + 1)
+    phases = np.pi * numbers * (numbers - 1) / _SINES
+    sum_of_sines = np.sin(2.0 * np.pi * np.outer(time, numbers) / time[-1] + phases).sum(axis=1)
+    yield "multisine", float(time[-1]), sum_of_sines / np.abs(sum_of_sines).max()
+
+
+def _steps(time: np.ndarray, unit: float, lengths: tuple[int, ...]) -> np.ndarray:
+    """Steps of alternating sign that last so many units."""
+    ends = _BEGIN + unit * np.concatenate([[0.0], np.cumsum(lengths)])
+    place = np.searchsorted(ends, time, side="right")
+    inside = (place > 0) & (place < len(ends))
+    return np.where(inside, np.where(place % 2 == 1, 1.0, -1.0), 0.0)

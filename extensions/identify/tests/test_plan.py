@@ -1,0 +1,64 @@
+"""The next manoeuvre: flown, it narrows the band as it was predicted."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from project import ROOT
+
+import hfa
+from hfa_identify.estimation import identify
+
+UAV = str(ROOT / "examples" / "uav.toml")
+RECORD = str(ROOT / "examples" / "uav_record.csv")
+FREE = ("CL_elevator", "Cm_q", "Cm_elevator")
+#: As in examples/uav_record.csv: state -> standard deviation of its sensor.
+SENSORS = {"speed": 0.3, "alpha": 0.003, "pitch_rate": 0.01, "pitch": 0.003}
+
+
+@cache
+def planned():
+    return identify(hfa.load_model(UAV), RECORD, FREE, plan=True)
+
+
+def flown(model, manoeuvre):
+    """A record of a doublet or 3-2-1-1, every 40 ms, with noise."""
+    point = hfa.find_operating_point(model)
+    lengths = {"doublet": (1, 1), "3-2-1-1": (3, 2, 1, 1)}[manoeuvre.kind]
+    edges = 0.5 + manoeuvre.seconds * np.concatenate([[0], np.cumsum(lengths)])
+    signs = [*(1.0 - 2.0 * (np.arange(len(lengths)) % 2)), 0.0]
+    moves = [
+        (round(float(edge), 3), sign * manoeuvre.amplitude)
+        for edge, sign in zip(edges, signs, strict=True)
+    ]
+    flight = hfa.fly(model, point, {manoeuvre.input: moves}, seconds=15)
+    generator = np.random.default_rng(3)
+    columns = {"time": flight.times[::40]}
+    for place, name in enumerate(model.inputs):
+        columns[name] = flight.inputs[::40, place]
+    for name, size in SENSORS.items():
+        states = flight.states[::40, list(model.states).index(name)]
+        columns[name] = states + size * generator.standard_normal(len(states))
+    return columns
+
+
+def test_the_planned_manoeuvre_narrows_the_band_as_predicted():
+    before = planned()
+    best = next(each for each in before.plan if each.kind != "multisine")
+    assert best.input == "elevator"
+    assert best.widest == "CL_elevator"
+    assert best.after < 0.6 * best.before
+    after = identify(hfa.load_model(UAV), [RECORD, flown(before.model, best)], FREE)
+    each = after.parameters[best.widest]
+    half = 50.0 * (each.high - each.low) / abs(each.value)
+    assert half == pytest.approx(best.after, rel=0.25)
+
+
+def test_the_report_lists_manoeuvres_in_order():
+    found = planned()
+    after = [each.after for each in found.plan]
+    assert after == sorted(after)
+    assert "3-2-1-1" in str(found)
+    limits = hfa.load_model(UAV).inputs
+    for each in found.plan:
+        assert 0.0 < each.amplitude <= limits[each.input].max
