@@ -77,7 +77,8 @@ class Turbulence:
 
     BadInputError for another level or spectrum, and numbers that are not positive.
 
-    >>> Turbulence("light", 500.0, span=36.0).level
+    >>> import hfa
+    >>> hfa.Turbulence("light", 500.0, span=36.0).level
     'light'
     """
 

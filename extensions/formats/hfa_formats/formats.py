@@ -26,7 +26,8 @@ class Stamp(Result):
 
 
 def written() -> tuple[str, ...]:
-    """Return the results that commands write, each as in `CommandEntry.results`."""
+    """Return the results that commands write, each as in `CommandEntry.results`; one without a
+    schema of its own is a part of others."""
     import_module("verification.critic.error_table")  # verdicts name it for type checkers alone
     of_commands = [text for entry in commands().values() for text in entry.results]
     of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("results.")]
@@ -42,7 +43,8 @@ def classes_of(text: str) -> list[type[Result]]:
 @cache
 def formats() -> dict[str, Any]:
     """The schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
-    results = {_name(classes_of(text)[0]): _joined(text) for text in written()}
+    whole = [text for text in written() if classes_of(text)[0].schema]
+    results = {_name(classes_of(text)[0]): _joined(text) for text in whole}
     kinds: set[type[Result]] = {Stamp, *(kind for text in written() for kind in classes_of(text))}
     parts = {part.__name__: _part(part) for kind in kinds for part in parts_of(kind)}
     return {
