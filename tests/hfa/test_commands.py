@@ -48,7 +48,8 @@ def text(*words: str, code: int = DONE) -> str:
     return result.out
 
 
-def test_help_names_every_command_and_every_command_has_help() -> None:
+def test_help_names_every_command() -> None:
+    """Help names every command and every command has help."""
     overview = text("--help")
     assert text() == overview
     for command in commands():
@@ -170,9 +171,8 @@ def test_regenerate_passes_with_the_shipped_parameters() -> None:
 @pytest.mark.parametrize(
     "name", ["panel_mass", *ASSUMED]
 )  # the other identified ones: test_linear_model.py
-def test_regenerate_fails_with_one_parameter_changed_by_one_percent(
-    tmp_path: Path, name: str
-) -> None:
+def test_regenerate_fails_with_one_changed_parameter(tmp_path: Path, name: str) -> None:
+    """Regenerate fails with one parameter changed by one percent."""
     shipped = default_parameters()
     changed = shipped.values._replace(**{name: 1.01 * getattr(shipped.values, name)})
     path = tmp_path / "changed.toml"
@@ -253,7 +253,8 @@ def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> N
         np.testing.assert_array_equal(stored["F"], model.F)
 
 
-def test_the_wind_in_a_file_is_not_the_disturbance_of_its_game() -> None:
+def test_a_files_wind_is_not_its_games_disturbance() -> None:
+    """The wind in a file is not the disturbance of its game."""
     assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", "model.mat").code == 0
     assert answer("solve", "--model", "model.mat")["P"] == answer("solve", *AT_15)["P"]
 

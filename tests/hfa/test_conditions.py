@@ -51,7 +51,8 @@ def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None
     assert "unknown trim variable 'speeed'" in wrong.err
 
 
-def test_a_held_alpha_that_is_in_the_way_is_said() -> None:
+def test_a_held_alpha_in_the_way_is_named() -> None:
+    """A held alpha that is in the way is said."""
     refused = hfa("solve", "--dihedral", "10", "--hold", "speed=50")
     assert refused.code == 1
     assert refused.err.rstrip().endswith(
@@ -74,7 +75,8 @@ ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
         ("--parameters", "gibson-2011-simulation", *ALPHA_FREE),
     ],
 )
-def test_a_point_of_a_sweep_is_that_of_linearize(words: tuple[str, ...]) -> None:
+def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
+    """A point of a sweep is that of linearize."""
     swept = hfa("sweep", "--dihedral", "10", *words, "--json")
     single = hfa("linearize", "--dihedral", "10", *words, "--json")
     assert swept.code == single.code
@@ -140,7 +142,8 @@ def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_store_obeys_the_condition_and_keeps_to_it(tmp_path: Path) -> None:
+def test_a_store_keeps_to_its_condition(tmp_path: Path) -> None:
+    """A store obeys the condition and keeps to it."""
     store = str(tmp_path / "a.zarr")
     words = ("sweep", *GRID, *ALPHA_FREE, "-o", store)
     assert hfa(*words, "--workers", "2").code == 0

@@ -17,7 +17,8 @@ __all__ = ["small_disk"]
 
 
 @pytest.mark.parametrize("lost", [pytest.param("2>&-", marks=pytest.mark.slow), "2>/dev/full"])
-def test_a_refusal_that_nobody_can_read_is_its_exit_code(tmp_path: Path, lost: str) -> None:
+def test_a_refusal_without_streams_is_its_exit_code(tmp_path: Path, lost: str) -> None:
+    """A refusal that nobody can read is its exit code."""
     done = shell(f'exec "$0" "$@" {lost}', "trim", "--dihedral", "abc", folder=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
 
@@ -31,7 +32,8 @@ def test_a_refusal_that_nobody_can_read_is_its_exit_code(tmp_path: Path, lost: s
         "trim --dihedral 15 --picture new.png -onew.json --start {} --parameters new.json",
     ],
 )
-def test_what_is_written_is_no_input_and_no_other_output(tmp_path: Path, words: str) -> None:
+def test_outputs_are_neither_inputs_nor_other_outputs(tmp_path: Path, words: str) -> None:
+    """What is written is no input and no other output."""
     path = tmp_path / "plant.json"
     path.write_text("{}")
     assert_refused(hfa(*words.format(path, "./plant.json").split()), BAD_INPUT)
@@ -52,7 +54,8 @@ PICTURE = "trim --dihedral 15 --picture a.png"
         ),
     ],
 )
-def test_without_a_home_that_can_be_written_the_result_is_there(tmp_path: Path, home: str) -> None:
+def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> None:
+    """Without a home that can be written the result is there."""
     works_without_a_home(tmp_path, PICTURE, home)
 
 
@@ -66,9 +69,8 @@ def test_without_a_home_that_can_be_written_the_result_is_there(tmp_path: Path, 
         pytest.param("trim --dihedral 15 -o a.json --picture a.png", 24, marks=pytest.mark.slow),
     ],
 )
-def test_a_result_that_the_disk_has_no_room_for_is_not_there(
-    small_disk: Path, words: str, left: int
-) -> None:
+def test_a_full_disk_leaves_no_result(small_disk: Path, words: str, left: int) -> None:
+    """A result that the disk has no room for is not there."""
     has_no_room(small_disk, words, left)
 
 

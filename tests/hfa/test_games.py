@@ -51,9 +51,8 @@ def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None
         ("113.5", "P is indefinite"),
     ],
 )
-def test_solve_below_the_smallest_delta_gives_no_P_and_says_what_would_do(
-    delta: str, failed: str
-) -> None:
+def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str) -> None:
+    """Solve below the smallest delta gives no P and says what would do."""
     result = hfa("solve", *AT_15, "--delta", delta, "--json", "-o", "solution.json")
     assert (result.code, result.out) == (FAILED, "")
     assert result.err.count("\n") == 1
@@ -101,7 +100,8 @@ def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None
 # Learn.
 
 
-def test_learn_prints_the_outcome_and_keeps_the_history_for_files() -> None:
+def test_learn_keeps_the_history_for_files() -> None:
+    """Learn prints the outcome and keeps the history for files."""
     printed = answer("learn", *AT_15, *QUICK, "-o", "run.json")
     assert (
         set(printed)

@@ -20,7 +20,8 @@ QUICK = [name for name in ("trim", "linearize", "sweep", "solve", "printed") if 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_help_is_short_and_ends_with_its_example(name: str) -> None:
+def test_help_is_short_and_ends_with_an_example(name: str) -> None:
+    """A help is short and ends with its example."""
     text = hfa(*name.split(), "--help").out
     *_, last = text.splitlines()
     assert last == f"example: {commands()[name].example}"

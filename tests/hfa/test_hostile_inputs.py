@@ -29,7 +29,8 @@ FIRST = int(os.environ.get("HOSTILE_FIRST", "0"))
 @pytest.mark.parametrize(
     "way", [pytest.param(way, marks=IN_FILES if WAYS[way] else ()) for way in WAYS]
 )
-def test_a_hostile_input_is_a_result_or_one_line(way: str) -> None:
+def test_a_hostile_input_is_a_result_or_line(way: str) -> None:
+    """A hostile input is a result or one line."""
     faults = {number: attempt(*case(way, number)) for number in range(FIRST, FIRST + INPUTS)}
     assert {
         number: (case(way, number)[0], fault) for number, fault in faults.items() if fault
@@ -44,7 +45,8 @@ def test_a_hostile_input_is_a_result_or_one_line(way: str) -> None:
         for number, way in enumerate(way for way in WAYS if WAYS[way])
     ],
 )
-def test_what_is_made_hostile_is_accepted_as_it_was(way: str) -> None:
+def test_the_unchanged_file_is_accepted(way: str) -> None:
+    """What is made hostile is accepted as it was."""
     for name, content in seeds().items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_bytes(content)

@@ -47,7 +47,8 @@ def test_no_output_is_an_input(words: str, kept: str) -> None:
     assert Path(kept).read_bytes() == before
 
 
-def test_an_output_in_a_folder_beside_the_inputs_is_written() -> None:
+def test_an_output_beside_the_inputs_is_written() -> None:
+    """An output in a folder beside the inputs is written."""
     plant_of_parts()
     assert hfa("solve", "--model", "A.csv", *OF_PARTS.split(), "-o", "result.csv").code == DONE
     assert Path("result.csv").is_file()

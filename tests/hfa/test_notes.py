@@ -15,14 +15,16 @@ from hfa.output import ProgressLine
 NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 
 
-def test_a_command_says_once_that_a_dihedral_lies_beyond_the_paper() -> None:
+def test_a_dihedral_beyond_the_paper_is_noted_once() -> None:
+    """A command says once that a dihedral lies beyond the paper."""
     for degrees, warnings in (("16", [NOTE]), ("15", [])):
         result = hfa("solve", "--dihedral", degrees, "--json")
         assert result.err == "".join(f"hfa: note: {note}\n" for note in warnings)
         assert json.loads(result.out)["warnings"] == warnings
 
 
-def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
+def test_quiet_prints_errors_alone() -> None:
+    """Quiet says no note and no progress but errors."""
     words = ("sweep", "--dihedral", "14:20:2")
     for quiet in ("-q", "--quiet"):
         terminal = Terminal()
@@ -32,7 +34,8 @@ def test_quiet_says_no_note_and_no_progress_but_errors() -> None:
 
 
 @needs("hfa_stores")
-def test_a_stored_sweep_has_it_of_its_farthest_dihedral_in_its_store() -> None:
+def test_a_stored_sweep_notes_its_farthest_dihedral() -> None:
+    """A stored sweep has it of its farthest dihedral in its store."""
     import zarr
 
     result = hfa("sweep", "--dihedral", "14:20:2", "--json", "-o", "far.zarr")
@@ -75,9 +78,10 @@ def test_tables_fit_a_terminal_of_80_columns(
     assert {*plain.split()} == {*shown.split()}  # no number and no name is broken
 
 
-def test_what_takes_more_than_a_minute_is_announced_once(
+def test_a_minutes_work_is_announced_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """What takes more than a minute is announced once."""
     clock = iter(range(0, 1000, 2))
     monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
     long = ProgressLine("fly")
@@ -90,7 +94,7 @@ def test_what_takes_more_than_a_minute_is_announced_once(
     assert capsys.readouterr().err == ""
 
 
-def test_what_comes_before_the_first_part_is_no_pace(
+def test_time_before_the_first_part_is_no_pace(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """40 s of preparation, then 2 s for each of 1000 parts: half an hour, not 11 hours."""

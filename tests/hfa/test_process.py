@@ -66,7 +66,8 @@ def test_a_full_disk_is_one_line() -> None:
     assert re.fullmatch(rb"hfa: [^\n]*No space left on device\n", done.stderr)
 
 
-def test_progress_on_a_real_terminal_leaves_a_clean_line(tmp_path: Path) -> None:
+def test_progress_leaves_a_clean_line(tmp_path: Path) -> None:
+    """Progress on a real terminal leaves a clean line."""
     controller, terminal = pty.openpty()
     with os.fdopen(terminal, "wb") as stream:
         done = subprocess.run(

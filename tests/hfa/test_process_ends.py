@@ -55,9 +55,8 @@ def test_a_signal_ends_the_run_wherever_it_comes(
 
 
 @pytest.mark.filterwarnings("default")
-def test_warnings_are_notes_of_a_result_and_nothing_before_a_refusal(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_warnings_are_notes_of_a_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Warnings are notes of a result and nothing before a refusal."""
     from hfa.commands import game
 
     extreme = small(tmp_path / "extreme.json", A=[[1e200, 1e200], [-1e200, 3e150]])

@@ -140,7 +140,7 @@ def test_text_and_pictures_say_no_feet(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["npz", pytest.param("mat", marks=pytest.mark.slow)])
-def test_a_critic_in_other_units_is_the_same_critic(suffix: str, tmp_path: Path) -> None:
+def test_a_critic_in_other_units_is_the_same(suffix: str, tmp_path: Path) -> None:
     """P, K and plants written in m are right on plants in ft, and the other way round."""
     files = {}
     for system in ("english", "si"):

@@ -53,7 +53,8 @@ def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
 
 
 @needs("hfa_reasons")
-def test_a_weight_that_leaves_P_and_K_alone_is_refused_with_its_reason(game: Game) -> None:
+def test_a_weight_beyond_P_and_K_is_refused(game: Game) -> None:
+    """A weight that leaves P and K alone is refused with its reason."""
     P = solve_game(game).P
     row, column = np.triu_indices(6)
     weights = np.concatenate([np.where(row == column, 1.0, 2.0) * P[row, column], np.zeros(4)])
@@ -95,7 +96,8 @@ def test_verify_draws_a_run() -> None:
 
 
 @needs("hfa_discrete")
-def test_a_critic_over_time_is_held_to_its_time() -> None:
+def test_a_critic_over_time_keeps_its_time() -> None:
+    """A critic over time is held to its time."""
     plant = small("plant.json")
     exact = solve_game(load_game("plant.json")).P
     times = np.arange(0.0, 4.5, 0.5)
@@ -136,7 +138,8 @@ def test_a_critic_over_time_is_held_to_its_time() -> None:
 # What a critic costs in flight.
 
 
-def test_the_cost_of_a_critic_is_told_and_can_decide(game: Game) -> None:
+def test_the_cost_of_a_critic_can_decide(game: Game) -> None:
+    """The cost of a critic is told and can decide."""
     file = stored("P.json", P=1.004 * solve_game(game).P)
     words = ("verify", *AT_15, "--weights", file)
     graded = answer(*words, code=FAILED)["graded"]

@@ -23,9 +23,10 @@ PLANT = Model(
 """
 
 
-def test_a_changed_module_beside_the_file_is_another_model(
+def test_a_changed_neighbour_is_another_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A changed module beside the file is another model."""
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "inner_of_plant.py").write_text("two = 2.0\n")
     (tmp_path / "helper_of_plant.py").write_text("from inner_of_plant import two\ngain = two\n")
@@ -47,7 +48,7 @@ def test_installed_modules_do_not_count(tmp_path: Path) -> None:
     assert model.extras.source[1] == fingerprint(model, expected)
 
 
-def test_a_table_beside_the_file_is_in_the_fingerprint(tmp_path: Path) -> None:
+def test_a_neighbouring_table_is_in_the_fingerprint(tmp_path: Path) -> None:
     """The numbers of a .csv that the equations or the limits read."""
     (tmp_path / "plant.py").write_text(
         "import pathlib\nimport hfa\n"
@@ -63,9 +64,10 @@ def test_a_table_beside_the_file_is_in_the_fingerprint(tmp_path: Path) -> None:
     assert len({*hashes}) == 3
 
 
-def test_a_changed_module_of_an_outer_package_is_another_model(
+def test_a_changed_outer_module_is_another_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A changed module of an outer package is another model."""
     monkeypatch.syspath_prepend(str(tmp_path))
     inner = tmp_path / "outer_of_plant" / "models"
     inner.mkdir(parents=True)

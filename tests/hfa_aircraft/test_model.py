@@ -84,7 +84,7 @@ class Car(NamedTuple):
         return self.pace * self.pace / 2.0
 
 
-def test_states_are_of_the_class_in_which_they_were_declared() -> None:
+def test_states_keep_the_class_of_their_declaration() -> None:
     """With its properties, in the equations and in what is found."""
     model = cart(
         states=Car(Signal("m"), Signal("m/s", start=2.0)),
@@ -102,7 +102,7 @@ def test_states_are_of_the_class_in_which_they_were_declared() -> None:
 
 
 @pytest.mark.parametrize("where", ["a rate", "an output", "a rate of MX"])
-def test_a_symbol_of_one_s_own_in_the_equations_is_named(where: str) -> None:
+def test_an_own_symbol_in_the_equations_is_named(where: str) -> None:
     """It was a RuntimeError of CasADi from the first function that was made."""
     stray = ca.SX.sym("stray")
     rate = stray if where == "a rate" else 0.0
@@ -120,7 +120,7 @@ def test_a_symbol_of_one_s_own_in_the_equations_is_named(where: str) -> None:
         )
 
 
-def test_numbers_that_python_cannot_divide_are_those_of_the_compiled_equations() -> None:
+def test_undividable_numbers_use_the_compiled_equations() -> None:
     """1 / 0 is inf, as in the functions that CasADi makes of them."""
     model = cart(
         equations=lambda x, u, p, w: ({"x": x.v, "v": u.force / x.x}, {"position": x.v / x.x})

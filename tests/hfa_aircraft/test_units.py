@@ -52,7 +52,8 @@ def test_the_same_trim_linear_model_and_game(model: Model) -> None:
     assert minimum_delta(game_in_si).value == pytest.approx(smallest, rel=1e-6)
 
 
-def test_the_report_of_a_trim_has_its_loads_in_newtons() -> None:
+def test_a_trim_report_in_si_has_newtons() -> None:
+    """The report of a trim has its loads in newtons."""
     model = MODELS[0]
     converted = in_si(model)
     data, data_in_si = (
@@ -91,7 +92,7 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
     )
 
 
-def test_names_that_sound_like_data_are_signals_like_others() -> None:
+def test_names_that_sound_like_data_are_signals() -> None:
     """Units follow the signal that declares them, whatever it is called."""
     names = ("effort", "limits", "gust", "history", "noise")
     model = Model(

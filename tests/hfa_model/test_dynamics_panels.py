@@ -127,15 +127,16 @@ def test_with_locked_hinges_newton_is_the_rigid_aircraft(
     assert differences(parameters, "published", locked).max() > 1e-2
 
 
-def test_with_moving_hinges_only_the_center_of_mass_moves_as_a_rigid_body_s(
+def test_moving_hinges_move_only_the_mass_center(
     parameters: Parameters,
 ) -> None:
+    """With moving hinges only the center of mass moves as a rigid body s."""
     speed, alpha, pitch_rate = differences(parameters, "newton", lambda x: x)
     assert max(speed, alpha) <= 1e-12
     assert pitch_rate > 1e-3
 
 
-def test_what_is_the_same_left_and_right_leaves_it_in_its_plane(parameters: Parameters) -> None:
+def test_symmetric_flight_stays_in_its_plane(parameters: Parameters) -> None:
     """No force aside, no moment of roll or yaw, no product of inertia; and the hinges see the same
     from both sides.
 

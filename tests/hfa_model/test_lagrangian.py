@@ -189,7 +189,7 @@ def test_published_makes_energy_out_of_nothing(parameters: Parameters) -> None:
     assert energy_growth(Published(), parameters, seconds=2.0) > 1.0
 
 
-def test_energy_of_the_lagrangian_is_internal_plus_center_of_mass(parameters: Parameters) -> None:
+def test_lagrangian_energy_is_internal_plus_mass_center(parameters: Parameters) -> None:
     """König's theorem: T + U = internal energy + ½ (3 m) V² + 3 m g h."""
     symbol = ca.SX.sym("x", len(STATES))
     energy = ca.Function(

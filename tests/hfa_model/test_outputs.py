@@ -109,7 +109,7 @@ def later(aircraft: Model, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray
     ("name", "height", "side"),
     [("load_factor_center", center_height, 0.0), ("load_factor_outer", outer_height, 1.0)],
 )
-def test_panel_load_factors_are_those_of_the_moving_panels(
+def test_panel_load_factors_follow_the_moving_panels(
     aircraft: Model, name: str, height: Callable, side: float
 ) -> None:
     """Gravity less the acceleration of the panel's center of mass, differenced along the motion,
@@ -128,7 +128,8 @@ def test_panel_load_factors_are_those_of_the_moving_panels(
         assert outputs(aircraft, x, u)[name] == pytest.approx(felt, rel=2e-5, abs=2e-5)
 
 
-def test_an_updraft_raises_the_angle_through_the_air_alone(published_aircraft: Model) -> None:
+def test_an_updraft_raises_the_air_angle_alone(published_aircraft: Model) -> None:
+    """An updraft raises the angle through the air alone."""
     point = find_operating_point(published_aircraft, level_flight(0.2))
     x = np.array(point.states)
     u = np.array(point.inputs)

@@ -122,7 +122,7 @@ def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
 
 
 @pytest.mark.parametrize("model", published_models(), ids=lambda model: f"{model.dihedral_deg:g}")
-def test_printed_entries_are_whole_numbers_of_units_of_their_last_digit(
+def test_printed_entries_are_whole_last_digits(
     model: PublishedModel,
 ) -> None:
     """And not all of ten of them; one entry, -32.2, has fewer digits than the others."""

@@ -65,7 +65,8 @@ def test_entries_spread_as_their_standard_errors_say(parameter_set: ParameterSet
         assert (inside.min(), spread.max()) == pytest.approx((0.52, 4.8), rel=0.05)
 
 
-def test_each_parameter_has_its_standard_error_and_its_sign(parameter_set: ParameterSet) -> None:
+def test_each_parameter_has_its_standard_error(parameter_set: ParameterSet) -> None:
+    """Each parameter has its standard error and its sign."""
     samples = sample_parameters(parameter_set, COUNT, seed=1)
     table = np.array(samples)
     center = np.array(parameter_set.values)

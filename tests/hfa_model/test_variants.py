@@ -119,8 +119,9 @@ def test_none_of_the_four_can_be_left_out(parameters: Parameters, repairs: tuple
     assert worst(hfa.aircraft("newton", parameters), repairs) > 1e-2
 
 
-def test_published_is_gibsons_report_but_for_the_lever_and_the_hinge_inertia(
+def test_published_differs_from_gibson_in_two_terms(
     parameters: Parameters,
 ) -> None:
+    """Published is gibsons report but for the lever and the hinge inertia."""
     assert worst(hfa.aircraft(GibsonsLever(), parameters), ()) < 1e-12
     assert worst(hfa.aircraft("published", parameters), ()) > 1e-2

@@ -49,9 +49,10 @@ def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np
 
 
 @pytest.mark.parametrize(("updraft", "headwind"), [(15.0, 0.0), (0.0, -15.0), (-9.0, 12.0)])
-def test_newton_does_not_know_steady_wind_and_published_does(
+def test_published_knows_steady_wind_and_newton_not(
     parameters: Parameters, updraft: float, headwind: float
 ) -> None:
+    """Newton does not know steady wind and published does."""
     winds = winds_named(("updraft", "headwind"), (updraft, headwind))
     newton, published = (
         galilean_error(parameters, VARIANTS[name], winds) for name in ("newton", "published")

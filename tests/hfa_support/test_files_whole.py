@@ -44,9 +44,10 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
         save(tmp_path / "no" / "state.npz", np.zeros(1))
 
 
-def test_the_mode_of_an_existing_file_is_kept_and_a_new_one_is_an_ordinary_file(
+def test_the_mode_of_an_existing_file_is_kept(
     tmp_path: Path,
 ) -> None:
+    """The mode of an existing file is kept and a new one is an ordinary file."""
     write_text(tmp_path / "new", "1")
     (tmp_path / "ordinary").touch()
     assert (tmp_path / "new").stat().st_mode == (tmp_path / "ordinary").stat().st_mode
@@ -56,7 +57,8 @@ def test_the_mode_of_an_existing_file_is_kept_and_a_new_one_is_an_ordinary_file(
         assert (tmp_path / "new").stat().st_mode & 0o777 == mode
 
 
-def test_temporary_files_and_folders_go_and_nothing_else_does(tmp_path: Path) -> None:
+def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
+    """Temporary files and folders go and nothing else does."""
     theirs = {tmp_path / ".a.json.0123456789abcdef.part", tmp_path / ".hfa-theirs"}
     for path in theirs:
         path.mkdir()

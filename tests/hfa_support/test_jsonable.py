@@ -9,7 +9,8 @@ import numpy as np
 from hfa_support.jsonable import json_text, jsonable
 
 
-def test_a_row_of_a_table_or_a_matrix_is_a_line() -> None:
+def test_a_row_is_a_line() -> None:
+    """A row of a table or a matrix is a line."""
     value = {
         "schema": "x",
         "A": np.eye(2),

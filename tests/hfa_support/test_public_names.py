@@ -41,6 +41,7 @@ def test_the_core_stubs_name_no_extension() -> None:
         assert set(known) <= {"hfa_aircraft", "hfa_model", "hfa_support"}
 
 
-def test_the_version_and_the_packages_within_are_public_too() -> None:
+def test_the_version_and_inner_packages_are_public() -> None:
+    """The version and the packages within are public too."""
     assert hfa.__version__ == VERSION
     assert hfa.paper.__name__ == "hfa.paper"

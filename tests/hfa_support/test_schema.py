@@ -21,7 +21,8 @@ DECLARED = {
 }
 
 
-def test_what_is_as_declared_comes_back_with_numbers_as_floats() -> None:
+def test_what_is_declared_is_read_as_floats() -> None:
+    """What is as declared comes back with numbers as floats."""
     value = {
         "name": "x",
         "sizes": [[1, 2.5]],
@@ -55,7 +56,8 @@ def test_what_is_as_declared_comes_back_with_numbers_as_floats() -> None:
         ({"zzz\x1b": 1}, "f.toml: unknown entry zzz\\x1b; choose from name, kind, sizes"),
     ],
 )
-def test_what_is_not_is_one_line_with_its_place(change: dict[str, Any], said: str) -> None:
+def test_what_is_not_declared_is_named(change: dict[str, Any], said: str) -> None:
+    """What is not is one line with its place."""
     with pytest.raises(BadInputError) as refusal:
         checked("f.toml", {"name": "x"} | change, DECLARED)
     assert str(refusal.value).startswith(said)

@@ -37,5 +37,6 @@ def test_a_unit_and_its_size(unit: str, si: str, factor: float) -> None:
     assert conversion(si, unit) == pytest.approx(1 / factor, rel=1e-15)
 
 
-def test_only_a_unit_and_its_si_unit_are_converted() -> None:
+def test_only_units_with_an_si_unit_are_converted() -> None:
+    """Only a unit and its si unit are converted."""
     assert conversion("km/h", "ft/s") is None

@@ -51,7 +51,8 @@ def largest_difference_of_rates(peer, count: int = 200) -> float:
     return float((np.abs(ours - theirs) / np.abs(ours).max(axis=0)).max())
 
 
-def test_the_dynamics_of_the_peers_are_those_of_the_aircraft() -> None:
+def test_peers_have_the_dynamics_of_the_aircraft() -> None:
+    """The dynamics of the peers are those of the aircraft."""
     assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE)) < 1e-12
 
 
@@ -84,9 +85,10 @@ def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknown
 
 @NEEDS_COMPILER
 @pytest.mark.parametrize(("name", "factor"), [("B", 1.0), ("eta", 1.001), ("B", 1.001)])
-def test_c_by_hand_flies_our_flight_and_another_would_be_noticed(
+def test_c_by_hand_flies_our_flight(
     case: FlightCase, monkeypatch: pytest.MonkeyPatch, name: str, factor: float
 ) -> None:
+    """C by hand flies our flight and another would be noticed."""
     data = case.data()
     monkeypatch.setattr(case, "data", lambda: data | {name: factor * np.asarray(data[name])})
     history = c_flight(case, 300)()
@@ -125,16 +127,18 @@ def test_a_job_of_the_benchmarks_runs_alone(capsys: pytest.CaptureFixture) -> No
 
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
-def test_the_limit_of_a_trim_is_below_its_time() -> None:
+def test_the_limit_of_a_trim_is_below_it() -> None:
+    """The limit of a trim is below its time."""
     (found,) = bench.report.rows_of("trim", quick=True)
     assert found.limit is not None
     assert 0.0 < found.limit.seconds < found.timing.ours
 
 
 @pytest.mark.slow
-def test_every_job_runs_and_a_quick_run_stores_nothing(
+def test_every_job_runs_and_quick_runs_store_nothing(
     capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Every job runs and a quick run stores nothing."""
     monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
     assert bench.main(["--quick"]) == 0
     printed = capsys.readouterr().out
@@ -177,7 +181,8 @@ def test_documents_of_other_figures_would_be_noticed() -> None:
     assert len(not_shown(text, figures)) == 10
 
 
-def test_every_stored_verdict_follows_from_its_figures_and_no_other_target_is_missed() -> None:
+def test_stored_verdicts_follow_from_their_figures() -> None:
+    """Every stored verdict follows from its figures and no other target is missed."""
     missed = [figure["job"] for figure in report.stored()["figures"] if figure["reached"] == "NO"]
     assert missed == [
         "one trim and its exact A, B, from Python",

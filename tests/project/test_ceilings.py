@@ -64,7 +64,8 @@ def test_the_core_is_no_larger_than_its_ceiling() -> None:
     assert 100_000 < tokens <= CORE
 
 
-def test_the_tests_of_the_core_are_no_larger_than_their_ceiling() -> None:
+def test_tests_of_the_core_keep_their_ceiling() -> None:
+    """The tests of the core are no larger than their ceiling."""
     studies = ROOT / "tests" / "studies"
     files = [path for path in (ROOT / "tests").rglob("*.py") if not path.is_relative_to(studies)]
     assert 100_000 < sum(size(path) for path in files) <= TESTS

@@ -357,7 +357,8 @@ def test_an_old_picture_is_noticed() -> None:
     assert not looks_like(modes, PICTURES / "root_locus.png")
 
 
-def test_dots_stand_for_any_lines_and_for_nothing_else() -> None:
+def test_dots_stand_for_any_lines_alone() -> None:
+    """Dots stand for any lines and for nothing else."""
     for expected in ("...", "...\nb\n...", "a\n...\nc", "a\n...\nb\nc", "...\n..."):
         assert difference(expected, "a\nb\nc\n") == ""
     for expected in ("", "a", "...\nb", "b\n...", "a\n...\nb", "c\n...\na", "a\nb\n...c"):

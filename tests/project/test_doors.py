@@ -106,7 +106,8 @@ def metadata(site: Path, name: str, entries: str) -> None:
     (folder / "entry_points.txt").write_text(entries)
 
 
-def test_a_package_that_cannot_be_loaded_is_named_and_nothing_else_fails(tmp_path: Path) -> None:
+def test_a_broken_package_is_named_alone(tmp_path: Path) -> None:
+    """A package that cannot be loaded is named and nothing else fails."""
     metadata(tmp_path, "broken-one", "[hfa.commands]\nrepair = broken_one:REPAIR\n")
     refused = run(tmp_path, tmp_path, "repair")
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)

@@ -50,7 +50,8 @@ def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
     assert excluded == {}
 
 
-def test_each_lock_has_the_pins_of_the_one_before_and_all_that_its_extra_needs() -> None:
+def test_each_lock_extends_the_one_before() -> None:
+    """Each lock has the pins of the one before and all that its extra needs."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
     needed = {"requirements-report.lock": extras["page"], "requirements-test.lock": extras["test"]}
@@ -69,7 +70,8 @@ def test_each_lock_has_the_pins_of_the_one_before_and_all_that_its_extra_needs()
             assert wanted.specifier.contains(exact.version), (lock, line)
 
 
-def test_a_pin_that_needs_a_later_patch_is_seen() -> None:
+def test_a_pin_that_needs_a_patch_is_seen() -> None:
+    """A pin that needs a later patch is seen."""
     assert without(">=3.11.5") == ["3.11.0"]
     assert without(">=3.9") == []
     assert without("<3.14") == ["3.14.0"]

@@ -122,7 +122,8 @@ def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
     )
 
 
-def test_an_output_that_is_out_of_date_is_noticed() -> None:
+def test_an_outdated_output_is_noticed() -> None:
+    """An output that is out of date is noticed."""
     outputs = [{"output_type": "stream", "text": ["2\n"]}]
     value = [{"output_type": "execute_result", "data": {"text/plain": ["a c\n", "-1.2e-16"]}}]
     alike = "type('T', (), {'__repr__': lambda self: 'a c\\n3e-17'})()"
@@ -134,7 +135,8 @@ def test_an_output_that_is_out_of_date_is_noticed() -> None:
     assert complaints([("7", value)]) == ["cell 1 says 7, text/plain is another"]
 
 
-def test_a_picture_that_is_out_of_date_is_noticed() -> None:
+def test_an_outdated_picture_is_noticed() -> None:
+    """A picture that is out of date is noticed."""
     figure = "from matplotlib.figure import Figure\nfigure = Figure()\nfigure.subplots().set_facecolor({!r})\nfigure"
     drawn = base64.b64encode(png_of(ran(figure.format("white"), {})[1])).decode("ascii")
     picture = [{"output_type": "execute_result", "data": {"image/png": drawn}}]

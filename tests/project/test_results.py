@@ -91,7 +91,8 @@ def results() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", SHOWN)
-def test_a_result_shows_its_report_and_comes_back_from_a_pickle(name: str) -> None:
+def test_results_show_reports_and_survive_a_pickle(name: str) -> None:
+    """A result shows its report and comes back from a pickle."""
     result = results()[name]
     shown = repr(result)
     assert type(result).__name__ == name
@@ -130,7 +131,8 @@ def test_a_failed_trim_can_be_sent_too() -> None:
     assert (str(again), again.attempt) == (str(caught.value), caught.value.attempt)
 
 
-def test_the_game_of_a_model_is_the_game_of_its_matrices() -> None:
+def test_a_models_game_equals_its_matrices_game() -> None:
+    """The game of a model is the game of its matrices."""
     model = results()["LinearModel"]
     of_model = hfa.paper.published_game(model, delta=150.0)
     of_matrices = hfa.paper.published_game(model.A, model.B, delta=150.0)

@@ -30,7 +30,8 @@ def cut_boxes(driver: object, page: Path, width: int) -> list[str]:
 
 
 @pytest.mark.slow
-def test_no_code_box_and_no_table_of_the_site_is_cut(tmp_path: Path) -> None:
+def test_nothing_of_the_site_is_cut(tmp_path: Path) -> None:
+    """No code box and no table of the site is cut."""
     pytest.importorskip("sphinx", reason="needs sphinx: pip install '.[dev]'")
     with browser() as driver:
         site = tmp_path / "site"

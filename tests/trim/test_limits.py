@@ -23,7 +23,7 @@ from trim.limits import SLACK, Limits
         ),
     ],
 )
-def test_a_trim_and_a_sweep_agree_at_a_limit(
+def test_trim_and_sweep_agree_at_a_limit(
     published_aircraft: Model, highest: float, reason: str
 ) -> None:
     """The pitch angle alpha + gamma is the limit itself, or rounding beyond it."""

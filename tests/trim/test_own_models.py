@@ -114,7 +114,7 @@ def rotating(x, u, p, w):
     return rates, {"sine": 2 * x.a * x.b}
 
 
-def test_a_trim_that_the_equations_do_not_determine_says_so() -> None:
+def test_an_undetermined_trim_is_reported() -> None:
     """With the norm of the quaternion free every length balances."""
     free = Model(
         "rotation",
@@ -203,7 +203,7 @@ def test_rates_of_the_book() -> None:
     np.testing.assert_allclose(computed, printed, rtol=8e-6)
 
 
-def test_the_back_side_of_the_power_curve_is_another_trim() -> None:
+def test_the_back_side_is_another_trim() -> None:
     """One throttle, two speeds: the report names the other trim, and starting there selects it."""
     usual = usual_condition(F16)
     condition = release(usual, free=("speed",), hold={"throttle": 0.2})
@@ -225,7 +225,7 @@ def test_the_back_side_of_the_power_curve_is_another_trim() -> None:
     assert data["search"]["other_trims"][0]["speed"] == pytest.approx(front.states.speed, rel=1e-9)
 
 
-def test_turns_of_a_sweep_are_those_of_single_trims() -> None:
+def test_swept_turns_equal_single_trims() -> None:
     """One branch, banked by less than a right angle and steeper with the rate, in sweeps and in
     single trims alike."""
     rates = np.linspace(0.0, 0.25, 26)
@@ -340,7 +340,8 @@ def test_a_system_of_python_control_is_traced() -> None:
         ),
     ],
 )
-def test_a_system_that_cannot_be_traced_is_refused_in_one_line(made, words: str) -> None:
+def test_an_untraceable_system_is_refused(made, words: str) -> None:
+    """A system that cannot be traced is refused in one line."""
     with pytest.raises(BadInputError) as caught:
         from_control(made(), {})
     assert words in str(caught.value)
@@ -461,9 +462,8 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(("text", "words"), FAULTS.items())
-def test_what_is_wrong_with_a_file_is_said_in_one_line(
-    text: str, words: str, tmp_path: Path
-) -> None:
+def test_a_wrong_file_is_named_in_one_line(text: str, words: str, tmp_path: Path) -> None:
+    """What is wrong with a file is said in one line."""
     path = tmp_path / "own.py"
     path.write_text(text)
     assert_refused(hfa("trim", "--aircraft", f"{path}:A"), 2, f"{path}: ", words)
@@ -484,7 +484,8 @@ A = Model("cart", {"v": Signal()}, {"u": Signal()}, lambda x, u, p, w: ({"v": u.
 """
 
 
-def test_a_file_may_have_dataclasses_and_tables_beside_it(tmp_path: Path) -> None:
+def test_a_file_may_use_dataclasses_and_tables(tmp_path: Path) -> None:
+    """A file may have dataclasses and tables beside it."""
     (tmp_path / "own.py").write_text(WITH_A_TABLE)
     assert_refused(
         hfa("trim", "--aircraft", f"{tmp_path / 'own.py'}:A"), 2, "drag.csv cannot be read"

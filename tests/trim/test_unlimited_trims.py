@@ -44,7 +44,7 @@ TURNING = Model(
 
 
 @pytest.mark.parametrize(("speed", "turn"), [(30.0, 0.1), (100.0, 1.5), (300.0, 1.5), (1e3, 1.5)])
-def test_a_bank_angle_without_limits_stays_below_a_quarter_turn(speed: float, turn: float) -> None:
+def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float) -> None:
     """tan(bank) = V turn / g: Newton's method alone ends several turns away."""
     point = hfa.find_operating_point(TURNING, hold={"speed": speed, "turn": turn})
     assert point["bank"] == pytest.approx(np.arctan(speed * turn / _GRAVITY), rel=1e-9)
@@ -58,7 +58,7 @@ def test_a_sweep_stays_where_its_points_do() -> None:
     np.testing.assert_allclose(swept.states[:, 2], np.arctan(300.0 * turns / _GRAVITY), rtol=1e-9)
 
 
-def test_a_trim_far_out_is_noted_in_the_first_line() -> None:
+def test_a_far_trim_is_noted_first() -> None:
     """Lift is negative, so that the only trim flies upside down."""
     inverted = hfa.Model(
         "inverted",

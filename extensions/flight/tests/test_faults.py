@@ -13,7 +13,7 @@ __all__ = ["small_disk"]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("home", ["unset", "missing", "read-only", "a file"])
-def test_without_a_home_that_can_be_written_the_result_is_there(tmp_path: Path, home: str) -> None:
+def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> None:
     """There is no cache of machine code."""
     words = "fly --dihedral 15 --law exact --samples 3 --duration 0.1 -o a.zarr"
     works_without_a_home(tmp_path, words, home)

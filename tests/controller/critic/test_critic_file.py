@@ -61,7 +61,8 @@ def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None
     assert "\n" not in str(refusal.value)
 
 
-def test_the_functions_of_a_critic_are_what_its_matrices_say() -> None:
+def test_functions_of_a_critic_follow_its_matrices() -> None:
+    """The functions of a critic are what its matrices say."""
     z = np.array([0.3, -0.2])
     weights = np.array([1.0, 2.0, 3.0, 0.5, -0.5])
     critic = critic_in(stored("w.npz", W=weights), GAME, reading=Reading("quadratic+quartic"))

@@ -68,9 +68,10 @@ def test_cells_of_text_and_structures() -> None:
     assert not {"mixed", "many"} & set(arrays)
 
 
-def test_a_damaged_file_is_one_line_even_where_it_crashes_scipy(
+def test_a_damaged_file_is_refused_in_one_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """A damaged file is one line even where it crashes scipy."""
     whole = mat(**{**TREES, "full": NUMBERS})
     lines = []
     for seed in range(2):

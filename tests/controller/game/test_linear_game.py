@@ -16,7 +16,8 @@ def linear() -> LinearModel:
     return hfa.linearize(model, hfa.find_operating_point(model, hold={"dihedral": 0.2}))
 
 
-def test_weights_by_name_are_diagonals_and_the_names_stay(linear: LinearModel) -> None:
+def test_weights_by_name_are_diagonals(linear: LinearModel) -> None:
+    """Weights by name are diagonals and the names stay."""
     weights = dict.fromkeys(linear.inputs, 2.0)
     game = hfa.game(linear, Q={"speed": 0.01, "pitch": 3.0}, R=weights, delta=250.0)
     assert game.Q.diagonal().tolist() == [0.01, 0.0, 3.0, 0.0, 0.0, 0.0]
@@ -38,7 +39,8 @@ def test_without_weights_a_nominal_deviation_costs_one(linear: LinearModel) -> N
     assert np.diag(hfa.game(linear).Q) * nominal**2 == pytest.approx(np.ones(6), rel=1e-15)
 
 
-def test_the_disturbances_of_the_model_are_those_of_the_game() -> None:
+def test_a_game_has_the_disturbances_of_the_model() -> None:
+    """The disturbances of the model are those of the game."""
     model = hfa.aircraft()
     linear = hfa.linearize(model, hfa.find_operating_point(model), outputs=("speed",))
     assert np.array_equal(hfa.game(linear).E, linear.E)

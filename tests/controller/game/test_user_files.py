@@ -33,7 +33,8 @@ pytestmark = pytest.mark.usefixtures("folder")
 # --------------------------------------------------------------------------------------------------
 
 
-def test_every_format_gives_the_same_game_and_where_it_comes_from() -> None:
+def test_every_format_gives_the_same_game() -> None:
+    """Every format gives the same game and where it comes from."""
     full = MODEL | {
         "E": np.eye(6)[:, :2],
         "Q": 2.0 * np.eye(6),
@@ -60,7 +61,7 @@ def test_what_is_missing_comes_from_the_paper() -> None:
         assert load_game("plant.npz") == published_game(**MODEL)
 
 
-def test_the_paper_s_game_on_a_plant_in_meters() -> None:
+def test_the_papers_game_in_meters() -> None:
     """Q T⁻² and T E are the same game; a plant of other names gets nothing of the paper."""
     units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
     stored("si.npz", **MODEL, states=LINEAR_STATES, state_units=units)
@@ -87,7 +88,8 @@ def test_an_argument_counts_before_the_file() -> None:
     assert np.array_equal(diagonal("1, 0.5,2e3"), np.diag([1.0, 0.5, 2000.0]))
 
 
-def test_misnamed_entries_defaults_and_the_matrix_of_a_wind_are_noted() -> None:
+def test_misnamed_entries_and_defaults_are_noted() -> None:
+    """Misnamed entries defaults and the matrix of a wind are noted."""
     game, notes, *_ = stored_game(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], gamma=7.0))
     assert game == Game(**PLANT, E=np.eye(2), delta=math.inf)
     assert notes == (
@@ -106,7 +108,8 @@ def test_misnamed_entries_defaults_and_the_matrix_of_a_wind_are_noted() -> None:
     )
 
 
-def test_a_structure_is_looked_into_only_where_nothing_stands_outside() -> None:
+def test_structures_are_read_where_nothing_stands_outside() -> None:
+    """A structure is looked into only where nothing stands outside."""
     inside = PLANT | {"delta": 9.0}
     assert stored_game(stored("in.json", model=inside)).game.delta == 9.0
     with pytest.raises(BadInputError, match="there is no B"):

@@ -59,7 +59,7 @@ def test_weights_of_very_different_size_are_definite(R: Any) -> None:
     assert np.array_equal(Game(**(SMALL | {"B": np.eye(2), "R": R})).R, R)
 
 
-def test_gains_are_the_extremals_of_the_hamiltonian_of_the_game() -> None:
+def test_gains_are_extremals_of_the_hamiltonian() -> None:
     """u = -K z and d = L z are where z'Qz + u'Ru - δ²d'd + 2 z'P(Az + Bu + Ed) has no slope in u
     and d.
 
@@ -122,7 +122,8 @@ def taylor_slope(
     return float(np.log(remainders[0] / remainders[1]) / np.log(steps[0] / steps[1]))
 
 
-def test_quadratic_monomials_come_row_by_row_and_the_others_after_them() -> None:
+def test_quadratic_monomials_come_first_row_by_row() -> None:
+    """Quadratic monomials come row by row and the others after them."""
     z = np.array([2.0, 3.0, 5.0])
     assert basis("quadratic", 3).psi(z).tolist() == [4.0, 6.0, 10.0, 9.0, 15.0, 25.0]
     assert basis("quadratic+linear", 3).psi(z).tolist() == [
@@ -158,7 +159,8 @@ def test_many_states_at_once_are_each_state_alone() -> None:
         assert np.array_equal(functions.gradient(Z), np.array([functions.gradient(z) for z in Z]))
 
 
-def test_weights_and_matrix_are_the_same_value_in_any_units() -> None:
+def test_weights_and_matrix_agree_in_any_units() -> None:
+    """Weights and matrix are the same value in any units."""
     rng = np.random.default_rng(4)
     root = rng.normal(size=(6, 6))
     P = root + root.T

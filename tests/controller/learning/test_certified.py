@@ -223,7 +223,8 @@ def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("noise", [1e-4, pytest.param(1e-2, marks=pytest.mark.slow)])
-def test_noisy_derivatives_give_a_stabilizing_gain_that_the_judge_refuses(noise: float) -> None:
+def test_a_gain_from_noisy_derivatives_is_refused(noise: float) -> None:
+    """Noisy derivatives give a stabilizing gain that the judge refuses."""
     for name in PUBLISHED[: 1 if noise < 1e-3 else 2]:
         game, exact = published(name)
         pool = random_pool(game, 500, seed=3)
@@ -290,7 +291,7 @@ def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) 
         return equations.basis.weights(np.array([float(x) for x in step]).reshape(closed.shape))
 
 
-def test_near_the_edge_a_truncated_pseudo_inverse_points_elsewhere() -> None:
+def test_a_truncated_pseudo_inverse_fails_near_the_edge() -> None:
     """Why directions come from QR: the singular value that a tolerance drops is the one that
     matters."""
     game, exact = lq(PUBLISHED[1])
@@ -311,14 +312,15 @@ def test_near_the_edge_a_truncated_pseudo_inverse_points_elsewhere() -> None:
 @pytest.mark.parametrize(
     "margin", [1e-1, *(pytest.param(x, marks=pytest.mark.slow) for x in (1e-4, 1e-8)), 1e-12]
 )
-def test_starts_at_the_edge_of_stability_end_at_the_solution(margin: float) -> None:
+def test_starts_near_instability_end_at_the_solution(margin: float) -> None:
+    """Starts at the edge of stability end at the solution."""
     for seed in range(4):
         game, exact = published(PUBLISHED[seed % 2])
         start = tuple(start_at_the_edge(game, exact.P, seed, margin))
         assert_exact(learn(game, seed=seed, tick=0.2, initial_weights=start), exact)
 
 
-def test_without_the_discount_at_the_edge_an_answer_is_lost_or_refused(
+def test_an_answer_without_the_discount_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The planted cause: truncated directions, and every start with a negative abscissa trusted."""
@@ -353,7 +355,8 @@ def test_without_the_discount_at_the_edge_an_answer_is_lost_or_refused(
 
 
 @pytest.mark.parametrize("name", [PUBLISHED[0], pytest.param(PUBLISHED[1], marks=pytest.mark.slow)])
-def test_too_small_a_delta_is_refused_with_the_smallest_one(name: str) -> None:
+def test_a_delta_too_small_is_refused(name: str) -> None:
+    """Too small a delta is refused with the smallest one."""
     game, _ = published(name)
     with pytest.raises(
         NoSolutionError, match=r"delta = 50 is out of reach.*raise delta"

@@ -61,7 +61,7 @@ def test_results_are_plain_json() -> None:
     assert (len(units), units[:2]) == (21, ["1/((ft/s) (ft/s))", "1/((ft/s) (rad))"])
 
 
-def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
+def test_the_default_number_of_samples_is_enough() -> None:
     """A stable chain of ten states with an input and a disturbance at its end: 55 weights."""
     A = np.diag(-np.linspace(0.5, 5.0, 10)) + np.diag(np.ones(9), 1)
     end = np.eye(10)[:, -1:]
@@ -74,7 +74,8 @@ def test_the_samples_taken_by_default_are_enough_for_the_plant() -> None:
         learn(game, samples=54)
 
 
-def test_rows_are_kept_evenly_with_the_start_and_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows are kept evenly with the start and the end."""
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
     monkeypatch.setattr(ticks, "MOST_ROWS", 30)
@@ -87,7 +88,8 @@ def test_rows_are_kept_evenly_with_the_start_and_the_end(monkeypatch: pytest.Mon
 # What was learned is judged by the one who knows A.
 
 
-def test_a_poor_stack_is_not_settled_whatever_the_residual() -> None:
+def test_a_poor_stack_is_not_settled() -> None:
+    """A poor stack is not settled whatever the residual."""
     run = short_run()
     poor = replace(run, excitation=replace(run.excitation, rank=20))
     assert run.settled
@@ -127,7 +129,8 @@ def test_twelve_states_are_learned_without_a_disturbance() -> None:
 
 
 @pytest.mark.parametrize(("Q", "R"), [(1e-8, 1.0), (1.0, 1e-6), (1e-6, 1e6), (1e8, 1e-8)])
-def test_a_right_critic_settles_whatever_the_size_of_the_costs(Q: float, R: float) -> None:
+def test_a_right_critic_settles_at_any_cost_size(Q: float, R: float) -> None:
+    """A right critic settles whatever the size of the costs."""
     game = Game([[1.0]], [[1.0]], [[1.0]], [[Q]], [[R]], 2.0 * max(1.0, np.sqrt(R)))
     result = learn(game, tick=0.1)
     s = 1.0 / R - 1.0 / game.delta**2

@@ -22,7 +22,8 @@ def worst_condition(stack: Stack) -> float:
     return float(np.linalg.cond(rows))
 
 
-def test_random_pool_stays_in_its_box_and_follows_its_seed() -> None:
+def test_random_pool_follows_its_box_and_seed() -> None:
+    """Random pool stays in its box and follows its seed."""
     game = stable_game()
     pool = random_pool(game, 300, seed=2, half_widths=np.array([2.0, 0.1]))
     assert np.all(np.abs(pool.states) <= [2.0, 0.1])
@@ -41,7 +42,8 @@ def test_a_list_that_contains_itself_is_refused() -> None:
             random_pool(stable_game(), count, seed, box)
 
 
-def test_natural_spread_changes_with_the_units_of_the_states() -> None:
+def test_natural_spread_follows_the_units() -> None:
+    """Natural spread changes with the units of the states."""
     game, _ = published(PUBLISHED[0])
     units = np.array([1e4, 1e-4, 3.0, 1e-2, 1.0, 1e3])
     rows = units[:, None]
@@ -103,7 +105,7 @@ def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
         )
 
 
-def test_pivoting_finds_the_rich_moments_of_an_unprobed_flight() -> None:
+def test_pivoting_finds_the_rich_moments() -> None:
     """Evenly spaced samples of 20 s of free response have rank 10 of 21: the fast modes are over
     early."""
     game, _ = published("published-5")
@@ -131,7 +133,8 @@ def test_excitation_of_a_known_stack() -> None:
     assert 0.0 < richness.rounding < 1e-28
 
 
-def test_linear_fit_removes_noise_and_reports_it_and_a_forcing() -> None:
+def test_linear_fit_reports_noise_and_forcing() -> None:
+    """Linear fit removes noise and reports it and a forcing."""
     game, _ = published(PUBLISHED[1])
     exact = random_pool(game, 500, seed=0)
     fitted, misfit = exact.linear()

@@ -179,7 +179,7 @@ def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
     }
 
 
-def test_a_plant_that_must_be_stabilized_has_another_value() -> None:
+def test_a_value_without_stabilization_is_another() -> None:
     """0 is a root then too, but not the one whose policy brings the state to rest: a P = 2 a /
     s."""
     game = Game(np.eye(1), np.eye(1), np.zeros((1, 0)), np.zeros((1, 1)), np.eye(1), np.inf)
@@ -209,7 +209,7 @@ def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
 
 @pytest.mark.parametrize("make", [hamiltonian, jordan, lambda rng, n: rng.standard_normal((n, n))])
 @pytest.mark.parametrize("n", [40])
-def test_the_distance_to_the_axis_is_the_least_over_all_frequencies(
+def test_axis_distance_is_the_least_over_frequencies(
     make: Callable[[np.random.Generator, int], np.ndarray], n: int
 ) -> None:
     """Against a fine grid about each eigenvalue, refined where it is least; the claim is 1e-6."""
@@ -233,7 +233,7 @@ def least_singular_value(matrix: np.ndarray, shift: float) -> float:
     return float(np.linalg.svd(shifted, compute_uv=False)[-1])
 
 
-def test_the_least_distance_lies_beside_the_frequencies_of_defective_eigenvalues() -> None:
+def test_defective_eigenvalues_have_the_least_distance_beside_them() -> None:
     """Three coupled oscillators of 1 rad/s in random axes: the least is at 0.991 rad/s."""
     oscillators = np.kron(np.eye(3), [[-1.0, 1.0], [-1.0, -1.0]]) + 3.0 * np.eye(6, k=2)
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0]
@@ -249,7 +249,8 @@ def test_the_least_distance_lies_beside_the_frequencies_of_defective_eigenvalues
     assert frequency == pytest.approx(0.991, abs=1e-3)
 
 
-def test_a_mode_on_the_axis_among_many_is_seen() -> None:
+def test_one_mode_on_the_axis_is_seen() -> None:
+    """A mode on the axis among many is seen."""
     rng = np.random.default_rng(0)
     turn = np.linalg.qr(rng.standard_normal((60, 60)))[0]
     damped = np.kron(np.diag(rng.uniform(1.0, 9.0, 30)), [[-0.1, 1.0], [-1.0, -0.1]])
@@ -257,7 +258,8 @@ def test_a_mode_on_the_axis_among_many_is_seen() -> None:
     assert spectrum(turn @ damped @ turn.T).axis_distance() <= 1e-15
 
 
-def test_the_frequency_is_that_of_the_distance_and_not_of_the_eigenvalue_of_least_damping() -> None:
+def test_the_frequency_belongs_to_the_distance() -> None:
+    """The frequency is that of the distance and not of the eigenvalue of least damping."""
     computed = spectrum(jordan(np.random.default_rng(0), 40))
     least_damped = computed.eigenvalues[np.argmax(computed.eigenvalues.real)]
     distance, frequency = computed.nearest_to_axis()

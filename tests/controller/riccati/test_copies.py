@@ -61,7 +61,7 @@ def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
     return counts
 
 
-def test_whether_a_game_has_a_value_is_the_same_of_every_copy() -> None:
+def test_copies_agree_whether_a_value_exists() -> None:
     """A ten-thousandth from delta_min too, of games in units that differ by up to 1e8."""
     changed = changed_verdicts(random_games(8), 4)
     assert changed["copies"] == 128
@@ -69,7 +69,8 @@ def test_whether_a_game_has_a_value_is_the_same_of_every_copy() -> None:
 
 
 @pytest.mark.slow
-def test_whether_a_game_has_a_value_is_the_same_of_ten_thousand_copies() -> None:
+def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
+    """Whether a game has a value is the same of ten thousand copies."""
     changed = changed_verdicts(random_games(250), 20)
     assert changed["copies"] == 20_000
     assert changed["changed"] == 0
@@ -79,7 +80,8 @@ def test_whether_a_game_has_a_value_is_the_same_of_ten_thousand_copies() -> None
 @pytest.mark.parametrize(
     "name", ["published-5", pytest.param("published-15", marks=pytest.mark.slow)]
 )
-def test_the_solution_and_its_smallest_delta_are_the_same_of_every_copy(name: str) -> None:
+def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
+    """The solution and its smallest delta are the same of every copy."""
     game = game_models()[name]
     smallest = minimum_delta(game)
     for copy in copies(game, 1, 4):
@@ -122,7 +124,7 @@ print(json.dumps(found))
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processors cannot be chosen")
-def test_the_smallest_delta_is_the_same_with_one_thread() -> None:
+def test_smallest_delta_is_the_same_with_one_thread() -> None:
     """BLAS starts a thread for each processor that it may use."""
     values = []
     for threads in ("one", "all"):

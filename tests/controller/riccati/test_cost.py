@@ -22,14 +22,16 @@ def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
         assert cost_check(game, solve_game(game).P, initial).value < 1e-12
 
 
-def test_cost_of_a_value_that_is_off_by_a_millionth_is_noticed(
+def test_a_value_off_by_a_millionth_is_noticed(
     first: tuple[Game, np.ndarray],
 ) -> None:
+    """Cost of a value that is off by a millionth is noticed."""
     game, P = first
     assert not cost_check(game, P * (1.0 + 1e-6), INITIAL).ok
 
 
-def test_policies_that_do_not_come_to_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> None:
+def test_policies_without_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> None:
+    """Policies that do not come to rest have no cost."""
     game, P = first
     check = cost_check(game, -P, INITIAL)
     assert not check.ok
@@ -48,7 +50,7 @@ def test_cost_of_a_scalar_policy_in_closed_form() -> None:
 
 
 @pytest.mark.parametrize("seed", [6, 40, 41, 42, 43, 44])
-def test_rounding_in_a_stiff_plant_is_not_taken_for_an_error(seed: int) -> None:
+def test_rounding_in_a_stiff_plant_is_no_error(seed: int) -> None:
     """Poles at -3e4 and 0.09, in random coordinates."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
@@ -76,7 +78,7 @@ NOISE = np.random.default_rng(0).standard_normal(EXACT.K.shape)
 
 @pytest.mark.parametrize("size", [1e-3, 1e-1, 0.3])
 @pytest.mark.parametrize("delta", [200.0, math.inf])
-def test_the_loss_is_that_of_the_cost_equation_of_the_gain(size: float, delta: float) -> None:
+def test_loss_agrees_with_the_cost_equation(size: float, delta: float) -> None:
     """P* + D is the value of the game in which the control is fixed to -K z and only the
     disturbance plays."""
     game = GAME.with_delta(delta)
@@ -90,7 +92,8 @@ def test_the_loss_is_that_of_the_cost_equation_of_the_gain(size: float, delta: f
     assert np.linalg.eigvalsh(D)[0] >= -1e-10 * np.abs(D).max()
 
 
-def test_the_loss_grows_with_the_square_of_the_error() -> None:
+def test_loss_grows_with_the_squared_error() -> None:
+    """The loss grows with the square of the error."""
     single, ten = (
         flight_cost(GAME, EXACT, EXACT.K * (1.0 + size * NOISE)) for size in (1e-4, 1e-3)
     )
@@ -98,7 +101,8 @@ def test_the_loss_grows_with_the_square_of_the_error() -> None:
     assert 0.0 < single.mean < single.worst
 
 
-def test_a_start_is_found_that_costs_what_is_said() -> None:
+def test_a_start_costs_what_is_reported() -> None:
+    """A start is found that costs what is said."""
     K = EXACT.K * (1.0 + 0.1 * NOISE)
     D = loss_matrix(GAME, EXACT, K)
     cost = flight_cost(GAME, EXACT, K)
@@ -123,7 +127,8 @@ def test_the_exact_critic_costs_nothing() -> None:
     assert cost.distance == cost.exact_distance > 0.0
 
 
-def test_a_gain_beyond_delta_or_unstable_costs_without_bound() -> None:
+def test_a_gain_beyond_delta_costs_without_bound() -> None:
+    """A gain beyond delta or unstable costs without bound."""
     tight = GAME.with_delta(151.0)
     loose = flight_cost(tight, solve_game(tight), 0.3 * solve_game(tight).K)
     assert loose.worst == loose.mean == math.inf

@@ -27,14 +27,15 @@ def truth(delta: float) -> Answer:
     return Answer(True) if delta > EXACT else Answer(False, "shown", "of it")
 
 
-def test_the_bracket_of_sure_answers_is_as_narrow_as_asked() -> None:
+def test_the_bracket_is_as_narrow_as_asked() -> None:
+    """The bracket of sure answers is as narrow as asked."""
     for begin in (0.1, 1.0, 3e5):
         value, refused, ending = smallest_delta(truth, begin, 1e-6)
         assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
         assert (ending.exists, ending.condition) == (False, "of it")
 
 
-def test_a_solution_below_a_refused_delta_ends_the_refusal() -> None:
+def test_a_solution_below_ends_the_refusal() -> None:
     """A planted refusal from 8 to 11.38, as rounding once made it, which the bisection meets."""
 
     def ask(delta: float) -> Answer:
@@ -44,7 +45,9 @@ def test_a_solution_below_a_refused_delta_ends_the_refusal() -> None:
     assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
 
 
-def test_what_is_open_is_neither_refused_nor_called_good() -> None:
+def test_an_open_answer_is_neither_refused_nor_good() -> None:
+    """What is open is neither refused nor called good."""
+
     def ask(delta: float) -> Answer:
         return Answer(None, "rounding") if 0.4 < delta < 2.0 else truth(delta)
 
@@ -62,7 +65,8 @@ def test_a_solution_within_what_is_open_is_found() -> None:
     assert refused <= EXACT < value <= refused * (1.0 + 1e-6)
 
 
-def test_all_good_is_0_and_none_good_says_which_it_is() -> None:
+def test_all_good_and_none_good_are_named() -> None:
+    """All good is 0 and none good says which it is."""
     assert smallest_delta(lambda _: Answer(True), 1.0, 1e-6)[:2] == (0.0, 0.0)
     with pytest.raises(NoSolutionError, match=r"^no delta up to 2\.749e\+11 will do: shown$"):
         smallest_delta(lambda _: Answer(False, "shown"), 1.0, 1e-6)
@@ -72,9 +76,7 @@ def test_all_good_is_0_and_none_good_says_which_it_is() -> None:
         smallest_delta(lambda _: Answer(None, "near the axis"), 1.0, 1e-6)
 
 
-def test_the_gain_that_is_shown_is_attained_below_delta_min_and_refuses_every_delta_up_to_it() -> (
-    None
-):
+def test_the_gain_shown_is_attained() -> None:
     """Against the reference of 60 digits."""
     rng = np.random.default_rng(3)
     shown = 0
@@ -90,7 +92,7 @@ def test_the_gain_that_is_shown_is_attained_below_delta_min_and_refuses_every_de
     assert shown >= 2
 
 
-def test_the_error_of_a_value_bounds_what_a_change_of_the_entries_does() -> None:
+def test_the_error_of_a_value_bounds_changes() -> None:
     """Of every entry by up to a ten-millionth, far above rounding: nearly reached, never passed."""
     rng = np.random.default_rng(11)
     part = 1e-7
@@ -132,9 +134,7 @@ def chain(rates: list[float], coupling: float) -> Game:
     ("rates", "coupling"),
     [([-1e8, 1e-2, -3.0], 1e-6), ([-1e7, -2.0, 1e-3], 1e-4), ([-1e9, 1e-4], 1e-8)],
 )
-def test_a_stiff_plant_whose_modes_are_reached_is_not_told_that_they_are_not(
-    rates: list[float], coupling: float
-) -> None:
+def test_a_stiff_reached_plant_is_not_called_unreached(rates: list[float], coupling: float) -> None:
     """Solved, or refused for rounding: no mode is called unreached, none 0 that is not."""
     game = chain(rates, coupling)
     refusals = refusal_of(lambda: solve_game(game)) + refusal_of(lambda: minimum_delta(game))
@@ -143,13 +143,14 @@ def test_a_stiff_plant_whose_modes_are_reached_is_not_told_that_they_are_not(
     assert "no delta" not in refusals
 
 
-def test_the_error_of_a_value_that_does_not_stabilize_has_no_bound() -> None:
+def test_an_unstabilizing_value_has_no_bound() -> None:
+    """The error of a value that does not stabilize has no bound."""
     one = np.eye(1)
     form = NormalForm.of(Game(0.0 * one, one, one, one, one, 2.0))
     assert value_error(form, 0.0 * one, np.ones(1)) == math.inf
 
 
-def test_a_slow_mode_that_decays_is_not_called_undamped() -> None:
+def test_a_slow_decaying_mode_is_not_called_undamped() -> None:
     """Beside a fast state it is nearer to the axis than rounding of that state."""
     game = Game(
         np.diag([-1e8, -1e-6, 100.0]),
@@ -163,9 +164,7 @@ def test_a_slow_mode_that_decays_is_not_called_undamped() -> None:
 
 
 @pytest.mark.parametrize(("reach", "unreached"), [(1e-4, False), (0.0, True)])
-def test_a_slow_mode_that_rounding_cannot_hide_is_not_called_unreached(
-    reach: float, unreached: bool
-) -> None:
+def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> None:
     """Turned, beside a fast state and a mode from which it is 4e-9 of that away."""
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     A = turn @ np.diag([1e7, -300.0, 0.03, -1e-2]) @ turn.T
@@ -175,7 +174,7 @@ def test_a_slow_mode_that_rounding_cannot_hide_is_not_called_unreached(
 
 
 @pytest.mark.parametrize("seed", [3, 24, 46])
-def test_an_unreached_mode_is_refused_whatever_the_last_bits(seed: int) -> None:
+def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
     """In coordinates of units up to 1e8 apart, in which rounding reaches the mode by a few ulp: P
     of these numbers is of the size 1e18 and follows their last bits."""
     rng = np.random.default_rng(seed)
@@ -226,7 +225,7 @@ def refusal_of(solve: Callable[[], object]) -> str:
     return ""
 
 
-def test_a_mode_that_nothing_reaches_is_named_whatever_the_axes_and_units() -> None:
+def test_an_unreached_mode_is_named_in_any_units() -> None:
     """Also beside fast states."""
     for seed in range(5):
         rng = np.random.default_rng(seed)

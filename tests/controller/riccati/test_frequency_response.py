@@ -20,7 +20,8 @@ from controller.riccati.normal_form import NormalForm
 from hfa import Game, solve_game
 
 
-def test_gain_of_the_game_policy_is_below_delta_by_both_methods(game: Game) -> None:
+def test_both_methods_put_the_gain_below_delta(game: Game) -> None:
+    """Gain of the game policy is below delta by both methods."""
     K = solve_game(game).K
     gain = bounded_real_gain(game, K)
     swept = swept_gain(*closed_loop(game, K))
@@ -40,7 +41,8 @@ def test_gain_agrees_with_python_control(game: Game) -> None:
     )
 
 
-def test_gain_of_a_first_order_loop_in_closed_form() -> None:
+def test_first_order_loop_has_its_known_gain() -> None:
+    """Gain of a first order loop in closed form."""
     game = Game([[-1.0]], [[2.0]], [[3.0]], [[4.0]], [[5.0]], 10.0)
     exact = 3.0 * math.sqrt(4.0 + 5.0 * 0.25) / 2.0  # u = -z/2
     K = np.array([[0.5]])
@@ -93,7 +95,7 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
     assert failed_names(gain_checks(game, game.gain(P))) == {"l2_gain_methods_agree"}
 
 
-def test_the_smallest_delta_is_a_bound_on_the_gain() -> None:
+def test_smallest_delta_bounds_the_gain() -> None:
     """K attains its own gain, so delta_min cannot be above it; and the game policy stays below its
     delta."""
     rng = np.random.default_rng(6)
@@ -107,7 +109,8 @@ def test_the_smallest_delta_is_a_bound_on_the_gain() -> None:
         tried += 1
 
 
-def test_a_loop_so_stiff_that_rounding_hides_its_slow_mode_has_the_gain_of_the_sweep() -> None:
+def test_a_very_stiff_loop_has_the_swept_gain() -> None:
+    """A loop so stiff that rounding hides its slow mode has the gain of the sweep."""
     game = Game([[-1.0, 0.3], [0.2, -1e-3]], [[1.0], [0.0]], np.eye(2), np.eye(2), [[1.0]], 50.0)
     K = np.array([[1e40, 0.0]])
     assert bounded_real_gain(game, K) == pytest.approx(1044.03, rel=1e-5)

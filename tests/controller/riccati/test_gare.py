@@ -123,7 +123,8 @@ def test_double_eigenvalue_and_no_cost_at_all() -> None:
     assert minimum_delta(game) == DeltaMin(0.0, 0.0)
 
 
-def test_unstable_mode_outside_the_cost_is_brought_to_rest() -> None:
+def test_an_unstable_costless_mode_is_stabilized() -> None:
+    """Unstable mode outside the cost is brought to rest."""
     P = solve_game(Game([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], math.inf)).P
     assert P[0, 0] == pytest.approx(1.0, rel=FEW_ROUNDINGS)  # least energy: p = 2 a
 
@@ -177,9 +178,10 @@ def test_problem_without_lqr_solution_names_the_mode(
 @pytest.mark.parametrize("size", [5e-324, 1e-150])
 @pytest.mark.parametrize("weight", [1.0, 1e-310])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_denormal_numbers_end_in_a_solution_or_in_one_line(
+def test_denormal_numbers_end_in_a_solution_or_line(
     size: float, weight: float, sign: float
 ) -> None:
+    """Denormal numbers end in a solution or in one line."""
     A = np.random.default_rng(0).standard_normal((3, 3)) + sign * 3.0 * np.eye(3)
     game = Game(A, size * np.ones((3, 2)), np.eye(3), weight * np.eye(3), np.eye(2), 1e3)
     try:
@@ -200,7 +202,8 @@ def test_denormal_numbers_end_in_a_solution_or_in_one_line(
         {"delta": 1e-49},
     ],
 )
-def test_absurd_numbers_end_in_a_solution_or_in_one_line(change: dict[str, float]) -> None:
+def test_absurd_numbers_end_in_a_solution_or_line(change: dict[str, float]) -> None:
+    """Absurd numbers end in a solution or in one line."""
     parts = {
         "A": np.diag([1.0, -1.0]),
         "B": np.array([[1.0], [0.0]]),
@@ -248,7 +251,8 @@ def test_existence_is_decided_as_by_the_reference(games: int) -> None:
     assert min(verdicts) >= games // 4
 
 
-def test_delta_below_the_minimum_says_what_to_ask_for(game: Game) -> None:
+def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
+    """Delta below the minimum says what to ask for."""
     smallest = minimum_delta(game).value
     with pytest.raises(NoSolutionError) as refusal:
         solve_game(game.with_delta(80.0))
@@ -282,7 +286,7 @@ def _solved_or_refused(game: Game) -> tuple[np.ndarray, str]:
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
-def test_an_undamped_mode_that_costs_nothing_is_named_in_any_unit_of_time(size: float) -> None:
+def test_an_undamped_costless_mode_is_named(size: float) -> None:
     """An oscillator in random coordinates, whose eigenvalues rounding moves off the axis, to either
     side."""
     for seed in range(10):

@@ -26,7 +26,8 @@ def _models(dynamics: str, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
-def test_every_model_gets_the_solution_that_it_gets_alone(dynamics):
+def test_every_model_has_its_own_solution(dynamics):
+    """Every model gets the solution that it gets alone."""
     A, B = _models(dynamics, 21)
     batch = solve_games(A, B, published_game(A[10], B[10]))
     assert batch.certified.all()
@@ -37,7 +38,8 @@ def test_every_model_gets_the_solution_that_it_gets_alone(dynamics):
         assert np.linalg.norm(batch.K[i] - alone.K) <= 1e-11 * np.linalg.norm(alone.K)
 
 
-def test_what_the_matrix_sign_contradicts_is_decided_by_the_schur_form(monkeypatch):
+def test_the_schur_form_decides_where_the_sign_fails(monkeypatch):
+    """What the matrix sign contradicts is decided by the schur form."""
     A, B = _models("published", 3)
     like = published_game(A[0], B[0])
     assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
@@ -48,7 +50,8 @@ def test_what_the_matrix_sign_contradicts_is_decided_by_the_schur_form(monkeypat
     assert solve_games(A, B, like).certified.all()
 
 
-def test_below_the_smallest_delta_nothing_is_certified_and_nothing_is_given():
+def test_nothing_is_certified_below_the_smallest_delta():
+    """Below the smallest delta nothing is certified and nothing is given."""
     A, B = _models("published", 5)
     batch = solve_games(A, B, published_game(A[2], B[2], delta=50.0))
     assert not batch.certified.any()
@@ -57,7 +60,8 @@ def test_below_the_smallest_delta_nothing_is_certified_and_nothing_is_given():
 
 
 @pytest.mark.parametrize("count", [4, pytest.param(30, marks=pytest.mark.slow)])
-def test_random_games_are_accepted_exactly_when_they_have_a_solution(count: int) -> None:
+def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
+    """Random games are accepted exactly when they have a solution."""
     rng = np.random.default_rng(7)
     accepted = refused = 0
     for delta in (0.7, 1.5, 3.0, 8.0):
@@ -79,7 +83,8 @@ def test_random_games_are_accepted_exactly_when_they_have_a_solution(count: int)
     assert min(accepted, refused) >= 2 * count // 3
 
 
-def test_near_the_smallest_delta_a_batch_refuses_what_is_refused_alone():
+def test_a_batch_refuses_what_is_refused_alone():
+    """Near the smallest delta a batch refuses what is refused alone."""
     rng = np.random.default_rng(8)
     A = rng.standard_normal((2, 4, 4))
     B = rng.standard_normal((2, 4, 2))
@@ -95,7 +100,8 @@ def test_near_the_smallest_delta_a_batch_refuses_what_is_refused_alone():
             assert batch.reasons[0] in str(refusal)  # noqa: PT017
 
 
-def test_a_batch_of_24_states_needs_no_more_than_some_megabytes():
+def test_a_batch_of_24_states_needs_little_memory():
+    """A batch of 24 states needs no more than some megabytes."""
     rng = np.random.default_rng(9)
     A = rng.standard_normal((2, 24, 24)) - 4.0 * np.eye(24)
     B = rng.standard_normal((2, 24, 3))

@@ -106,7 +106,7 @@ def test_a_chain_of_integrators_has_its_known_corner(n: int) -> None:
     assert solve_game(game).P[0, -1] == pytest.approx(6.0, rel=1e-13)
 
 
-def test_a_loop_within_rounding_of_the_axis_is_refused_with_that_reason() -> None:
+def test_a_loop_at_the_axis_is_refused() -> None:
     """Example 14 with 1e-6: the slowest poles of the optimum are 5e-13 left of the axis."""
     A = np.kron(np.diag([-1e-6, 1e-6]), np.eye(2)) + np.kron(np.eye(2), [[0, 1], [-1, 0]])
     game = equation(A, np.ones((4, 1)), np.ones((4, 4)), [[1]])
@@ -120,7 +120,8 @@ def test_a_loop_within_rounding_of_the_axis_is_refused_with_that_reason() -> Non
 
 
 @pytest.mark.parametrize("size", [1e-99, 1e-8, 1e8, 1e99])
-def test_the_unit_of_the_disturbance_scales_delta_min_and_nothing_else(size: float) -> None:
+def test_the_disturbances_unit_scales_delta_min_alone(size: float) -> None:
+    """The unit of the disturbance scales delta min and nothing else."""
     plant = equation([[0, 1], [-1, -0.5]], [[0], [1]], np.eye(2), [[1]])
     expected = minimum_delta(plant)
     found = minimum_delta(replace(plant, E=size * plant.E))
@@ -161,7 +162,8 @@ def remainder(game: Game, P: np.ndarray) -> float:
     [pytest.param(nearly_singular_weight(small), id=f"8, {small:g}") for small in (1.0, 1e-3, 1e-6)]
     + [pytest.param(printed(5), id="5")],
 )
-def test_an_equation_without_a_known_solution_is_solved_to_sixty_digits(game: Game) -> None:
+def test_an_unknown_solution_is_met_to_sixty_digits(game: Game) -> None:
+    """An equation without a known solution is solved to sixty digits."""
     P = solve_game(game).P
     reference = reference_solution(game).P
     units = 1.0 / np.sqrt(np.diag(reference))
@@ -178,7 +180,8 @@ def filed(number: int) -> Game:
 
 
 @pytest.mark.parametrize("number", _FILES)
-def test_an_equation_of_30_to_100_states_is_met(number: int) -> None:
+def test_equations_of_30_to_100_states_are_met(number: int) -> None:
+    """An equation of 30 to 100 states is met."""
     game = filed(number)
     P = solve_game(game).P
     assert remainder(game, P) <= 1e-12
@@ -204,7 +207,7 @@ def test_a_cost_that_pays_for_errors_is_refused(A: object, B: object, Q: object)
 
 
 @pytest.mark.slow
-def test_the_one_of_421_states_is_solved_though_its_hamiltonian_is_singular_to_rounding() -> None:
+def test_the_equation_of_421_states_is_solved() -> None:
     """Example 20: a rotor in coordinates whose entries reach 3e11. Its P is right to the rounding
     of each term of each entry of the equation, evaluated in 64-bit mantissas, and makes the loop
     Hurwitz."""

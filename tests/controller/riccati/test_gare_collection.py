@@ -256,7 +256,7 @@ def test_smallest_delta_of_each_structure() -> None:
 
 
 @pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.slow)])
-def test_games_with_a_mode_that_the_input_barely_reaches(count: int) -> None:
+def test_games_with_a_barely_reached_mode(count: int) -> None:
     """Some of one state, others in absurd units, or at a delta near the smallest."""
     verdicts = Counter(_verdict(sample) for sample in collection(count, 4, BARELY_REACHED))
     assert verdicts["refused wrongly"] + verdicts["refused at the edge"] <= 0.01 * count, verdicts
@@ -305,7 +305,8 @@ def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> Non
     assert alone[True] >= count // 24
 
 
-def test_the_reference_is_the_solution_of_a_scalar_game() -> None:
+def test_the_reference_solves_a_scalar_game() -> None:
+    """The reference is the solution of a scalar game."""
     game = Game([[-1.0]], [[2.0]], [[1.0]], [[3.0]], [[4.0]], 2.0)  # S = 1 - 1/4
     p = (-1.0 + math.sqrt(1.0 + 0.75 * 3.0)) / 0.75
     reference = reference_solution(game)

@@ -78,7 +78,7 @@ def test_Q_of_every_rank(rank: int) -> None:
 
 
 @pytest.mark.parametrize("delta", [pytest.param(math.inf, marks=pytest.mark.slow), 20.0])
-def test_an_undamped_mode_that_Q_sees_is_solved_and_one_that_it_does_not_is_named(
+def test_an_undamped_mode_needs_weight_in_Q(
     delta: float,
 ) -> None:
     """Two oscillators without damping, of 1 and 3 rad/s, and an integrator; Q pays for all or
@@ -129,7 +129,7 @@ def test_units_over_16_decades_change_nothing() -> None:
 
 
 @pytest.mark.parametrize("reach", [3e-6, 1e-8, 1e-11])
-def test_a_mode_that_the_input_barely_reaches_is_solved_with_a_bound_on_its_pole(
+def test_a_barely_reached_mode_has_a_bounded_pole(
     reach: float,
 ) -> None:
     """Rates 0.5 and -1; the input along the second but for `reach`. Alone, x' = x/2 + r u moves to
@@ -153,7 +153,7 @@ def test_a_mode_that_the_input_barely_reaches_is_solved_with_a_bound_on_its_pole
     )
 
 
-def test_the_bound_of_a_pole_is_the_largest_change_that_rounding_can_make() -> None:
+def test_a_poles_bound_is_its_largest_rounding_change() -> None:
     """To first order, over all signs of the changes of A and K (twice n ε, for two coordinates) and
     of B (n ε); the closed loop has real poles."""
     B = np.array([[0.0], [1.0]])
@@ -173,7 +173,8 @@ def test_the_bound_of_a_pole_is_the_largest_change_that_rounding_can_make() -> N
 
 
 @pytest.mark.parametrize("reach", [0.0, 1e-15])
-def test_a_mode_that_the_input_reaches_by_no_more_than_rounding_is_named(reach: float) -> None:
+def test_a_mode_reached_by_rounding_is_named(reach: float) -> None:
+    """A mode that the input reaches by no more than rounding is named."""
     turn = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
     B = turn @ [[reach], [1.0], [1.0]]
     game = Game(
@@ -204,9 +205,7 @@ def scalar(a: float, apart: float) -> Game:
 
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 @pytest.mark.parametrize("apart", [1e-3, 1e-9, -1e-9, -1e-3])
-def test_at_its_smallest_delta_a_game_is_solved_or_told_on_which_side_it_is(
-    a: float, apart: float
-) -> None:
+def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
     """Never solved below, always a thousandth above; nearer it is solved to what the condition of
     P, 1/apart, leaves, or the message says that it is near, and nothing about it that is untrue."""
     game = scalar(a, apart)

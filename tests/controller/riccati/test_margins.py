@@ -46,7 +46,8 @@ def test_loop_margins_are_where_the_loop_loses_stability(game: Game) -> None:
             assert worst > 0.0
 
 
-def test_single_loop_disk_margin_is_that_of_python_control() -> None:
+def test_single_loop_disk_margin_agrees_with_python_control() -> None:
+    """Single loop disk margin is that of python control."""
     game = Game([[0.0, 1.0], [0.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
     K = np.array([[4.0, 0.5]])
     loop = control.ss(game.A, game.B, K, 0.0)
@@ -58,7 +59,8 @@ def test_single_loop_disk_margin_is_that_of_python_control() -> None:
     assert disk.phase == pytest.approx(phase, rel=1e-3)
 
 
-def test_every_factor_within_the_disk_leaves_the_loop_stable(game: Game) -> None:
+def test_factors_within_the_disk_keep_the_loop_stable(game: Game) -> None:
+    """Every factor within the disk leaves the loop stable."""
     K = solve_game(game).K
     alpha = disk_margin(game, K).disk
     rng = np.random.default_rng(7)
@@ -90,9 +92,7 @@ def test_disk_margin_is_tight(game: Game) -> None:
 @pytest.mark.parametrize("size", [2, 8])
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
 @pytest.mark.parametrize("draws", [3, pytest.param(30, marks=pytest.mark.slow)])
-def test_structured_bound_reaches_what_is_known_at_kinks_and_at_infinity(
-    size: int, scale: float, draws: int
-) -> None:
+def test_structured_bound_reaches_known_values(size: int, scale: float, draws: int) -> None:
     """A unitary M in other units: 1, where all singular values meet. A triangular one: its
     diagonal, D without end."""
     rng = np.random.default_rng(size)
@@ -106,7 +106,8 @@ def test_structured_bound_reaches_what_is_known_at_kinks_and_at_infinity(
             assert _structured_bound(scale * triangular) == pytest.approx(exact, rel=1e-5)
 
 
-def test_weak_gain_has_smaller_margins_and_unstable_loops_none(game: Game) -> None:
+def test_weak_gain_has_smaller_margins(game: Game) -> None:
+    """Weak gain has smaller margins and unstable loops none."""
     K = solve_game(game).K
     assert disk_margin(game, 0.05 * K).disk < disk_margin(game, K).disk
     for margins in (loop_margins, disk_margin):
@@ -142,7 +143,7 @@ def test_margins_of_light_and_close_modes_are_attained() -> None:
     assert max(edges) == pytest.approx(0.0, abs=1e-11)
 
 
-def test_a_level_set_that_ends_too_early_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_level_set_too_short_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the search the disk is that of the poles' frequencies, above a margin that is
     attained."""
     game, K = _light_modes()
@@ -151,7 +152,7 @@ def test_a_level_set_that_ends_too_early_is_no_margin(monkeypatch: pytest.Monkey
     assert disk_margin(game, K).disk > right * (1.0 + 1e-6)
 
 
-def test_several_inputs_have_the_largest_bound_of_all_frequencies() -> None:
+def test_several_inputs_have_the_largest_bound() -> None:
     """At no frequency of a fine grid is the bound of a perturbation above the disk."""
     A = [[-0.6, 2.5], [-1.2, 1.1]]
     game = Game(A, [[-1.3, -0.8], [1.7, -0.5]], np.eye(2), np.eye(2), np.eye(2), 1e6)
@@ -174,7 +175,7 @@ def _abscissa(game: Game, K: np.ndarray, factors: np.ndarray) -> float:
     return float(np.linalg.eigvals(game.A - (game.B * factors) @ K).real.max())
 
 
-def test_speeds_in_metres_leave_what_has_no_unit_alone(game: Game) -> None:
+def test_metres_leave_unitless_margins_alone(game: Game) -> None:
     """Gain and phase of each loop, the disk, poles, gains; and what a search brackets, as far as
     that goes."""
     units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
@@ -235,7 +236,7 @@ def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
         )
 
 
-def test_nine_loops_that_change_alike_have_the_margin_of_the_slackest() -> None:
+def test_nine_equal_loops_have_the_slackest_margin() -> None:
     """Loops l = k / (s (s + 1)), in an order that changes from frequency to frequency."""
     gains = np.linspace(0.5, 4.5, 9)
     frequencies = np.geomspace(1e-3, 100.0, 400)

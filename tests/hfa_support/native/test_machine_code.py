@@ -56,13 +56,14 @@ _BROKEN = {
 
 @needs_compiler
 @pytest.mark.parametrize("broken", [*_BROKEN, "no compiler"])
-def test_with_a_broken_compiler_the_virtual_machine_serves_and_says_so(
+def test_a_broken_compiler_is_noted_and_replaced(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
     cache: Path,
     broken: str,
 ) -> None:
+    """With a broken compiler the virtual machine serves and says so."""
     does, warning = _BROKEN.get(broken, ("", "no C compiler found; running without machine code"))
     compiler = tmp_path / "cc"
     script = does if isinstance(does, str) else 'exec cc "$@"'
@@ -85,7 +86,8 @@ def test_with_a_broken_compiler_the_virtual_machine_serves_and_says_so(
 
 
 @needs_compiler
-def test_machine_code_is_compiled_once_and_gives_the_same_numbers(cache: Path) -> None:
+def test_machine_code_gives_the_same_numbers(cache: Path) -> None:
+    """Machine code is compiled once and gives the same numbers."""
     x = ca.SX.sym("x", 3)
     function = ca.Function("step", [x], [ca.sin(x) * x])  # `step` is also a symbol of the C library
     compiled = generated.machine_code(function)
@@ -99,9 +101,7 @@ def test_machine_code_is_compiled_once_and_gives_the_same_numbers(cache: Path) -
 
 @needs_compiler
 @pytest.mark.parametrize("damage", ["cut", "flipped"])
-def test_a_library_that_is_not_what_was_compiled_is_compiled_again(
-    cache: Path, damage: str
-) -> None:
+def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
     """Loading one that is cut ends the process with a bus error."""
     function = cube()
     generated.machine_code(function)

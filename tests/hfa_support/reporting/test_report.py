@@ -47,7 +47,8 @@ def report(drawn: list[str]) -> Report:
     )
 
 
-def test_text_has_an_empty_line_between_parts_but_not_within_a_block() -> None:
+def test_empty_lines_stand_between_parts_only() -> None:
+    """Text has an empty line between parts but not within a block."""
     assert (
         report([]).text() == "Title & more\nof it\n\nfirst\n\nInner\n\n"
         "load      value\nlift <1>    2.5\na|b          10\nbelow the table\n\nNote: take care"
@@ -102,7 +103,8 @@ def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
         made.save(tmp_path / "a.txt")
 
 
-def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> None:
+def test_a_toned_cell_has_color_and_class() -> None:
+    """A toned cell has its color on a terminal and its class in html."""
     table = Table(
         ("check", "value", "verdict"), [("a", "1.5", Cell("pass", "good")), ("longer", "2", "-")]
     )
@@ -117,7 +119,8 @@ def test_a_toned_cell_has_its_color_on_a_terminal_and_its_class_in_html() -> Non
 
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "\u202egpj", "\ud800"])
-def test_no_name_reaches_a_terminal_that_it_would_obey(name: str, tmp_path: Path) -> None:
+def test_no_name_controls_a_terminal(name: str, tmp_path: Path) -> None:
+    """No name reaches a terminal that it would obey."""
     made = Report(name, (name, Table((name, "value"), [(name, "1")])), notes=(name,))
     for text in (made.text(), made.markdown(), made.html()):
         lines = text.replace("\n", "")
@@ -155,7 +158,8 @@ def test_checks_judge_and_give_reasons() -> None:
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
-def test_the_origin_is_in_the_file_and_the_file_is_made_again(suffix: str, tmp_path: Path) -> None:
+def test_the_origin_is_in_the_file(suffix: str, tmp_path: Path) -> None:
+    """The origin is in the file and the file is made again."""
     paths = [tmp_path / f"{number}{suffix}" for number in (1, 2)]
     for path in paths:
         figure = new_figure(4.0, 3.0)
@@ -190,7 +194,7 @@ def test_a_name_with_dollar_signs_is_no_formula(
     assert [label.get_parse_math() for label in axes.get_xticklabels()] == [False, False]
 
 
-def test_stacks_of_matrices_have_their_number_last_in_mat_files(tmp_path: Path) -> None:
+def test_stacks_in_mat_files_have_numbers_last(tmp_path: Path) -> None:
     """(N, rows, columns) is (rows, columns, N) in MATLAB, whether of an array or of lists."""
     stack = np.arange(24.0).reshape(4, 2, 3)
     data = {"array": stack, "lists": stack.tolist(), "inner": {"deep": stack}, "flat": stack[0]}

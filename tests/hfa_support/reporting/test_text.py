@@ -49,7 +49,8 @@ def test_a_small_entry_does_not_look_like_zero() -> None:
     assert table.rows == [("alpha", "155.6092", *small, "0.0000", "0.0000", "0.0000")]
 
 
-def test_columns_that_do_not_fit_follow_below_with_the_first_one_again() -> None:
+def test_wide_tables_continue_below() -> None:
+    """Columns that do not fit follow below with the first one again."""
     header = ("mode", "eigenvalue", "damping")
     rows = [("phugoid", "-69.4807 ± 10.2273i", "0.4125")]
     shown = columns(header, rows, width=30).split("\n\n")

@@ -75,9 +75,10 @@ def test_a_wrong_number_of_theirs_is_seen(
     assert failed[0].reason.endswith("1/s at 0 deg")
 
 
-def test_half_a_unit_of_the_last_printed_digit_and_exact_entries(
+def test_half_units_of_printed_and_exact_entries(
     published_aircraft: Model,
 ) -> None:
+    """Half a unit of the last printed digit and exact entries."""
     model = level_model(published_aircraft, math.radians(10.0))
     entries = {entry.name: entry for entry in third_printed_entries(model)}
     assert entries["A(pitch_rate, dihedral_rate)"].half_unit == pytest.approx(0.005)
@@ -95,7 +96,7 @@ def test_half_a_unit_of_the_last_printed_digit_and_exact_entries(
     assert planted[exact].half_units > 1000.0
 
 
-def test_in_the_air_of_the_simulation_its_values_pass() -> None:
+def test_the_simulations_values_pass_in_its_air() -> None:
     """The released parameters fail in the standard atmosphere and pass with the simulation's own
     density."""
     gravity, gas, radius = (

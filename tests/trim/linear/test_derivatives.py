@@ -80,7 +80,7 @@ def slopes(
 
 
 @pytest.mark.parametrize("ground_drag", [False, True])
-def test_the_remainder_of_every_row_is_of_second_order(aircraft: Model, ground_drag: bool) -> None:
+def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bool) -> None:
     """In a direction where the second order cancels the third is left, and between them anything:
     the median counts."""
     differences = slopes(aircraft, 100, ground_drag=ground_drag)

@@ -35,7 +35,8 @@ def response(transfer: Transfer) -> np.ndarray:
     return transfer.gain * np.prod(s - transfer.zeros, axis=1) / np.prod(s - transfer.poles, axis=1)
 
 
-def test_transfer_functions_have_the_frequency_response_of_the_model(model: LinearModel) -> None:
+def test_transfer_functions_have_the_models_response(model: LinearModel) -> None:
+    """Transfer functions have the frequency response of the model."""
     exact = model.frequency_response(OMEGA).frdata
     reached = 0
     for transfer in transfers(model):
@@ -145,7 +146,8 @@ def test_what_cannot_be_done_is_said() -> None:
         bode_figure(navion)
 
 
-def test_a_bode_plot_holds_every_mode_and_six_outputs_at_most() -> None:
+def test_a_bode_plot_holds_six_outputs_at_most() -> None:
+    """A bode plot holds every mode and six outputs at most."""
     point = level_model(choice.aircraft(), 0.2).point
     states = linearize(choice.aircraft(), point)
     model = linearize(choice.aircraft(), point, outputs=(*states.states, "gamma"))

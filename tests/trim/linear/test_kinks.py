@@ -52,7 +52,7 @@ def at(model: Model, x: float) -> Any:
 
 
 @pytest.mark.parametrize("name", FORCES)
-def test_a_kink_has_the_mean_of_both_slopes_and_a_note(name: str) -> None:
+def test_a_kink_has_the_mean_slope(name: str) -> None:
     """The note was absent at tables and called functions, and A had the slope to one side."""
     force, below, above = FORCES[name]
     model = at(cart(force), 0.0)
@@ -69,7 +69,8 @@ def test_a_kink_has_the_mean_of_both_slopes_and_a_note(name: str) -> None:
 
 
 @pytest.mark.parametrize("offset", [-0.9e-6, -1e-12, 1e-9, 0.4e-6])
-def test_a_knot_that_is_hit_up_to_rounding_has_the_same_mean(offset: float) -> None:
+def test_a_knot_hit_by_rounding_has_the_mean(offset: float) -> None:
+    """A knot that is hit up to rounding has the same mean."""
     assert at(cart(TABLE), offset).A[1, 0] == pytest.approx(1.0, abs=1e-13)
 
 
@@ -89,7 +90,7 @@ def test_a_smooth_table_has_no_note() -> None:
     assert at(cart(SPLINE), 0.0).kinks == ()
 
 
-def test_a_jump_is_named_and_the_slope_beside_it_stays() -> None:
+def test_a_jump_is_named_and_keeps_its_slope() -> None:
     """Dry friction: no slope describes it."""
     model = at(cart(lambda x: ca.sign(x) + 2 * x), 0.0)
     assert model.A[1, 0] == 2.0
@@ -98,7 +99,7 @@ def test_a_jump_is_named_and_the_slope_beside_it_stays() -> None:
     )
 
 
-def test_a_sweep_and_a_store_have_the_means_and_say_where(tmp_path: Path) -> None:
+def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
     """Eigenvalues are those of the mean; the store counts the entries."""
     result = sweep(cart(TABLE), {"x": [-0.5, 0.0, 0.5]})
     assert result.A[:, 1, 0] == pytest.approx([-1.0, 1.0, 3.0], abs=1e-8)
@@ -148,7 +149,7 @@ CART = Model(
         "export --Q 1,1 --R 1 --delta inf -o folder",
     ],
 )
-def test_every_command_that_uses_a_linear_model_at_a_kink_says_so(
+def test_every_command_names_a_kink(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """fly, its samples and export used the gain without a word."""

@@ -104,7 +104,7 @@ def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
 
 
 @pytest.mark.parametrize(("dynamics", "widest"), [("published", 9.02e-5), ("newton", 2.055e-3)])
-def test_a_band_is_two_standard_errors_of_the_rounding(
+def test_a_band_is_two_standard_errors(
     parameter_set: ParameterSet, dynamics: str, widest: float
 ) -> None:
     """sqrt(diag(J C J')), with J from differences of whole trims and models."""
@@ -129,7 +129,7 @@ def test_a_band_is_two_standard_errors_of_the_rounding(
     assert bands.A.max() == pytest.approx(widest, rel=1e-3)
 
 
-def test_the_same_identification_elsewhere_has_the_same_bands_and_an_edited_copy_none(
+def test_copies_of_an_identification_have_its_bands(
     parameter_set: ParameterSet,
 ) -> None:
     """An edited copy: the same file, covariance and all, with another panel mass in it."""
@@ -244,7 +244,8 @@ def peer_errors(*, ground_drag: bool) -> dict[str, float]:
     return relative_errors
 
 
-def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground() -> None:
+def test_released_columns_need_drag_over_ground() -> None:
+    """Four columns of the released simulation come out with drag over ground."""
     same = peer_errors(ground_drag=True)
     through_the_air = peer_errors(ground_drag=False)
     assert max(same.values()) <= 2e-8
@@ -256,7 +257,8 @@ def test_four_columns_of_the_released_simulation_come_out_with_drag_over_ground(
     )  # to first order a wind from below changes no speed in level flight
 
 
-def test_poles_plots_and_arrays_of_a_linear_model_by_method() -> None:
+def test_linear_models_have_poles_plots_and_arrays() -> None:
+    """Poles plots and arrays of a linear model by method."""
     linear = model_at(15.0)
     upper = [pole for pole in linear.poles() if pole.imag >= 0.0]
     assert upper == pytest.approx([mode.eigenvalue for mode in linear.modes], abs=1e-12)

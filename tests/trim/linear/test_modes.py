@@ -47,7 +47,7 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
     ids=["integrator", "two integrators in line"],
 )
 @pytest.mark.parametrize("seed", range(5))
-def test_an_eigenvalue_that_is_zero_up_to_rounding_is_zero(block: np.ndarray, seed: int) -> None:
+def test_an_eigenvalue_zero_by_rounding_is_zero(block: np.ndarray, seed: int) -> None:
     """The table said "49065291640315728 s (half)"."""
     basis = np.random.default_rng(seed).normal(size=(3, 3))
     A = basis @ block @ np.linalg.inv(basis)
@@ -176,7 +176,7 @@ def test_printed_modes_and_load_factors(model: Model) -> None:
     )
 
 
-def test_two_real_eigenvalues_have_the_frequency_of_their_product() -> None:
+def test_two_real_eigenvalues_share_a_frequency() -> None:
     """The short period of the HFA is real at 30 deg."""
     model = level_model(hfa.aircraft(), float(np.radians(30.0)))
     roots = [mode.eigenvalue for mode in model.modes if mode.name.startswith("short period")]

@@ -40,7 +40,7 @@ def test_columns_in_other_units_are_named() -> None:
         ("kg", "kg/h", "h, but level in kg; flow in kg/h"),
     ],
 )
-def test_a_model_has_its_own_units_of_length_and_time(level: str, flow: str, words: str) -> None:
+def test_a_model_has_its_own_units(level: str, flow: str, words: str) -> None:
     """Seconds were named where the model counts minutes."""
     model = tank(level, flow)
     linear = linearize(model, find_operating_point(model, usual_condition(model)))

@@ -42,9 +42,10 @@ MODEL = Model(
         ({"thrust": 1.0}, {"thrust": 1.0}),
     ],
 )
-def test_the_first_alternative_takes_the_place_of_one_other(
+def test_the_first_alternative_replaces_another(
     imposed: dict[str, float], in_terms_of_speed: dict[str, float]
 ) -> None:
+    """The first alternative takes the place of one other."""
     assert with_first_alternatives(MODEL, imposed) == in_terms_of_speed
 
 

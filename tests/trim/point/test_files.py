@@ -30,9 +30,8 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["point.json"]
 
 
-def test_a_point_that_was_read_reports_states_and_inputs_and_keeps_its_residuals_in_files(
-    point: OperatingPoint, tmp_path: Path
-) -> None:
+def test_a_read_point_keeps_its_residuals_in_files(point: OperatingPoint, tmp_path: Path) -> None:
+    """A point that was read reports states and inputs and keeps its residuals in files."""
     point.save(tmp_path / "point.json")
     report = OperatingPoint.load(tmp_path / "point.json", hfa.aircraft()).report()
     assert report.text().count("\nstate") == len(point.states)
@@ -69,9 +68,10 @@ def test_the_paper_s_condition_is_the_default() -> None:
 
 
 @pytest.mark.parametrize(("name", "speed"), [("simvfa-64", 64.0), ("simvfa-30", 30.0)])
-def test_the_peer_s_conditions_fly_at_its_angles_of_attack(
+def test_the_peers_conditions_have_its_angles(
     published_aircraft: Model, name: str, speed: float
 ) -> None:
+    """The peer s conditions fly at its angles of attack."""
     condition = load_condition(name)
     trims = [trim for trim in released_trims() if trim.speed == speed]
     assert len(trims) >= 5

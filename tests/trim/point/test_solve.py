@@ -67,7 +67,7 @@ def test_the_papers_condition_level_and_in_a_climb(
     np.testing.assert_allclose(warm.inputs, point.inputs, rtol=1e-10, atol=1e-12)
 
 
-def test_a_point_that_is_not_trimmed_does_not_meet_the_specification(aircraft: Model) -> None:
+def test_an_untrimmed_point_misses_the_specification(aircraft: Model) -> None:
     """The check above can fail: one control a thousandth of a degree off is seen."""
     point = find_operating_point(aircraft, BASE)
     off = point.inputs._replace(elevator_outer=point.inputs.elevator_outer + np.radians(1e-3))
@@ -80,7 +80,8 @@ def test_a_point_that_is_not_trimmed_does_not_meet_the_specification(aircraft: M
 
 
 @pytest.mark.parametrize("free", ["alpha", "dihedral", "speed", "altitude"])
-def test_a_state_set_free_finds_the_same_flight_again(aircraft: Model, free: str) -> None:
+def test_a_freed_state_finds_the_same_flight(aircraft: Model, free: str) -> None:
+    """A state set free finds the same flight again."""
     reference = find_operating_point(aircraft, BASE)
     condition = release(BASE, free=(free,), hold={"aileron_outer": reference.inputs.aileron_outer})
     point = find_operating_point(aircraft, condition)
@@ -167,7 +168,8 @@ def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> No
     )
 
 
-def test_too_few_unknowns_name_the_equations_and_the_amounts(aircraft: Model) -> None:
+def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
+    """Too few unknowns name the equations and the amounts."""
     held = {"aileron_outer": 0.0, "elevator_outer": 0.0}
     with pytest.raises(NoSolutionError) as caught:
         find_operating_point(aircraft, release(BASE, hold=held))
@@ -350,7 +352,8 @@ def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
         find_operating_point(strong, both, lifted)
 
 
-def test_without_a_condition_the_model_flies_its_own_trim() -> None:
+def test_a_missing_condition_is_the_models_trim() -> None:
+    """Without a condition the model flies its own trim."""
     model = hfa.aircraft()
     assert (
         hfa.find_operating_point(model).values
@@ -358,7 +361,8 @@ def test_without_a_condition_the_model_flies_its_own_trim() -> None:
     )
 
 
-def test_what_is_held_and_freed_by_name_is_what_the_command_holds_and_frees() -> None:
+def test_holding_by_name_agrees_with_the_command() -> None:
+    """What is held and freed by name is what the command holds and frees."""
     model = hfa.aircraft()
     point = hfa.find_operating_point(
         model, hold={"speed": 70.0, "aileron_center": 0.01}, free="dihedral_dot"

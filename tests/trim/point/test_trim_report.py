@@ -37,9 +37,10 @@ def reported(aircraft: Model, condition: TrimCondition) -> tuple[OperatingPoint,
     return point, trim_report(aircraft, condition, point)
 
 
-def test_every_variable_is_shown_with_its_limits_and_the_margin_to_one(
+def test_every_variable_has_limits_and_a_margin(
     published_aircraft: Model,
 ) -> None:
+    """Every variable is shown with its limits and the margin to one."""
     condition = release(BASE, free=("alpha",), hold={"aileron_outer": 0.0})
     point, report = reported(published_aircraft, condition)
     shown = report.text()
@@ -103,9 +104,10 @@ def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Mod
             assert failed == ([name] if verdict == "FAIL" else [])
 
 
-def test_the_report_has_the_loads_of_the_whole_and_of_each_panel(
+def test_the_report_has_loads_of_each_panel(
     published_aircraft: Model,
 ) -> None:
+    """The report has the loads of the whole and of each panel."""
     point, report = reported(published_aircraft, BASE)
     loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
     rows = {
@@ -165,9 +167,7 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 
 @pytest.mark.parametrize("condition", [LEVEL, CLIMB, GLIDE], ids=["level", "climb", "glide"])
-def test_performance_is_that_of_the_loads_in_steady_flight(
-    aircraft: Model, condition: TrimCondition
-) -> None:
+def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCondition) -> None:
     """Forces are coefficient times pressure times area; L + T sin α = W cos γ, T cos α - D = W sin
     γ, n = cos γ."""
     point = find_operating_point(aircraft, condition)
@@ -209,9 +209,10 @@ def test_performance_is_that_of_the_loads_in_steady_flight(
 
 
 @pytest.mark.parametrize("degrees", [-20.0, 0.0, 30.0])
-def test_lift_is_across_each_panel_carries_the_weight_and_is_drawn_to_scale(
+def test_lift_is_across_panels_and_carries_weight(
     published_aircraft: Model, degrees: float
 ) -> None:
+    """Lift is across each panel carries the weight and is drawn to scale."""
     point = model_at(degrees).point
     panels = panels_from_the_front(published_aircraft, point)
     loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
@@ -236,7 +237,7 @@ def test_lift_is_across_each_panel_carries_the_weight_and_is_drawn_to_scale(
     assert [text.get_text() for text in axes.texts].count(label) == 2
 
 
-def test_a_trim_that_the_equations_do_not_determine_is_told_from_one_that_they_do() -> None:
+def test_undetermined_trims_are_told_from_determined_ones() -> None:
     """a' = a b and b' = u - b: at b = 0 any a balances, as any norm of a quaternion does."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -61,7 +61,7 @@ def test_a_mode_crosses_two_integrators_on_a_point() -> None:
     np.testing.assert_allclose(tracked, expected, atol=1e-12)
 
 
-def test_shapes_that_hardly_differ_leave_the_word_to_the_eigenvalues() -> None:
+def test_similar_shapes_are_paired_by_eigenvalues() -> None:
     """Two modes two degrees apart in shape trade shapes: their speed tells which is which."""
     values = np.array([[-5.0, -1.0, -0.1]])
     A = np.concatenate(
@@ -83,7 +83,7 @@ def test_a_pair_is_followed_as_a_pair() -> None:
 
 
 @pytest.mark.parametrize("real", [(-1.0, 1.0), (1.0, -1.0)])
-def test_a_pair_that_meets_two_real_eigenvalues_has_one_order(real: tuple[float, float]) -> None:
+def test_a_pair_meeting_real_eigenvalues_has_one_order(real: tuple[float, float]) -> None:
     """Both ways fit as well: whichever the solver finds first, the lower one comes first."""
     pair = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -0.1]])
     two = np.diag([*real, -0.1])

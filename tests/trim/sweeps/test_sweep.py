@@ -165,7 +165,7 @@ def test_every_eigenvalue_of_every_point_is_shown_once(
                 )
 
 
-def test_modes_do_not_jump_in_a_sweep_over_two_variables(over_two: Sweep) -> None:
+def test_modes_do_not_jump_over_two_variables(over_two: Sweep) -> None:
     """Along each line of speeds the columns move smoothly; walked in one line over both variables
     they jumped."""
     fast = over_two.eigenvalues.reshape(5, 3, 6)[:, 0]
@@ -198,15 +198,14 @@ LISTS = [
 
 
 @pytest.mark.parametrize(("text", "words"), LISTS)
-def test_a_fault_in_a_list_of_points_is_named_by_row_and_column(
-    text: str, words: str, tmp_path: Path
-) -> None:
+def test_a_wrong_listed_point_is_named(text: str, words: str, tmp_path: Path) -> None:
+    """A fault in a list of points is named by row and column."""
     path = tmp_path / "points.csv"
     path.write_text(text, encoding="utf-8")
     assert_refused(hfa("sweep", "--condition", str(path)), 2, f"hfa: {path}: {words}")
 
 
-def test_a_list_of_points_is_swept_row_by_row(published_aircraft: Model, tmp_path: Path) -> None:
+def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path: Path) -> None:
     """Degrees typed; each row is the single trim of its values; in a store the same; nothing is
     named twice."""
     path = tmp_path / "points.csv"
@@ -319,7 +318,7 @@ def test_each_point_carries_its_status(aircraft: Model) -> None:
     assert np.isnan(rows["eigenvalues"][:4]).all()
 
 
-def test_a_trim_with_spare_unknowns_is_found_point_by_point(published_aircraft: Model) -> None:
+def test_spare_unknowns_are_trimmed_point_by_point(published_aircraft: Model) -> None:
     """The least effort of each point, with the bits of a single trim and of its linear model."""
     model = published_aircraft
     condition = release(LEVEL_FLIGHT, free=("aileron_center",))
@@ -336,7 +335,8 @@ def test_a_trim_with_spare_unknowns_is_found_point_by_point(published_aircraft: 
         np.testing.assert_array_equal(points.B[i], linear.B)
 
 
-def test_a_parameter_that_varies_is_that_of_single_trims(published_aircraft: Model) -> None:
+def test_a_varied_parameter_equals_single_trims(published_aircraft: Model) -> None:
+    """A parameter that varies is that of single trims."""
     parameters = hfa_model.parameters_of(published_aircraft)
     masses = parameters.panel_mass * np.array([[1.0], [1.1]])
     heavier = parameters._replace(panel_mass=float(masses[1, 0]))
@@ -421,7 +421,8 @@ def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
     assert np.array_equal(whole[10:13], plan.values(10, 13))
 
 
-def test_a_range_too_long_or_too_far_is_refused(parameters: Parameters) -> None:
+def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
+    """A range too long or too far is refused."""
     with pytest.raises(
         BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"
     ):
@@ -433,9 +434,7 @@ def test_a_range_too_long_or_too_far_is_refused(parameters: Parameters) -> None:
         )
 
 
-def test_a_store_has_the_points_of_a_sweep_in_memory_and_is_continued_as_no_other(
-    published_aircraft: Model, tmp_path: Path
-) -> None:
+def test_a_store_holds_the_sweep_in_memory(published_aircraft: Model, tmp_path: Path) -> None:
     """The condition, the limits, where the search begins (it decides the last bits), and the order
     of the points."""
     axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
@@ -469,9 +468,10 @@ def test_a_store_has_the_points_of_a_sweep_in_memory_and_is_continued_as_no_othe
 # What is printed.
 
 
-def test_a_long_sweep_prints_its_first_and_last_rows_and_what_failed(
+def test_a_long_sweep_prints_its_ends(
     published_aircraft: Model,
 ) -> None:
+    """A long sweep prints its first and last rows and what failed."""
     speeds = np.linspace(68.0, 75.0, 3_001)
     speeds[[1_000, 2_000]] = 30.0
     result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
@@ -483,9 +483,7 @@ def test_a_long_sweep_prints_its_first_and_last_rows_and_what_failed(
     assert len(result.records().rows) == 3_001
 
 
-def test_points_that_were_trimmed_one_by_one_are_counted(
-    published_aircraft: Model, tmp_path: Path
-) -> None:
+def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: Path) -> None:
     """With more unknowns than equations all of them are."""
     condition = release(LEVEL_FLIGHT, free=("alpha",))
     plan = SweepPlan({"speed": np.linspace(64.0, 68.0, 25)}, published_aircraft, condition)

@@ -11,7 +11,8 @@ from hfa import Game, solve_game
 from verification.critic.critic_check import check_critic
 
 
-def test_one_check_of_a_critic_balances_the_game_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_check_balances_the_game_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One check of a critic balances the game once."""
     rng = np.random.default_rng(12)
     A, B, E = (rng.standard_normal((4, size)) for size in (4, 2, 1))
     game = Game(A, B, E, np.eye(4), np.eye(2), 30.0)

@@ -71,7 +71,8 @@ def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
     assert data["disk_margin"] == pytest.approx(data["disk_margin_exact"], rel=1e-6)
 
 
-def test_the_value_of_a_state_that_costs_nothing_may_be_0() -> None:
+def test_a_costless_states_value_may_be_0() -> None:
+    """The value of a state that costs nothing may be 0."""
     A = np.diag([-1.0, -2.0])
     B = np.array([[1.0], [0.0]])
     Q = np.diag([1.0, 0.0])
@@ -80,7 +81,7 @@ def test_the_value_of_a_state_that_costs_nothing_may_be_0() -> None:
     assert check_critic(game, from_value(game, value(game))).ok
 
 
-def test_the_exact_critic_of_a_barely_controllable_plant_passes_and_a_wrong_one_does_not() -> None:
+def test_a_barely_controllable_plant_is_judged() -> None:
     """Unstable at +0.5, reached by 3e-6: the rounding of P moves the cost."""
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     B = np.array([[-0.5999976], [0.8000018]])
@@ -89,7 +90,8 @@ def test_the_exact_critic_of_a_barely_controllable_plant_passes_and_a_wrong_one_
     assert not check_critic(game, from_value(game, value(game) * (1.0 + 1e-5))).ok
 
 
-def test_a_gain_alone_passes_and_shows_no_error_of_a_value(game: Game) -> None:
+def test_a_gain_alone_passes(game: Game) -> None:
+    """A gain alone passes and shows no error of a value."""
     check = check_critic(game, from_gain(game, gain(game)))
     assert check.ok
     assert check.to_dict()["P_rel_error"] is None
@@ -137,7 +139,8 @@ def result_of(game: Game, weights: np.ndarray, rank: int, **settings: float) -> 
     return TrainingRun("certified", "quadratic", *rows, ends, game.gain(P), richness, settings, 0)
 
 
-def test_a_critic_of_too_few_data_is_refused_however_small_its_residual(game: Game) -> None:
+def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
+    """A critic of too few data is refused however small its residual."""
     weights, residual = rank_deficient_weights(game)
     assert residual < 1e-10
     run = result_of(game, weights, 15, predefined_time=10.0)
@@ -150,9 +153,10 @@ def test_a_critic_of_too_few_data_is_refused_however_small_its_residual(game: Ga
     ("factors", "settled"),
     [((1.1, 1.0), 1.0), ((1.0, 1.0 + 1e-6), math.inf), ((1, 1), 0.0), ((1, np.nan), math.inf)],
 )
-def test_a_run_is_also_checked_for_its_settling_time_computed_anew(
+def test_a_runs_settling_time_is_computed_anew(
     game: Game, factors: tuple[float, float], settled: float
 ) -> None:
+    """A run is also checked for its settling time computed anew."""
     weights = weights_of(value(game))
     run = replace(
         result_of(game, weights, 21, predefined_time=0.5),
@@ -188,7 +192,7 @@ def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
             )
 
 
-def test_wrong_shapes_numbers_that_are_not_real_and_a_game_without_a_solution_are_named(
+def test_wrong_shapes_and_numbers_are_named(
     game: Game,
 ) -> None:
     """NumPy would drop the imaginary part, with a warning, and the rest would pass."""
@@ -222,7 +226,8 @@ def test_an_array_is_the_gain_of_a_critic(game: Game) -> None:
     assert check_critic(game, (1.01 * gain(game)).tolist()).grade == "near"
 
 
-def test_a_limit_and_a_constant_that_are_no_numbers_are_named(game: Game) -> None:
+def test_wrong_limits_and_constants_are_named(game: Game) -> None:
+    """A limit and a constant that are no numbers are named."""
     weights = weights_of(value(game))
     with pytest.raises(BadInputError, match=r"constant is nan; V\(0\) must be a finite number"):
         from_weights(game, weights, constant=math.nan)
@@ -234,7 +239,7 @@ def test_a_limit_and_a_constant_that_are_no_numbers_are_named(game: Game) -> Non
 
 
 @pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
-def test_a_state_at_or_beyond_its_limits_has_no_box(speed: float, half_width: float | None) -> None:
+def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None) -> None:
     """Of a model that holds from 100 to 150, trimmed at other speeds too."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -252,7 +257,7 @@ def test_a_state_at_or_beyond_its_limits_has_no_box(speed: float, half_width: fl
         assert box.half_widths == pytest.approx([half_width, 1.0])
 
 
-def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
+def test_the_report_shows_the_farthest_entries(game: Game) -> None:
     """Two wrong entries among 51 are in the table; files have all."""
     P = value(game).copy()
     K = gain(game).copy()
@@ -279,7 +284,7 @@ def test_the_report_shows_the_entries_that_are_farthest_off(game: Game) -> None:
         pytest.param(1e8, 1e-3, [-1.0, 0.0, 1.0 + 1e-4], 4, marks=pytest.mark.slow),
     ],
 )
-def test_a_wrong_part_of_the_gain_or_entry_of_the_value_is_seen(
+def test_a_wrong_part_is_seen(
     state: float, of_input: float, factors: list[float], count: int
 ) -> None:
     """count: of the parts and the entries that are made wrong, one after the other."""
@@ -298,7 +303,8 @@ def test_a_wrong_part_of_the_gain_or_entry_of_the_value_is_seen(
         assert "P_balanced_error" in failed(game, from_value(game, wrong))
 
 
-def test_parts_that_contradict_each_other_or_do_not_fit_are_refused(game: Game) -> None:
+def test_contradicting_parts_are_refused(game: Game) -> None:
+    """Parts that contradict each other or do not fit are refused."""
     P = value(game)
     words = ("verify", *AT_15, "--weights")
     result = hfa(*words, stored("wp.npz", W=(1.0 + 1e-4) * weights_of(P), P=P))
@@ -330,7 +336,8 @@ def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -
     assert failed(game, unseen) >= {"gradient_rel_error", "disturbance_rel_error"}
 
 
-def test_a_wrong_entry_too_small_for_the_norms_is_refused(game: Game) -> None:
+def test_a_small_wrong_entry_is_refused(game: Game) -> None:
+    """A wrong entry too small for the norms is refused."""
     P = value(game).copy()
     P[0, 4] = P[4, 0] = P[0, 4] * (1.0 + 1e-5)
     failures = failed(game, from_value(game, P))
@@ -338,7 +345,8 @@ def test_a_wrong_entry_too_small_for_the_norms_is_refused(game: Game) -> None:
     assert not {"P_rel_error", "P_balanced_error", "riccati_residual"} & failures
 
 
-def test_every_entry_of_the_value_and_of_the_gain_is_seen(game: Game) -> None:
+def test_every_entry_is_seen(game: Game) -> None:
+    """Every entry of the value and of the gain is seen."""
     for name, exact in (("P", value(game)), ("K", gain(game))):
         for i, j in np.ndindex(exact.shape):
             wrong = exact.copy()
@@ -353,9 +361,7 @@ def test_every_entry_of_the_value_and_of_the_gain_is_seen(game: Game) -> None:
 
 @RICHER
 @pytest.mark.parametrize("disturbances", [6, 2])
-def test_the_bounds_hold_at_every_state_of_the_box(
-    game: Game, name: str, disturbances: int
-) -> None:
+def test_bounds_hold_in_the_whole_box(game: Game, name: str, disturbances: int) -> None:
     """V, its slopes and both policies, sampled in the box: no error exceeds its bound."""
     game = replace(game, E=game.E[:, :disturbances])
     functions = basis(name, 6)
@@ -413,7 +419,7 @@ def test_names_and_units_decide(
     assert box.about.startswith("ordinary deviations of the aircraft")
 
 
-def test_a_plant_of_the_aircraft_s_size_has_a_box_of_its_own() -> None:
+def test_a_plant_like_the_aircraft_has_its_box() -> None:
     """Six states and five inputs without names are not the aircraft."""
     Q = np.diag([1.0, 1e6, 1.0, 1.0, 1.0, 1.0])
     game = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), Q, np.eye(5), 5.0)
@@ -481,7 +487,7 @@ def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
 ROUNDING_SHOWN = 1e-12
 
 
-def test_a_run_of_our_own_is_a_history_that_keeps_its_time(game: Game) -> None:
+def test_our_own_run_is_a_timed_history(game: Game) -> None:
     """The judge of histories and the judge of runs agree on when the law settles."""
     result = learn(game, predefined_time=2.0, tick=0.1)
     told: list[tuple[int, int]] = []
@@ -506,9 +512,10 @@ def test_a_run_of_our_own_is_a_history_that_keeps_its_time(game: Game) -> None:
     assert len(check.report().records.rows) == 21
 
 
-def test_the_last_row_is_judged_with_its_gain_and_rows_of_another_length_are_refused(
+def test_the_last_row_is_judged(
     game: Game,
 ) -> None:
+    """The last row is judged with its gain and rows of another length are refused."""
     history = critics_over_time(
         game, TIMES, W=np.tile(weights_of(value(game)), (len(TIMES), 1)), K=1.01 * gain(game)
     )

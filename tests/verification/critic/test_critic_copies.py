@@ -21,9 +21,7 @@ from hfa import check_critic, solve_game
         pytest.param(1e-4, False, 400, marks=pytest.mark.slow),
     ],
 )
-def test_the_verdict_on_a_critic_is_that_of_every_copy(
-    error: float, passes: bool, count: int
-) -> None:
+def test_every_copy_has_the_same_verdict(error: float, passes: bool, count: int) -> None:
     """Right to rounding, and off by a hundred times the limit, by a direction of its own."""
     game = game_models()["published-15"]
     exact = solve_game(game)

@@ -71,14 +71,15 @@ def test_the_first_line_has_at_most_100_columns(game: Game, name: str) -> None:
         assert ("not stabilizing" in line) == unstable
 
 
-def test_the_l2_gain_is_no_error_where_the_limits_agree(game: Game) -> None:
+def test_the_l2_gain_is_no_error_at_agreement(game: Game) -> None:
     """With a limit of delta the gain of 150 was the largest error."""
     verdict = check_critic(game, from_gain(game, gain(game)), limit=game.delta)
     assert verdict.value_of("l2_gain") > 100.0
     assert verdict.largest_error < 1e-12
 
 
-def test_entries_that_differ_by_rounding_are_not_said_to_be_the_farthest_off(game: Game) -> None:
+def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
+    """Entries that differ by rounding are not said to be the farthest off."""
     exact = check_critic(game, from_value(game, value(game)))
     assert "12 of 51 entries; all differ by rounding only" in exact.report().text()
 
@@ -86,7 +87,7 @@ def test_entries_that_differ_by_rounding_are_not_said_to_be_the_farthest_off(gam
 # Networks: what was searched, where, and how they fly.
 
 
-def test_all_errors_are_compared_at_the_states_that_any_search_reaches(game: Game) -> None:
+def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
     """V of the network trained for it: its error is nowhere larger than said, also where the policy
     is worst."""
     z = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 6)) * BOX
@@ -107,7 +108,8 @@ def test_all_errors_are_compared_at_the_states_that_any_search_reaches(game: Gam
         assert abs(error) / size <= errors["value"] * (1.0 + 1e-12)
 
 
-def test_a_network_is_flown_within_the_limits_of_the_controls() -> None:
+def test_a_network_flies_within_control_limits() -> None:
+    """A network is flown within the limits of the controls."""
     model = choice.aircraft()
     point = find_operating_point(model, level_flight(np.radians(15.0)))
     plant = nonlinear_plant(linearize(model, point))
