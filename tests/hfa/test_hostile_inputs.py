@@ -83,6 +83,7 @@ def _hang(_: object) -> int:
     ],
 )
 def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str) -> None:
+    # The planted faults of a command, which the judge must see.
     monkeypatch.setattr(trim, "trim", Command(trim.trim.request, run))
     monkeypatch.setattr(hostile, "LONGEST", 0.05 if run is _hang else 10.0)
     assert said in (attempt(["trim", "--dihedral", "5", "-o", "a.json"], {}) or "")

@@ -58,6 +58,7 @@ def test_no_picture_is_left_when_the_file_fails(monkeypatch: pytest.MonkeyPatch)
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
+    # The disk is full between the two files, at no moment that a test can choose.
     monkeypatch.setattr("hfa_support.reporting.data_files.write_text", full)
     result = hfa("trim", "--dihedral", "15", "--picture", "trim.png", "-o", "trim.json")
     assert (result.code, result.out) == (BAD_INPUT, "")

@@ -29,6 +29,7 @@ def test_one_trim_makes_one_system_and_one_condition(
 ) -> None:
     calls: list[str] = []
     begin = _counted(TrimSystem.__init__, calls, "system")
+    # Nothing but a count of the calls shows how often it is made.
     monkeypatch.setattr(TrimSystem, "__init__", begin)
     monkeypatch.setattr(trims, "release", _counted(release, calls, "condition"))
     assert answer("trim", *options)["status"] == "trimmed"

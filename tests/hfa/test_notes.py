@@ -83,6 +83,7 @@ def test_a_minutes_work_is_announced_once(
 ) -> None:
     """What takes more than a minute is announced once."""
     clock = iter(range(0, 1000, 2))
+    # A clock of its own, in place of minutes.
     monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
     long = ProgressLine("fly")
     short = ProgressLine("fly")
@@ -99,6 +100,7 @@ def test_time_before_the_first_part_is_no_pace(
 ) -> None:
     """40 s of preparation, then 2 s for each of 1000 parts: half an hour, not 11 hours."""
     times = iter([0.0, 40.0, 42.0, 44.0])
+    # A clock of its own, in place of minutes.
     monkeypatch.setattr(output.time, "monotonic", lambda: next(times))
     line = ProgressLine("learn")
     line(0.0, 1.0, "choosing samples")

@@ -72,6 +72,7 @@ def test_warnings_are_notes_of_a_result(tmp_path: Path, monkeypatch: pytest.Monk
         warnings.warn("oneOf is now one_of", DeprecationWarning, stacklevel=1)
         return solve(arguments)
 
+    # Libraries warn as they like; no plant brings all of these warnings.
     monkeypatch.setattr(game, "solve", game.solve._replace(run=warning))
     result = hfa("solve", "--model", str(tmp_path / "plant.json"))
     notes = (

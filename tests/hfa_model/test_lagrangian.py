@@ -108,6 +108,7 @@ def test_a_wrong_wind_is_seen(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, place: str, wrong: Any
 ) -> None:
     reference = judge(True)
+    # The planted fault: equations with a wrong wind.
     monkeypatch.setattr(place, wrong)
     assert max(disagreement(reference, Newton(), parameters, 20, moving=True)) > 1e-3
 

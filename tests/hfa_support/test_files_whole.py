@@ -31,6 +31,7 @@ def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.Monk
         stream.write(b"half")
         raise KeyboardInterrupt
 
+    # Ctrl-C within a write, at no moment that a test can choose.
     monkeypatch.setattr(np, "savez", broken)
     with pytest.raises(KeyboardInterrupt):
         save(path, np.zeros(4))

@@ -90,6 +90,7 @@ def test_c_by_hand_flies_our_flight(
 ) -> None:
     """C by hand flies our flight and another would be noticed."""
     data = case.data()
+    # The planted fault: constants of another aircraft.
     monkeypatch.setattr(case, "data", lambda: data | {name: factor * np.asarray(data[name])})
     history = c_flight(case, 300)()
     assert history.shape == (301, 31)
@@ -139,6 +140,7 @@ def test_every_job_runs_and_quick_runs_store_nothing(
     capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every job runs and a quick run stores nothing."""
+    # The results that are stored must not be written by a test.
     monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
     assert bench.main(["--quick"]) == 0
     printed = capsys.readouterr().out

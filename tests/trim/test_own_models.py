@@ -167,6 +167,7 @@ def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
         return {name: abs(computed[name] - value) / abs(value) for name, value in printed.items()}
 
     assert {name for name, error in off().items() if error > 0.011} == {"spiral"}
+    # The example has other coefficients than the print.
     monkeypatch.setattr(navion, "C_LQ", 0.0)
     monkeypatch.setattr(navion, "C_NBETA", 0.0701)
     assert max(off().values()) <= 0.005

@@ -83,6 +83,7 @@ def test_a_damaged_file_is_refused_in_one_line(
     assert all(
         line.startswith("a.mat: cannot be read as .mat (") and "\n" not in line for line in lines
     )
+    # No small file crashes or stalls the SciPy that is installed.
     monkeypatch.setattr(mat_file, "_CHILD", Path("child.py"))
     for code, longest, said in (
         ("import os; os.abort()", 60.0, "SciPy crashes on it"),
@@ -97,6 +98,7 @@ def test_a_damaged_file_is_refused_in_one_line(
 def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     header = b"MATLAB 5.0".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     bomb = zlib.compress(mat(A=np.zeros(2_000_000))[128:])
+    # The true limit needs a file of hundreds of megabytes.
     monkeypatch.setattr(mat_file, "LARGEST", 1 << 23)
     sparse = struct.pack("<5i", 2, 1, 3, 0, 2) + b"A\0" + np.array([1e9, 1e9, 0]).tobytes()
     with pytest.raises(BadInputError, match=r"cannot be read as .mat .*unpacks to more than 8 MiB"):

@@ -335,6 +335,7 @@ def test_an_answer_without_the_discount_is_refused(
     ) -> Point:
         return here._replace(weights=here.weights - fraction * step)
 
+    # The faults of an older law, which no input brings back.
     monkeypatch.setattr(certified, "RELATIVE_MARGIN", 0.0)
     monkeypatch.setattr(certified, "newton_step", truncated)
     monkeypatch.setattr(certified, "stabilizing_step", unguarded)

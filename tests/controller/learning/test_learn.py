@@ -78,6 +78,7 @@ def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> Non
     """Rows are kept evenly with the start and the end."""
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
+    # The true number of rows needs a run of minutes.
     monkeypatch.setattr(ticks, "MOST_ROWS", 30)
     kept = short_run()
     rows = [*range(0, 80, 3), 80]

@@ -43,6 +43,7 @@ def test_the_schur_form_decides_where_the_sign_fails(monkeypatch):
     A, B = _models("published", 3)
     like = published_game(A[0], B[0])
     assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
+    # The planted fault: a wrong sign function, which no plant gives.
     monkeypatch.setattr(certificate, "by_sign", lambda form: by_sign(form) * (1.0 + 1e-7))
     stack = certified_stack(NormalForm.of_plants(A, B, like))
     assert np.isnan(stack.X).all()

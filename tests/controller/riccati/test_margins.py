@@ -148,6 +148,7 @@ def test_a_level_set_too_short_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> 
     attained."""
     game, K = _light_modes()
     right = disk_margin(game, K).disk
+    # The planted fault: a search that ends at once.
     monkeypatch.setattr("controller.riccati.margins._above", lambda *_: ())
     assert disk_margin(game, K).disk > right * (1.0 + 1e-6)
 

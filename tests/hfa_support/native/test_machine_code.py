@@ -73,6 +73,7 @@ def test_a_broken_compiler_is_noted_and_replaced(
         f'#!/bin/sh\nwhile [ $# -gt 0 ]; do [ "$1" = -o ] && o="$2"; shift; done\n{script}\n'
     )
     compiler.chmod(0o755)
+    # The compiler is found once in a process.
     monkeypatch.setattr(
         generated, "c_compiler", lambda: None if broken == "no compiler" else str(compiler)
     )

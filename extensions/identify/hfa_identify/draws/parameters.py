@@ -43,16 +43,16 @@ def spread_of(request: Any) -> ParameterSpread:
 
     Those that the request holds are left out."""
     model = request.model
-    native = model.native or model
+    native = model.extras.native or model
     if request.own:
-        spread = spread_of_file(model.source[0], native)
+        spread = spread_of_file(model.extras.source[0], native)
     else:
         known = request.parameter_set
         if not known.covariance.size:
             raise BadInputError("--draws needs --parameters with a covariance")
         values = {name: getattr(known.values, name) for name in known.identified}
         spread = ParameterSpread(values, known.covariance, of_logarithms=True)
-    if model.native is not None:
+    if model.extras.native is not None:
         spread = _in_si(spread, native)
     held = request.held_parameters()
     kept = [at for at, name in enumerate(spread.values) if name not in held]
