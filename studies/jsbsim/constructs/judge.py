@@ -13,6 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
 from studies.jsbsim.constructs.airframe import CONSTRUCTS as AIRFRAME
+from studies.jsbsim.constructs.combined import CONSTRUCTS as COMBINED
 from studies.jsbsim.constructs.control import CONSTRUCTS as CONTROL
 from studies.jsbsim.constructs.functions import CONSTRUCTS as FUNCTIONS
 from studies.jsbsim.constructs.jet import SLOTS, jet
@@ -26,6 +27,7 @@ ALL: dict[str, dict[str, str]] = {
         ("control", CONTROL),
         ("functions", FUNCTIONS),
         ("properties", NAMED),
+        ("combined", COMBINED),
     )
     for name, slots in constructs.items()
 }
