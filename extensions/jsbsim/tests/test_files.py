@@ -34,9 +34,9 @@ def test_provenance_changes_with_every_file(tmp_path):
     stick = tmp_path / "aircraft" / "glider" / "stick.xml"
     written(tmp_path, text)
     stick.write_text(CONTROL)
-    before = model_of(tmp_path, text).source[1]
+    before = model_of(tmp_path, text).extras.source[1]
     stick.write_text(CONTROL.replace("Elevator Gain", "Elevator gain"))
-    after = model_of(tmp_path, text).source[1]
+    after = model_of(tmp_path, text).extras.source[1]
     assert before != after
 
 
