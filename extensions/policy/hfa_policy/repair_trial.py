@@ -51,6 +51,8 @@ _NEARER = 3.0
 #: How many times as much as the optimum a policy costs at most with its right card. Trained ones
 #: that fly well reach 1.1, exact ones with one mistake undone 1.4; wrong changes begin at 2.7.
 _OF_OPTIMUM = 2.0
+#: Of scales, which are guessed by the sizes that the cost prices.
+_OF_OPTIMUM_GUESSED = 2.5
 #: Added to sizes before their logarithms.
 _LEAST = 1e-9
 #: Trims where changes are flown: those where the fewest starts come back.
@@ -165,7 +167,12 @@ class _Trial:
         optimum = self.flights.flown_by_optimum(_WHOLE)
         if optimum is None:
             return found
-        return [each for each in found if each.flown.times(optimum) <= _OF_OPTIMUM]
+        limits = {"scale": _OF_OPTIMUM_GUESSED}
+        return [
+            each
+            for each in found
+            if each.flown.times(optimum) <= limits.get(each.kind, _OF_OPTIMUM)
+        ]
 
     def _is_only_late(self) -> bool:
         """Whether the delay alone keeps the policy from flying well."""
