@@ -9,11 +9,9 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
-import numpy as np
 
 from hfa_aircraft.signals import VECTORS, record
 from hfa_support.errors import BadInputError, refuse_unknown, shown
-from hfa_support.native.bound import RowFunction
 
 #: What equations raise that do not take expressions.
 _FAILURES = (
@@ -27,24 +25,6 @@ _FAILURES = (
     NotImplementedError,
     AssertionError,
 )
-
-
-class Linearization(NamedTuple):
-    """f and y at a point, and their derivatives by x, u and w.
-
-    f: (n,). y: (k,).
-    A: (n, n), B: (n, m), E: (n, d), of f.
-    C: (k, n), D: (k, m), F: (k, d), of y.
-    """
-
-    f: np.ndarray
-    y: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    E: np.ndarray
-    F: np.ndarray
 
 
 class Layout(NamedTuple):
@@ -246,60 +226,3 @@ def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
             "return one number for each name"
         )
     return expression
-
-
-@lru_cache(maxsize=64)
-def linearized(
-    layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
-) -> ca.Function:
-    """(x, u, p) -> the parts of a `Linearization` at w = 0."""
-    x, u, p = layout.symbols("x", "u", "p")
-    w = ca.SX.sym("w", len(disturbances))
-    for name in disturbances:
-        refuse_unknown("unknown disturbance", name, layout.names[3])
-    vectors = [components(vector) for vector in (x, u, p)]
-    f, y = layout.expressions(vectors, outputs)
-    A = ca.jacobian(f, x)
-    B = ca.jacobian(f, u)
-    layout.refuse_steps(A, layout.names[0])
-    layout.refuse_steps(B, layout.names[1])
-    parts = [f, y, A, B, ca.jacobian(y, x), ca.jacobian(y, u)]
-    if disturbances:
-        winds = dict(zip(disturbances, ca.vertsplit(w), strict=True))
-        every_wind = [winds.get(name, 0.0) for name in layout.names[3]]
-        for expression in layout.expressions(vectors, outputs, every_wind):
-            parts.append(ca.substitute(ca.jacobian(expression, w), w, 0))
-    else:
-        parts += [ca.SX(f.numel(), 0), ca.SX(y.numel(), 0)]
-    names = (
-        *("ode", "ydef", "jac_ode_x", "jac_ode_u"),
-        *("jac_ydef_x", "jac_ydef_u", "jac_ode_w", "jac_ydef_w"),
-    )
-    dense = [ca.densify(part) for part in parts]
-    return ca.Function("linearized", [x, u, p], dense, ["x", "u", "p"], names)
-
-
-@lru_cache(maxsize=16)
-def linearized_rows(
-    layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
-) -> RowFunction:
-    """(x, u, p) -> the parts of `linearized`, row by row, in one column."""
-    function = linearized(layout, outputs, disturbances)
-    vectors = layout.symbols("x", "u", "p")
-    flat = ca.vertcat(*(ca.vec(part.T) for part in function(*vectors)))
-    return RowFunction(ca.Function("flat", vectors, [flat]))
-
-
-@lru_cache(maxsize=64)
-def places_of_parts(n: int, m: int, k: int, d: int) -> list[tuple[slice, tuple[int, ...]]]:
-    """Where the parts of a `Linearization` lie in a row of `linearized_rows`, and their shapes.
-
-    n, m, k, d: numbers of states, inputs, outputs and disturbances
-    """
-    places: list[tuple[slice, tuple[int, ...]]] = []
-    first = 0
-    for shape in ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d)):
-        last = first + math.prod(shape)
-        places.append((slice(first, last), shape))
-        first = last
-    return places

@@ -9,24 +9,20 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.extras import Extras
-from hfa_aircraft.layout import (
-    Layout,
-    Linearization,
-    components,
-    linearized,
-    linearized_rows,
-    places_of_parts,
-)
+from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.text import shown_unit, shown_value
 from hfa_support.units import si_factor
+
+if TYPE_CHECKING:
+    from hfa_aircraft.linearization import Linearization
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -329,6 +325,8 @@ class Model:
     ) -> ca.Function:
         """(x, u, p) -> the parts of a `Linearization` at w = 0, of these outputs (all unless
         given)."""
+        from hfa_aircraft.linearization import linearized
+
         chosen = tuple(self.outputs if outputs is None else outputs)
         return linearized(self.layout, chosen, tuple(disturbances))
 
@@ -344,6 +342,8 @@ class Model:
 
         FloatingPointError where one is not finite.
         """
+        from hfa_aircraft.linearization import Linearization, linearized_rows, places_of_parts
+
         rows = linearized_rows(self.layout, tuple(outputs), tuple(disturbances))
         ((row,),) = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
         places = places_of_parts(

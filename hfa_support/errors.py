@@ -62,18 +62,6 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
         raise BadInputError(f"{what} {shown(name)}; {choice_of(str(name), choices)}")
 
 
-def positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
-    """Where the names stand among the known ones; None names all."""
-    chosen = known if names is None else names
-    positions = {name: index for index, name in enumerate(known)}
-    for index, name in enumerate(chosen):
-        if name not in positions:
-            refuse_unknown(f"unknown {what}", name, known)
-        if name in chosen[:index]:
-            raise BadInputError(f"{what} {name} is named twice; name it once")
-    return [positions[name] for name in chosen]
-
-
 def choice_of(name: str, known: Iterable[str]) -> str:
     """Advice about an unknown name: the known ones that were probably meant, then all."""
     meant = _nearest(name, known)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.layout import Linearization
+from hfa_aircraft.linearization import Linearization
 from hfa_aircraft.model import Model
 from trim.linear.switches import near_switches
 

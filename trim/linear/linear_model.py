@@ -9,12 +9,12 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import positions
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from trim.linear.kinks import linearization_at
 from trim.linear.mode import Mode
+from trim.linear.positions import positions
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:

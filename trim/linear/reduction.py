@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, positions
+from hfa_support.errors import BadInputError
+from trim.linear.positions import positions
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, positions, refuse_unknown
+from hfa_support.errors import BadInputError, refuse_unknown
+from trim.linear.positions import positions
 
 if TYPE_CHECKING:
     import control

@@ -1,0 +1,17 @@
+"""Where names stand among those of a linear model."""
+
+from __future__ import annotations
+
+from hfa_support.errors import BadInputError, refuse_unknown
+
+
+def positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
+    """Where the names stand among the known ones; None names all."""
+    chosen = known if names is None else names
+    positions = {name: index for index, name in enumerate(known)}
+    for index, name in enumerate(chosen):
+        if name not in positions:
+            refuse_unknown(f"unknown {what}", name, known)
+        if name in chosen[:index]:
+            raise BadInputError(f"{what} {name} is named twice; name it once")
+    return [positions[name] for name in chosen]
