@@ -28,6 +28,7 @@ SUBJECTS = {
     "flight": ("loop",),
     "scale": ("members", "sweep_store", "member_store"),
     "jsbsim": ("737", "environments"),
+    "optimal": ("best_flight",),
 }
 _PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 

@@ -31,6 +31,7 @@ from hfa_flight.envelope import (
     outside,
     refuse_start,
 )
+from hfa_flight.flight_cost import cost_of_flight
 from hfa_flight.flight_history import Deviations
 from hfa_flight.flown_policy import flown_policy
 from hfa_flight.gust_equations import in_gusts
@@ -206,6 +207,7 @@ class Flight(StatesAndInputs, Result, Reported):
     decay: what oscillates to the end and becomes smaller: name, time to half in s, frequency in
         rad/s; None when nothing does.
     method: "runge-kutta" or "jsbsim"
+    weights: Q (k, k) and R (m, m) of its cost; None without a cost
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -221,7 +223,7 @@ class Flight(StatesAndInputs, Result, Reported):
         "operating_point=point scenario envelope=envelope_limits within_limits held departure "
         "limit_cycle=cycle decay? exceeded flown final largest_deviation rms_error "
         "share_beyond_control_limits checks policy method largest_difference_from_linear? "
-        "commanded? warnings"
+        "commanded? cost? warnings"
     )
 
     envelope: Limits
@@ -232,6 +234,7 @@ class Flight(StatesAndInputs, Result, Reported):
     predicted: Deviations | None = None
     decay: Decay | None = None
     method: str = RUNGE_KUTTA
+    weights: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def point(self) -> OperatingPoint:
@@ -361,6 +364,15 @@ class Flight(StatesAndInputs, Result, Reported):
         return self.loop.policy.tracking_errors(self.flight) or None
 
     @property
+    def cost(self) -> float | None:
+        """∫ z'Qz + u'Ru dt of the flight to its end, in deviations from the trim and from what is
+        commanded; left out without weights."""
+        if self.weights is None:
+            return None
+        Q, R = self.weights
+        return cost_of_flight(self.times, self.flight.errors, self.flight.inputs, Q, R)
+
+    @property
     def warnings(self) -> Sequence[str]:
         """What to know before trusting the result: of the operating point, and of inputs that move
         although their dynamics are left out."""
@@ -437,6 +449,11 @@ class Flight(StatesAndInputs, Result, Reported):
         parts.append(self._states(moving))
         parts += self._air_notes(moving)
         parts.append(self._inputs())
+        if self.cost is not None:
+            parts.append(
+                f"Cost of this flight of {self.flown:g} s with Q and R: {self.cost:.6g}. The cost "
+                "after its end is left out."
+            )
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -121,13 +121,20 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
     turbulence: Turbulence | tuple[float, float] | None = None
     samples: int | None = None
 
+    @property
+    def prices(self) -> Sequence[str]:
+        """Options that price the flight, whatever flies."""
+        return ()
+
     def check_policy(self) -> None:
         """BadInputError for an unknown law, and for options that have no effect on the policy."""
         instead = [name for name in _IN_PLACE if getattr(self, name) is not None]
         for name in instead:
-            self.refuse(_IN_PLACE[name], f"changes nothing beside --{name}; leave it out")
+            without_effect = [each for each in _IN_PLACE[name] if each not in self.prices]
+            self.refuse(without_effect, f"changes nothing beside --{name}; leave it out")
         if self.law == NONE:
-            self.refuse(("delta", "Q", "R"), f"belongs to a law; leave it out with --law {NONE}")
+            of_law = [name for name in ("delta", "Q", "R") if name not in self.prices]
+            self.refuse(of_law, f"belongs to a law; leave it out with --law {NONE}")
         reads = {*READING_SETTINGS} & {*self.set}
         if reads and self.weights is None:
             raise BadInputError(f"--set {min(reads)} is of a network; name its file by --weights")
@@ -426,6 +433,11 @@ class FlightOptions(ScenarioOptions):
         names="--step",
         rare=True,
     )
+
+    @property
+    def prices(self) -> Sequence[str]:
+        """Q and R of the cost of one flight."""
+        return ("Q", "R") if self.samples is None else ()
 
     def flight(self) -> PlannedFlight:
         """What flies from where, by which policy, through what, within which limits; the commands

@@ -14,6 +14,7 @@ from controllers import integrating_controller
 from game_files import stored
 from known_models import model_at
 from network_files import torch_file
+from scipy.integrate import simpson
 
 from controller import basis
 from hfa import Game, solve_game
@@ -72,6 +73,28 @@ def test_the_command_says_that_a_flight_held_and_writes_it() -> None:
     assert "hfa.flight/1" in lines[1]
     assert lines[0].startswith("time [s],speed [ft/s],alpha [rad]")
     assert len(lines) == 102
+
+
+def test_a_flight_without_a_law_has_a_cost() -> None:
+    """With Q and R: the integral over its rows, which another rule of SciPy gives to 1e-3."""
+    words = (
+        "fly",
+        "--dihedral",
+        "15",
+        "--law",
+        "none",
+        "--initial",
+        "speed=0.1",
+        "--duration",
+        "1",
+    )
+    weights = ("--Q", "1,2,3,4,5,6", "--R", "1,1,1,1,1", "--json", "-o", "flight.npz")
+    data = answer(*words, *weights)
+    with np.load("flight.npz", allow_pickle=True) as file:
+        z, times = file["history.errors"], file["history.times"]
+    rate = z**2 @ np.arange(1.0, 7.0)
+    assert data["cost"] == pytest.approx(simpson(rate, times), rel=1e-3)
+    assert "cost" not in answer(*words, "--json")
 
 
 def test_the_command_flies_a_gain_and_a_critic_of_the_user(game: Game) -> None:

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import hfa
+from hfa_optimal.collocation import DEGREE, Equations, Transcription
 from hfa_optimal.search import BestFlights, refutation
 
 GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
@@ -107,6 +108,20 @@ def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
     assert "off the proposed" in refutation(flown, proposal._replace(cost=0.95 * proposal.cost))
     wrong = proposal._replace(v=proposal.v + np.array([0.2, 0.0]))
     assert refutation(flights.follow(wrong, 1.25 * gtm.seconds), wrong)
+
+
+def test_an_exploited_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
+    """IPOPT solves eight equal intervals and proposes less than the best flight costs; the
+    simulator does not fly it."""
+    problem = gtm.problem
+    search = BestFlights(problem)
+    coarse = Transcription(problem, 8, Equations.of(problem))
+    start = gtm.found.proposal.start
+    lengths = np.full(8, gtm.seconds / 8.0)
+    proposal = coarse.solve(start, lengths, np.zeros((8 * DEGREE, 4)), np.zeros((9, 2)))
+    assert proposal.feasible
+    assert proposal.cost < 0.99 * gtm.cost
+    assert "off the proposed" in refutation(search.flights.follow(proposal, gtm.seconds), proposal)
 
 
 def test_a_cart_too_fast_to_stop() -> None:

@@ -69,6 +69,8 @@ def fly(request: FlyRequest) -> int:
     member has its own turbulence. Member k depends only on --seed and k. --model FILE simulates a
     plant in discrete time.
 
+    With --Q or --R the report has the cost of the flight.
+
     --method jsbsim simulates an aircraft of JSBSim in JSBSim's own frames, over its own earth.
 
     Exit code 1 when a state leaves its envelope, an input leaves its control limits, or an
@@ -81,6 +83,7 @@ def fly(request: FlyRequest) -> int:
     from hfa_flight.flight_figure import flight_figure
     from hfa_flight.nonlinear_flight import fly
     from hfa_flight.scheduled_gains import ScheduledGainPolicy
+    from trim.linear.linear_model import linearize
 
     request.refuse(("workers", "resume"), "belongs to --samples; leave it out")
     if request.output is not None and request.output.suffix == ".zarr":
@@ -104,6 +107,9 @@ def fly(request: FlyRequest) -> int:
         step=request.frame,
         progress=ProgressLine("simulate"),
     )
+    if request.Q is not None or request.R is not None:
+        game = request.game_on(linearize(planned.model, planned.point))
+        result = replace(result, weights=(game.Q, game.R))
     report = result.report()
     show(
         report,

@@ -1,0 +1,92 @@
+"""A proposal for the best flight of the GTM against rockit on the same problem: the same equations,
+limits, cost, guess and number of intervals of Radau collocation of degree 3, and IPOPT with the
+same tolerance. Without rockit (`pip install rockit-meco`) there are no figures."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from benchmarks.report import Row, in_turn
+from hfa_aircraft.loading import load_model
+from hfa_optimal.collocation import (
+    DEGREE,
+    OPTIONS,
+    Equations,
+    Transcription,
+    collocation_points,
+    mesh as growing,
+)
+from hfa_optimal.problem import FlightProblem, flight_problem
+from hfa_optimal.starts import drawn_starts
+from trim.point.solve import find_operating_point
+
+_GTM = Path(__file__).parents[1] / "examples" / "gtm.py"
+_INTERVALS = 50
+#: So many starts are to come: the derivatives are machine code where a compiler exists.
+_STARTS = 50
+_SECONDS = 30.0
+
+
+def _best_flight(quick: bool) -> list[Row]:
+    """The second and later solutions: what is built once an aircraft is built."""
+    if importlib.util.find_spec("rockit") is None:
+        return []
+    model = load_model(f"{_GTM}:GTM")
+    problem = flight_problem(model, find_operating_point(model))
+    (start,) = drawn_starts(problem, 1, 0)
+    timing = in_turn(_ours(problem, start), _rockit(problem, start), repeats=1 if quick else 11)
+    job = f"a proposal for the best flight of the GTM, {_INTERVALS} intervals"
+    return [Row(job, "rockit 0.6 (DirectCollocation, IPOPT)", timing, 3.0)]
+
+
+def _ours(problem: FlightProblem, start: np.ndarray) -> Callable[[], Any]:
+    """Solves the problem from a start z by our transcription."""
+    transcription = Transcription(problem, _INTERVALS, Equations.of(problem, _STARTS))
+    lengths = growing(_SECONDS, _INTERVALS, 1.0, 0.005)
+    ends = np.append(0.0, np.cumsum(lengths))
+    inside = (ends[:-1, None] + lengths[:, None] * collocation_points()[1:]).ravel()
+    z = np.zeros((len(inside), len(start)))
+    v = np.zeros((_INTERVALS + 1, len(problem.inputs)))
+
+    def solve() -> None:
+        assert transcription.solve(start, lengths, z, v).feasible
+
+    return solve
+
+
+def _rockit(problem: FlightProblem, start: np.ndarray) -> Callable[[], Any]:
+    """Solves it by rockit, whose intervals grow alike and whose inputs are constant on each."""
+    from rockit import DirectCollocation, GeometricGrid, Ocp
+
+    of_states, of_inputs = problem.sizes
+    Q, R, P = (ca.DM(weight) for weight in problem.scaled_weights())
+    ocp = Ocp(T=_SECONDS)
+    z = ocp.state(len(of_states))
+    v = ocp.control(len(of_inputs))
+    ocp.set_der(z, problem.rates(ca.vertcat(z, v)))
+    ocp.add_objective(ocp.integral(ca.bilin(Q, z, z) + ca.bilin(R, v, v)))
+    ocp.add_objective(ocp.at_tf(ca.bilin(P, z, z)))
+    for signals, sizes, limits in (
+        (z, of_states, problem.state_limits),
+        (v, of_inputs, problem.input_limits),
+    ):
+        for row, (low, high) in enumerate(zip(*(limits / sizes), strict=True)):
+            if np.isfinite([low, high]).all():
+                ocp.subject_to(float(low) <= (signals[row] <= float(high)))
+    ocp.subject_to(ocp.at_t0(z) == start / of_states)
+    growth = float(np.clip(_SECONDS / _INTERVALS, 4.0, 60.0))
+    grid = GeometricGrid(growth)
+    ocp.method(DirectCollocation(N=_INTERVALS, M=1, degree=DEGREE, scheme="radau", grid=grid))
+    names = ("print_time", "ipopt.print_level", "ipopt.sb", "ipopt.tol")
+    ocp.solver("ipopt", {name: OPTIONS[name] for name in names})
+    ocp.solve()
+    return ocp.solve
+
+
+JOBS = {"best_flight": _best_flight}
