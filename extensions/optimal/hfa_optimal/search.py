@@ -28,7 +28,7 @@ INTERVALS = 25
 _DIVISIONS = 4
 #: How much farther inside the limits a proposal stays after its flight left them.
 _TIGHTER = 4.0
-_TIGHTENINGS = 2
+_TIGHTENINGS = 1
 #: Two meshes agree to this part of the cost, and a flight with its proposal.
 MESHES_AGREE = 0.005
 FLIGHT_AGREES = 0.01
@@ -197,33 +197,29 @@ class BestFlights:
         meshes: intervals -> cost so far; those that are tried are added.
 
         NoSolutionError with the reason where the last ones do not."""
-        margin = MARGIN
         intervals = len(best.lengths)
         for _ in range(_DIVISIONS):
             before, last = list(meshes.values())[-2:]
             change = abs(last / before - 1.0)
             reason = f"two meshes differ by {100 * change:.2g} %"
             if change <= MESHES_AGREE:
-                flown, best, margin = self._flown(best, margin, seconds)
-                reason = refutation(flown, best)
+                flown, followed = self._flown(best, seconds)
+                reason = refutation(flown, followed)
                 if not reason:
-                    return flown, best
-                if flown.departure is not None:
-                    break
+                    return flown, followed
             intervals *= 2
             if 2 * intervals * self.flights.step > seconds:
                 break
-            best = self._finer(intervals, best, margin)
+            best = self._finer(intervals, best, MARGIN)
             if not best.feasible:
                 break
             meshes[intervals] = best.cost
         raise NoSolutionError(reason)
 
-    def _flown(
-        self, best: Proposal, margin: float, seconds: float
-    ) -> tuple[Flown, Proposal, float]:
+    def _flown(self, best: Proposal, seconds: float) -> tuple[Flown, Proposal]:
         """The flight of a proposal, of one that stays farther inside the limits where it left them;
-        the proposal and its margin."""
+        and what it follows."""
+        margin = MARGIN
         flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
         for _ in range(_TIGHTENINGS):
             if flown.departure is None:
@@ -234,7 +230,7 @@ class BestFlights:
                 break
             best = tighter
             flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
-        return flown, best, margin
+        return flown, best
 
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: Flown

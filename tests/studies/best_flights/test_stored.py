@@ -9,8 +9,12 @@ import pytest
 from project import ROOT
 
 import hfa
+from hfa_optimal.search import BestFlights
+from hfa_optimal.starts import drawn_starts
 from studies.best_flights.__main__ import DEGREES, LIMITS, START, best_beside_policies
+from studies.best_flights.examination import independent_cost, problem_of, summary, table
 
+EXAMINED = ROOT / "studies" / "best_flights" / "results" / "examination.json"
 STORED = ROOT / "studies" / "best_flights" / "results" / "best_flights.json"
 
 
@@ -37,3 +41,28 @@ def test_a_flight_is_found_again(index: int) -> None:
     lqr, exact = best.policies
     assert exact.cost == pytest.approx(stored["exact_policy"]["cost"], rel=1e-3)
     assert lqr.cost == pytest.approx(stored["exact_lqr"]["cost"], rel=1e-3)
+
+
+def test_stored_examination_is_what_the_page_shows() -> None:
+    """Each row follows from its flights and meets what is asked: SciPy within 1 %, meshes within
+    .5 %, 95 % found."""
+    rows = json.loads(EXAMINED.read_text(encoding="utf-8"))["aircraft"]
+    page = (ROOT / "docs" / "optimize.md").read_text(encoding="utf-8")
+    for row, shown in zip(rows, table(rows).rows, strict=True):
+        assert f"| {' | '.join(map(str, shown))} |" in page
+        again = summary(row["flights"])
+        assert all(again[name] == row[name] for name in ("starts", "found", "meshes"))
+        assert again["off_independent"] == pytest.approx(row["off_independent"])
+        assert row["off_independent"] < 0.01
+        assert row["meshes"] <= 0.005
+        assert row["found"] >= 0.95 * row["starts"]
+
+
+def test_a_wrong_cost_is_noticed() -> None:
+    """SciPy confirms a flight of the pendulum, and not its cost for another flight."""
+    problem = problem_of("examples/pendulum.py:PENDULUM")
+    (start,) = drawn_starts(problem, 1, 0)
+    flown = BestFlights(problem).found(start).flown
+    assert independent_cost(problem, flown) == pytest.approx(flown.cost, rel=0.005)
+    other = flown._replace(states=1.02 * flown.states)
+    assert independent_cost(problem, other) != pytest.approx(flown.cost, rel=0.01)

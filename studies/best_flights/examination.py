@@ -1,0 +1,203 @@
+"""Best flights from many seeded starts of twelve aircraft: how many are found, why others are
+refused, and whether an integrator of SciPy on each model's own equations confirms the costs.
+
+Writes FOLDER/examination.json, aircraft by aircraft, and goes on where it was interrupted."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import hfa
+from hfa_optimal.flights import Flown
+from hfa_optimal.problem import FlightProblem, flight_problem
+from hfa_optimal.search import BestFlights
+from hfa_optimal.starts import drawn_starts
+from hfa_support.errors import NoSolutionError
+from hfa_support.files import write_text
+from hfa_support.jsonable import json_text
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
+
+#: Name -> how it is loaded, and how many starts are drawn.
+AIRCRAFT = {
+    "GTM": ("examples/gtm.py:GTM", 50),
+    "pendulum": ("examples/pendulum.py:PENDULUM", 50),
+    "Navion": ("examples/navion.py:NAVION", 50),
+    "F-16": ("examples/f16.py:F16", 4),
+    "HFA, published": ("published", 50),
+    "HFA, newton": ("newton", 10),
+    "c172p (JSBSim)": ("jsbsim:c172p", 5),
+    "737 (JSBSim)": ("jsbsim:737", 5),
+    "A4 (JSBSim)": ("jsbsim:A4", 5),
+    "T38 (JSBSim)": ("jsbsim:T38", 5),
+    "Concorde (JSBSim)": ("jsbsim:Concorde", 5),
+    "B747 (JSBSim)": ("jsbsim:B747", 5),
+}
+#: Dihedral of the flexible aircraft, deg.
+_DIHEDRAL = 10.0
+#: Of the drawn starts.
+_SEED = 0
+
+
+def problem_of(source: str) -> FlightProblem:
+    """The flights of an aircraft to its default trim; of the flexible one with the paper's Q, R."""
+    if source not in ("published", "newton"):
+        model = hfa.load_model(source)
+        return flight_problem(model, hfa.find_operating_point(model))
+    model = hfa.aircraft(dynamics=source)
+    point = hfa.find_operating_point(model, hold={"dihedral": np.radians(_DIHEDRAL)})
+    game = hfa.paper.published_game(hfa.linearize(model, point))
+    return flight_problem(model, point, game.Q, game.R)
+
+
+def independent_cost(problem: FlightProblem, flown: Flown) -> float:
+    """The cost of a flight by DOP853 of SciPy on the model's equations, with the linear cost of its
+    end.
+
+    The inputs are those of the flight, linear between its rows; the linear policy about its states
+    keeps rounding from growing, within the limits of the inputs."""
+    trim_x = np.array(problem.point.states)
+    trim_u = np.array(problem.point.inputs)
+    lowest, highest = problem.input_limits
+    moved = problem.moved
+    places = problem.places
+    rows = np.column_stack([flown.states[:, places], flown.inputs[:, moved]])
+    k = len(places)
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        place = np.clip(np.searchsorted(flown.times, t) - 1, 0, len(rows) - 2)
+        before, after = flown.times[place : place + 2]
+        share = (t - before) / (after - before)
+        now = rows[place] + share * (rows[place + 1] - rows[place])
+        v = now[k:] - trim_u[moved] - problem.K @ (y[places] - now[:k])
+        v = np.clip(v, lowest, highest)
+        u = trim_u.copy()
+        u[moved] += v
+        z = y[places] - trim_x[places]
+        price = z @ problem.Q @ z + v @ problem.R @ v
+        return [*problem.model.rates_at(y[:-1].tolist(), u.tolist()).values(), float(price)]
+
+    begin = [*flown.states[0], 0.0]
+    seconds = float(flown.times[-1])
+    result = solve_ivp(
+        rate, (0.0, seconds), begin, "DOP853", rtol=1e-6, atol=1e-8, max_step=seconds / 300.0
+    )
+    end = result.y[:-1, -1] - trim_x
+    return float(result.y[-1, -1] + end[places] @ problem.P @ end[places])
+
+
+def examined(name: str, source: str, count: int) -> dict[str, Any]:
+    """A row of the table."""
+    problem = problem_of(source)
+    search = BestFlights(problem, count)
+    flights: list[dict[str, Any]] = []
+    for start in drawn_starts(problem, count, _SEED):
+        began = time.process_time()
+        try:
+            found = search.found(start)
+        except NoSolutionError as error:
+            seconds = time.process_time() - began
+            flights.append({"start": start.tolist(), "reason": str(error), "seconds": seconds})
+            continue
+        seconds = time.process_time() - began
+        linear = found.linear
+        flights.append(
+            {
+                "start": start.tolist(),
+                "cost": found.flown.cost,
+                "independent": independent_cost(problem, found.flown),
+                "proposed": found.proposal.cost,
+                "meshes": found.spread_of_meshes,
+                "guesses": found.spread_of_guesses,
+                "linear_over_best": None if linear.lost else linear.cost / found.flown.cost,
+                "seconds": seconds,
+            }
+        )
+        print(f"{name}: {len(flights)} of {count}", file=sys.stderr, flush=True)
+    return {"aircraft": name, "source": source, "smooth_copy": problem.has_kinks} | summary(flights)
+
+
+def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """What a row shows of flights, and the flights."""
+    found = [each for each in flights if "cost" in each]
+    lost = [each["linear_over_best"] is None for each in found]
+    ratios = [each["linear_over_best"] for each in found if each["linear_over_best"] is not None]
+    return {
+        "starts": len(flights),
+        "found": len(found),
+        "refused": dict(Counter(each["reason"] for each in flights if "reason" in each)),
+        "off_independent": max(abs(each["independent"] / each["cost"] - 1.0) for each in found),
+        "meshes": max(each["meshes"] for each in found),
+        "guesses": max(each["guesses"] for each in found),
+        "linear_lost": sum(lost),
+        "linear_over_best": float(np.median(ratios)) if ratios else None,
+        "seconds": float(np.mean([each["seconds"] for each in flights[1:]])),
+        "flights": list(flights),
+    }
+
+
+def table(rows: Sequence[dict[str, Any]]) -> Table:
+    """One row an aircraft."""
+    lines = []
+    for row in rows:
+        ratio = row["linear_over_best"]
+        lines.append(
+            (
+                row["aircraft"],
+                f"{row['found']} of {row['starts']}",
+                f"{100 * row['off_independent']:.2g} %",
+                f"{100 * row['meshes']:.2g} %",
+                f"{100 * row['guesses']:.2g} %",
+                f"{row['linear_lost']}",
+                "-" if ratio is None else f"{ratio:.4g}",
+                f"{row['seconds']:.2g} s",
+            )
+        )
+    header = (
+        *("aircraft", "found", "SciPy differs", "meshes", "guesses"),
+        *("linear optimum lost", "else over the best", "a start"),
+    )
+    return Table(header, lines)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Examine, store and print."""
+    parser = argparse.ArgumentParser(
+        "python -m studies.best_flights.examination", description=__doc__
+    )
+    parser.add_argument("--aircraft", action="append", choices=list(AIRCRAFT), metavar="NAME")
+    parser.add_argument(
+        "-o",
+        type=Path,
+        default=Path("out/best_flights"),
+        metavar="FOLDER",
+        help="default: %(default)s",
+    )
+    options = parser.parse_args(argv)
+    path = options.o / "examination.json"
+    stored = json.loads(path.read_text()) if path.exists() else {"aircraft": []}
+    done = {row["aircraft"]: row for row in stored["aircraft"]}
+    options.o.mkdir(parents=True, exist_ok=True)
+    for name in options.aircraft or AIRCRAFT:
+        if name in done and not options.aircraft:
+            continue
+        done[name] = examined(name, *AIRCRAFT[name])
+        rows = [done[each] for each in AIRCRAFT if each in done]
+        write_text(path, json_text({"seed": _SEED, "aircraft": rows}))
+    rows = [done[each] for each in AIRCRAFT if each in done]
+    print(Report("Best flights from seeded starts", (table(rows),)).text())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
