@@ -51,7 +51,9 @@ _MOVED = ("deflection", "powerlever", "throttle", "pilotcontrol")
 def read_model(text: str) -> Model:
     """The aircraft of one or several files, AERO.dml+INERTIA.dml+PROPULSION.dml.
 
-    BadInputError names the file and the variable that is missing, unknown or given twice."""
+    BadInputError names the file and the variable that is missing, unknown or given twice, has
+    another unit, or is not positive.
+    """
     paths = text.split("+")
     try:
         contents = [Path(path).read_bytes() for path in paths]
@@ -119,8 +121,8 @@ class _Files:
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
         parameters = {name: _start(*each) for name, each in self.parameters.items()}
         constants = self._values(_standing(), inputs, SimpleNamespace(**parameters))
-        mass = float(ca.evalf(ca.SX(constants(names.MASS))))
-        speed = self._usual_speed(constants, mass)
+        self._refuse_not_positive(constants)
+        speed = self._usual_speed(constants)
         steady = tuple(name for name in STATES if name not in ("yaw", "altitude"))
         imposed = {
             **{"speed": speed, "altitude": 0.0, "yaw": 0.0, "gamma": 0.0, "turn_rate": 0.0},
@@ -147,15 +149,29 @@ class _Files:
             ),
         )
 
-    def _usual_speed(self, constants: Callable[[str], Any], mass: float) -> float:
-        """ft/s, at which the air carries the weight at sea level with `_ALPHA` and all else 0."""
-        _, _, lift = ca.vertsplit(ca.evalf(ca.SX(self._coefficients(constants, _ALPHA))))
-        area = float(ca.evalf(ca.SX(constants(names.AREA))))
-        upward = -float(lift)
-        if upward <= 0.0:
+    def _refuse_not_positive(self, constants: Callable[[str], Any]) -> None:
+        """BadInputError for a mass, moment of inertia or reference length that is not positive."""
+        for name in names.POSITIVE:
+            size = _number(constants(name))
+            if not size > 0.0:
+                document, variable = self._outputs[name]
+                raise document.error(
+                    f"variable {variable.key}", f"{name} is {size:g}; give a positive number"
+                )
+
+    def _usual_speed(self, constants: Callable[[str], Any]) -> float:
+        """The speed, ft/s, at which the lift at sea level is the weight, with alpha `_ALPHA` and
+        all else 0."""
+        upward = -_number(self._coefficients(constants, _ALPHA)[2])
+        if not upward > 0.0:
             files = "+".join(document.path for document in self._documents)
-            raise BadInputError(f"{files}: the air does not lift it at 5 deg; it is no aeroplane")
-        return math.sqrt(2.0 * mass * _GRAVITY / (SEA_LEVEL.density * area * upward))
+            raise BadInputError(
+                f"{files}: the force of the air at an angle of attack of 5 deg is not upward; check"
+                " the signs of its coefficients"
+            )
+        weight = _number(constants(names.MASS)) * _GRAVITY
+        area = _number(constants(names.AREA))
+        return math.sqrt(2.0 * weight / (SEA_LEVEL.density * area * upward))
 
     def _states(self, speed: float) -> dict[str, Signal]:
         """Signals of the states; alpha and beta within the breakpoints of every table."""
@@ -290,6 +306,11 @@ class _Files:
         return value
 
 
+def _number(expression: Any) -> float:
+    """The value of an expression without symbols."""
+    return float(ca.evalf(ca.SX(expression)))
+
+
 def _standing() -> dict[str, float]:
     """The motion at which the usual speed is sought."""
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
@@ -303,11 +324,21 @@ def _start(document: Document, variable: Variable) -> float:
 
 
 def _unit(document: Document, variable: Variable) -> tuple[str, float]:
-    """The unit of the model, and how many of these the unit of a variable is. BadInputError for an
-    unknown one."""
+    """The unit of the model, and how many of these the unit of a variable is.
+
+    BadInputError for an unknown unit, and for one of another quantity: a mass in ft.
+    """
+    place = f"variable {variable.key}"
     if variable.units not in names.UNITS:
         raise document.error(
-            f"variable {variable.key}",
-            f"its unit {shortened(variable.units)!r} is unknown; use one of S-119",
+            place, f"its unit {shortened(variable.units)!r} is unknown; use one of S-119"
         )
-    return names.UNITS[variable.units]
+    unit, factor = names.UNITS[variable.units]
+    expected = names.UNIT_OF.get(variable.name, unit)
+    if unit != expected:
+        raise document.error(
+            place,
+            f"{variable.name} in {variable.units!r} cannot be converted to {expected!r};"
+            " correct its unit",
+        )
+    return unit, factor

@@ -75,6 +75,16 @@ class CheckedDocument(Result, Reported):
         """Whether every output agrees; False without one."""
         return bool(self.outputs) and all(output.ok for output in self.outputs)
 
+    @property
+    def unchecked(self) -> list[str]:
+        """Names of the file's outputs that no case compares."""
+        compared = {output.output for output in self.outputs}
+        return [
+            each.name
+            for each in self.document.variables.values()
+            if each.is_output and each.name not in compared
+        ]
+
     def report(self) -> Report:
         """How many outputs agree, those that do not, and the inputs and outputs of the file."""
         agreeing = sum(output.ok for output in self.outputs)
@@ -99,6 +109,8 @@ class CheckedDocument(Result, Reported):
         parts.append(Table(("variable", "varID", "unit", ""), rows))
         if self.outputs:
             parts.append("Internal values of the cases are not compared.")
+            if self.unchecked:
+                parts.append(f"Outputs without a check case: {', '.join(self.unchecked)}.")
         return Report(first, parts, data=self.as_data())
 
 
@@ -109,8 +121,9 @@ def _texts(output: CheckedOutput) -> tuple[str, str, str]:
 def checked_document(document: Document) -> CheckedDocument:
     """The check cases of a file, computed from its tables and formulas alone.
 
-    BadInputError where a case names an unknown variable or another unit, or leaves an input
-    out."""
+    BadInputError where a case names an unknown variable or another unit, or gives no value to an
+    input without an initial one.
+    """
     return CheckedDocument(
         document, [each for case in document.cases for each in _checked(document, case)]
     )

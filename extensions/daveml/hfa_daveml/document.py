@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import regular_file
 
+_T = TypeVar("_T")
 #: Elements that give a variable a meaning that this reader does not follow.
 _UNREAD = ("uncertainty", "array", "isState", "isStateDeriv")
 
@@ -127,15 +129,16 @@ class Document:
 def read_document(path: str) -> Document:
     """The content of a DAVE-ML file, version 1 or 2.
 
-    BadInputError names the file and the element that is missing, unknown or no number. OSError
-    where the file cannot be read."""
+    BadInputError names the file and the element that is missing, unknown, defined twice or not a
+    number. OSError where the file cannot be read.
+    """
     content = regular_file(path).read_bytes()
     if b"<!ENTITY" in content or b"\0" in content:
-        raise BadInputError(f"{path}: declares entities or is no UTF-8; write the file without")
+        raise BadInputError(f"{path}: declares entities or is not UTF-8; write the file without")
     try:
         root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, RecursionError) as error:
-        raise BadInputError(f"{path}: is no XML ({error}); correct the file") from error
+        raise BadInputError(f"{path}: is not XML ({error}); correct the file") from error
     for element in root.iter():
         element.tag = str(element.tag).rpartition("}")[2]
     if root.tag != "DAVEfunc":
@@ -149,13 +152,17 @@ class _Reader:
     def __init__(self, path: str, root: ElementTree.Element) -> None:
         self._path = path
         self._root = root
-        self._breakpoints = {
-            self._attribute(element, "bpID"): self._numbers(element, "bpVals")
-            for element in root.iter("breakpointDef")
-        }
-        self._tables = {
-            each.get("gtID", ""): each for each in root.iter("griddedTableDef") if each.get("gtID")
-        }
+        self._breakpoints = self._by_key(
+            "breakpoints",
+            (
+                (self._attribute(element, "bpID"), self._numbers(element, "bpVals"))
+                for element in root.iter("breakpointDef")
+            ),
+        )
+        self._tables = self._by_key(
+            "table",
+            ((each.get("gtID", ""), each) for each in root.iterfind(".//griddedTableDef[@gtID]")),
+        )
 
     def document(self) -> Document:
         """The whole file."""
@@ -165,8 +172,8 @@ class _Reader:
         document = Document(
             self._path,
             "" if header is None else header.get("name", ""),
-            {each.key: each for each in variables},
-            {each.result: each for each in functions},
+            self._by_key("variable", ((each.key, each) for each in variables)),
+            self._by_key("function of", ((each.result, each) for each in functions)),
             tuple(self._case(each) for each in self._root.iter("staticShot")),
         )
         for function in functions:
@@ -174,6 +181,15 @@ class _Reader:
                 if key not in document.variables:
                     raise document.error(f"function of {function.result}", f"{key} is not defined")
         return document
+
+    def _by_key(self, kind: str, values: Iterable[tuple[str, _T]]) -> dict[str, _T]:
+        """Values by their keys. BadInputError for a key of two values."""
+        by_key: dict[str, _T] = {}
+        for key, value in values:
+            if key in by_key:
+                raise self._error(f"{kind} {key}", "is defined twice; remove one definition")
+            by_key[key] = value
+        return by_key
 
     def _variable(self, element: ElementTree.Element) -> Variable:
         key = self._attribute(element, "varID")
@@ -274,11 +290,11 @@ class _Reader:
 
     def _case(self, element: ElementTree.Element) -> CheckCase:
         name = element.get("name", "")
-        return CheckCase(
-            name,
-            tuple(self._signals(element.find("checkInputs"), name)),
-            tuple(self._signals(element.find("checkOutputs"), name)),
-        )
+        inputs = tuple(self._signals(element.find("checkInputs"), name))
+        outputs = tuple(self._signals(element.find("checkOutputs"), name))
+        if not outputs:
+            raise self._error(f"check case {name}", "<checkOutputs> has no <signal>; add one")
+        return CheckCase(name, inputs, outputs)
 
     def _signals(self, group: ElementTree.Element | None, case: str) -> Iterator[Signal]:
         if group is None:
@@ -304,7 +320,9 @@ class _Reader:
         try:
             values = np.array([float(word) for word in words])
         except ValueError as error:
-            raise self._error(place, f"<{tag}> holds what is no number ({error})") from error
+            raise self._error(
+                place, f"<{tag}> holds a word that is not a number ({error})"
+            ) from error
         if not np.isfinite(values).all():
             raise self._error(place, f"<{tag}> holds a number that is not finite")
         return values
@@ -316,7 +334,7 @@ class _Reader:
         try:
             value = float(text)
         except ValueError as error:
-            raise self._error(place, f"{shortened(text)!r} is no number") from error
+            raise self._error(place, f"{shortened(text)!r} is not a number") from error
         if not math.isfinite(value):
             raise self._error(place, f"{text} is not finite")
         return value

@@ -9,6 +9,7 @@ _FOOT = 0.3048
 _SLUG = 0.45359237 * 9.80665 / _FOOT
 _POUND_FORCE = 0.45359237 * 9.80665
 _KNOT = 1852.0 / 3600.0 / _FOOT
+_AXES = ("Roll", "Pitch", "Yaw")
 
 #: Unit of the standard, or an older spelling -> (unit of the model, how many of these it is).
 UNITS: Mapping[str, tuple[str, float]] = {
@@ -65,17 +66,36 @@ MOTION: Mapping[str, str] = {
 
 #: Outputs of which an aircraft needs every one.
 MASS = "totalMass"
-INERTIA = tuple(f"bodyMomentOfInertia_{axis}" for axis in ("Roll", "Pitch", "Yaw"))
+INERTIA = tuple(f"bodyMomentOfInertia_{axis}" for axis in _AXES)
 PRODUCTS = tuple(f"bodyProductOfInertia_{axes}" for axes in ("XY", "ZX", "YZ"))
 AREA = "referenceWingArea"
 SPAN = "referenceWingSpan"
 CHORD = "referenceWingChord"
-MOMENTS = tuple(f"aeroBodyMomentCoefficient_{axis}" for axis in ("Roll", "Pitch", "Yaw"))
+MOMENTS = tuple(f"aeroBodyMomentCoefficient_{axis}" for axis in _AXES)
 #: Forces of the air, in body axes, or lift and drag in stability axes.
 FORCES = tuple(f"aeroBodyForceCoefficient_{axis}" for axis in "XYZ")
 LIFT = "totalCoefficientOfLift"
 DRAG = "totalCoefficientOfDrag"
 #: Outputs that are 0 where no file gives them.
 THRUST = tuple(f"thrustBodyForce_{axis}" for axis in "XYZ")
-THRUST_MOMENT = tuple(f"thrustBodyMoment_{axis}" for axis in ("Roll", "Pitch", "Yaw"))
+THRUST_MOMENT = tuple(f"thrustBodyMoment_{axis}" for axis in _AXES)
 CENTER = tuple(f"bodyPositionOfCmWrtMrc_{axis}" for axis in "XYZ")
+#: Outputs that must be positive.
+POSITIVE = (MASS, *INERTIA, AREA, SPAN, CHORD)
+
+_BY_UNIT = {
+    "1": ("mach", *MOMENTS, *FORCES, LIFT, DRAG),
+    "rad": ("angleOfAttack", "angleOfSideslip", *(f"eulerAngle_{axis}" for axis in _AXES)),
+    "rad/s": tuple(f"bodyAngularRate_{axis}" for axis in _AXES),
+    "ft": ("altitudeMSL", "altitudeMsl", "heightOfCgWrtRwy", SPAN, CHORD, *CENTER),
+    "ft/s": ("trueAirspeed", "equivalentAirspeed"),
+    "ft^2": (AREA,),
+    "slug": (MASS,),
+    "slug ft^2": (*INERTIA, *PRODUCTS),
+    "lbf": THRUST,
+    "ft lbf": THRUST_MOMENT,
+    "lbf/ft^2": ("dynamicPressure",),
+    "slug/ft^3": ("airDensity",),
+}
+#: Variable that the equations of an aircraft use -> its unit in them.
+UNIT_OF: Mapping[str, str] = {name: unit for unit, group in _BY_UNIT.items() for name in group}
