@@ -106,7 +106,7 @@ def sensor_fault(search: Search, fit: Fit, half: np.ndarray) -> str:
     fault = ""
     for name in _suspects(search, fit, half)[:_TRIED]:
         value, clear = _estimated(search, fit, name)
-        if clear > max(_CLEAR, best):
+        if clear > max(_CLEAR, best) and _is_plausible(search, name, value):
             best = clear
             unit = search.responses.model.time_unit if name.startswith("delay") else ""
             unit = search.responses.model.unit(name[5:]) if name.startswith("bias") else unit
@@ -115,6 +115,24 @@ def sensor_fault(search: Search, fit: Fit, half: np.ndarray) -> str:
             if _is_within_a_sample(search, name, value):
                 fault = "inputs are steps between their samples; add --inputs steps"
     return fault
+
+
+def _is_plausible(search: Search, name: str, value: float) -> bool:
+    """Whether an error is smaller than what its column reaches: a bias beyond it, or a scale that
+    more than halves or doubles, stands for motion that the model lacks."""
+    error = sensor_errors(search.responses.model, (name.partition("_")[2],))[name]
+    if error.kind == "scale":
+        return -0.5 < value < 1.0
+    if error.kind == "delay":
+        return True
+    inputs = list(search.responses.model.inputs)
+    columns = [
+        record.inputs[:, inputs.index(error.column)]
+        if error.column in inputs
+        else record.measured.get(error.column, np.zeros(1))
+        for record in search.records
+    ]
+    return abs(value) < max(float(np.nanmax(np.abs(column))) for column in columns)
 
 
 def _is_within_a_sample(search: Search, name: str, delay: float) -> bool:

@@ -32,6 +32,8 @@ _MEASURED = 10.0
 _HELD = 1e-6
 #: Steps end where the parameters move by less than this part of their standard deviations.
 SMALL = 1e-3
+#: A search that no step improves has ended at a minimum where the undamped step is smaller.
+_STUCK = 0.05
 _MOST_STEPS = 30
 _DAMPINGS = (0.0, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4)
 
@@ -156,10 +158,11 @@ class OutputError:
             if progress is not None:
                 progress(step, most_steps)
             change, _ = self._solved(found, 0.0)
-            is_small = change @ found.information @ change < small**2 * len(change)
+            size = math.sqrt(max(change @ found.information @ change / len(change), 0.0))
+            is_small = size < small
             level, lower = self._lowered(found, max(0, level - 1), step)
             if lower is None:
-                return replace(found, converged=bool(is_small))
+                return replace(found, converged=bool(size < max(small, _STUCK)))
             found = lower
             if is_small:
                 return replace(found, converged=True)
