@@ -111,6 +111,14 @@ FORGED: dict[str, tuple[str, Change, str]] = {
 }
 
 
+for _name in ("A", "B", "K", "inputs"):
+    FORGED[f"an error of {_name} too small"] = (
+        "models",
+        put(lambda error: 1e-3 * error, *CLAIM, "errors", _name),
+        f"the error of {_name}",
+    )
+
+
 @pytest.mark.parametrize("name", FORGED)
 def test_each_clause_refuses_its_forgery(name: str, tmp_path: Any) -> None:
     kind, change, message = FORGED[name]
