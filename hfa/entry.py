@@ -45,15 +45,17 @@ def _end(number: int, _: object) -> None:
     """
     code = _ENDING[signal.Signals(number).name]
     try:
-        # While that module loads it has no such function yet, and there is nothing to remove.
-        files = sys.modules.get("hfa_support.files")
-        remove_unfinished = getattr(files, "remove_unfinished", None)
-        if remove_unfinished is not None:
-            remove_unfinished()
         if sys.stderr is not None:
             os.write(
                 sys.stderr.fileno(),
                 b"hfa: interrupted\n" if code == INTERRUPTED else b"hfa: terminated\n",
             )
     finally:
-        os._exit(code)
+        try:
+            # While that module loads it has no such function yet, and there is nothing to remove.
+            files = sys.modules.get("hfa_support.files")
+            remove_unfinished = getattr(files, "remove_unfinished", None)
+            if remove_unfinished is not None:
+                remove_unfinished()
+        finally:
+            os._exit(code)

@@ -122,15 +122,22 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
 
 def remove_unfinished() -> None:
     """Remove the temporary files and folders of this process, for a process that ends inside their
-    blocks."""
+    blocks, at once after this.
+
+    Threads may still write: an empty file takes the place of each folder, so that none is made
+    again, until the end."""
     for path in tuple(_UNFINISHED):
         for _ in range(_REMOVALS):
             shutil.rmtree(path, ignore_errors=True)
             with suppress(OSError):
                 path.unlink()
-            if not path.exists():
+            with suppress(OSError):
+                path.touch(exist_ok=False)
                 break
             time.sleep(0.02)
+    for path in tuple(_UNFINISHED):
+        with suppress(OSError):
+            path.unlink()
 
 
 @contextmanager

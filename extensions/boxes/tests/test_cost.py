@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from hfa_aircraft.model import Model, Signal
-from hfa_boxes.check.cost import Polynomial
+from hfa_boxes.check.cost import CostInequality, Guess, Polynomial
 from hfa_boxes.check.cost_checker import CostWitness, check_cost, equilibrium_of, read_cost
 from hfa_boxes.check.cost_statement import CostStatement, Piece
-from hfa_boxes.check.plant import Plant
+from hfa_boxes.check.cover import Boxes
+from hfa_boxes.check.plant import Equilibrium, Plant
 from hfa_boxes.search.cost import CostBound, CostSearch
 from hfa_proof.checker.checker import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -171,3 +172,43 @@ def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
     FORGED[name](content["statement"], content["witness"])
     with pytest.raises((NoSolutionError, BadInputError)):
         check_cost(*read_cost(content, PENDULUM))
+
+
+def wagon(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"position": u.pull + u.push + 0.9 * u.pull * u.push}, {}
+
+
+WAGON = Model(
+    "wagon",
+    {"position": Signal("m")},
+    {"pull": Signal("N", 1.0, -1.0, 1.0), "push": Signal("N", 1.0, -1.0, 1.0)},
+    wagon,
+    trim={},
+)
+
+
+def test_no_inputs_lose_more_than_the_bound() -> None:
+    """g is 2 k y (a + b + .9 a b) + y² + a² + b²; about guesses on every side of the best inputs."""
+    limits = {"pull": (-1.0, 1.0), "push": (-1.0, 1.0)}
+    plant = Plant(WAGON, {}, {"position": 0.0}, {"pull": 0.0, "push": 0.0}, {}, limits)
+    k = 0.75
+    inequality = CostInequality(
+        plant,
+        Equilibrium(np.zeros(3), np.zeros(3)),
+        ONE,
+        np.eye(2),
+        ONE,
+        Polynomial(1, ((k, (2,)),)),
+        1.0,
+    )
+    y = 0.5
+
+    def g(a: Any, b: Any) -> Any:
+        return 2.0 * k * y * (a + b + 0.9 * a * b) + y**2 + a**2 + b**2
+
+    axis = np.linspace(-1.0, 1.0, 201)
+    least = g(axis[:, None], axis).min()
+    box = Boxes(np.array([[y]]), np.array([[40]]))
+    for guess in ([-0.5, 0.4], [0.4, -0.5], [0.6, 0.6], [-0.9, -0.9], [-0.28, -0.28]):
+        about = Guess(np.array([guess]), np.zeros((1, 2, 1)))
+        assert g(*guess) - inequality._loss(box, about)[0] <= least + 1e-6

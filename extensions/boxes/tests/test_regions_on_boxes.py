@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -14,8 +15,10 @@ from small_networks import imitation
 
 from hfa.main import main
 from hfa_aircraft.loading import load_model
-from hfa_boxes.check.checker import BoxWitness, check_region, read_content
+from hfa_aircraft.model import Model, Signal
+from hfa_boxes.check.checker import BoxWitness, _check_extents, check_region, read_content
 from hfa_boxes.check.cover import (
+    Boxes,
     Inequality,
     OpenBoxError,
     RefutedError,
@@ -24,6 +27,7 @@ from hfa_boxes.check.cover import (
     outside_ball,
 )
 from hfa_boxes.check.loop import Loop
+from hfa_boxes.check.plant import zero_near
 from hfa_boxes.check.statement import BoxStatement
 from hfa_boxes.commands.region import scalars
 from hfa_boxes.enclosure.program import Program
@@ -174,3 +178,58 @@ def test_rest_at_no_decrease_is_refused() -> None:
     x = ca.SX.sym("x", 2)
     with pytest.raises(OpenBoxError):
         cover(inequality(-(x[0] * x[1] - x[1] * x[0]), x, hole=3), 10**4)
+
+
+def test_boxes_that_touch_the_ball_are_not_outside() -> None:
+    """Their nearest corners are at .97 and 1.06."""
+    corners = Boxes(np.array([[0.75, 0.75], [0.8125, 0.8125]]), np.full((2, 2), 4))
+    assert outside_ball(corners).tolist() == [False, True]
+
+
+def test_the_hole_is_one_of_the_first_function_alone() -> None:
+    y = ca.SX.sym("y", 2)
+    bump = (y[0] - 0.05) ** 2
+    assert cover(inequality(ca.vertcat(ca.sumsqr(y), bump + 1e-4), y, hole=2), 10**5) > 1
+    with pytest.raises(OpenBoxError):
+        cover(inequality(ca.vertcat(ca.sumsqr(y), bump - 1e-4), y, hole=2), 10**5)
+
+
+@pytest.mark.parametrize("limits", [(-0.01, 9.0), (-9.0, 0.01)])
+def test_an_output_beyond_its_limits_is_refused(limits: tuple[float, float]) -> None:
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"angle": -x.angle}, {"load": x.angle}
+
+    model = Model(
+        "sink", {"angle": Signal("rad")}, {}, equations, outputs={"load": Signal("rad")}, trim={}
+    )
+    none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
+    one = np.eye(1)
+    for pair in ((-9.0, 9.0), limits):
+        loop = Loop(model, {}, {"angle": 0.0}, {}, {}, {"load": pair}, none)
+        statement = BoxStatement(loop, "", {"angle": 0.0}, one, 0.9, {"angle": 1.1})
+        if pair == limits:
+            with pytest.raises(NoSolutionError, match="inequality"):
+                check_region(statement, BoxWitness(one, 10**4))
+        else:
+            assert check_region(statement, BoxWitness(one, 10**4)) > 0
+
+
+@pytest.mark.parametrize("held", [-1.0, 2.0])
+def test_a_state_held_beyond_its_limits_is_refused(held: float) -> None:
+    loop = SimpleNamespace(states=(), held={"flap": held}, limits={"flap": (0.0, 1.0)})
+    decrease = SimpleNamespace(equilibrium=None, reach=lambda: [])
+    with pytest.raises(NoSolutionError, match="flap is held beyond its limits"):
+        _check_extents(SimpleNamespace(loop=loop), decrease)
+
+
+def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
+    """x² + 1 has no zero, x² - 1 has one."""
+    x = ca.SX.sym("x")
+    for constant in (1.0, -1.0):
+        program = Program(ca.Function("f", [x], [x**2 + constant]), "f")
+        near = (program, np.array([0.7]), np.ones(1), (0,))
+        if constant < 0.0:
+            assert zero_near(*near).x == pytest.approx([1.0])
+        else:
+            with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
+                zero_near(*near)

@@ -148,6 +148,13 @@ def _small_ball(content: Content) -> None:
     content["witness"]["parts"][0]["evidence"]["gram"] = gram
 
 
+def _said_to_be_empty(content: Content) -> None:
+    """The whole set, with evidence that 1 is positive and not -1."""
+    content["witness"]["parts"] = []
+    evidence = _square(0, 0, [1.0]) | {"multipliers": {}}
+    content["witness"]["empty"] = [{"inputs": [], "evidence": evidence}]
+
+
 def _put(value: Any, *path: Any) -> Callable[[Content], None]:
     def change(content: Content) -> None:
         holder: Any = content
@@ -184,6 +191,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
         _put([[SCALE, SCALE], [SCALE, SCALE]], "witness", "T"),
         "not proved invertible",
     ),
+    "a set said to be empty": (_said_to_be_empty, "empty"),
     "no part": (_put([], "witness", "parts"), "do not cover"),
     "an order below V": (_lower_order, "order"),
     "V of degree 1": (_put([[1.0, [1, 0]], [1.0, [0, 2]]], "statement", "terms"), "terms"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,12 @@ from hfa_proof.checker.modes import check_motion, least_and_most
 from hfa_proof.checker.reading import Fields, Malformed, Rejected
 from hfa_proof.checker.riccati import check_axis, distance_bounds
 from hfa_proof.checker.statement import Weights, read_statement
-from hfa_proof.checker.trims import check_branches, linear_model_on, root_offsets
+from hfa_proof.checker.trims import (
+    _root_offsets,
+    check_branches,
+    linear_model_on,
+    root_offsets,
+)
 from hfa_proof.checker.witness import Line, TrimBox
 
 _NO_SOLUTION = "a root|eigenvalue|Hurwitz"
@@ -57,6 +63,15 @@ def _slower(made: Any) -> None:
         box["pieces"][0]["bandwidth"][0] = 1e-3
 
 
+def _refused_with_a_value(made: Any) -> None:
+    """As the smallest delta one that has a value, with its positive solution as evidence."""
+    _, high = made["statement"]["delta_min"]
+    made["statement"]["delta_min"] = [high, made["statement"]["weights"]["delta"]]
+    witness = made["witness"]
+    del witness["frequencies"]
+    witness |= {"refused": witness["value"], "value": witness["solution"]}
+
+
 #: What is wrong -> kind of certificate, how, and the message of the clause that refuses it.
 FORGED: dict[str, tuple[str, Change, str]] = {
     "a trim above a limit": ("two trims", put([-9.0, 1.0], *FLIGHT, "limits", "x"), "x may lie"),
@@ -89,6 +104,7 @@ FORGED: dict[str, tuple[str, Change, str]] = {
         put(lambda ends: [1.1 * ends[1], 1.2 * ends[1]], *CLAIM, "delta_min"),
         _NO_SOLUTION,
     ),
+    "a value at the refused delta": ("scalar", _refused_with_a_value, "has another sign"),
     "other modes": ("scalar", put([1, 1], *CLAIM, "modes"), "modes"),
     "actuators too slow": ("actuators", _slower, "not positive definite"),
     "actuators too fast": ("actuators", _faster, "not positive definite"),
@@ -126,6 +142,12 @@ def test_each_clause_refuses_its_forgery(name: str, tmp_path: Any) -> None:
     change(made)
     with pytest.raises((Rejected, Malformed), match=message):
         check_certificate(forge(tmp_path / "forged.json", made), model=model_of(kind))
+
+
+def test_more_equations_than_unknowns_have_no_trim() -> None:
+    slopes = SimpleNamespace(slopes=[[_one(1.0)], [_one(1.0)]])
+    with pytest.raises(Rejected, match="as many equations as unknowns"):
+        _root_offsets([_one(0.0), _one(0.0)], slopes, [arb(1)])
 
 
 def test_bounds_of_a_distance_hold_all_of_a_box() -> None:
