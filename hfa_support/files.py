@@ -111,9 +111,10 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
 def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
     """A new private folder in `parent` (default: where temporary files go), removed after the block
     unless renamed."""
-    path = Path(tempfile.mkdtemp(prefix=".hfa-", dir=parent))
-    _UNFINISHED.add(path)
+    path = Path(parent or tempfile.gettempdir()) / f".hfa-{os.urandom(8).hex()}"
+    _UNFINISHED.add(path)  # first: a signal may end the process as soon as the folder is there
     try:
+        path.mkdir(mode=0o700)
         yield path
     finally:
         shutil.rmtree(path, ignore_errors=True)
