@@ -285,6 +285,7 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
     assert cycle.amplitude == pytest.approx(0.05, rel=2e-3)
     assert cycle.frequency == pytest.approx(3.0, rel=2e-3)
     assert found(lasting * np.exp(-0.1 * t)) is None
+    assert found(np.where(t % 1.0 < 0.5, 0.0, -0.0)) is None
     assert found(1e-3 * lasting) is None
     wave = Waveform(np.zeros(8), np.zeros(8), (Harmonic(3.0, np.ones(8), np.zeros(8)),))
     assert found(lasting, disturbance=wave) is None
