@@ -38,7 +38,7 @@ def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
 
 
 def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Report:
-    """What a certificate proves, as the checker has read it.
+    """Return the report of a checked certificate.
 
     not_given: subjects that the user did not give
     """

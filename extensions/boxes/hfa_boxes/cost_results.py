@@ -34,8 +34,8 @@ class BoundPiece(Result):
 class LowerBound(Result):
     """A lower bound of the cost of every flight that is proved.
 
-    statement: what is proved of it.
-    boxes: on how many boxes each piece is.
+    statement: the proved statement.
+    boxes: number of boxes of each piece.
     """
 
     keys = "proved states state_units trim equilibrium limits Q R pieces"
@@ -45,7 +45,7 @@ class LowerBound(Result):
 
     @property
     def proved(self) -> bool:
-        """True: what is not proved is not printed."""
+        """True: a bound that is not proved is not printed."""
         return True
 
     @property

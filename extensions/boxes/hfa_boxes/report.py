@@ -17,10 +17,10 @@ NOT_COVERED = "sampling, delay, actuators, disturbances not covered"
 def found_report(
     region: BoxRegion, policy: str, flight: str | None, not_covered: str = NOT_COVERED
 ) -> Report:
-    """What is proved, and what bounds it.
+    """Return the report of a proved region and its bounds.
 
-    policy: what it is, in words
-    flight: where a flight from the state with V' >= 0 ends; None without
+    policy: its description
+    flight: end of a flight from the state with V' >= 0; None without one
     not_covered: of the loop, in the title
     """
     statement = region.statement
@@ -45,7 +45,7 @@ def found_report(
 
 
 def checked_report(verified: VerifiedBoxes, policy: str, not_covered: str = NOT_COVERED) -> Report:
-    """What a certificate proves, as the checker has read it."""
+    """Return the report of a checked certificate."""
     statement = verified.statement
     checked = CheckedBoxes(statement, verified.boxes, verified.written)
     inputs = Table(

@@ -11,10 +11,10 @@ from hfa_support.reporting.results import Matrix, Result
 
 @dataclass(frozen=True, eq=False)
 class BoxSet(Result):
-    """A set that is proved.
+    """A proved set.
 
-    statement: what is proved of it.
-    boxes: on how many boxes V' < 0.
+    statement: the proved statement.
+    boxes: number of boxes on which V' < 0.
     """
 
     keys = "proved prover rho states state_units trim equilibrium policy limits extents P boxes"
@@ -24,7 +24,7 @@ class BoxSet(Result):
 
     @property
     def proved(self) -> bool:
-        """True: what is not proved is not printed."""
+        """True: a set that is not proved is not printed."""
         return True
 
     @property

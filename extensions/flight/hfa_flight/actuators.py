@@ -126,7 +126,7 @@ class ActuatorBank:
 
     @property
     def held_size(self) -> int:
-        """Those of `held_inputs` where a fault changes them; else none."""
+        """Return the number of `held_inputs` that a fault changes."""
         return 3 * len(self.lag) if self.faults else 0
 
     def held_inputs(self, time: float) -> np.ndarray:
@@ -148,7 +148,7 @@ class ActuatorBank:
         return _clipped(command, np.array(self.lowest) - trim, np.array(self.highest) - trim)
 
     def position(self, states: ca.SX, trim: np.ndarray) -> ca.SX:
-        """a, (m,): what the aircraft gets."""
+        """Return a, (m,): the inputs of the aircraft."""
         return states if self.order == 1 else self.reachable(states[: len(self.lag)], trim)
 
     def rates(self, states: ca.SX) -> ca.SX:

@@ -84,12 +84,12 @@ class LinearPlant(Plant):
 
     @property
     def chosen(self) -> np.ndarray:
-        """As of the model; all without a point."""
+        """Return the chosen states of the model; all without a point."""
         return np.eye(len(self.A)) if self.point is None else super().chosen
 
     @property
     def trim(self) -> np.ndarray:
-        """As of the point; 0 without one."""
+        """Return the trim of the point; 0 without one."""
         return np.zeros(self.B.shape[1]) if self.point is None else super().trim
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
@@ -116,7 +116,7 @@ class NonlinearPlant(Plant):
     uncertain: bool = False
 
     def __post_init__(self) -> None:
-        """A trim of other dynamics is none of this aircraft."""
+        """Refuse a trim of other dynamics."""
         self.point.refuse_other(self.model)
 
     @property
@@ -133,9 +133,9 @@ class NonlinearPlant(Plant):
         return rates + ca.mtimes(ca.DM(self.chosen.T), d)
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
-        """The output `ANGLE_OF_ATTACK` in winds, of a model that has one beside alpha.
+        """Return the output `ANGLE_OF_ATTACK` in winds, of a model that has one besides alpha.
 
-        BadInputError where it depends on an input: then it is no angle of the flow alone.
+        BadInputError where it depends on an input and is therefore not an angle of the flow.
         """
         model = self._in(winds)
         if not winds or not flown_through_air(model):
@@ -325,7 +325,7 @@ class ClosedLoop:
     def _measurements(
         self, t: ca.SX, state: StateParts, inputs: HeldParts, winds: dict[str, Any]
     ) -> Measurements:
-        """What the policy measures, with the noise of the sensors."""
+        """Return the measurements of the policy, with the noise of the sensors."""
         actuators = self.scenario.actuators
         noise = (self.scenario.noise or zero(len(self.plant.chosen))).at(t)
         if inputs.noise.numel():

@@ -21,12 +21,12 @@ from trim.point.operating_point import OperatingPoint
 
 
 class Departure(NamedTuple):
-    """What left the envelope first.
+    """The first departure from the envelope.
 
     state: its name, of `limited_names`
     time: s
-    value: there, in `unit`
-    limit: that it passed
+    value: at that time, in `unit`
+    limit: the exceeded limit
     """
 
     state: str
@@ -73,12 +73,12 @@ def flight_envelope(
     point: OperatingPoint,
     changes: Mapping[str, tuple[float, float]] | None = None,
 ) -> Limits:
-    """Limits of all states within which the equations of a model are meant to hold.
+    """Return the limits of all states within which the equations of a model are valid.
 
     These are min and max of the states, what the model limits about a trim (`Extras.envelope`), and
     `changes`: state -> (lowest, highest), absolute; `ANGLE_OF_ATTACK` is another name of alpha's.
 
-    BadInputError for a name that is no state, or when the trim lies outside.
+    BadInputError for a name that is not a state, or when the trim lies outside.
     """
     pairs = {name: (signal.min, signal.max) for name, signal in model.states.items()}
     if model.extras.envelope is not None:

@@ -24,7 +24,7 @@ _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
 
 
 def flight_figure(result: Flight, title: str) -> Figure:
-    """The picture of a flight over time on a figure of its own, as `drawn_flight` draws it."""
+    """Return the picture of a flight over time on a new figure, as `drawn_flight` draws it."""
     return drawn_flight(new_figure(10.0, 2.1), result, title)
 
 
@@ -128,7 +128,7 @@ def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
 
 
 def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:
-    """The limits where what they limit, (N,), came near them."""
+    """Draw the limits that the values, (N,), approach."""
     lowest, highest = limits
     for limit, near in (
         (lowest, limited.min() < lowest + 0.2 * (highest - lowest)),

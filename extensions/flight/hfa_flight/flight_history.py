@@ -12,7 +12,7 @@ from hfa_support.reporting.fields import Shown
 
 @dataclass(frozen=True, repr=False)
 class Deviations(Shown):
-    """What was flown, one row a step; deviations from trim.
+    """A flight as deviations from the trim, one row a step.
 
     times: (N,), s
     states: (N, n), of the plant

@@ -27,7 +27,7 @@ def series(flight: Flight, name: str) -> np.ndarray:
 
 
 def frame(flight: Flight) -> Any:
-    """Of pandas: a column a state and an input, absolute, with the index time, s."""
+    """Return a pandas table of states and inputs, absolute, with the index time, s."""
     import pandas
 
     columns = [*flight.model.states, *flight.model.inputs]
@@ -36,8 +36,8 @@ def frame(flight: Flight) -> Any:
 
 
 def dataset(flight: Flight) -> Any:
-    """Of xarray: a variable a state and an input, absolute, over time, with units; NAME_linear is
-    the prediction of the linear model."""
+    """Return an xarray Dataset of states and inputs, absolute, over time, with units; NAME_linear
+    is the prediction of the linear model."""
     import xarray
 
     model = flight.model

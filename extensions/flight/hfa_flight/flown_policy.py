@@ -1,5 +1,5 @@
-"""The policy of a flight, from what a script has: a gain, a critic, a solution, a deployment, steps
-of inputs, or a Python function."""
+"""The policy of a flight, made of a gain, a critic, a solution, a deployment, steps of inputs, or a
+Python function."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class PythonPolicy(Policy):
         return sample
 
     def _numbers(self, returned: Any) -> np.ndarray:
-        """U (m,) of what the function returned."""
+        """Return the result of a function as U, (m,)."""
         inputs = self.point.inputs._asdict()
         if isinstance(returned, Mapping):
             for name in returned:

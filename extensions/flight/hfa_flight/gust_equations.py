@@ -1,9 +1,8 @@
-"""Gusts as the equations of an aircraft take them: linear velocities and rates of rotation of the
-air.
+"""Gusts in the equations of an aircraft: linear velocities and rates of rotation of the air.
 
 Components: u, v, w, velocities of the air forward, to the right and down, in level axes along the
-heading; p, q, r, which add to the rates of the aircraft relative to the air. A model takes a
-component by a disturbance of its own, or, where its states have the usual names and units, by its
+heading; p, q, r, which add to the rates of the aircraft relative to the air. A component enters a
+model by a disturbance of the model, or, where its states have the usual names and units, by its
 equations for still air at the motion relative to the air (`in_gusts`).
 """
 
@@ -116,7 +115,7 @@ def in_gusts(model: Model) -> Model:
 class _InGusts:
     """(x, u, p, w) -> rates by state, outputs by name, of a model in gusts.
 
-    added: the components beside the disturbances that the model declares.
+    added: the components besides the disturbances that the model declares.
     """
 
     model: Model

@@ -45,11 +45,12 @@ class Gust:
         return ca.SX(0, 1)
 
     def left_out(self, model: Model) -> list[str]:
-        """What of it the equations of a model do not take, and why, in a sentence each."""
+        """Return sentences on the components that the equations of a model omit, with the
+        reasons."""
         return []
 
     def text(self, model: Model) -> str:
-        """What a reader of a flight should know of it; "" for nothing."""
+        """Return the note on it for the report of a flight; "" for none."""
         return ""
 
     def start(self) -> np.ndarray:

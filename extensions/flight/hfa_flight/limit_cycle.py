@@ -28,7 +28,7 @@ _ROUNDS = 4
 
 
 class LimitCycle(NamedTuple):
-    """What oscillates most, in nominal sizes.
+    """The largest oscillation, in nominal sizes.
 
     name: of an input or state
     amplitude: half of peak to peak, in `unit`
@@ -41,7 +41,8 @@ class LimitCycle(NamedTuple):
     unit: str
 
     def motion(self) -> str:
-        """What goes on, by how much and how fast, in degrees for angles."""
+        """Return the oscillating variable, its amplitude and frequency in words, in degrees for
+        angles."""
         size = short_number(self.amplitude, self.unit)
         if self.unit != "1":
             size += f" {shown_unit(self.unit)}"
@@ -53,7 +54,7 @@ class LimitCycle(NamedTuple):
 
 
 class Decay(NamedTuple):
-    """What oscillates most, in nominal sizes, and becomes smaller at an even rate.
+    """The largest oscillation, in nominal sizes, that decays at a constant rate.
 
     name: of an input or state
     time_to_half: s

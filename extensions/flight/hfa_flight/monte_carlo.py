@@ -1,4 +1,4 @@
-"""A Monte Carlo of flights: a plan of random scenarios, and what is kept of each member."""
+"""A Monte Carlo of flights: a plan of random scenarios, and the stored results of each member."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class MonteCarlo(StatesAndInputs, Shown):
         self.loop()  # what cannot be flown is refused here rather than in a worker
 
     def member(self, number: int) -> Scenario:
-        """What happens in one member; turbulence is met at the trimmed speed."""
+        """Return the scenario of one member; turbulence at the trimmed speed."""
         return self.scenario.drawn(self.seed, number, self.point)
 
     def loop(self) -> ClosedLoop:
@@ -169,8 +169,8 @@ def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndar
 
 
 def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
-    """What is kept of the flight of a member: of its steps inside the envelope, and the state and
-    memory after them."""
+    """Return the stored results of a member's flight: of its steps inside the envelope, and the
+    state and memory after them."""
     scenario = result.loop.scenario
     flight = result.flight
     left = result.departure

@@ -1,5 +1,5 @@
-"""What became of the members of a Monte Carlo: how many stayed within their limits, and quantiles
-of their errors."""
+"""The outcomes of the members of a Monte Carlo: the number within their limits, and quantiles of
+their errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Read = Callable[[str], np.ndarray]
 
 
 def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
-    """What became of the members of a plan.
+    """Return the outcomes of the members of a plan.
 
     plan: of the flights
     read: name of a result -> its values, (N, ...), one for each member
@@ -84,7 +84,7 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
 
 
 def _counts_text(plan: MonteCarlo, found: MemberSummary) -> str:
-    """How many stayed within limits, and what the others did, a line each."""
+    """Return the number of members within limits and the outcomes of the others, a line each."""
     lines = [f"stayed within limits: {found.within_limits} of {plan.members}"]
     if found.first_left is not None:
         lines.append(

@@ -1,4 +1,5 @@
-"""A flight of the nonlinear aircraft beside the prediction of its linear model, and its report."""
+"""A flight of the nonlinear aircraft compared with the prediction of its linear model, and its
+report."""
 
 from __future__ import annotations
 
@@ -183,7 +184,7 @@ def fly_within(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightHistory(Result):
-    """What the files of a flight have beside its data.
+    """Further content of the files of a flight.
 
     history: once a tick, all absolute: times (N,), states (N, n), inputs (N, m), angles_of_attack
         (N,); errors (N, k), updrafts (N,), or (N, 2) at center and outer panels; winds, disturbance
@@ -330,7 +331,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def rms_error(self) -> Mapping[str, float]:
-        """Of each state of the linear model, over the second half."""
+        """Return the rms error of each state of the linear model, over the second half."""
         late = self.flight.errors[len(self.flight.errors) // 2 :]
         return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
 
@@ -360,7 +361,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def commanded(self) -> Mapping[str, Any] | None:
-        """With a controller: errors of what it regulates."""
+        """Return the errors of the variables that a controller regulates; None without one."""
         return self.loop.policy.tracking_errors(self.flight) or None
 
     @property
@@ -374,8 +375,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What to know before trusting the result: of the operating point, and of inputs that move
-        although their dynamics are left out."""
+        """Return the notes on the result: on the operating point, and on inputs that move although
+        their dynamics are omitted."""
         moved = np.ptp(self.inputs, axis=0) > 0.0
         inputs = zip(self.model.inputs.values(), moved, strict=True)
         return [
@@ -422,7 +423,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return np.array(drawn_flight(figure, self, self.title()).axes)
 
     def figure(self) -> Figure:
-        """The picture of `plot` on a figure of its own."""
+        """Return the picture of `plot` on a new figure."""
         from hfa_flight.flight_figure import flight_figure
 
         return flight_figure(self, self.title())
@@ -460,7 +461,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, notes, self.as_data(), self._records())
 
     def _air_notes(self, through_air: bool) -> list[str]:
-        """What the air does, and what the limits of the envelope are about."""
+        """Return notes on the motion of the air and on the variables that the envelope limits."""
         gust = self.loop.scenario.gust
         limited = [OVER_GROUND] if through_air else []
         if gust is None:

@@ -1,5 +1,4 @@
-"""Options of a flight: the policy that flies, and what happens; what they name as a law and a
-`Scenario`."""
+"""Options of a flight: the policy and the scenario."""
 
 from __future__ import annotations
 
@@ -63,7 +62,7 @@ _IN_PLACE = {
 
 
 def among(names: tuple[str, ...], model: Model, name: str, text: str) -> float:
-    """What was typed for one of the names."""
+    """Return the value typed for one of the names."""
     if name not in names:
         raise BadInputError(f"is not among {', '.join(names)}")
     return quantity(model, name, text)
@@ -267,7 +266,7 @@ def turbulence_option() -> Any:
 def at_held_altitude(
     typed: Turbulence | tuple[float, float] | None, hold: Mapping[str, Any]
 ) -> Turbulence | tuple[float, float] | None:
-    """The typed turbulence, at the altitude of --hold where it has none of its own."""
+    """Return the typed turbulence, at the altitude of --hold unless it states its own."""
     if isinstance(typed, Turbulence) and typed.altitude is None and "altitude" in hold:
         return replace(typed, altitude=hold["altitude"])
     return typed
@@ -308,7 +307,7 @@ def _disturbed(model: Model, name: str, text: str) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScenarioOptions(LawOptions, TrimOptions):
-    """What happens in the flight besides a reference; everything is off by default."""
+    """The scenario of a flight besides a reference; everything is off by default."""
 
     duration: float | None = option("length of the flight; default 20", "S", number, default=20.0)
     initial: Mapping[str, float] = option(
@@ -440,8 +439,8 @@ class FlightOptions(ScenarioOptions):
         return ("Q", "R") if self.samples is None else ()
 
     def flight(self) -> PlannedFlight:
-        """What flies from where, by which policy, through what, within which limits; the commands
-        are the reference."""
+        """Return the flight to simulate: trim, policy, scenario and limits; the commands are the
+        reference."""
         from hfa_flight.policies import open_loop
 
         self.check_policy()
@@ -474,7 +473,7 @@ class FlightOptions(ScenarioOptions):
     def _controller_policy(
         self, model: Model, point: OperatingPoint, steps: CommandSteps
     ) -> tuple[Policy, Any]:
-        """The policy of --controller, and what it follows."""
+        """Return the policy of --controller and its reference."""
         from hfa_flight.gain_schedule import GainSchedule
         from hfa_flight.scheduled_gains import scheduled_gains
 
@@ -494,7 +493,7 @@ class FlightOptions(ScenarioOptions):
 
 
 class PlannedFlight(NamedTuple):
-    """What flies from where, by which law, through what, within which limits."""
+    """A flight to simulate: trim, policy, scenario and limits."""
 
     model: Model
     point: OperatingPoint

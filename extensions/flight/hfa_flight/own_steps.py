@@ -69,7 +69,7 @@ class _SteppedLoop(CompiledLoop):
         self._tick = _OwnTick(self, steps)  # type: ignore[assignment]
 
     def observed_at(self, time: float, x: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """What is observed at a time."""
+        """Return the observations at a time."""
         return np.array(self._observed(time, x, held)).ravel()
 
     def inputs_in(self, observed: np.ndarray) -> np.ndarray:

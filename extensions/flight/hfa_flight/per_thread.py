@@ -1,4 +1,4 @@
-"""What each thread makes and keeps for itself."""
+"""Objects that each thread makes for itself."""
 
 from __future__ import annotations
 

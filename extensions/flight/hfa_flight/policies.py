@@ -1,5 +1,4 @@
-"""What acts in a flight: policies as CasADi expressions, with their held inputs and their
-memory."""
+"""Policies in a flight, as CasADi expressions, with their held inputs and their memory."""
 
 from __future__ import annotations
 
@@ -23,13 +22,13 @@ from trim.point.operating_point import OperatingPoint
 
 
 class Measurements(NamedTuple):
-    """What a policy measures, as deviations from trim, noise of the sensors included.
+    """The measurements of a policy, as deviations from trim, with the noise of the sensors.
 
     error: (k,), x - x_d of the states of the linear model
     states: (k,), x
     positions: (m,), of the actuators; (0,) without actuators
     rates: (m,), of the actuators; (0,) where they have none
-    updraft: (1,), of the air, for outputs that feel it; (0,) in still air
+    updraft: (1,), of the air, for outputs that depend on it; (0,) in still air
     """
 
     error: ca.SX
@@ -44,11 +43,11 @@ class Policy(Shown):
     """u = control(t, measurements, memory, held),
     memory' = memory_rate(t, measurements, memory, held, applied).
 
-    name: what reports call it
-    held: (N, h), its held inputs: row k during tick k (zero-order hold), the last row ever after
+    name: its name in reports
+    held: (N, h), its held inputs: row k during tick k (zero-order hold), then the last row
     start: (l,), the memory at the beginning
-    identity: data for JSON that decide what it does
-    fastest: 1/s, size of its own fastest mode; decides how finely a step is divided
+    identity: data for JSON that identify it
+    fastest: 1/s, size of its fastest mode, which determines the division of a step
     """
 
     name: str
@@ -85,12 +84,14 @@ class Policy(Shown):
         return row
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray] | None:
-        """Of a policy that samples: (tick, measured) -> its held inputs (h,) in that tick, with a
-        memory of one flight; None of another. measured: (n,), the states off trim, with noise."""
+        """Return, for a policy that samples, (tick, measured) -> its held inputs (h,) in that tick,
+        with a memory of one flight; else None.
+
+        measured: (n,), deviations of the states from the trim, with noise."""
         return None
 
     def data(self, model: Model) -> dict[str, Any]:
-        """What JSON says of the policy of a flight of this model."""
+        """Return the data for JSON on the policy of a flight of this model."""
         return {"law": self.name}
 
     def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:

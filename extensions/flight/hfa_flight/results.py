@@ -1,4 +1,4 @@
-"""What this extension writes, each entry declared once."""
+"""Results of this extension, with each entry declared once."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from hfa_support.reporting.results import Result, Vector
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MemberSummary(Result):
-    """What became of the members of a Monte Carlo.
+    """The outcomes of the members of a Monte Carlo.
 
     dynamics: published or newton, or the name of another model.
     plant: nonlinear or linear.
-    law: whose gain flies.
+    law: origin of the gain.
     members: flights.
-    seed: of what is drawn.
+    seed: of all random numbers.
     duration: s.
     within_limits: flights that stayed inside the envelope and the control limits.
-    held: flights that stayed inside the envelope.
+    held: flights inside the envelope.
     first_left: s, of the first to leave.
     left: flights that left by a state.
     exceeded: flights in which an input exceeded its control limit.
     limit_cycle: flights that end in an oscillation of an input or state that does not decay.
     quantiles: which quantiles.
-    rms_error: the same, over the whole flight.
+    rms_error: quantiles of each state, over the whole flight.
     peak_error: quantiles of each state.
     effort: of each input.
     peak_deviation: in moving air.
-    store: where the members are kept, null when they are not.
-    warnings: what to know before trusting the result.
+    store: store of the members, null without one.
+    warnings: notes on the result.
     final: at the end.
     """
 
@@ -91,7 +91,7 @@ class MemberAttributes(Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Exported(Result):
-    """What was exported.
+    """Exported files.
 
     files: file, bytes.
     """

@@ -38,18 +38,18 @@ MOST_STEPS = 10_000_000
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What is drawn anew for each member; nothing unless given.
+    """The random quantities of each member; none by default.
 
     errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value
-    noise: state of the linear model -> standard deviation of what its sensor adds, drawn anew every
-        tick and held
+    noise: state of the linear model -> standard deviation of its sensor's noise, drawn every tick
+        and held
     turbulence: `Turbulence` of MIL-F-8785C, (intensity, scale) of vertical Dryden turbulence in the
         units of the model, or None
 
-    BadInputError when a deviation is negative; `Scenario.on` looks at the names.
+    BadInputError when a deviation is negative; `Scenario.on` checks the names.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's
-    `SeedSequence`: one kind of randomness more or less leaves the draws of the others as they are.
+    `SeedSequence`: adding one kind of randomness does not change the draws of the others.
     """
 
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -86,7 +86,7 @@ class Uncertainty:
 
 
 def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
-    """Of one kind of randomness of a member."""
+    """Return the seed sequence of one kind of randomness of a member."""
     return np.random.SeedSequence(seed, spawn_key=(member, kind))
 
 

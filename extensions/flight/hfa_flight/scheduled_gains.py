@@ -1,4 +1,4 @@
-"""Gains over the scheduling variable in flight, along the trims of what is commanded of it."""
+"""Gains over the scheduling variable in flight, along the trims of its commands."""
 
 from __future__ import annotations
 
@@ -113,16 +113,16 @@ def scheduled_gains(
     commands: CommandSteps,
     condition: Callable[[float], TrimCondition],
 ) -> ScheduledGainPolicy:
-    """The policy of a schedule of gains through commands of the scheduling variable.
+    """Return the policy of a gain schedule that follows commands of the scheduling variable.
 
     name: of the policy
-    base: the trim in which the flight begins
-    commands: of the scheduling variable alone, deviations from `base`; none to stay there
+    base: the initial trim of the flight
+    commands: of the scheduling variable, deviations from `base`; none to stay there
     condition: scheduling value -> its trim
 
-    BadInputError when the model is not scheduled over a state of its linear model, K takes more
-    than the states, something else is commanded, or the gains do not cover what is.
-    NoSolutionError where there is no trim.
+    BadInputError when the model is not scheduled over a state of its linear model, K has more
+    columns than states, another variable is commanded, or the gains do not cover the commands.
+    NoSolutionError where no trim exists.
     """
     model = schedule.model
     if model.schedule not in model.linear:

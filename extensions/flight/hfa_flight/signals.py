@@ -147,7 +147,7 @@ class CommandSteps(Shown):
         return self._summed(t, lambda late: self._response(late)[1])
 
     def end(self, t: Any) -> ca.SX:
-        """r_step(t), (k,): what the filter is on its way to."""
+        """Return r_step(t), (k,): the target of the filter."""
         return self._summed(t, lambda late: late >= 0.0)
 
     def sampled(self, times: np.ndarray) -> np.ndarray:

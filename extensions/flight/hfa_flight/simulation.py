@@ -178,8 +178,8 @@ def _parts_of_a_step(loop: ClosedLoop) -> int:
 def _tick(
     rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int
 ) -> ca.Function:
-    """([t; y], held) -> [t; y] after each of the `count` steps of a tick, and what is observed at
-    the beginning of each. parts: of a step."""
+    """Return ([t; y], held) -> [t; y] after each of the `count` steps of a tick, and the
+    observations at the beginning of each. parts: divisions of a step."""
     now = ca.SX.sym("now", 1 + rate.numel_in(1))
     held = ca.SX.sym("held", rate.numel_in(2))
     later = _runge_kutta(rate, now, held, step / parts)

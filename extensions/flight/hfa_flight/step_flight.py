@@ -19,15 +19,15 @@ _ROWS = 11
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StepFlight(Result, Reported):
-    """What was flown.
+    """A flight of a plant in discrete time.
 
     problem: the plant and its cost
-    policy: what flew
+    policy: the policy
     states: (N + 1, n), before each step and after the last
     inputs: (N, m), of each step
     costs: (N,), αᵏ (x'Qx + 2x'Nu + u'Ru) of each step
     radius: the spectral radius of A - B K
-    warnings: defaults of the plant that were taken
+    warnings: defaults of the plant that were used
     """
 
     schema = "hfa.step-flight/1"
@@ -48,7 +48,7 @@ class StepFlight(Result, Reported):
 
     @property
     def cost(self) -> float:
-        """Of all steps, discounted."""
+        """Return the discounted cost of all steps."""
         return float(self.costs.sum())
 
     @property

@@ -211,11 +211,11 @@ class TurbulentAir(Gust):
     """u, v, w, p, q, r of a flight: white noise through filters, exact at the ticks, between which
     they are linear. The flight begins in stationary turbulence.
 
-    p: filter σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s) of noise of its own.
-    q = w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s): what the frozen gust makes along
-    the body.
+    p: filter σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s) of an independent noise. q =
+        w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s), of the frozen gust along the
+        body.
 
-    turbulence: what it is drawn of. lengths, intensities: as of `Scales`. altitude: ft.
+    turbulence: its parameters. lengths, intensities: as of `Scales`. altitude: ft.
     feet: length of a foot in the model's unit. speed: V, ft/s. interval: s, of a tick.
     ticks: of the flight. seed: of the noise.
     taken: component -> disturbance of the model -> factor. trimmed_at: altitude of the trim, ft.
@@ -271,7 +271,7 @@ class TurbulentAir(Gust):
         return matrix
 
     def text(self, model: Model) -> str:
-        """What it is, in a line."""
+        """Return the turbulence in words, in a line."""
         unit = "ft" if self.feet == 1.0 else "m"
         numbers = [
             " ".join(f"{value * self.feet:.4g}" for value in dict.fromkeys(values))
@@ -347,7 +347,7 @@ class AirFilter:
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Of the stationary states: A P + P A' + π B B' = 0."""
+        """Return the covariance of the stationary states: A P + P A' + π B B' = 0."""
         from scipy.linalg import solve_continuous_lyapunov
 
         return np.asarray(solve_continuous_lyapunov(self.A, -np.pi * self.B @ self.B.T))
@@ -407,7 +407,7 @@ def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
 
 
 def _together(parts: list[_Filter]) -> _Filter:
-    """Filters side by side, each with noise of its own."""
+    """Return filters in parallel, each with an independent noise."""
     from scipy.linalg import block_diag
 
     A, B, C = (block_diag(*blocks) for blocks in zip(*parts, strict=True))

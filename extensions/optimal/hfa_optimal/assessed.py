@@ -1,4 +1,4 @@
-"""Flights of a deployed policy beside the best ones, for `hfa assess --best`."""
+"""Flights of a deployed policy compared with the best ones, for `hfa assess --best`."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def best_costs(
 
 
 def _ratios(flights: Sequence[PolicyFlight]) -> Ratios | None:
-    """Of the flights that end at the trim; None where none does."""
+    """Return the ratios of the flights that end at the trim; None where none does."""
     over = [each.over_best for each in flights if each.over_best is not None]
     if not over:
         return None

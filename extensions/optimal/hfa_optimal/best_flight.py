@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PolicyFlight(Result):
-    """The flight of a policy from the same start, beside the best that was found.
+    """The flight of a policy, compared with the best flight found from the same initial condition.
 
     policy: its name.
     converges: whether it ends in the trim.
     cost: None where it does not.
     over_best: its cost over that of the best flight found.
-    departure: what left the envelope first: state, time, value, limit; None where nothing did.
-    saturated: inputs that were at a limit.
+    departure: the first departure from the envelope: state, time, value, limit; None without one.
+    saturated: saturated inputs.
     """
 
     policy: str
@@ -47,7 +47,7 @@ class PolicyFlight(Result):
 
     @staticmethod
     def of(flown: Flown, best: float | None) -> PolicyFlight:
-        """A flight beside the cost of the best one; None where none was found."""
+        """Return a flight compared with the cost of the best one; None without it."""
         cost = flown.cost if flown.converges else None
         ratio = None if cost is None or best is None else cost / best
         return PolicyFlight(
@@ -112,7 +112,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
 
     @property
     def proposed_cost(self) -> float:
-        """What the optimizer says of it."""
+        """The cost that the optimizer reports."""
         return self.found.proposal.cost
 
     @property
@@ -185,8 +185,8 @@ class BestFlight(StatesAndInputs, Result, Reported):
         return (self.found.linear, *self.others)
 
     def report(self) -> Report:
-        """Its cost beside those of the policies, how far the optimizer was believed, and within
-        which limits."""
+        """Return the report: its cost and those of the policies, the distance of the optimizer's
+        proposal, and the limits."""
         rows = [("best flight found", f"{self.cost:.6g}", "1", "converges")]
         lines = [_saturated("best flight found", self.saturated)]
         for flown, policy in zip(self.compared, self.policies, strict=True):
@@ -259,7 +259,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
         return np.array(self._drawn(pyplot.figure(layout="constrained")).axes)
 
     def figure(self) -> Figure:
-        """The picture of `plot` on a figure of its own."""
+        """Return the picture of `plot` on a new figure."""
         from hfa_support.reporting.figure import new_figure
 
         return self._drawn(new_figure(10.0, 8.0))
@@ -275,7 +275,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
 
 
 def bracket_text(ratio: float) -> str:
-    """Of a cost, its ratio to a lower bound."""
+    """Return the ratio of a cost to a lower bound in words."""
     return f"between 1.00 and {ratio:.2f} of the best possible"
 
 

@@ -89,10 +89,10 @@ def _not_narrower(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
 def lower_bound(
     path: Path, problem: FlightProblem, progress: Progress | None = None
 ) -> CostStatement:
-    """The bound of a certificate that is proved of the flights of a problem.
+    """Return the bound that a certificate proves for the flights of a problem.
 
     BadInputError or NoSolutionError where the certificate is not about these flights, or does not
-    prove what it states.
+    prove its statement.
     """
     if problem.inputs != tuple(problem.model.inputs):
         raise BadInputError(f"{path}: is of flights in which all inputs move; leave inputs out")

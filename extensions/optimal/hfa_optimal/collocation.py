@@ -116,10 +116,10 @@ def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndar
 
 
 def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
-    """(N,), lengths of the intervals between these ends, each moved to a step of the simulator, so
-    that what is flown are the inputs that were proposed; at least one step each.
+    """Return (N,), lengths of the intervals between these ends, each rounded to steps of the
+    simulator, which then applies the proposed inputs; at least one step each.
 
-    step: s; the last end is so many whole steps."""
+    step: s; the last end is a whole number of steps."""
     whole = np.round(ends / step).astype(int)
     number = np.arange(len(whole))
     whole = np.maximum.accumulate(whole - number) + number
@@ -221,7 +221,7 @@ class Transcription:
         margin: float = MARGIN,
         price: float = 1.0,
     ) -> Proposal:
-        """What IPOPT makes of a guess.
+        """Return the proposal of IPOPT from a guess.
 
         start: (k,), z at the begin. lengths: (N,), s.
         margin: how far inside the limits of the states it stays, as `inner_limits` takes it.

@@ -1,4 +1,4 @@
-"""Flights of a problem with the project's own simulator, and what they cost."""
+"""Flights of a problem in the project's simulator, and their costs."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ _FAR = 1e4
 
 
 class Flown(NamedTuple):
-    """A flight, and what it costs.
+    """A flight and its cost.
 
     name: of the policy.
     times: (N,), s. states: (N, n), absolute. inputs: (N, m), absolute.
     cost: with the linear cost of its end; inf where it does not end in the trim.
     tail: the linear cost of its end.
-    departure: which state left the envelope first; None where none did.
-    saturated: names of the inputs that were at a limit.
+    departure: the state that first left the envelope; None without one.
+    saturated: names of saturated inputs.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Flown(NamedTuple):
         return self.departure is not None or not self.converges
 
     def outcome(self) -> str:
-        """What became of it, in words."""
+        """Return the outcome in words."""
         if self.departure is None:
             return "converges" if self.converges else "does not converge"
         left = self.departure.text()
@@ -89,8 +89,8 @@ class Flights:
 
     @cached_property
     def step(self) -> float:
-        """s, of the integration: the fastest mode of the aircraft and of the linear loop is slow
-        beside it."""
+        """The step of the integration, s, short compared with the fastest mode of the aircraft and
+        of the linear loop."""
         linear = self.problem.linear
         loop = linear.A - linear.B @ self.problem.K
         modes = np.concatenate([np.linalg.eigvals(linear.A), np.linalg.eigvals(loop)])

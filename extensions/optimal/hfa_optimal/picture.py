@@ -26,9 +26,9 @@ def drawn(
     seconds: float,
     title: str,
 ) -> Figure:
-    """A panel a state of the linear model, and one for each input that moves.
+    """Draw a panel for each state of the linear model and for each input that moves.
 
-    flights: with what the legend calls them; the first is the one found."""
+    flights: with their names in the legend; the first is the one found."""
     names = [*problem.states, *problem.inputs]
     panels = figure.subplots(-(-len(names) // 3), 3, sharex=True).ravel()
     for name, axes in zip(names, panels, strict=False):

@@ -25,7 +25,7 @@ class Pilot(NamedTuple):
     loop: CompiledLoop
 
     def fly(self, flights: Flights, start: np.ndarray, seconds: float) -> Flown:
-        """Its flight from a start z, (k,)."""
+        """Return its flight from the initial condition z, (k,)."""
         return flights.fly(self.loop, start, seconds)._replace(name=self.name)
 
 
@@ -54,5 +54,5 @@ def card_pilot(flights: Flights, path: Path) -> Pilot:
 
 
 def deployed_pilot(flights: Flights, name: str, policy: Policy, scenario: Scenario) -> Pilot:
-    """A policy with ticks of its own."""
+    """Return a policy with ticks of its own."""
     return Pilot(name, flights.compiled(policy, scenario))

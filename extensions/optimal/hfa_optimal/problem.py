@@ -1,4 +1,4 @@
-"""What flies, to where, at what price and within which limits."""
+"""The problem of a flight: aircraft, target, cost and limits."""
 
 from __future__ import annotations
 

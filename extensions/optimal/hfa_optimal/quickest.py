@@ -53,13 +53,13 @@ _HELD = 0.5
 
 @dataclass(frozen=True, eq=False, repr=False)
 class QuickestFlight(StatesAndInputs, Result, Reported):
-    """The quickest flight found from a start to a trim within limits. It was flown by the
-    simulator, so that the least time is at most its own; that none is quicker is not proved.
+    """The quickest flight found from an initial condition to a trim within limits. It was
+    simulated; its time is an upper bound of the least time. It is not proved that none is quicker.
 
-    problem: what flies to where and within which limits.
-    proposal: what the flight follows.
+    problem: aircraft, target and limits.
+    proposal: the flight of the optimizer, which is followed.
     flown: the flight, with the linear policy after the arrival.
-    meshes: intervals -> time that was proposed, s.
+    meshes: intervals -> proposed time, s.
     reserve: part of the distance to each limit that the proposal leaves to the policy.
     """
 
@@ -144,7 +144,7 @@ class QuickestFlight(StatesAndInputs, Result, Reported):
         return envelope_pairs(self.problem)
 
     def report(self) -> Report:
-        """Its time, where it begins and arrives, and within which limits."""
+        """Return the report: its time, its initial and final trim, and the limits."""
         rows = []
         most = largest_deviations(self.proposal)
         for name, farthest in zip(self.problem.states, most.tolist(), strict=True):

@@ -63,7 +63,7 @@ Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class Found(NamedTuple):
-    """A flight that was found and flown, and what it was compared with.
+    """A flight that was found and simulated.
 
     flown: the flight. proposal: what it follows. seconds: the horizon.
     meshes: intervals -> cost that was proposed. guesses: name of a guess -> cost that came of it,

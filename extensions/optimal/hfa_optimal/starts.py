@@ -1,4 +1,4 @@
-"""Best flights from many starts, and the policies beside them."""
+"""Best flights from many initial conditions, compared with policies."""
 
 from __future__ import annotations
 
@@ -218,8 +218,8 @@ def starts_table(
     progress: Progress | None = None,
     bound: CostStatement | None = None,
 ) -> StartsTable:
-    """The best flights from starts (N, k), and those of policies; what an interruption leaves is
-    kept."""
+    """Return the best flights from initial conditions (N, k), and those of policies; an
+    interruption keeps the finished ones."""
     done: list[StartFlights] = []
     try:
         for start in starts:

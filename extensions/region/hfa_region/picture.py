@@ -33,9 +33,10 @@ _FLOWN = 40
 
 
 def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
-    """The set where all deviations but two are 0, for the first pairs of states: what is proved,
-    where V' >= 0 was found first, the level of the nearest start that was lost, and the first start
-    on each of some rays in this plane that was lost. Angles are in degrees.
+    """Return sections of the set where all deviations but two are 0, for the first pairs of states:
+    the proved set, the level where V' >= 0 was found first, the level of the nearest initial
+    condition that does not converge, and the first such one on each of some rays. Angles are in
+    degrees.
 
     box: (n,), largest deviations at which a critic is compared, in the units of the states"""
     from matplotlib.figure import Figure
@@ -93,8 +94,8 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
 
 
 def _draw_box(axes: Axes, x: float, y: float) -> None:
-    """The box of half widths x and y; the view reaches to its sides where they are not too far, and
-    where they are the label says how far."""
+    """Draw the box of half widths x and y; the view includes its sides where they are near, else
+    the label states them."""
     axes.plot(x * _CORNERS[0], y * _CORNERS[1], "k:", label="box of a critic's comparison")
     for half, side in ((x, axes.xaxis), (y, axes.yaxis)):
         low, high = side.get_view_interval()

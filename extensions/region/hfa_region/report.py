@@ -23,9 +23,7 @@ if TYPE_CHECKING:
 
 
 def region_report(region: Region) -> Report:
-    """What is proved, and what bounds it.
-
-    region: proved"""
+    """Return the report of a proved region and its bounds."""
     statement = region.proved.statement
     bounds = region.bounds
     reaches = extents_of(statement, region.T)
@@ -67,7 +65,7 @@ def region_report(region: Region) -> Report:
 
 
 def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> Report:
-    """What a certificate proves, as the checker has read it.
+    """Return the report of a checked certificate.
 
     not_given: parts of its subject that the user did not give; the title names them
     """

@@ -21,10 +21,10 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ProvedSet(Result):
-    """A set that is proved.
+    """A proved set.
 
-    statement: what is proved of it.
-    parts: on how many parts of the set, or of its edge, V' < 0 is proved.
+    statement: the proved statement.
+    parts: number of parts of the set, or of its edge, on which V' < 0 is proved.
     reaches: state -> lowest and highest deviation in the set.
     """
 
@@ -36,7 +36,7 @@ class ProvedSet(Result):
 
     @property
     def proved(self) -> bool:
-        """True: what is not proved is not printed."""
+        """True: a set that is not proved is not printed."""
         return True
 
     @property

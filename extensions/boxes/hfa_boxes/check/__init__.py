@@ -1,1 +1,1 @@
-"""What decides whether an inequality holds; it takes nothing of the search but numbers."""
+"""The checker of an inequality on boxes: it uses only numbers of the search."""

@@ -1,14 +1,14 @@
-"""Checks a region: reads what is claimed, and proves it by repeating the subdivision.
+"""Checks a region: reads its statement, and proves it by repeating the subdivision.
 
-The theorem. S = {z'P z <= rho} lies in the unit ball of y, z = T y. In S, V' < 0 but at the
-equilibrium: about that by the enclosed Jacobian, elsewhere on boxes that cover the ball. All limits
-hold in S. A trajectory exists while it is in S, V falls along it, so that it never leaves; and it
+The theorem. S = {z'P z <= rho} lies in the unit ball of y, z = T y. In S, V' < 0 except at the
+equilibrium: about it by the enclosed Jacobian, elsewhere on boxes that cover the ball. All limits
+hold in S. A trajectory exists while it is in S, V decreases along it, and it never leaves S. It
 converges to the only point of S where V' = 0 (LaSalle). Where the equations switch, trajectories
-are those of Filippov. The search is not trusted: of it the checker takes T, a choice of
+are those of Filippov. The search is not trusted: the checker uses only its T, a choice of
 coordinates, and the number of boxes after which it gives up.
 
     loop.py       equilibrium, V', the hole     cover.py    branch and bound
-    statement.py  what is claimed               ../enclosure/  Taylor models"""
+    statement.py  the claim                     ../enclosure/  Taylor models"""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _MOST_BOXES = 100_000_000
 
 @dataclass(frozen=True, eq=False)
 class BoxWitness:
-    """What the checker is told beside the claim.
+    """The data of a checker besides the claim.
 
     T: (n, n), coordinates
-    boxes: after so many it gives up
+    boxes: largest number of boxes
     """
 
     T: np.ndarray
@@ -52,9 +52,9 @@ class BoxWitness:
 class VerifiedBoxes:
     """A region that is proved.
 
-    statement: what is proved, every field of which the checker has interpreted
-    boxes: on how many boxes V' < 0 is proved
-    written: version, command and date in the file, which nothing verifies
+    statement: the proved statement, every field of which the checker has interpreted
+    boxes: number of boxes on which V' < 0 is proved
+    written: version, command and date in the file, not verified
     """
 
     statement: BoxStatement
@@ -102,15 +102,15 @@ def _check_extents(statement: BoxStatement, decrease: Decrease) -> None:
 def check_certificate(
     path: Path, policy: ca.Function, progress: Progress | None = None, model: Model | None = None
 ) -> VerifiedBoxes:
-    """What the file proves of a policy.
+    """Return the region that a file proves for a policy.
 
     path: the certificate
     policy: the user's; deviations of the states -> those of the inputs
-    progress: told of the boxes
-    model: that of a certificate about a user's own aircraft
+    progress: called with the number of boxes
+    model: the user's aircraft, for a certificate about it
 
-    BadInputError when the file is none or was edited, or is about another model or policy; Rejected
-    when its entries are not understood or do not prove what it states.
+    BadInputError when the file is not a certificate, was edited, or is about another model or
+    policy; Rejected when entries are not understood or do not prove the statement.
     """
     content, written = read_sealed(path)
     with naming(path):
@@ -122,7 +122,7 @@ def check_certificate(
 def read_content(
     content: dict[str, Any], model: Model | None, policy: ca.Function
 ) -> tuple[BoxStatement, BoxWitness]:
-    """Statement and witness of a certificate's content; Malformed names what it cannot hold."""
+    """Return statement and witness of a certificate's content; Malformed names an invalid entry."""
     entries = claims_of(content)
     entries.same("kind", KIND)
     statement = BoxStatement.read(entries.value("statement", lambda value: True), model, policy)

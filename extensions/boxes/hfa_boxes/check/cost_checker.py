@@ -1,7 +1,7 @@
-"""Checks a lower bound of the cost: reads what is claimed, and repeats the subdivision.
+"""Checks a lower bound of the cost: reads its statement, and repeats the subdivision.
 
-The theorem is in `cost.py`. The search is not trusted: of it the checker takes which states and
-inputs are solved for at the equilibrium, and the number of boxes after which it gives up."""
+The theorem is in `cost.py`. The search is not trusted: the checker uses only its choice of unknown
+states and inputs at the equilibrium, and the number of boxes after which it gives up."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _MOST_BOXES = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class CostWitness:
-    """What the checker is told beside the claim.
+    """The data of a checker besides the claim.
 
     solved: states and inputs that are unknown at the equilibrium; the others have the trim's value
-    boxes: of each piece, after so many it gives up
+    boxes: largest number of boxes of each piece
     """
 
     solved: tuple[str, ...]
@@ -47,9 +47,9 @@ class CostWitness:
 class VerifiedCost:
     """A lower bound that is proved.
 
-    statement: what is proved, every field of which the checker has interpreted
-    boxes: on how many boxes, of each piece
-    written: version, command and date in the file, which nothing verifies
+    statement: the proved statement, every field of which the checker has interpreted
+    boxes: number of boxes of each piece
+    written: version, command and date in the file, not verified
     """
 
     statement: CostStatement
@@ -103,14 +103,14 @@ def check_cost(
 def check_cost_certificate(
     path: Path, progress: Progress | None = None, model: Model | None = None
 ) -> VerifiedCost:
-    """What the file proves.
+    """Return the lower bound that a file proves.
 
     path: the certificate
-    progress: told of the boxes
-    model: that of a certificate about a user's own aircraft
+    progress: called with the number of boxes
+    model: the user's aircraft, for a certificate about it
 
-    BadInputError when the file is none or was edited, or is about another model; Rejected when its
-    entries are not understood or do not prove what it states.
+    BadInputError when the file is not a certificate, was edited, or is about another model;
+    Rejected when entries are not understood or do not prove the statement.
     """
     content, written = read_sealed(path)
     with naming(path):
@@ -120,7 +120,7 @@ def check_cost_certificate(
 
 
 def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStatement, CostWitness]:
-    """Statement and witness of a certificate's content; Malformed names what it cannot hold."""
+    """Return statement and witness of a certificate's content; Malformed names an invalid entry."""
     entries = claims_of(content)
     entries.same("kind", KIND)
     statement = CostStatement.read(entries.value("statement", lambda value: True), model)

@@ -1,5 +1,5 @@
-"""What is claimed of the cost: every field is interpreted by the checker or refused; all of it is
-in the digest, and a report shows it."""
+"""The statement about a lower bound of the cost. The checker interprets or refuses every field, the
+digest covers all of them, and a report shows them."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def _piece(entries: Fields, n: int) -> Piece:
 
 
 def _polynomial(entries: Fields, n: int) -> Polynomial:
-    """Its terms, each of degree 2 or more and once."""
+    """Read the terms of a polynomial, each of degree 2 or more and listed once."""
     listed = entries.value("W", lambda value: isinstance(value, list))
     require(0 < len(listed) <= _MOST_TERMS, "W", len(listed))
     terms = []

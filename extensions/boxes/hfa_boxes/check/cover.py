@@ -82,7 +82,7 @@ class RefutedError(OpenBoxError):
 
 
 class Question(Protocol):
-    """What is to be decided on every box of the cube |y_i| <= 1."""
+    """A property to decide on every box of the cube |y_i| <= 1."""
 
     @property
     def n(self) -> int:
@@ -196,5 +196,5 @@ def _joined(first: Boxes, last: Boxes) -> Boxes:
 
 
 def rejected(error: OpenBoxError) -> Rejected:
-    """What a checker says of it."""
+    """Return the error as the checker's rejection."""
     return Rejected(f"the inequality is not proved: {error}")

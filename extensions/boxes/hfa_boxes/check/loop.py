@@ -50,7 +50,8 @@ class Loop(Plant):
         return ca.vertcat(*saturated)
 
     def deviations(self, z: ca.SX) -> ca.SX:
-        """What the policy commands at the deviation z, beyond the inputs at the trim."""
+        """Return the deviation of the inputs from the trim that the policy commands at the
+        deviation z."""
         if self.policy.n_in() == 1:
             return self.policy(z)
         at_trim = {**self.trim, **self.held}

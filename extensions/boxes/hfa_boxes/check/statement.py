@@ -1,5 +1,5 @@
-"""What is claimed of a region whose policy is a function: every field is interpreted by the checker
-or refused; all of it is in the digest, and a report shows it."""
+"""The statement about a region whose policy is a function. The checker interprets or refuses every
+field, the digest covers all of them, and a report shows them."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
 
 
 def digest_of(policy: ca.Function) -> str:
-    """SHA-256 of what a policy computes: its instructions and all digits of its numbers.
+    """Return the SHA-256 of a policy's instructions and all digits of its numbers.
 
     BadInputError where it is too large to be proved."""
     function = policy.expand() if policy.is_a("MXFunction") else policy
@@ -129,8 +129,8 @@ def digest_of(policy: ca.Function) -> str:
 def model_limits(
     model: Model, states: Mapping[str, float], parameters: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """Lowest and highest value of every state, input and output that has one: min and max of its
-    declaration, and within what the model says of flights about this trim.
+    """Return lowest and highest value of every state, input and output with limits: min and max of
+    its declaration, and the envelope of the model about this trim.
 
     states: all of them, at the trim
     parameters: name -> value
@@ -181,7 +181,7 @@ def _limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
 
 
 def pair_of(limits: tuple[float, float]) -> list[float | None]:
-    """As a file has it."""
+    """Return the limits as stored in a file."""
     return [end if np.isfinite(end) else None for end in limits]
 
 

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ProvedPolicy:
-    """A policy of which a region is proved.
+    """A policy for which a region is proved.
 
     function: as `Loop.policy`
-    words: what it is
-    known: matrices that may be V, by what they are
+    words: its description
+    known: candidates for V, by description
     not_covered: of its loop, in the title
     """
 

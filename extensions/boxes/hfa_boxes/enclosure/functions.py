@@ -2,8 +2,8 @@
 
 Over [low, high] about a centre t0 in it: f(t0 + d) = a + b d + c d² ± rest. `curve` is Taylor's
 polynomial of degree 2 with the third derivative enclosed over the range, `line` has c = 0 and holds
-over wide ranges. Every rest holds the rounding of its own numbers. What is not defined on a range
-has the rest inf or nan: nothing is bounded there."""
+over wide ranges. Every rest includes the rounding of its own numbers. A function that is not
+defined on a range has the rest inf or nan."""
 
 from __future__ import annotations
 

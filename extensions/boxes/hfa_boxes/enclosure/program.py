@@ -47,7 +47,7 @@ _SPARSE = 0.5
 
 
 class Node(NamedTuple):
-    """What is not affine.
+    """A node that is not affine.
 
     kind: "product", "square", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), or a function of
         one variable.

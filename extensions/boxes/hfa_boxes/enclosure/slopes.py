@@ -49,7 +49,7 @@ class Intervals(NamedTuple):
 
 
 class Jacobian(NamedTuple):
-    """Of the outputs (k,) of a program: values (k,), slopes (k, inputs)."""
+    """Values (k,) and slopes (k, inputs) of the outputs (k,) of a program."""
 
     values: Intervals
     slopes: Intervals

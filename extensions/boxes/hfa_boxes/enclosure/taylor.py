@@ -5,8 +5,8 @@ Over the box centre + half_width s, |s_i| <= 1, each value is c_0 + Σ c_i s_i +
 
 Rounding. A product or a sum of k terms in doubles is off by at most (k + 1) u / (1 - (k + 1) u)
 times the sum of their sizes, u = 2⁻⁵³ (Higham, Accuracy and Stability of Numerical Algorithms,
-Section 3.1). `size`, the sum of all |c| and the radius, bounds the terms: what is added to a radius
-is a multiple of it. A radius itself is rounded upward by a factor. Sources: Makino and Berz, Taylor
+Section 3.1). `size`, the sum of all |c| and the radius, bounds the terms; a multiple of it is added
+to the radius. A radius itself is rounded upward by a factor. Sources: Makino and Berz, Taylor
 models and other validated functional inclusion methods, IJPAM 4 (2003)."""
 
 from __future__ import annotations
@@ -231,9 +231,9 @@ def _nearer(curve: Parabola, line: Parabola, of_square: np.ndarray) -> Parabola:
 
 
 def lowest(models: Models, n: int) -> np.ndarray:
-    """(values, boxes), below every value on the box: the larger of two bounds of the parabola.
+    """Return (values, boxes), a lower bound on the box: the larger of two bounds of the parabola.
 
-    One bounds each product s_i s_j, i < j, by ±1, the other by ±(s_i² + s_j²) / 2; what is left is
+    One bounds each product s_i s_j, i < j, by ±1, the other by ±(s_i² + s_j²) / 2; the remainder is
     a parabola in each s_i, whose lowest value is known."""
     i, j, _ = pairs_of(n)
     is_square = i == j

@@ -1,1 +1,1 @@
-"""The search for what the checker proves."""
+"""The search for regions and bounds that the checker proves."""

@@ -117,9 +117,9 @@ class CostSearch:
         self.starts = half * np.random.default_rng(0).uniform(-1.0, 1.0, (4000, len(half)))
 
     def found(self) -> CostBound:
-        """The bounds on growing sets; NoSolutionError where none is proved.
+        """Return the bounds on growing sets; NoSolutionError where none is proved.
 
-        An interruption leaves what is proved."""
+        An interruption keeps the proved ones."""
         costs = np.einsum("ki,ij,kj->k", self.starts, self.P, self.starts)
         proved: list[_Proved] = []
         stopped = ""

@@ -42,14 +42,14 @@ _ENDLESS = 10**9
 
 @dataclass(frozen=True, eq=False)
 class BoxRegion:
-    """A proved region, and what is known of its V.
+    """A proved region, and further data on its V.
 
     statement: proved
-    witness: that proves it
-    boxes: on how many boxes V' < 0
-    origin: what V is
-    rises: the lowest level at which V' >= 0 was found, and where (n,); inf and None for none
-    stopped: why no larger level is proved
+    witness: its evidence
+    boxes: number of boxes on which V' < 0
+    origin: V in words
+    rises: the lowest level at which V' >= 0 was found, and the state (n,); inf and None for none
+    stopped: the reason why no larger level is proved
     """
 
     statement: BoxStatement
@@ -62,11 +62,11 @@ class BoxRegion:
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """V = z'P z.
+    """A candidate V = z'P z.
 
     limit: its largest level by samples and limits
-    origin: what it is
-    rises: where V' >= 0 was found
+    origin: V in words
+    rises: the state at which V' >= 0 was found
     """
 
     P: np.ndarray
@@ -80,12 +80,12 @@ class OutOfTimeError(NoSolutionError):
 
 
 class RegionSearch:
-    """What is proved in a given time.
+    """The search for a region in a given time.
 
     loop: with its policy
-    known: matrices that may be V, by what they are
+    known: candidates for V, by description
     seconds: of processor time
-    progress: told what is done
+    progress: called with the current step
     save: called with every region that is proved
     """
 
@@ -187,8 +187,8 @@ class RegionSearch:
         return np.asarray(T @ np.linalg.eigh(S + S.T)[1])
 
     def _best(self) -> tuple[str, np.ndarray, float, tuple[float, np.ndarray | None]]:
-        """The V with the largest sampled set: what it is, P, its largest level by samples and
-        limits, and where V' >= 0 was found."""
+        """Return the V with the largest sampled set: its description, P, its largest level by
+        samples and limits, and where V' >= 0 was found."""
         best = None
         largest = 0.0
         n = len(self.J)

@@ -128,7 +128,7 @@ def _write_function(request: ExportRequest) -> int:
 def _written_card(
     request: ExportRequest, card: Path, model: Model, point: OperatingPoint, origin: str
 ) -> list[Path]:
-    """What a deployed policy commands at a sample."""
+    """Write the command of a deployed policy at a sample."""
     from hfa_flight.export.fmu import write_fmu
 
     policies = part(PARTS, "policies", "--policy")

@@ -93,8 +93,8 @@ def units_of(model: Model, names: Sequence[str]) -> dict[str, str]:
 
 
 def displaced_state(model: Model) -> tuple[str, float]:
-    """What an example starts off trim: the speed by 1 ft/s, or the first state of the linear model
-    by 1 % of its size."""
+    """Return the initial deviation of an example: the speed by 1 ft/s, or the first state of the
+    linear model by 1 % of its size."""
     if "speed" in model.states:
         return "speed", 1.0
     name = model.linear[0]

@@ -31,9 +31,9 @@ class Channel(NamedTuple):
     """One number of a loop.
 
     unit: None where it depends on the controller
-    start: its value at the beginning
+    start: its initial value
     size: one scaled unit
-    rate_unit: of its rate; None where nobody asks for it
+    rate_unit: of its rate; None where it is not needed
     """
 
     name: str
@@ -45,8 +45,8 @@ class Channel(NamedTuple):
 
 @dataclass(frozen=True)
 class Argument:
-    """A vector that is given from outside, in place of one that varies with time in a known way or
-    of what is measured."""
+    """A vector that is an input of the loop, in place of a known function of time or of a
+    measurement."""
 
     value: ca.SX
 
@@ -72,9 +72,9 @@ class GivenInputs(Policy):
 
 
 class Steering(NamedTuple):
-    """What sets the inputs of an exported loop, about a trim.
+    """The source of the inputs of an exported loop, about a trim.
 
-    policy: of whose memory each state has a channel in `states`
+    policy: each state of its memory has a channel in `states`
     arguments: channels of v
     v: (k,), symbols
     reference: x_d, in v
@@ -82,7 +82,7 @@ class Steering(NamedTuple):
     filtered: (f,), symbols of the states of a filter of the arguments
     filtered_rate: (f,), their rates
     sets_inputs: False where v are the inputs themselves
-    longest_step: s, that Runge-Kutta 4 may take
+    longest_step: s, of Runge-Kutta 4
     """
 
     policy: Policy

@@ -114,8 +114,9 @@ def _said(origin: Provenance) -> str:
 
 
 def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
-    """modelDescription.xml: states, their rates, the inputs of the aircraft where something sets
-    them, those of the loop. An output is a state of the aircraft or what is set."""
+    """Return modelDescription.xml: states, their rates, the inputs of the aircraft where something
+    sets them, and those of the loop. An output is a state of the aircraft or an input that is
+    set."""
     root = xml.Element(
         "fmiModelDescription",
         fmiVersion="2.0",

@@ -168,14 +168,14 @@ def _on_basis(
     parts: Mapping[str, str],
     origin: str,
 ) -> Critic:
-    """The polynomial of a single layer on the basis.
+    """Return the critic of a single layer on the basis.
 
     game: of the critic.
-    stored: what the file has.
+    stored: content of the file.
     functions: of the basis.
     scales: (n,), of the states.
-    parts: which of `OUTPUTS` were asked for.
-    origin: what the critic is.
+    parts: the requested ones of `OUTPUTS`.
+    origin: description of the critic.
     """
     layer = stored.on_basis
     assert layer is not None
@@ -192,8 +192,8 @@ def _on_basis(
 
 
 def _parts(network: str) -> dict[str, str]:
-    """Which of `OUTPUTS` ("": not said) -> the part of the file, of "value" or
-    "V=value,policy=actor"."""
+    """Return the kind in `OUTPUTS` ("": not stated) -> the part of the file, from text such as
+    "value" or "V=value,policy=actor"."""
     parts: dict[str, str] = {}
     for item in network.split(","):
         output, equals, part = item.strip().rpartition("=")
@@ -206,16 +206,16 @@ def _parts(network: str) -> dict[str, str]:
 
 
 def is_taken_as_policy(name: str, size: int, m: int) -> bool:
-    """Whether one output on a plant with one input, of which nobody says what it is, is u, not
-    V."""
+    """Return whether a single output on a plant with one input is u, not V, where no option states
+    its kind."""
     return name not in OUTPUTS and size == m == 1
 
 
 def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str]:
-    """What each output of a network is, by its name where that is one of `OUTPUTS`, else by its
-    size.
+    """Return the kind of each output of a network, by its name where that is one of `OUTPUTS`, else
+    by its size.
 
-    part: of the file that was asked for.
+    part: the requested part of the file.
     """
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}

@@ -71,16 +71,16 @@ class Layer(NamedTuple):
 
 
 class NetworkFile(NamedTuple):
-    """What a file of a network holds.
+    """The content of a network's file.
 
-    functions: what was asked for, or the name of an output -> x (n,) -> its numbers (k,).
+    functions: requested part, or name of an output -> function from x (n,) to its numbers (k,).
     chain: the operations in their order, as "6 -> tanh 64 -> 1".
     precision: of the weights in the file, as "float32".
     on_basis: the only layer, where it acts on the basis and not on the states; then there are no
         functions.
-    rows: the same as `functions` on many rows at once, where that is faster.
-    squashes: what stands behind some of the functions, which do not hold it.
-    normalizers: what stands before some of them, which hold it.
+    rows: `functions` for many rows at once, where that is faster.
+    squashes: operations after some of the functions, which do not include them.
+    normalizers: operations before some of the functions, which include them.
     """
 
     functions: dict[str, ca.Function]
@@ -100,15 +100,15 @@ def network_in(
     features: int = 0,
     inputs: int = 0,
 ) -> NetworkFile:
-    """The network in a file.
+    """Return the network in a file.
 
-    states: of the plant, which it takes.
+    states: number of states of the plant, its inputs.
     activation: one of `ACTIVATIONS`, between the layers of a state dict; after a comma that of its
         output.
-    parts: what is asked for -> which tensors, by a word in their names or more with + between them,
-        or which output of an ONNX graph; "policy" without a word is all that is of no critic.
-    features: size of the basis; a single layer of as many inputs acts on the basis.
-    inputs: of the plant, which a Q takes behind the states.
+    parts: requested kind -> its tensors, by words in their names with + between them, or an output
+        of an ONNX graph; "policy" without a word means all tensors outside critics.
+    features: size of the basis; a single layer with this number of inputs acts on the basis.
+    inputs: number of inputs of the plant, which follow the states in a Q.
 
     BadInputError, one line that names the file.
     """
@@ -258,10 +258,10 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
 
 
 def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
-    """The only order in which each layer takes what the one before gives, and the numbers in the
+    """Return the only order in which the sizes of consecutive layers fit and the numbers in the
     names of one kind increase.
 
-    BadInputError where there is more than one. Where there is none, the order of the numbers.
+    BadInputError where several orders fit. Where none fits, the order of the numbers is returned.
     """
     by_kind: dict[str, list[Layer]] = {}
     for layer in sorted(layers, key=_numbers):

@@ -307,11 +307,11 @@ _ELEMENTWISE = (
 
 
 class GraphFunctions(NamedTuple):
-    """What an ONNX graph computes.
+    """The functions of an ONNX graph.
 
-    functions: what was asked for, or the name of the output -> x (states,), of a Q
-        (states + inputs,) -> its numbers.
-    rows: the same name -> the function of many x at once, where a product is large.
+    functions: requested kind, or name of the output -> function of x (states,), of a Q (states +
+        inputs,).
+    rows: name -> function of many x at once, where a product is large.
     precision: of its weights, "float32" or "float64".
     operators: on x with the sizes of their results, as one line.
     """
@@ -325,12 +325,12 @@ class GraphFunctions(NamedTuple):
 def graph_functions(
     path: Path, states: int, inputs: int, outputs: Mapping[str, str]
 ) -> GraphFunctions:
-    """The functions of the graph in a file.
+    """Return the functions of the graph in a file.
 
-    path: of the file; weights beside it are read from files of its folder.
-    states: how many the plant has.
-    inputs: how many the plant has.
-    outputs: what is asked for -> the name of an output of the graph; "" for all of them.
+    path: of the file; external weights are read from files of its folder.
+    states: their number in the plant.
+    inputs: their number in the plant.
+    outputs: requested kind -> name of an output of the graph; "" for all.
 
     BadInputError without the package onnx, and for a graph that is not read.
     """
@@ -571,7 +571,7 @@ def _refuse_more(size: int, inputs: Any) -> None:
 
 
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
-    """What was asked for, or the name of an output -> that name."""
+    """Return the requested kind, or the name of an output -> that name."""
     names = [item.name for item in graph.output]
     found = {}
     for kind, output in outputs.items():

@@ -1,8 +1,7 @@
-"""The tensors of a state dict by what they do: layers, a normalizer before them, a squash behind.
+"""The tensors of a state dict by function: layers, a normalizer before them, a squash after them.
 
-Checkpoints of rsl_rl, rl_games, skrl and CleanRL hold more than layers. What these libraries write
-is known by the names of the tensors. Any other tensor that may act on the network is refused by its
-name.
+Checkpoints of rsl_rl, rl_games, skrl and CleanRL hold more than layers. The names of the tensors
+identify the library. Any other tensor that may act on the network is refused by its name.
 """
 
 from __future__ import annotations
@@ -112,7 +111,7 @@ def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
 
 
 def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
-    """Sort the tensors of a state dict by what they do.
+    """Sort the tensors of a state dict by function.
 
     part: words of the names of the layers, with + between them; "" for all.
     is_policy: whether "" is the policy alone, and not a critic in the same file.
@@ -156,12 +155,12 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
 
 
 def refuse_others(others: Tensors, takes: int, gives: int) -> None:
-    """BadInputError for tensors beside a network that may act on what it takes or gives.
+    """Raise BadInputError for further tensors that may act on the inputs or outputs of a network.
 
     others: of a state dict, in none of the networks that are read.
-    takes, gives: numbers of inputs and outputs of the network.
+    takes, gives: number of inputs and of outputs of the network.
 
-    Linear layers elsewhere are another network, unless they could stand before, behind or beside
+    Other linear layers are another network, unless their sizes fit before, after or in parallel to
     this one.
     """
     chains: dict[str, list[tuple[str, np.ndarray]]] = {}
@@ -249,7 +248,7 @@ def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
 def _normalizer_of(
     found: Mapping[str, Normalizer], layers: Tensors, of_critic: bool
 ) -> Normalizer | None:
-    """The normalizer of what a network takes, among those of a file."""
+    """Return the normalizer of a network's inputs, among those of a file."""
     own = {stem: each for stem, each in found.items() if _is_of_critic(stem) == of_critic}
     if of_critic:
         for stem in own:

@@ -134,8 +134,8 @@ def refuse_pickle_bomb(content: bytes) -> None:
 
 
 def refuse_shared(stored: Any) -> None:
-    """BadInputError where what a pickle holds has more leaves than `_MOST_STEPS`, shared ones
-    counted where they are used: 32 lists that each hold the next one twice have 2^32."""
+    """Raise BadInputError where the content of a pickle has more leaves than `_MOST_STEPS`,
+    counting shared ones at each use: 32 lists that each contain the next one twice have 2^32."""
     counts: dict[int, int] = {}
     waiting = [stored]
     while waiting:
@@ -152,7 +152,7 @@ def refuse_shared(stored: Any) -> None:
 
 
 def _inside(value: Any) -> list[Any]:
-    """What a container of a pickle holds."""
+    """Return the items of a container of a pickle."""
     if isinstance(value, dict):
         return [*value, *value.values()]
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -209,7 +209,8 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
-    """What torch.save writes, or stable-baselines3, whose policy.pth is such a file."""
+    """Return the tensors in a file of torch.save; the policy.pth of stable-baselines3 is such a
+    file."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         _refuse_large(archive)
         names = archive.namelist()

@@ -32,7 +32,7 @@ class NotReadError(Exception):
 
 
 class Node(NamedTuple):
-    """What is not affine.
+    """A node that is not affine.
 
     kind: "tanh", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), "square" or "product".
     rows: of its one or two arguments.
@@ -173,7 +173,7 @@ class _Reader:
         return {self._node("product", first, last): _ONE}
 
     def _degree(self, row: Row) -> float:
-        """Of a polynomial of the inputs; inf for what is none."""
+        """Return the degree of a polynomial in the inputs; inf for other functions."""
         if not row.keys() <= self._powers.keys():
             return math.inf
         return max(len(self._powers[variable]) for variable in row)

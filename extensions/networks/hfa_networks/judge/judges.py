@@ -1,5 +1,5 @@
-"""What this extension offers to the judge of critics: findings about one that is a nonlinear
-function of the state."""
+"""The findings of this extension for the judge of critics, on a critic that is a nonlinear function
+of the state."""
 
 from __future__ import annotations
 

@@ -18,14 +18,14 @@ _BATCH = 1024
 
 
 class Proof(NamedTuple):
-    """What is proved of the errors of a network.
+    """The proved bound on the errors of a network.
 
     what: "error" of V, its slopes and the policy, "error of the policy", "of V and its slopes".
-    error: none is larger, relative as searched, ...
+    error: proved upper bound, relative as searched, ...
     fraction: ... at any state |z_i| <= fraction b_i of the box; 0 where nothing is proved.
-    boxes: into how many the box was divided.
-    beyond: a state (n,) where one is larger, which ended the proof; None where there is none.
-    is_of_all: whether it is of all errors that are compared.
+    boxes: number of boxes in the subdivision.
+    beyond: a state (n,) with a larger error, which ended the proof; None without one.
+    is_of_all: whether it covers all errors that are compared.
     """
 
     what: str
@@ -51,8 +51,8 @@ def prove(
     seconds: float,
     progress: Progress | None = None,
 ) -> Proof | None:
-    """What is proved of |errors(z)| <= limit for |z_i| <= b_i within so many seconds; None where
-    the function has operations that have no bound.
+    """Return the proved part of |errors(z)| <= limit for |z_i| <= b_i after `seconds`; None where
+    the function has operations without a bound.
 
     A box that is not bounded by the limit is halved across the input that contributes most to the
     width of its bound. Those nearest to z = 0 come first, so the fraction grows.

@@ -46,15 +46,15 @@ Expression = Callable[[ca.SX], ca.SX]
 
 
 class Flown(NamedTuple):
-    """What flights of a network from the box showed; the names are those of the JSON.
+    """The results of flights of a network from the box; the names are those of the JSON.
 
-    flights: from how many starts; 0 where the linear loop is unstable.
+    flights: number of initial conditions; 0 where the linear loop is unstable.
     cost_lost_flown_percent: beyond V*, at most.
     cost_lost_flown_mean_percent: on average.
-    rest_point: (n,), where the linear loop comes to rest; None for nowhere.
-    reach: the largest multiple of the box from which it returns, on the linear plant.
-    reach_nonlinear: on the nonlinear plant; None without one.
-    reach_nonlinear_exact: there, of the exact policy.
+    rest_point: (n,), the equilibrium of the linear loop; None without one.
+    reach: the largest multiple of the box from which it converges, on the linear plant.
+    reach_nonlinear: that multiple on the nonlinear plant; None without one.
+    reach_nonlinear_exact: that multiple on the nonlinear plant, of the exact policy.
     """
 
     flights: int = 0
@@ -79,7 +79,7 @@ class Loop(Protocol):
 
 
 class TimeAxis(Protocol):
-    """The plant of a critic, in continuous time or in steps: what a policy does on it.
+    """The plant of a critic with a policy, in continuous or discrete time.
 
     With w = L* z, the worst disturbance of the exact policies, a policy u costs J - V* = the sum
     over time of (u - u*)' `price` (u - u*).
@@ -100,7 +100,8 @@ class TimeAxis(Protocol):
         """Without disturbance."""
 
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Under w = L* z; its cost is that of u - u*, less what is left of it at rest."""
+        """Return the loop under w = L* z; its cost is that of u - u*, less the remaining cost at
+        the equilibrium."""
 
 
 class InTime:
@@ -223,7 +224,7 @@ class _FlowLoop:
         self._bound = self._slopes_of(0.0)
 
     def with_cost(self, running: Expression) -> _FlowLoop:
-        """The same loop with a cost; running(z) is 0 at rest."""
+        """Return the loop with a cost; running(z) is 0 at the equilibrium."""
         self._bound = self._slopes_of(running(self._z))
         return self
 
@@ -314,7 +315,7 @@ class _StepLoop:
 
 
 def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
-    """z (n,) with rates(z) = 0 near 0, by Newton; None where there is none within
+    """Return z (n,) with rates(z) = 0 near 0, by Newton's method; None where none is found within
     `_FARTHEST_REST` boxes."""
     step = ca.Function("step", [z], [rates, ca.jacobian(rates, z)])
     point = np.zeros(len(b))

@@ -1,8 +1,8 @@
 """A critic that is a nonlinear function of the state: its errors searched and proved over a box of
-states, and flown from there.
+states, and simulated from there.
 
-What a search finds is a lower bound of the largest error; a proof gives an upper bound. Errors over
-a box of states are the same in continuous time and in steps; a `TimeAxis` says how it flies.
+The search returns a lower bound of the largest error, the proof an upper bound. Errors over a box
+of states are the same in continuous time and in steps; a `TimeAxis` simulates it.
 """
 
 from __future__ import annotations
@@ -71,9 +71,9 @@ class Findings(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """A network beside the exact solution, over a box of states.
+    """A network compared with the exact solution, over a box of states.
 
-    weights: (m,), of the inputs beside each other: the roots of their prices.
+    weights: (m,), of the inputs relative to each other: the roots of their prices.
     box: b (n,), of the states |z_i| <= b_i.
     """
 
@@ -84,7 +84,8 @@ class Comparison(NamedTuple):
 
     @property
     def functions(self) -> dict[str, ca.Function]:
-        """What is compared: of "value", "gradient" and "policy" those that it has."""
+        """Return the functions that are compared: the available ones of "value", "gradient" and
+        "policy"."""
         functions = {"policy": self.critic.policy}
         if self.critic.gradient is not None:
             functions = {"gradient": self.critic.gradient} | functions
@@ -125,7 +126,7 @@ class Comparison(NamedTuple):
 
 
 def _floored(sizes: np.ndarray) -> np.ndarray:
-    """As in `entry_error`: small ones are compared with a part of the largest."""
+    """Return sizes as in `entry_error`: small ones are replaced by a part of the largest."""
     return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 
@@ -151,11 +152,11 @@ def findings(
 def _searched_and_proved(
     about: Comparison, limit: float, scope: Scope
 ) -> tuple[float, tuple[Found, ...], Proof | None]:
-    """What `search` finds, and a proof: of the limit for all errors where no larger one is found,
-    else of `_MARGIN` times what the policy is off.
+    """Return the result of `search`, and a proof: of the limit for all errors where no larger one
+    is found, else of `_MARGIN` times the error of the policy.
 
-    A larger error that the proof comes upon is searched from there. Only functions that are graphs
-    of scalars are proved, whose operations are bounded one by one.
+    A larger error found by the proof begins another search. Only functions that are graphs of
+    scalars are proved, whose operations are bounded one by one.
     """
     end = time.monotonic() + scope.seconds
     origin, worst = search(about)
@@ -278,8 +279,8 @@ def _climber(
 def network_section(
     critic: Critic, b: np.ndarray, found: tuple[Found, ...], proof: Proof | None, flown: Flown
 ) -> Section:
-    """What was read of a network, one value to compare with one's own, what was found and
-    proved."""
+    """Return the section on a network: its layers, one value for comparison, and the errors found
+    and proved."""
     outputs = [name for name in FUNCTIONS if name in critic.network]
     if "V" in outputs:
         outputs.remove("gradient")  # its derivative

@@ -6,10 +6,10 @@ the inputs, e = l'y + l0 ± r (DeepZ: Singh et al., NeurIPS 2018; CROWN: Zhang e
 
 Rounding. In doubles, a sum of N products in any order is off by at most γ_N = N u / (1 - N u) times
 the sum of their sizes, u = 2⁻⁵³ (Higham, Accuracy and Stability of Numerical Algorithms, Section
-3.1); the double of a coefficient is within u of the rational. What a node with the coefficient M
-brings into a row is, by size, at most |M| (Σ |α| S + |c|), S = Σ |w_j| max |v_j| over the row w of
-its argument. So ρ is taken larger by γ (Σ |α| S + |c|), every row begins with r = γ S of its own,
-and γ is that of four times as many terms and nodes as there are.
+3.1); the double of a coefficient is within u of the rational. The contribution of a node with the
+coefficient M to a row is at most |M| (Σ |α| S + |c|) in size, S = Σ |w_j| max |v_j| over the row w
+of its argument. So ρ is taken larger by γ (Σ |α| S + |c|), every row begins with r = γ S of its
+own, and γ is that of four times as many terms and nodes as there are.
 """
 
 from __future__ import annotations
@@ -173,12 +173,12 @@ class _Affine(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Of the output that is largest over each box, |e_i|.
+    """Bounds of the output that is largest over each box, |e_i|.
 
-    highest: (boxes,), no |e_i| is larger; nan where there is no bound.
-    lowest: (boxes,), |e_i| is at least that at the corner (boxes, n).
+    highest: (boxes,), upper bound of all |e_i|; nan without a bound.
+    lowest: (boxes,), lower bound of |e_i| at the corner (boxes, n).
     corner: (boxes, n).
-    gaps: (boxes, n), what each input contributes to the width of the bound.
+    gaps: (boxes, n), contribution of each input to the width of the bound.
     """
 
     highest: np.ndarray
@@ -255,7 +255,7 @@ class Relaxation:
         return Bounds(height + reach + rest, height + reach - rest, corner, gaps)
 
     def _rounded(self, line: Lines, group: _Group, sizes: list[np.ndarray]) -> Lines:
-        """The lines, with the radius of what they bring into rows."""
+        """Return the lines, with the radius of their contribution to rows."""
         rounding = np.abs(line.constant)
         for slope, argument in zip(line.slopes, group.arguments, strict=True):
             rounding = rounding + np.abs(slope) * _sizes_of(argument, sizes)

@@ -1,4 +1,5 @@
-"""What `hfa verify --flights` adds: the critic and the exact policy on the nonlinear aircraft."""
+"""The section of `hfa verify --flights`: the critic and the exact policy on the nonlinear
+aircraft."""
 
 from __future__ import annotations
 
@@ -23,12 +24,12 @@ _SEED = 0
 
 
 def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, count: int) -> Report:
-    """The report with a section on flights of the nonlinear aircraft within its limits, by the
-    policy of the critic and by the exact one, beside the best found.
+    """Return the report with a section on flights of the nonlinear aircraft within its limits, by
+    the critic's policy and the exact one, compared with the best found.
 
     verdicts: of one critic
     named: the game, of the linear model of an aircraft
-    count: how many starts"""
+    count: number of initial conditions"""
     if named.linear is None:
         raise BadInputError("--flights needs the nonlinear equations of an aircraft; name one")
     if len(verdicts) != 1:
@@ -52,5 +53,6 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
 
 
 def _of_critic(sentences: Sequence[str]) -> list[str]:
-    """Without the linear optimum, where a game's own policies are beside it."""
+    """Return the sentences without the linear optimum, where the game's own policies are
+    compared."""
     return list(sentences[1:])

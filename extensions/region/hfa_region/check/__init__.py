@@ -1,1 +1,1 @@
-"""What decides whether a region is proved; it takes nothing of the search but numbers."""
+"""The checker of a region: it uses only numbers of the search."""

@@ -1,4 +1,4 @@
-"""The file of a proved region: what it claims is read, and proved again."""
+"""The file of a proved region: its statement is read, and proved again."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ KIND = "region"
 class VerifiedRegion:
     """A region that is proved.
 
-    statement: what is proved, every field of which the checker has interpreted
-    parts: on how many parts of the set V' < 0 is proved
+    statement: the proved statement, every field of which the checker has interpreted
+    parts: number of parts of the set on which V' < 0 is proved
     extents: state -> lowest and highest deviation in the set, computed by the checker
-    written: version, command and date in the file, which nothing verifies
+    written: version, command and date in the file, not verified
     """
 
     statement: RegionStatement
@@ -43,14 +43,14 @@ class VerifiedRegion:
 def check_certificate(
     path: Path, progress: Progress | None = None, model: Model | None = None
 ) -> VerifiedRegion:
-    """What the file proves.
+    """Return the region that a file proves.
 
     path: the certificate
-    progress: told of each part
-    model: that of a certificate about a user's own aircraft
+    progress: called for each part
+    model: the user's aircraft, for a certificate about it
 
-    BadInputError when the file is none or was edited, or is about another model; Rejected when its
-    entries are not understood or do not prove what it states.
+    BadInputError when the file is not a certificate, was edited, or is about another model;
+    Rejected when entries are not understood or do not prove the statement.
     """
     content, written = read_sealed(path)
     with naming(path):
@@ -62,7 +62,7 @@ def check_certificate(
 def read_content(
     content: dict[str, Any], model: Model | None
 ) -> tuple[RegionStatement, RegionWitness]:
-    """Statement and witness of a certificate's content; Malformed names what it cannot hold."""
+    """Return statement and witness of a certificate's content; Malformed names an invalid entry."""
     entries = claims_of(content)
     entries.same("kind", KIND)
     statement = RegionStatement.read(entries.value("statement", lambda value: True), model)

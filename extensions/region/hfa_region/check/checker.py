@@ -1,18 +1,18 @@
-"""Checks a region: reads what is claimed and what shall prove it, and proves it in balls.
+"""Checks a region: reads its statement and its witness, and proves the statement in balls.
 
 The theorem. S = {V <= rho} is compact: it lies in the open unit ball of y. On each part of S, where
-every input is free or at a limit, V' < 0 but at the equilibrium; the parts cover S. The rates are
-Lipschitz on the ball, so that a trajectory exists while it is in S; V falls along it, so that it
-never leaves; and it converges to the only point of S where V' = 0 (LaSalle). V > 0 elsewhere in S
-follows. The search is not trusted: with it the checker shares the model and the arithmetic.
+every input is free or at a limit, V' < 0 except at the equilibrium; the parts cover S. The rates
+are Lipschitz on the ball, and a trajectory exists while it is in S. V decreases along it, and it
+never leaves S. It converges to the only point of S where V' = 0 (LaSalle). V > 0 elsewhere in S
+follows. The search is not trusted: the checker shares only the model and the arithmetic with it.
 
-A sum of squares decides everywhere but at y = 0. There V = 0, every deviation is 0, and either all
-inputs are free and V' = 0, or the part is empty: nothing else is needed at that point.
+A sum of squares decides everywhere except at y = 0. There V = 0, every deviation is 0, and either
+all inputs are free and V' = 0, or the part is empty.
 
 Under disturbances V' < 0 where V = rho, each of them at its lowest and at its highest value: V' is
-affine in them, so that it holds for all between, and no trajectory leaves S.
+affine in them and therefore negative for all values between, and no trajectory leaves S.
 
-    statement.py  what is claimed        witness.py      what proves it
+    statement.py  the claim              witness.py      its evidence
     loop.py       loop, equilibrium      positivity.py   sums of squares
     taylor.py     Taylor polynomials     polynomial.py   polynomials of balls
 """
@@ -90,7 +90,7 @@ def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
 
 
 def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomial]:
-    """The constraints that make a part: not negative exactly where its inputs do what they do."""
+    """Return the constraints of a part: not negative exactly where its inputs are as stated."""
     constraints = {}
     for name in loop.statement.loop.inputs:
         what = inputs.get(name, ANY)

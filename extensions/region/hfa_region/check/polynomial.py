@@ -79,7 +79,7 @@ class Polynomial:
 
     @property
     def degree(self) -> int:
-        """Of the highest part."""
+        """Return the degree of the highest part."""
         return len(self.parts) - 1
 
     def terms(self) -> Iterator[tuple[Key, int, arb]]:

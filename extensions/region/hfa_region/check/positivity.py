@@ -1,10 +1,11 @@
-"""Whether a polynomial is positive where others are not negative: sums of squares, in balls.
+"""Proofs that a polynomial is positive where others are not negative: sums of squares, in balls.
 
     target = Σ_k σ_k g_k + m'Q m,  σ_k = m_k'Q_k m_k,
 
 with Q, Q_k positive definite and m, m_k vectors of monomials: wherever every g_k >= 0 and some
 monomial of m is not 0, target > 0. The numbers of Q are doubles of a solver, for which the identity
-holds about; what is missing is added to entries of Q, as balls, and Q is positive definite with it.
+holds approximately. The residual is added to entries of Q, as balls, and Q is positive definite
+with it.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ class Square:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What proves that a polynomial is positive.
+    """The evidence that a polynomial is positive.
 
     main: m'Q m
     multipliers: name of g_k -> σ_k

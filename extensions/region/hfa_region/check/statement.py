@@ -1,5 +1,5 @@
-"""What is claimed of a region. Every field is interpreted by the checker or refused; all of it is
-in the digest, and a report shows it."""
+"""The statement about a region. The checker interprets or refuses every field, the digest covers
+all of them, and a report shows them."""
 
 from __future__ import annotations
 
@@ -208,12 +208,12 @@ def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]
 
 
 def rows_of(terms: Terms) -> list[list[Any]]:
-    """As a file has them."""
+    """Return the rows of a file."""
     return [[coefficient, list(exponents)] for coefficient, exponents in terms]
 
 
 def _pair(limits: tuple[float, float]) -> list[float | None]:
-    """As a file has it."""
+    """Return the limits as stored in a file."""
     return [end if np.isfinite(end) else None for end in limits]
 
 

@@ -1,9 +1,9 @@
-"""Taylor polynomials of many variables on the unit ball, with a bound of what they leave out.
+"""Taylor polynomials of many variables on the unit ball, with a bound of their remainder.
 
-Every operation keeps the inclusion: whatever function the operands stand for, the result stands for
-the function that the operation makes of it, at every |y| <= 1. Source: Makino and Berz, Taylor
-models and other validated functional inclusion methods, IJPAM 4 (2003); the remainder is scaled by
-|y|^(D+1), so that a function that vanishes at 0 keeps its order there.
+Every operation preserves the inclusion: for all functions that the operands enclose, the result
+encloses the function of the operation, at every |y| <= 1. Source: Makino and Berz, Taylor models
+and other validated functional inclusion methods, IJPAM 4 (2003); the remainder is scaled by
+|y|^(D+1) and keeps the order of a function that vanishes at 0.
 """
 
 from __future__ import annotations

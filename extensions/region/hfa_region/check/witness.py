@@ -1,4 +1,4 @@
-"""What proves a region. A wrong entry here makes a check fail; none of it is part of the claim."""
+"""The evidence for a region. A wrong entry makes a check fail; no entry is part of the claim."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ class RegionWitness:
     order: of the Taylor polynomials
     inside: {V <= rho} lies in the open unit ball
     parts: V' < 0 on each; under disturbances where V = rho
-    empty: nothing of the set is in these
-    extents: state -> evidence of its lowest and of its highest deviation; where there is none the
-        unit ball is within the extent
+    empty: parts outside the set
+    extents: state -> evidence of its lowest and of its highest deviation; without it the unit ball
+        is within the extent
     """
 
     T: np.ndarray
@@ -93,7 +93,7 @@ def limit_names(inputs: Iterable[str]) -> tuple[str, ...]:
 def _read_parts(
     entries: Fields, name: str, statement: RegionStatement, allowed: tuple[str, ...]
 ) -> tuple[Part, ...]:
-    """A list of parts, whose inputs do what is allowed."""
+    """Return a list of parts whose inputs are as allowed."""
     loop = statement.loop
     names = (LEVEL, BALL, *limit_names(loop.inputs))
     if loop.disturbances:

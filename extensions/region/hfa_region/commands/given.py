@@ -1,4 +1,4 @@
-"""What the user gave beside the certificate of a region, in the form of its statement."""
+"""The user's data for the certificate of a region, in the form of its statement."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ _OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
 def given_for(
     statement: RegionStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Path of an entry -> the user's own, of what the options give.
+    """Return path of an entry -> value from the user's options.
 
     statement: which was proved
-    request: of the user
+    request: options of the command
 
-    BadInputError or TrimError where the options name no loop.
+    BadInputError or TrimError where the options do not define a loop.
     """
     if isinstance(request.at, tuple):
         request = at_one_value(request)

@@ -227,6 +227,6 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
 
 
 def _subject(loop: SaturatedLoop) -> str:
-    """What decides whether two loops are one."""
+    """Return the identity of a loop."""
     parts: list[Any] = [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), loop.K.tolist()]
     return json.dumps([*parts, dict(loop.policy)])

@@ -1,4 +1,4 @@
-"""What `hfa verify --region` adds to a verdict."""
+"""The region that `hfa verify --region` adds to a verdict."""
 
 from __future__ import annotations
 

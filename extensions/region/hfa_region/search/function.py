@@ -47,13 +47,13 @@ class PolynomialFunction:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """As a statement has them."""
+        """Return the terms for a statement."""
         pairs = zip(self.coefficients.tolist(), self.exponents.tolist(), strict=True)
         return tuple((coefficient, tuple(powers)) for coefficient, powers in pairs)
 
     @property
     def degree(self) -> int:
-        """Of the highest term."""
+        """Return the degree of the highest term."""
         return int(self.exponents.sum(axis=1).max())
 
     def matrix(self) -> np.ndarray:

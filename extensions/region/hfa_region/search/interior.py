@@ -68,7 +68,7 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """What was found.
+    """The current point of the interior point method.
 
     f: (k,)
     matrices: of each group, in its order
@@ -171,7 +171,7 @@ class _Part:
         self.dy = np.zeros(len(group.b))
 
     def measure(self, f: np.ndarray) -> None:
-        """What is missing in the equations and in Z = -Σ y_i A_i."""
+        """Set the residuals of the equations and of Z = -Σ y_i A_i."""
         self.missing = self.group.b - self.group.E @ f
         for cone in self.cones:
             self.missing = self.missing - cone.matrix.equations @ cone.Q.ravel()
@@ -249,9 +249,9 @@ class _Search:
         return enough(cost, bound)
 
     def step(self) -> bool:
-        """One step, predicted for Q Z = 0 and then corrected for Q Z = σ μ 1, μ the mean of the
-        eigenvalues of Q Z and σ by what the prediction leaves of the gap (Mehrotra); whether it is
-        not too short."""
+        """Take one step, predicted for Q Z = 0 and corrected for Q Z = σ μ 1, with μ the mean of
+        the eigenvalues of Q Z and σ from the remaining gap of the prediction (Mehrotra). Return
+        whether the step is long enough."""
         reduced = np.zeros((len(self.f), len(self.f)))
         for part in self.parts:
             reduced += part.factor()

@@ -95,7 +95,7 @@ class EdgeSearch(LevelSearch):
         return parts_at_ends, [part | dict.fromkeys(names, ANY) for part in empty]
 
     def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
-        """Name and polynomial of what is not negative on {V = share rho}: V / rho - share and its
+        """Return name and polynomial of the constraints on {V = share rho}: V / rho - share and its
         negative."""
         edge = self.V_terms + ONE.scaled(-share)
         return [(LEVEL, edge.scaled(-1.0)), (EDGE, edge)]
@@ -104,11 +104,11 @@ class EdgeSearch(LevelSearch):
 def invariant_region(
     region: Region, disturbances: Mapping[str, float], progress: Progress | None = None
 ) -> Region:
-    """The largest set that is proved invariant; NoSolutionError where none is found.
+    """Return the largest set that is proved invariant; NoSolutionError where none is found.
 
     region: of the loop without disturbance
     disturbances: name -> largest absolute value
-    progress: told of each V that is tried
+    progress: called for each V that is tried
     """
     loop = replace(region.plant.loop, disturbances=disturbances)
     best: tuple[float, _Candidate, ProvedLevel] | None = None
@@ -137,7 +137,7 @@ class _Candidate:
     """A V of which V' < 0 was sampled on a level.
 
     V: the function
-    origin: what it is
+    origin: V in words
     plant: under the worst disturbance
     T: coordinates in which its sets are measured
     level: the largest where V' < 0 and the limits hold
@@ -249,8 +249,8 @@ def _at(
 
 
 def _region(candidate: _Candidate, proved: ProvedLevel) -> Region:
-    """What is proved, and what bounds it: where V' >= 0 under a disturbance, a start that the worst
-    disturbance of V keeps from the set."""
+    """Return the proved set and its bounds: a state where V' >= 0 under a disturbance, and an
+    initial condition that the worst disturbance of V keeps outside."""
     T = np.array(proved.witness["T"])
     rho = proved.statement.rho
     bounds = bounds_of(candidate.plant, candidate.V, rho, T, candidate.beyond)

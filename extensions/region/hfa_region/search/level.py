@@ -125,7 +125,7 @@ class LevelSearch:
         return self._decreases[key]
 
     def rest(self, part: Mapping[str, str]) -> Terms:
-        """What the lower bound of -V' takes off for all that is left out, of the highest degree."""
+        """Return the part of the lower bound of -V' for the remainder, of the highest degree."""
         degree = 2 * self.setting.half
         whole = self._decrease_of(part)
         norms = whole.polynomial.norms()
@@ -151,7 +151,7 @@ class LevelSearch:
         return _evidence(self.target(part), constraints, (low, half), self.ball.n, enough)
 
     def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
-        """Name and polynomial of what is not negative on {V <= share rho}: share - V / rho."""
+        """Return name and polynomial of the constraint on {V <= share rho}: share - V / rho."""
         return [(LEVEL, ONE.scaled(share) + self.V_terms.scaled(-1.0))]
 
     def holds(self, share: float) -> bool:
@@ -254,8 +254,8 @@ def lowest_degree(part: Mapping[str, str]) -> int:
 
 
 def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-    """What the inputs do on the unit ball: parts that it meets, and sets of parts that it does
-    not."""
+    """Return the combinations of inputs on the unit ball: parts that it meets, and sets of parts
+    that it does not."""
     names = list(ball.statement.loop.inputs)
     met: list[dict[str, str]] = []
     empty: list[dict[str, str]] = []

@@ -29,7 +29,8 @@ ValueOf = Callable[[np.ndarray], np.ndarray]
 def saturated_loop(
     linear: LinearModel, K: np.ndarray, policy: Mapping[str, Terms] | None = None
 ) -> SaturatedLoop:
-    """The loop of a gain about the trim of a linear model; policy: what is not linear, by input."""
+    """Return the loop of a gain about the trim of a linear model; policy: its nonlinear part, by
+    input."""
     model = linear.point.model
     states = {name: float(value) for name, value in linear.point.states._asdict().items()}
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -179,12 +180,13 @@ class Plant:
 def first_rise(
     plant: Plant, V: ValueOf, slope: ValueOf, T: np.ndarray, *, quick: bool = False
 ) -> tuple[float, np.ndarray | None]:
-    """The lowest V found where V' >= 0, and where; inf and None where there is none in the ball.
+    """Return the lowest V found where V' >= 0, and the state; inf and None where none is in the
+    ball.
 
     plant: the loop
     V, slope: of deviations (N, n)
     T: z = T y; samples lie in the unit ball of y
-    quick: with a tenth of the samples
+    quick: with 10 % of the samples
     """
     n = len(T)
     samples = 300 if quick else 2000
@@ -247,7 +249,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 class Outcome(IntEnum):
-    """What a simulation shows of an initial condition."""
+    """The outcome of an initial condition in simulation."""
 
     RETURNED = 0  # it comes into the proved set
     UNKNOWN = 1  # none of the others in the time

@@ -48,12 +48,11 @@ _WIDEST = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """What bounds a proved set.
+    """The bounds of a proved set.
 
-    rises: the lowest V where V' >= 0 was found, and where; inf and no place for none
-    starts: outcome -> the lowest V of a start that had it, and which; without those of which no
-        start was found
-    limits: signals whose limits the set touches, nearly
+    rises: the lowest V where V' >= 0 was found, and the state; inf and None without one
+    starts: outcome -> the lowest V of an initial condition with it, and the state
+    limits: signals whose limits the set nearly touches
     """
 
     rises: tuple[float, np.ndarray | None]
@@ -67,7 +66,7 @@ class Region:
 
     proved: statement and witness
     V: its function
-    origin: what V is
+    origin: V in words
     bounds: what bounds it
     plant: the loop in numbers
     T: coordinates about the set
@@ -87,14 +86,14 @@ class Region:
 
 
 class RegionSearch:
-    """What is found in a given time.
+    """The search in a given time.
 
     loop: the saturated loop
     P: of the game, tried first
-    seconds: processor time after which no new turn begins
+    seconds: processor time of the search
     degree: highest degree of V
-    progress: told what is done
-    save: called with every region that is proved and larger than the last
+    progress: called with the current step
+    save: called with every larger proved region
     """
 
     def __init__(
@@ -144,7 +143,8 @@ class RegionSearch:
         return self._region()
 
     def _proved_V(self, V: PolynomialFunction) -> PolynomialFunction:
-        """V of the largest region so far, its proved level 1; where there is none the given one."""
+        """Return V of the largest region so far, with its proved level 1; the given one without a
+        region."""
         if self.best is None:
             return V
         statement = self.best.statement
@@ -179,8 +179,8 @@ class RegionSearch:
         return candidates[0][1]
 
     def _sampled(self) -> list[tuple[float, PolynomialFunction, str]]:
-        """Size of the sampled set, V with its level 1, and what it is, of each candidate; the
-        largest first."""
+        """Return size of the sampled set, V with its level 1, and its description, of each
+        candidate, the largest first."""
         found = []
         for origin, P in self._candidates():
             level, T = self._limit_of(P)
@@ -269,7 +269,7 @@ class RegionSearch:
         return highest
 
     def _region(self) -> Region:
-        """What is proved, and what bounds it."""
+        """Return the proved set and its bounds."""
         proved = self.best
         assert proved is not None
         statement = proved.statement
@@ -325,10 +325,10 @@ def bounds_of(
     T: np.ndarray,
     rises: tuple[float, np.ndarray | None],
 ) -> Bounds:
-    """What bounds {V <= rho}: starts on rays from the trim are followed.
+    """Return the bounds of {V <= rho} from simulations that begin on rays from the trim.
 
     T: z = T y, the set in the unit ball of y
-    rises: the lowest V where V' >= 0 was found, and where
+    rises: the lowest V where V' >= 0 was found, and the state
     """
     generator = np.random.default_rng(1)
     directions = generator.normal(size=(_RAYS, len(T)))
@@ -413,7 +413,8 @@ def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
 
 
 def settings_of(n: int, degree: int) -> list[Setting]:
-    """How V is tried, by the number of states and its highest degree: what a minute allows."""
+    """Return the settings of the search by the number of states and the highest degree of V, for
+    about a minute."""
     if n <= 2:
         tried = [Setting(8, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
     elif n <= 4:

@@ -103,7 +103,7 @@ class Identity:
 
     number: of the identity in its problem
     keys, columns, values: parallel, of the free unknowns
-    constants: what is without unknowns
+    constants: the constant terms
     grams: each with its factor
     """
 
@@ -155,8 +155,7 @@ class Squares:
         identity.values.append(values)
 
     def cost(self, columns: np.ndarray, values: np.ndarray) -> None:
-        """Add Σ value x_column to what is made as small as can be; by default the margin is made
-        large."""
+        """Add Σ value x_column to the objective to minimize; by default the margin is maximized."""
         for column, value in zip(columns.tolist(), values.tolist(), strict=True):
             self._costs[column] = self._costs.get(column, 0.0) + value
 
@@ -249,7 +248,7 @@ class Solution:
 
     @property
     def margin(self) -> float:
-        """Of all Gram matrices."""
+        """Return the margin of all Gram matrices."""
         return float(self.x[0])
 
     def matrix(self, gram: Gram) -> np.ndarray:
