@@ -40,7 +40,7 @@ TOLERANCE = 1e-10
 
 
 def arrays(python: str, command: str) -> dict[str, np.ndarray]:
-    """What a command prints with an interpreter."""
+    """Return the output of a command with an interpreter."""
     words = [python, "-P", "-m", "hfa", *command.split(), "--json"]
     data = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
     return {name: np.array(data[name], dtype=float) for name in COMMANDS[command]}

@@ -151,7 +151,7 @@ def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
 
 
 def _loop(quick: bool) -> list[Row]:
-    """The loop against C by hand, where there is a compiler."""
+    """Compare the loop with hand-written C, where a compiler is available."""
     if c_compiler() is None:
         return []
     case = FlightCase()

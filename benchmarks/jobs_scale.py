@@ -102,8 +102,8 @@ def gain_plan(members: int, duration: float = 20.0) -> MonteCarlo:
 
 
 def _monte_carlo(quick: bool) -> list[Row]:
-    """As many processes as there are cores; their start, the compiled loop and the store: all of it
-    counts."""
+    """As many processes as cores; their start, the compiled loop and the store are included in the
+    time."""
     cores = os.cpu_count() or 1
     workers = max(2, cores)
     members, alone, duration, repeats = (4, 1, 0.05, 1) if quick else (40 * workers, 4, 20.0, 3)

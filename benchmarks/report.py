@@ -191,7 +191,7 @@ def ratio_text(ratio: float) -> str:
 
 
 def machine() -> dict[str, str]:
-    """What the figures depend on."""
+    """Return the data of the machine on which the figures depend."""
     lines = (
         Path("/proc/cpuinfo").read_text("utf-8").splitlines()
         if Path("/proc/cpuinfo").exists()
@@ -220,7 +220,7 @@ def store(rows: Mapping[str, list[Row]]) -> dict[str, Any]:
 
 
 def stored() -> dict[str, Any]:
-    """What was stored last."""
+    """Return the figures stored last."""
     result: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
     return result
 

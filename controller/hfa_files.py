@@ -68,11 +68,11 @@ def load_game(path: str | Path, **changes: Any) -> Game:
 
 
 def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """What a plant file that may be the aircraft's takes from the paper: E, Q, R and delta.
+    """Return the paper's E, Q, R and delta as defaults for a plant file that may be the aircraft's.
 
-    The plant is taken for the aircraft's where its states and inputs have the aircraft's names; or
-    where it has no names, six states and five inputs, and not both Q and R of its own. Where the
-    file names the aircraft's states in m/s it is the same game in m/s. Nothing of any other plant.
+    The plant is regarded as the aircraft's where its states and inputs have the aircraft's names,
+    or where it has no names, six states and five inputs, and not both Q and R. Where the file names
+    the aircraft's states in m/s it is the same game in m/s. Any other plant has no defaults.
     """
     m = len(INPUTS)
     n = len(LINEAR_STATES)

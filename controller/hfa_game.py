@@ -24,7 +24,7 @@ ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 
 
 def plant_names(linear: LinearModel) -> PlantNames:
-    """What the states and inputs of a linear model are called, their units, and where it is."""
+    """Return the names and units of a linear model's states and inputs, and its condition."""
     model = linear.point.model
     origin = model.name
     if _is_flexible(model):

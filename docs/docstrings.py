@@ -96,7 +96,7 @@ def _indented(head: str, lines: list[str]) -> list[str]:
 
 
 def escaped(lines: list[str]) -> list[str]:
-    """What reStructuredText would take for markup is escaped outside of backquotes."""
+    """Escape text outside of backquotes that reStructuredText would interpret as markup."""
     parts = (re.split(r"(`[^`]*`)", line) for line in lines)
     return [
         "".join(

@@ -50,7 +50,7 @@ def _keys(what: dict[str, Any]) -> str:
 
 
 def _kind(each: dict[str, Any]) -> str:
-    """What a value is, in words."""
+    """Return the kind of a value in words."""
     if "$ref" in each:
         return str(each["$ref"].rpartition("/")[2])
     if "const" in each or "enum" in each:

@@ -64,7 +64,7 @@ def users() -> Counter[str]:
 
 
 def value_of(package: str, name: str) -> object:
-    """What a public name stands for."""
+    """Return the object of a public name."""
     return getattr(importlib.import_module(package), name)
 
 

@@ -41,7 +41,7 @@ PITCH_RATE = """
 
 
 def terms(text):
-    """Of each term its coefficient, and its variables with their powers."""
+    """Return the coefficient of each term, and its variables with their powers."""
     found = []
     for term in text.split():
         number, powers = re.fullmatch(r"([-.\d]+(?:e-\d+)?)(.*)", term).groups()

@@ -1,11 +1,13 @@
 """Small loops whose region of attraction is known or can be drawn: m, kg, s, N m.
 
-    hfa prove region --aircraft examples/pendulum.py:PENDULUM -o pendulum.json --picture pendulum.png
+    hfa prove region --aircraft examples/pendulum.py:PENDULUM -o pendulum.json --picture
+    pendulum.png
     hfa prove region --aircraft examples/pendulum.py:PENDULUM --check pendulum.json
     hfa prove region --aircraft examples/pendulum.py:VAN_DER_POL --degree 6
 
-The pendulum stands on its end; its torque cannot lift it from the horizontal. The oscillator of van der Pol runs
-backward: what is inside its limit cycle returns to 0. The star has a linearization of 0, which is refused by name."""
+The pendulum is inverted; its torque cannot lift it from the horizontal. The oscillator of van der
+Pol runs backward: inside its limit cycle all trajectories converge to 0. The star has a
+linearization of 0, which is refused by name."""
 
 import casadi as ca
 

@@ -1,7 +1,9 @@
-"""How far the linear model at 10 deg can be trusted: the widest bands, and what they do to the modes.
+"""The accuracy of the linear model at 10 deg: the widest bands, and their effect on the modes.
 
-The band of an entry is two standard errors from the rounding of the printed matrices. The modes are computed again for
-1000 draws of A within its bands. Entries are drawn independently although those of a row are correlated, so the ranges
+The band of an entry is two standard errors from the rounding of the printed matrices. The modes are
+computed again for
+1000 draws of A within its bands. Entries are drawn independently although those of a row are
+correlated, so the ranges
 are rather too wide than too narrow. Run it with .venv/bin/python; it prints
 
     published

@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 
 class CommandEntry(NamedTuple):
-    """A command as `hfa --help` lists it; its module is imported when it is called.
+    """A command in `hfa --help`; its module is imported when it is called.
 
-    group: under which it is listed, one of those of the core or a new one.
+    group: its heading, one of those of the core or a new one.
     about: summary of the command in one line.
-    command: where its `Command` is, "package.module:name".
-    example: a line that ends its help, after those of the commands listed before it.
-    install: what pip installs where a package of its own is missing, ".[proof]".
-    results: of each result that it writes, the class and those of what is added to it, with ? where
-        that is not always, "module:Class module:Class?"."""
+    command: place of its `Command`, "package.module:name".
+    example: the last line of its help.
+    install: extra to install where a package is missing, ".[proof]".
+    results: for each written result its class and those added to it, with ? if optional,
+        "module:Class module:Class?"."""
 
     group: str
     about: str
@@ -152,10 +152,10 @@ def words_after(name: str) -> Mapping[str, str]:
 
 
 def found_in(words: list[str]) -> tuple[str, list[str]]:
-    """The name of the command that a command line begins with, and the words of its options; ""
-    where the first word is none.
+    """Return the name of the command at the beginning of a command line, and the words of its
+    options; "" where the first word is not a command.
 
-    BadInputError for an unknown word behind the first, and where an option comes first.
+    BadInputError for an unknown word after the first, and where an option comes first.
     """
     first = words[0] if words else ""
     if first in CORE:

@@ -210,9 +210,10 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
 
 
 def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
-    """The command that the first words name, how it is called, and the words of its options.
+    """Return the command that the first words name, its name as typed, and the words of its
+    options.
 
-    BadInputError, or SystemExit after help, where there is none."""
+    BadInputError without a command, or SystemExit after help."""
     if words[:1] == ["help"]:
         words = [*words[1:], "--help"]
     name, options = found_in(words)

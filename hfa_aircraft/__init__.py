@@ -1,5 +1,4 @@
-"""What an aircraft is to every package: the declaration of a model, how it is loaded and
-converted."""
+"""The aircraft for every package: the declaration of a model, its loading and conversion."""
 
 from hfa_support.public_names import public_names
 

@@ -16,10 +16,11 @@ _KEEP_THE_UNIT = (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_ADD, ca.OP_SUB)
 
 
 def notes_on_degrees(model: Model) -> list[str]:
-    """A sentence for each signal that is declared in deg and whose sine, cosine or tangent the
-    equations take: they get the declared unit, so that the angle is wrong by 180/π.
+    """Return a sentence for each signal that is declared in deg and whose sine, cosine or tangent
+    the equations compute: they receive the declared unit, so that the angle is wrong by 180/π.
 
-    Sums and differences of such signals count too; what is multiplied first has been converted.
+    Sums and differences of such signals count too. A signal that is multiplied first is regarded as
+    converted.
     """
     model = model.extras.native or model
     names = tuple(name for name, signal in model.signals.items() if signal.unit == "deg")

@@ -28,12 +28,12 @@ _FAILURES = (
 
 
 class Layout(NamedTuple):
-    """What a model's Functions depend on: equations and names, no numbers.
+    """The equations and names of a model, on which its Functions depend, without numbers.
 
     name: of the model.
-    equations: as a `Model` has them.
+    equations: of the `Model`.
     names: of states, inputs, parameters, disturbances and outputs.
-    replaced: (state, output) pairs, as a `Model` has them.
+    replaced: (state, output) pairs of the `Model`.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Layout(NamedTuple):
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """What a trim imposes or finds."""
+        """The variables of a trim, imposed or free."""
         instead = dict(self.replaced)
         return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
 
@@ -148,11 +148,11 @@ def components(vector: Any) -> list[Any]:
 
 @lru_cache(maxsize=16)
 def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
-    """Symbols x, u, p, w, and in these f and the outputs by name.
+    """Return symbols x, u, p, w, and f and the outputs by name in these symbols.
 
-    They take longer to build than all that is made of them, so they are kept.
-    still: whether the disturbances are 0; then there are no symbols of w.
-    BadInputError names what the equations do wrong.
+    They are kept, because building them takes longer than all functions of them.
+    still: whether the disturbances are 0; then w has no symbols. BadInputError names the fault of
+        the equations.
     """
     names = list(VECTORS)
     symbols = layout.symbols(*(names[:3] if still else names))
@@ -179,7 +179,7 @@ def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> Non
 
 
 def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-    """What the equations return, with every name that is declared and no other."""
+    """Return the results of the equations, with exactly the declared names."""
     try:
         with warnings.catch_warnings(action="ignore", category=FutureWarning):
             # CasADi warns of functions of NumPy.

@@ -102,7 +102,8 @@ def _format_of(text: str) -> EntryPoint | None:
 
 
 def _read(offer: EntryPoint, text: str) -> Model:
-    """What a reader of another package makes of a text. BadInputError where that is no Model."""
+    """Return the model that a reader of another package makes of a text. BadInputError where the
+    result is not a Model."""
     read: AircraftReader = loaded(offer)
     model = read(text)
     if not isinstance(model, Model):

@@ -1,5 +1,5 @@
-"""Which source files a model comes from: its own and those beside or below it that it imports; the
-fingerprint of a model."""
+"""The source files of a model: its own and those in its folder that it imports; the fingerprint of
+a model."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def hash_of_sources(file: Path, package: str = "") -> str:
 def _local_sources(
     file: Path, package: str, folder: Path, sources: dict[Path, bytes]
 ) -> dict[Path, bytes]:
-    """The file and what it imports, path -> text, added to those that are known."""
+    """Return path -> text of a file and its imports, added to the known ones."""
     sources[file] = file.read_bytes()
     for name in _imported_names(sources[file], package):
         module = sys.modules.get(name)

@@ -32,8 +32,8 @@ class Model:
     name: of the model.
     states, inputs, parameters, disturbances, outputs: name -> `Signal`, in the order of the
         vectors.
-    equations: (x, u, p, w) with fields by name -> (rates by state, outputs by name). It takes
-        numbers or CasADi expressions and returns the same. It must return every declared output.
+    equations: (x, u, p, w) with fields by name -> (rates by state, outputs by name), for numbers
+        and for CasADi expressions, with every declared output.
     trim: state, input or output -> the value that a trim imposes by default.
     steady: the states whose rates a trim balances; all of them unless given.
     linear: the states of the linear model; all of them unless given.
@@ -44,8 +44,8 @@ class Model:
         pitch -> gamma.
     extras: what a reader of files, or the paper's aircraft, adds to the declaration.
 
-    BadInputError when a name is no identifier, is declared twice or is unknown, a number cannot be,
-    or the equations fail.
+    BadInputError when a name is not an identifier, is declared twice or is unknown, a number is
+    invalid, or the equations fail.
 
     >>> import hfa
     >>> states = {"position": hfa.Signal("ft"), "velocity": hfa.Signal("ft/s")}
@@ -173,7 +173,7 @@ class Model:
 
     @property
     def schedule_key(self) -> str:
-        """What files and data call its values in that unit: dihedral_deg, speed."""
+        """The name of its values in that unit, in files and data: dihedral_deg, speed."""
         if self.schedule_unit == "deg":
             return f"{self.schedule}_deg"
         return self.schedule
@@ -191,12 +191,13 @@ class Model:
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
-        """What a trim imposes or finds: states, some replaced by outputs, and inputs."""
+        """The variables of a trim, imposed or free: states, some replaced by outputs, and
+        inputs."""
         return self.layout.variables
 
     @cached_property
     def holdable(self) -> tuple[str, ...]:
-        """What a trim can impose: variables and outputs."""
+        """The names that a trim can impose: variables and outputs."""
         return tuple(dict.fromkeys((*self.variables, *self.outputs)))
 
     @cached_property
@@ -251,7 +252,7 @@ class Model:
         return (self.signals.get(name) or self.rates[name]).unit
 
     def units(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Their units, in order."""
+        """Return the units of names, in order."""
         return tuple(self.unit(name) for name in names)
 
     @cached_property
@@ -289,7 +290,7 @@ class Model:
     # Parameters.
 
     def with_parameters(self, **values: float) -> Model:
-        """The same model with other values of parameters. BadInputError beyond their limits."""
+        """Return the model with other values of parameters. BadInputError beyond their limits."""
         changed = dict(self.parameters)
         native = self.extras.native
         native_values = {}
@@ -316,7 +317,7 @@ class Model:
 
     @cached_property
     def layout(self) -> Layout:
-        """What its Functions depend on: all but numbers."""
+        """The equations and names of the model, without numbers."""
         names = tuple(tuple(getattr(self, kind)) for kind in (*VECTORS.values(), "outputs"))
         return Layout(self.name, self.equations, names, tuple(self.replaced.items()))
 

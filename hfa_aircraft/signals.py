@@ -1,4 +1,4 @@
-"""What is known of the named quantities of a model, and named tuples of their values."""
+"""The signals of a model, and named tuples of their values."""
 
 from __future__ import annotations
 

@@ -17,7 +17,8 @@ from hfa_support.units import si_factor, si_unit
 
 
 def in_si(model: Model) -> Model:
-    """The same aircraft with all signals in SI units; a model without English units itself.
+    """Return the aircraft with all signals in SI units; a model without English units is returned
+    itself.
 
     `extras.native` of the result is the model that was converted.
     """

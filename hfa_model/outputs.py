@@ -1,4 +1,4 @@
-"""What a flight can be watched by besides its states: outputs of state, input and air.
+"""Outputs of a flight besides its states, as functions of state, input and air.
 
 Axes as in `kinematics.py`: x forward, y to the right, z down. Accelerations and load factors are
 those of an accelerometer fixed to the panel, so that steady level flight has a load factor of 1.

@@ -47,7 +47,7 @@ class Parameters(NamedTuple, Generic[T]):
 
 
 class Field(NamedTuple):
-    """What a file of parameters may say of one of them.
+    """A parameter in a file of parameters.
 
     unit: its unit
     meaning: in words

@@ -1,6 +1,7 @@
-"""What the paper prints: the two linear models, their trim condition and the settings of the game.
+"""The data that the paper prints: two linear models, their trim condition and the settings of the
+game.
 
-The numbers are in `printed_matrices.json`; nothing computed here is ever written there.
+The numbers are in `printed_matrices.json`, which contains nothing computed here.
 """
 
 from __future__ import annotations

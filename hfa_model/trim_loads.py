@@ -1,4 +1,5 @@
-"""What a trim of the HFA says in place of its outputs: loads, the numbers of a flight manual."""
+"""The description of a trim of the HFA in place of its outputs: loads, and the numbers of a flight
+manual."""
 
 from __future__ import annotations
 
@@ -44,11 +45,11 @@ _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_mom
 
 @dataclass(frozen=True)
 class TrimLoads(Result):
-    """What the HFA does at a trim.
+    """Loads and performance of the HFA at a trim.
 
     loads: of the HFA forces and moments on aircraft and panels.
     load_units: unit of each.
-    performance: of the HFA weight, lift coefficient, load factor and so on; of others their
+    performance: of the HFA weight, lift coefficient, load factor and so on; of other aircraft their
         outputs.
     performance_units: unit of each.
     """
@@ -175,5 +176,5 @@ def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> T
 
 
 def _row(values: Iterable[float | None], unit: str) -> tuple[str, ...]:
-    """Loads and their unit; nothing where there is none."""
+    """Return loads and their unit; empty without loads."""
     return *("" if value is None else four_decimals(value) for value in values), unit

@@ -1,1 +1,1 @@
-"""What all packages share: errors, files, reports, jobs and native code."""
+"""The common parts of all packages: errors, files, reports, jobs and native code."""

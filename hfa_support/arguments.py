@@ -24,19 +24,20 @@ _Test = Callable[[Any], bool]
 
 
 def checks_arguments(public: Public) -> Public:
-    """The function, which raises BadInputError for an argument that is not what its annotation
-    names: a class, or one of several, a number, a whole number, true or false, a text, an array of
-    numbers, a mapping, a sequence or a function. Of a class its constructor is checked.
+    """Return the function with a check of its arguments. BadInputError is raised for an argument
+    that is not of its annotation: a class, or one of several, a number, a whole number, true or
+    false, a text, an array of numbers, a mapping, a sequence or a function. For a class the
+    constructor is checked.
 
-    What is in an array, a mapping or a sequence is for the function to say; so is an annotation of
-    another form. A class may say how to make one of it in `how_to_make`.
+    Items of an array, a mapping or a sequence are not checked, nor annotations of another form. The
+    attribute `how_to_make` of a class states how to make an object.
 
     >>> import hfa
     >>> hfa.linearize(hfa.aircraft(), None)
     Traceback (most recent call last):
     ...
-    hfa_support.errors.BadInputError: linearize: point is None; give an OperatingPoint, made by \
-find_operating_point(model)
+    hfa_support.errors.BadInputError: linearize: point is None; give an OperatingPoint, made by
+    find_operating_point(model)
     """
     if isinstance(public, type):
         public.__init__ = _checked(public.__init__, public.__name__, 1)  # type: ignore[misc]
@@ -112,7 +113,7 @@ def _any_of(tests: Sequence[_Test]) -> _Test:
 
 
 def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
-    """An annotation as an object; Any where it names what is there for type checkers alone."""
+    """Return an annotation as an object; Any where its name exists only for type checkers."""
     if annotation is inspect.Parameter.empty:
         return Any
     if not isinstance(annotation, str):
@@ -198,7 +199,7 @@ def _is_sequence(value: Any) -> bool:
 
 
 def _said(value: Any) -> str:
-    """A value in a message: itself where it is short, else what it is."""
+    """Return a value for a message: itself where it is short, else its kind."""
     if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
         return shown(value)
     if isinstance(value, np.ndarray):

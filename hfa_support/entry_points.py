@@ -42,7 +42,8 @@ def offered(group: str) -> dict[str, EntryPoint]:
 
 
 def loaded(entry: EntryPoint) -> Any:
-    """What an entry point names. BadInputError names the package that does not have it."""
+    """Return the object that an entry point names. BadInputError names the package that does not
+    have it."""
     try:
         return entry.load()
     except Exception as error:  # whatever the package raises
@@ -54,8 +55,8 @@ def loaded(entry: EntryPoint) -> Any:
 
 
 def part(group: str, name: str, what: str) -> Any:
-    """What is offered under a name in a group. BadInputError where nothing is; what: that needs it,
-    as the message says it."""
+    """Return the object offered under a name in a group. BadInputError without one; what: the
+    feature that needs it, for the message."""
     if name not in offered(group):
         raise BadInputError(
             f"{what} needs a package that offers {name!r} in {group}; install one that does".strip()

@@ -1,7 +1,7 @@
-"""The two ways in which a request can fail; every message is one line that says what to change.
+"""The two ways in which a request can fail. Every message is one line that states the remedy.
 
-Words of the user, and values of the user's files, are repeated in it: not at any length, and
-nothing that a terminal would obey."""
+Words of the user, and values of the user's files, are repeated in it, shortened and without control
+characters."""
 
 from __future__ import annotations
 
@@ -21,10 +21,9 @@ _LONGEST_LINE = 1000
 
 
 class BadInputError(ValueError):
-    """What was asked for is not well posed: a wrong name, number, unit, shape or file (exit code
-    2).
+    """The request is not well posed: a wrong name, number, unit, shape or file (exit code 2).
 
-    options: words of the command line that answer what was not said; () for none.
+    options: words of the command line that supply a missing value; () for none.
     """
 
     def __init__(self, message: str, options: tuple[str, ...] = ()) -> None:
@@ -33,8 +32,8 @@ class BadInputError(ValueError):
 
 
 class NoSolutionError(RuntimeError):
-    """What was asked for is well posed but has no solution, or none that could be certified (exit
-    code 1)."""
+    """The request is well posed but has no solution, or none that could be certified (exit code
+    1)."""
 
 
 @contextmanager
@@ -50,11 +49,11 @@ def said_of(what: str | Path) -> Iterator[None]:
 
 
 def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
-    """BadInputError unless the name is one of those known; the message has the one that was
-    probably meant, and lists them.
+    """Raise BadInputError unless the name is known; the message suggests the nearest known name,
+    and lists all.
 
-    what: how the message begins: "unknown state"
-    name: what a caller gave
+    what: beginning of the message: "unknown state"
+    name: of the caller
     known: the names to choose from
     """
     choices = tuple(known)
@@ -72,8 +71,8 @@ def choice_of(name: str, known: Iterable[str]) -> str:
 
 
 def _nearest(name: str, known: Iterable[str]) -> list[str]:
-    """The known names that a name may stand for, in any case: those that begin with it, else those
-    that resemble it most."""
+    """Return the known names nearest to a name, in any case: those that begin with it, else the
+    most similar ones."""
     by_key = {each.lower().replace("-", "_"): each for each in known}
     wanted = name.lower().replace("-", "_")
     if wanted in by_key:
@@ -115,10 +114,10 @@ def refuse_unless_whole(what: str, value: object, least: int) -> None:
 
 
 def pair_of(what: str, ends: Any) -> tuple[float, float]:
-    """(lowest, highest) as floats.
+    """Return (lowest, highest) as floats.
 
     what: the name of the pair, for the message
-    ends: what a caller gave for the pair
+    ends: value of the caller
 
     BadInputError unless they are two numbers; they may be infinite.
     """

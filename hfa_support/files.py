@@ -207,8 +207,8 @@ def regular_file(path: str | Path) -> Path:
 
 
 def read_json(path: str | Path) -> Any:
-    """What a JSON file holds. OSError where it cannot be read, BadInputError where it is no
-    JSON."""
+    """Return the content of a JSON file. OSError where it cannot be read, BadInputError where it is
+    not JSON."""
     text = regular_file(path).read_bytes()
     try:
         return json.loads(text)
@@ -217,8 +217,8 @@ def read_json(path: str | Path) -> Any:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """What a TOML file holds. OSError where it cannot be read, BadInputError where it is no
-    TOML."""
+    """Return the content of a TOML file. OSError where it cannot be read, BadInputError where it is
+    not TOML."""
     text = regular_file(path).read_bytes()
     try:
         return tomllib.loads(text.decode("utf-8"))

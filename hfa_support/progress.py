@@ -1,6 +1,6 @@
-"""What a user sees while a command works: progress, and text on the standard streams.
+"""Output for the user while a command works: progress, and text on the standard streams.
 
-Their reader may leave before the end (`hfa ... | head`): that changes no exit code.
+A reader that stops early (`hfa ... | head`) does not change the exit code.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
 
 
 def say(text: str) -> None:
-    """Print the text now, so that a disk that is full is reported by who prints; to nobody once the
-    reader has left."""
+    """Print the text now, so that a full disk is reported here; nothing is printed once the reader
+    has stopped."""
     try:
         print(text, flush=True)
     except BrokenPipeError:

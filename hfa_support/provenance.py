@@ -35,19 +35,18 @@ class Change(Result):
 
 @dataclass(frozen=True)
 class Provenance(Result):
-    """One block that every output carries.
+    """The provenance in every output.
 
     command: as typed.
     dynamics: the equations, "" for a plant of the user's own.
     parameters: name or file of the set.
-    parameter_hash: of the values alone, so that two files with the same numbers have the same.
+    parameter_hash: of the values alone, equal for two files with equal numbers.
     changed: parameter -> its value and the identified one, where they differ.
-    condition: what a trim imposes, leaves free and limits; angles in radians.
-    flight: the same in words, what it changes of the paper's level flight; not among the data.
+    condition: imposed, free and limited variables of a trim; angles in radians.
+    flight: the condition in words, as changes of the paper's level flight; not among the data.
     model: file of a plant.
     version: of the program.
-    date: UTC; from SOURCE_DATE_EPOCH where that is set, so that outputs can be made again byte for
-        byte."""
+    date: UTC; from SOURCE_DATE_EPOCH where that is set, for reproducible output."""
 
     schema = "hfa.provenance/1"
 

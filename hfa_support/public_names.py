@@ -12,10 +12,10 @@ from typing import Any
 
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package whose stub imports its public names.
+    """Return `__getattr__` and `__dir__` of a package whose stub imports its public names.
 
-    The stub is the file `__init__.pyi` beside `file`. An unknown name is answered with the nearest
-    public one.
+    The stub is the file `__init__.pyi` in the folder of `file`. The error for an unknown name
+    suggests the nearest public one.
     """
 
     @cache

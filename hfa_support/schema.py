@@ -1,9 +1,8 @@
-"""What a user's file must hold, declared once; the first entry that is not as declared is named in
-one line.
+"""Declarations of the content of users' files. The first entry that differs is named in one line.
 
-A declaration is `Number`, str, a tuple of the words that it may be, [declaration] for a list, {str:
-declaration} for any names, or {name: declaration} for a table: names ending in * must be there, and
-... permits others, not looked at."""
+A declaration is `Number`, str, a tuple of allowed words, [declaration] for a list, {str:
+declaration} for any names, or {name: declaration} for a table: names ending in * are required, and
+... permits others, not checked."""
 
 from __future__ import annotations
 
@@ -27,7 +26,7 @@ class Number(NamedTuple):
     infinite: bool = False
 
     def __str__(self) -> str:
-        """What is asked for."""
+        """Return the requirement in words."""
         form = "a number" if self.infinite else "a finite number"
         if self.lowest > -math.inf:
             lowest = f"{self.lowest:g}"
@@ -120,10 +119,10 @@ def _words(declared: Any) -> str:
 def read_named(
     what: str, name: str, packaged: Mapping[str, str], folder: str, declared: dict[Any, Any]
 ) -> Any:
-    """The entries of a TOML file of the package `folder`, by its name in `packaged` (name -> file),
-    or of the user's.
+    """Return the entries of a TOML file of the package `folder`, by its name in `packaged` (name ->
+    file), or of the user's file.
 
-    what: what the file describes, for messages. BadInputError where there is no such name and file.
+    what: subject of the file, for messages. BadInputError for an unknown name or file.
     """
     try:
         data = read_toml(str(files(folder).joinpath(packaged[name])) if name in packaged else name)

@@ -54,8 +54,8 @@ def _product(words: Iterator[str]) -> float:
 
 
 def conversion(stated: str, unit: str) -> float | None:
-    """By what a value in the stated unit is multiplied to be in the unit; None where they are not
-    the same unit, or an English one and its SI unit."""
+    """Return the factor from the stated unit to the unit; None where they are neither equal nor an
+    English unit and its SI unit."""
     if stated == unit:
         return 1.0
     if stated == si_unit(unit):

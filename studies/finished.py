@@ -20,8 +20,8 @@ def stamp(decides: Mapping[str, Any]) -> dict[str, str]:
 
 
 def stamped(content: Mapping[str, Any], decides: Mapping[str, Any]) -> dict[str, Any]:
-    """What is kept of a finished part, as JSON values: the content, the stamp of today, a digest of
-    what it holds."""
+    """Return the stored content of a finished part, as JSON values: the content, a time stamp, and
+    a digest."""
     whole: dict[str, Any] = jsonable({**content, **stamp(decides)})
     return whole | {"digest": _digest(whole)}
 
@@ -37,7 +37,7 @@ def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    """Of all but itself, and the date and the words of the run: the same result has the same
-    one."""
+    """Return a digest of the content without the digest, the date and the command: equal for equal
+    results."""
     told = {name: value for name, value in content.items() if name not in ("digest", "provenance")}
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()

@@ -18,8 +18,8 @@ def ordinary_box(
     inputs: tuple[str, ...] = INPUTS,
     state_units: tuple[str, ...] = (),
 ) -> Box | None:
-    """The ordinary deviations where states, inputs and units (English or SI; () for not said) are
-    those of the paper's aircraft; else None."""
+    """Return the usual deviations where states, inputs and units (English or SI; () for not stated)
+    are those of the paper's aircraft; else None."""
     if (states, inputs) != (LINEAR_STATES, INPUTS):
         return None
     widths = np.array(ORDINARY_DEVIATIONS)

@@ -47,9 +47,9 @@ _FARTHEST = 3
 class RegeneratedPair(ByValue, Checked, Result, Reported):
     """One printed angle.
 
-    published: what the paper prints.
-    model: what was computed.
-    entries: each computed one with the print.
+    published: printed values.
+    model: computed values.
+    entries: computed and printed values.
     printed_eigenvalues: of the printed A, 1/s.
     eigenvalues: of the computed one, 1/s.
     checks: of the entries and both spectra.

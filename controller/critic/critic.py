@@ -270,7 +270,7 @@ def from_parts(
     functions: Basis | ca.Function | str = "quadratic",
     time: float | None = None,
 ) -> Critic:
-    """The critic of what is known of it: "W" (weights of `functions`), "P" and "K", at least one.
+    """Return the critic with at least one of the parts "W" (weights of `functions`), "P" and "K".
 
     The value is that of W, else of P; the policy is that of K, else follows from the value.
 
@@ -292,7 +292,7 @@ def from_parts(
 
 
 def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
-    """The same value with the policy u = -K z of its own."""
+    """Return the value of a critic with the policy u = -K z."""
     network = dict(critic.network)
     if network:
         z = ca.SX.sym("z", K.shape[1])
@@ -309,10 +309,10 @@ def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
 
 
 def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
-    """New symbols z (n,): scalars (SX), or one matrix (MX) where a function is a graph of matrices,
-    as a wide network is, which would take a minute and a gigabyte as scalars.
+    """Return new symbols z (n,): scalars (SX), or one matrix (MX) where a function is a graph of
+    matrices, such as a wide network, which would need a minute and a gigabyte as scalars.
 
-    Annotations say SX for both: what is computed here with one is computed with the other.
+    Annotations are SX for both: the code that uses them works with either.
     """
     if all(function.is_a("SXFunction") for function in functions):
         return ca.SX.sym("z", n)

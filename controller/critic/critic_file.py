@@ -31,13 +31,13 @@ _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
 @dataclass(frozen=True)
 class Reading:
-    """How a critic's file is to be read, where it does not say so itself.
+    """Options for reading a critic's file that does not store them.
 
-    basis: of weights: a name, or a list of functions as `features_of` takes it; None: as the file
-        says, else "quadratic".
-    network: which part of a network's file is what, as `from_network` takes it.
+    basis: of weights: a name, or a list of functions for `features_of`; None: that of the file,
+        else "quadratic".
+    network: parts of a network's file, for `from_network`.
     activation: between the layers of a state dict, and after a comma at its output.
-    scale: (n,), the network takes state i times scale[i].
+    scale: (n,), factors on the states at the network's inputs.
     """
 
     basis: str | None = None
@@ -145,7 +145,8 @@ def stored_parts(
 
 
 def critic_suffixes() -> tuple[str, ...]:
-    """Of all files that may hold a critic: those of matrices, and those that packages read."""
+    """Return the suffixes of all files that may hold a critic: matrices, and formats of
+    packages."""
     return (*MATRIX_FILES, *(name for name in offered(CRITICS) if name.startswith(".")))
 
 

@@ -70,7 +70,7 @@ def critics_over_time(
 def rows_over_time(
     entries: Mapping[str, Any], game: Game, reading: Reading
 ) -> tuple[Critic, ...] | None:
-    """The critics of a history; None where beside its times the file holds the last row alone."""
+    """Return the critics of a history; None where the file has times and only the last row."""
     if reading.lists_functions:
         raise BadInputError("a list of --basis belongs to weights W without times")
     times = np.ravel(numbers_in("time", entries["time"]))

@@ -1,1 +1,2 @@
-"""What learning and checking share: the game, the basis, the files and the result; no algorithm."""
+"""The common data of learning and checking: the game, the basis, the files and the result; no
+algorithm."""

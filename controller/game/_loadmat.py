@@ -26,8 +26,8 @@ _BYTES = {"double": 8, "single": 4, "int64": 8, "uint64": 8, "int32": 4, "uint32
 def leaves(
     value: Any, path: tuple[str, ...], largest: int
 ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-    """Arrays of numbers and of text with their names, of single structures field by field; what is
-    neither is left out. ValueError for a sparse matrix that is too large as a full one."""
+    """Yield arrays of numbers and of text with their names, of single structures field by field.
+    Other values are omitted. ValueError for a sparse matrix that is too large as a full one."""
     if isinstance(value, dict):
         for name, each in value.items():
             yield from leaves(each, (*path, name), largest)

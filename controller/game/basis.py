@@ -25,7 +25,7 @@ PAPER_STATES = 6
 class Basis(Shown):
     """ψ_m(z) = Π_i z_i^exponents[m, i], V(z) = W'ψ(z) (paper Section 3.2).
 
-    name: what it is called
+    name: its name
     exponents: (M, n), nonnegative integers; the first n(n+1)/2 rows are z_i z_j for i <= j, row by
         row
     """

@@ -23,9 +23,9 @@ def found_in(stored: Mapping[str, Any]) -> str:
 
 
 def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """The texts of an entry; () where it holds anything else.
+    """Return the texts of an entry; () for other content.
 
-    BadInputError for what a terminal would obey.
+    BadInputError for control characters.
     """
     # As objects: rows of JSON may differ in length.
     entries = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()

@@ -37,8 +37,8 @@ def structures(path: Path) -> dict[str, Any]:
 
 
 def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Name -> array, or a mapping of its own for a structure, of the arrays "0", "1", ... and of
-    the JSON "paths", which lists the names that lead to each."""
+    """Return name -> array, or a mapping for a structure, from the arrays "0", "1", ... and the
+    JSON "paths", which lists the names that lead to each."""
     entries: dict[str, Any] = {}
     for number, (*outer, name) in enumerate(json.loads(str(arrays["paths"]))):
         inside = entries

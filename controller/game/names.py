@@ -1,4 +1,4 @@
-"""What a plant calls its states and inputs, and their units."""
+"""Names and units of a plant's states and inputs."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 
 
 class PlantNames(NamedTuple):
-    """What a plant calls its states and inputs, and their units; () where it does not say.
+    """Names and units of a plant's states and inputs; () where not known.
 
     states: n names
     inputs: m names
     state_units: n units, "" where one is not known
     input_units: m units, "" where one is not known
-    origin: what the plant is called in a title
+    origin: name of the plant in a title
     """
 
     states: tuple[str, ...] = ()
@@ -55,6 +55,6 @@ UNNAMED = PlantNames()
 
 
 def names_of_linear(linear: LinearModel) -> PlantNames:
-    """What the states and inputs of a linear model are called, their units, and where it is."""
+    """Return the names and units of a linear model's states and inputs, and its condition."""
     origin = f"{linear.point.called} {at_scheduled(linear.point)}".rstrip()
     return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)

@@ -1,5 +1,5 @@
-"""Files of one matrix, which has the name of its file: .npy and .csv, those of a plant beside each
-other."""
+"""Files of one matrix, named after the matrix: .npy and .csv; those of a plant are in one
+folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What every learner returns: the weights over time and the rank of its data. Nothing is judged."""
+"""The result of every learner: the weights over time and the rank of its data. Nothing is
+judged."""
 
 from __future__ import annotations
 

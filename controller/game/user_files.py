@@ -28,7 +28,7 @@ _OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
 
 @dataclass(frozen=True)
 class Defaults:
-    """What a game takes where its file does not say it.
+    """Defaults of a game for entries that its file does not have.
 
     values: of E, Q, R, delta, where there is a default
     words: by the same keys, for the note: "as in the paper"
@@ -39,14 +39,14 @@ class Defaults:
 
 
 class StoredGame(NamedTuple):
-    """The game of a file, and what to know of it.
+    """The game of a file, with notes.
 
-    notes: entries that were not used, defaults that were taken
-    provenance: where the plant comes from, as the file says it: entry -> text
-    discrete: of a plant in discrete time the game whose step `game` is, as the package that knows
-        such games makes it; else None
-    has_time: whether the file says continuous or discrete
-    stated: what it says of A, B, E, Q, R and delta
+    notes: entries that were not used, defaults that were used
+    provenance: origin of the plant in the file: entry -> text
+    discrete: of a plant in discrete time the game with the step `game`, made by its package; else
+        None
+    has_time: whether the file states continuous or discrete
+    stated: its entries A, B, E, Q, R and delta
     """
 
     game: Game
@@ -71,14 +71,14 @@ def stored_game(
 ) -> StoredGame:
     """The game of the plant in a file: keys A, B, Q, R and optionally E and delta.
 
-    found: what `read_arrays` has read of it already
-    defaults: what the game of these parts and names takes where the file does not say it
+    found: entries that `read_arrays` has read
+    defaults: (parts, names) -> defaults for missing entries
     changes: of Q, R, delta, where they are not None
 
-    An argument counts before the file, the file before the defaults. Without any, E is the identity
-    and delta is inf (no disturbance: the linear quadratic regulator). A structure with A and B is
-    read where the file has neither at its top. With time = "discrete" it is a step of a game in
-    discrete time, with `discount` and cross weights `N` where the file has them. Raises
+    An argument overrides the file, and the file overrides the defaults. Without any, E is the
+    identity and delta is inf (no disturbance: the linear quadratic regulator). A structure with A
+    and B is read where the file has neither at its top. With time = "discrete" it is a step of a
+    game in discrete time, with `discount` and cross weights `N` where the file has them. Raises
     BadInputError, one line that names the file."""
     contents = read_arrays(path) if found is None else found
     with said_of(path):
@@ -186,10 +186,9 @@ def one_number(name: str, value: Any) -> float:
 
 
 def _unused(stored: Mapping[str, Any]) -> list[str]:
-    """A note that names the entries which are not used; [] where there are none.
+    """Return a note that names the unused entries; [] without any.
 
-    A file that this project wrote, whose `schema` begins with "hfa.", is not noted: it has further
-    entries of its own.
+    Files of this project, whose `schema` begins with "hfa.", have further entries and get no note.
     """
     schema = words(stored, "schema")
     if schema and schema[0].startswith("hfa."):

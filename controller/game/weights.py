@@ -30,7 +30,7 @@ def weights_line(
 
 
 def _matrix_text(matrix: np.ndarray) -> str:
-    """A matrix on one line: "diag(1, 2)" where nothing is beside the diagonal."""
+    """Return a matrix on one line: "diag(1, 2)" for a diagonal matrix."""
     diagonal = np.diag(matrix)
     is_diagonal = np.array_equal(matrix, np.diag(diagonal))
     shown = diagonal if is_diagonal else matrix

@@ -80,7 +80,7 @@ class Game(ByValue, Reported):
         object.__setattr__(self, "names", self.names.completed(n, m))
 
     def __hash__(self) -> int:
-        """Of a few numbers, the same for games that are equal."""
+        """Return a hash of a few numbers, equal for equal games."""
         return hash((float(self.A.sum()), float(self.B.sum()), self.delta))
 
     def report(self) -> Report:
@@ -96,12 +96,12 @@ class Game(ByValue, Reported):
 
     @cached_property
     def S_control(self) -> np.ndarray:
-        """B R⁻¹ B', (n, n): what the control can do."""
+        """B R⁻¹ B', (n, n), of the control."""
         return self.B @ self.R_inverse_B_transposed
 
     @cached_property
     def S_disturbance(self) -> np.ndarray:
-        """E E', (n, n): what the disturbance can do, before it is divided by δ²."""
+        """E E', (n, n), of the disturbance, before the division by δ²."""
         return self.E @ self.E.T
 
     @cached_property
@@ -134,7 +134,7 @@ class Game(ByValue, Reported):
         return self.A.T @ P + P @ self.A + self.Q - P @ self.S @ P
 
     def with_delta(self, delta: float) -> Game:
-        """The same game at another disturbance weight."""
+        """Return the game with another disturbance weight."""
         return replace(self, delta=delta)
 
 
@@ -145,8 +145,8 @@ def _with_diagonal(name: str, weights: Any) -> Any:
 
 
 def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) -> np.ndarray:
-    """The value as a read-only array of floats. BadInputError where it is none, or a number not
-    finite or too large."""
+    """Return the value as a read-only array of floats. BadInputError where it is not numeric, not
+    finite, or too large."""
     array = numbers_in(name, value)
     if ndim not in (None, array.ndim):
         raise BadInputError(f"{name} has {array.ndim} dimension(s); it must have {ndim}")

@@ -125,8 +125,8 @@ class StackEquations:
     def _policies(
         self, half_gradient: np.ndarray, problem: PartialGame
     ) -> tuple[np.ndarray, np.ndarray]:
-        """S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): what both extremals do to the state, and
-        what they cost."""
+        """Return S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): the effect of both extremal policies
+        on the state, and their cost."""
         inputs = half_gradient @ self.control
         pushed = inputs @ self.control.T
         cost = _squares(inputs)
@@ -182,13 +182,13 @@ class StackEquations:
         return self.basis.scaling(self.scales)
 
     def reported_residuals(self, weights: np.ndarray) -> dict[str, float]:
-        """What all laws report of the residual e of the game's Hamilton-Jacobi-Isaacs equation,
-        with all of ∇V = ∂ψ'W.
+        """Return the reported sizes of the residual e of the game's Hamilton-Jacobi-Isaacs
+        equation, with ∇V = ∂ψ'W.
 
         e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V (paper Eq. 33 with the extremal policies put in).
         residual_norm: |e| over |z'Qz|. settling_residual: over the size of the terms that cancel in
-        e, in [0, 1]: it tells a settled critic; against z'Qz alone, rounding would never count as
-        settled where Q is small compared with the value."""
+        e, in [0, 1], which identifies a settled critic; relative to z'Qz alone, rounding would
+        exceed the limit where Q is small compared with the value."""
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
         change = gradient * self.drifts
         cost = self.state_cost

@@ -1,9 +1,9 @@
 """The certified law: recorded data to the exact game solution within a predefined time.
 
-Newton (policy-iteration) steps on the recorded stack, guarded where theory says that they keep
-stability, lead from the discounted LQ problem to the game: the discount is removed first, then 1/δ²
-is raised. In between the law of one number, y' = -k (y^(1-η) + y^(1+η)), makes the residual of the
-stack vanish at the predefined time."""
+Newton (policy-iteration) steps on the recorded stack, limited to where theory guarantees stability,
+lead from the discounted LQ problem to the game: the discount is removed first, then 1/δ² is raised.
+In between the law of one number, y' = -k (y^(1-η) + y^(1+η)), makes the residual of the stack
+vanish at the predefined time."""
 
 from __future__ import annotations
 

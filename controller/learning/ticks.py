@@ -1,4 +1,4 @@
-"""What all learners share: their ticks, with history and progress, and the run that they return."""
+"""The common part of all learners: ticks, with history and progress, and the returned run."""
 
 from __future__ import annotations
 

@@ -103,9 +103,9 @@ def certified_solution(form: NormalForm) -> Certified:
 
 
 class CertifiedStack(NamedTuple):
-    """What the fast derivations say of a stack of N games.
+    """The results of the fast derivations for a stack of N games.
 
-    X: (N, n, n), nan where a test does not hold, which may be for want of digits only
+    X: (N, n, n), nan where a test does not hold, possibly only by rounding
     holds: (N,), whether every test does
     measured: the value of each test by name, (N,) each
     """
@@ -115,7 +115,7 @@ class CertifiedStack(NamedTuple):
     measured: Measured
 
     def checks(self, index: int) -> tuple[Check, ...]:
-        """Of one game."""
+        """Return the checks of one game."""
         values = {name: array[index] for name, array in self.measured.items()}
         distance = values["hamiltonian_axis_distance"]
         stable = values["hamiltonian_split"]
@@ -203,12 +203,12 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
 
 
 def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> float:
-    """The smallest relative change of the entries of A, B B', E E' and Q that could give the
+    """Return the smallest relative change of the entries of A, B B', E E' and Q that could give the
     Hamiltonian an eigenvalue jω, for the ω of least distance among these.
 
     1 / ρ(|(H - jω I)⁻¹| |H|), the inverse computed in the levelled coordinates, |H| the sizes of
-    what the entries were computed from. A change of units
-    leaves it alone. Source: Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2."""
+    the terms of its entries. It does not depend on units. Source: Higham, Accuracy and Stability of
+    Numerical Algorithms, Section 7.2."""
     n = len(given.A)
     into = np.linalg.solve(given.T.T, levelled.T.T).T  # from given to levelled
     back = np.linalg.inv(into)
@@ -281,7 +281,7 @@ def checks_of(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -
 
 
 def all_hold(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -> np.ndarray:
-    """Of each game of a stack, whether every test holds, (N,)."""
+    """Return for each game of a stack whether every test holds, (N,)."""
     held = [
         RELATIONS[relation](measured[name], limit) for name, (relation, limit, _) in tests.items()
     ]

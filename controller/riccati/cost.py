@@ -1,4 +1,4 @@
-"""What a pair of linear policies costs, and what another gain than the exact one loses."""
+"""The cost of a pair of linear policies, and the loss of another gain than the exact one."""
 
 from __future__ import annotations
 

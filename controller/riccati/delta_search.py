@@ -1,7 +1,7 @@
 """The smallest δ with a solution, from answers that may stay open.
 
 Rounding can hide whether there is a solution at a δ. An `Answer` is then open; it is "no" only
-where something shows that there is none. `smallest_delta` is the one search on such answers."""
+where non-existence is shown. `smallest_delta` is the one search on such answers."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ BELOW = (0.9, 0.5, 0.1, 0.01)
 
 
 class Answer(NamedTuple):
-    """Whether there is a solution at one δ.
+    """The existence of a solution at one δ.
 
-    exists: True and False where it is shown, None where rounding leaves it open
-    reason: what shows that there is none, or what leaves it open; "" where there is one
+    exists: True or False where shown, None where rounding leaves it open
+    reason: why no solution exists, or why it is open; "" where one exists
     condition: of several conditions for a solution, the one that fails or is open
     """
 
@@ -61,18 +61,18 @@ class _Answers:
 
     @property
     def good(self) -> float:
-        """The smallest δ with a solution so far, inf where there is none."""
+        """The smallest δ with a solution so far, inf without one."""
         return min(self._deltas(True), default=math.inf)
 
     @property
     def refused(self) -> float:
-        """The largest δ shown to have no solution, below every one that has: a solution below a
-        refusal shows that this was rounding. 0 where there is none."""
+        """The largest δ shown to have no solution, below every δ with one: a solution below a
+        refusal shows that the refusal was rounding. 0 without one."""
         return max((delta for delta in self._deltas(False) if delta < self.good), default=0.0)
 
     @property
     def next_to_good(self) -> float:
-        """The largest δ below `good` that was asked, 0 where there is none."""
+        """The largest δ below `good` that was tried, 0 without one."""
         return max((delta for delta in self._known if delta < self.good), default=0.0)
 
     @property
@@ -137,7 +137,7 @@ def _climb(answers: _Answers, begin: float) -> None:
 
 
 def _descend(answers: _Answers, least: float) -> None:
-    """Ask below the solutions until there is none, through what is open."""
+    """Search below the solutions until none exists, also through open answers."""
     delta = answers.good / 4.0
     while delta >= least and answers.at(delta).exists is not False:
         delta /= 4.0

@@ -16,11 +16,11 @@ SIGN_STEPS = 25
 
 
 class FromEigenvectors(NamedTuple):
-    """What the eigenvectors of the Hamiltonians of a stack say; nan where they say nothing.
+    """Solutions from the eigenvectors of the Hamiltonians of a stack; nan where they give none.
 
     X: (N, n, n)
-    correction: (N,), that of the last Newton step, relative to X
-    stable: (N,), how many eigenvalues of the Hamiltonian have a negative real part
+    correction: (N,), of the last Newton step, relative to X
+    stable: (N,), number of eigenvalues of the Hamiltonian with a negative real part
     axis_distance: (N,), not above `Spectrum.axis_distance` of the Hamiltonian
     """
 

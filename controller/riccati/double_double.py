@@ -52,7 +52,7 @@ def product(left: Pair, right: Pair) -> Pair:
 
 
 def transposed(pair: Pair) -> Pair:
-    """Of a matrix or a stack of them."""
+    """Return the transpose of a matrix or of a stack."""
     high, low = pair
     return high.mT, low if np.ndim(low) == 0 else low.mT
 

@@ -36,11 +36,12 @@ class StableSubspace(NamedTuple):
 
 
 def stable_subspace(form: NormalForm) -> StableSubspace | None:
-    """That of the Hamiltonian, with its error; None where it has not half the dimension.
+    """Return the stable subspace of the Hamiltonian, with its error; None where it has not half the
+    dimension.
 
-    The error is |D| / sep for a change D of the Hamiltonian by `BACKWARD` of what it was computed
-    from, and sep the separation of the two halves of its Schur form. Source: Golub and Van Loan,
-    Theorem 7.2.4."""
+    The error is |D| / sep, with D a relative change `BACKWARD` of the terms of the Hamiltonian, and
+    sep the separation of the two halves of its Schur form. Source: Golub and Van Loan, Theorem
+    7.2.4."""
     basis, separation = ordered_basis(form.hamiltonian, job=b"V")
     if basis is None:
         return None
@@ -49,11 +50,11 @@ def stable_subspace(form: NormalForm) -> StableSubspace | None:
 
 
 class Found(NamedTuple):
-    """What is known of the value of a game.
+    """The existence of the value of a game.
 
-    answer: whether there is one
-    form: the game in the coordinates in which that was decided
-    subspace: the stable one of its Hamiltonian there, None where it is not known
+    answer: whether it exists
+    form: the game in the coordinates of that decision
+    subspace: the stable subspace of its Hamiltonian, None where not known
     """
 
     answer: Answer
@@ -149,16 +150,15 @@ def solution_that_holds(form: NormalForm) -> np.ndarray | None:
 
 
 def shown_gain(form: NormalForm) -> tuple[float, float]:
-    """A gain that the disturbance has at some frequency, rad/s, whatever the inputs do, less what
-    rounding may have added; 0 where none is shown.
+    """Return a gain that the disturbance has for all inputs, less the bound of rounding, and its
+    frequency, rad/s; 0 where none is shown.
 
     The least of |Q^½ x|² + |u|² over all u, where x follows from u and w at the frequency ω, is
     w*Φ w with  Φ = -[0 E'] (H - jω I)⁻¹ [E; 0],  H the Hamiltonian at δ = inf. No δ up to the root
     of an eigenvalue of Φ has a value: at that root the Hamiltonian has the eigenvalue jω, and below
     it some other on the axis. The frequencies are those of the eigenvalues at this δ, between them
-    and 0. The bound of the error covers a change of every entry of H and E by rounding of what it
-    was computed from: |rows| |H| |columns| (Higham, Accuracy and Stability of Numerical Algorithms,
-    Section 7.2).
+    and 0. The bound of the error covers rounding in the terms of every entry of H and E: |rows| |H|
+    |columns| (Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2).
     Source: Zhou, Doyle and Glover, Section 13.4."""
     n, k = form.disturbance.shape
     if not k or math.isinf(form.delta):
@@ -193,14 +193,14 @@ def shown_gain(form: NormalForm) -> tuple[float, float]:
 
 
 def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
-    """What rounding may change of v'P v for the stabilizing P, to first order; inf where rounding
-    hides whether L is stable.
+    """Return the effect of rounding on v'P v for the stabilizing P, to first order; inf where
+    rounding hides whether L is stable.
 
     form: not turned. P: (n, n) and v: (n,), in the user's coordinates.
 
     A change R of the Riccati equation at P changes P by D with L'D + D L = -R, L = A - S P, and v'D
-    v is the sum of Z R entry by entry where L Z + Z L' = -v v'. So each entry of A counts with that
-    of 2 P Z, of B with that of 2 P Z P B, of E with that of 2 P Z P E / δ², of Q with that of Z.
+    v is the sum of Z R entry by entry where L Z + Z L' = -v v'. The weights are therefore 2 P Z for
+    A, 2 P Z P B for B, 2 P Z P E / δ² for E, and Z for Q, entry by entry.
     Source: Kenney and Hewer, The sensitivity of the algebraic and differential Riccati equations,
     SIAM J. Control and Optimization 28 (1990)."""
     from scipy.linalg import solve_continuous_lyapunov

@@ -26,11 +26,11 @@ Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 def level_crossings(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float
 ) -> np.ndarray:
-    """The only frequencies, rad/s, ascending, at which a singular value of C (jω I - A)⁻¹ B + D may
-    pass the level, which is none of D.
+    """Return the only frequencies, rad/s, ascending, at which a singular value of C (jω I - A)⁻¹ B
+    + D may cross the level, which is not a singular value of D.
 
-    |Im λ| of every eigenvalue λ of the bounded-real Hamiltonian: how far rounding moves one off the
-    axis is not asked. Source: Zhou, Doyle and Glover, Section 4.7."""
+    They are |Im λ| of every eigenvalue λ of the bounded-real Hamiltonian, on the axis or not.
+    Source: Zhou, Doyle and Glover, Section 4.7."""
     free = level**2 * np.eye(D.shape[1]) - D.T @ D
     by_output = np.linalg.solve(free, D.T @ C)
     into = B @ np.linalg.solve(free, B.T)

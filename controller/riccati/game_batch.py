@@ -72,8 +72,8 @@ def _careful_solution(form: NormalForm) -> tuple[np.ndarray, np.ndarray, str]:
 
 
 def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:
-    """BadInputError of stacks that do not fit, of the first model with a number that is none, or of
-    the first one."""
+    """Raise BadInputError for stacks that do not fit, for the first model with an invalid number,
+    or for the first one."""
     if A.ndim != 3 or B.ndim != 3 or A.shape[:2] != B.shape[:2] or A.shape[1] != A.shape[2]:
         raise BadInputError(
             f"A is of shape {A.shape} and B of {B.shape}; give stacks (N, n, n) and (N, n, m)"

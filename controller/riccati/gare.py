@@ -106,7 +106,7 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
 
 
 def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
-    """`certified_solution`, or NoSolutionError that says what delta would do."""
+    """Return `certified_solution`, or raise NoSolutionError that names a sufficient delta."""
     try:
         return certified_solution(form)
     except NoSolutionError as failure:

@@ -24,11 +24,11 @@ Loci = Callable[[np.ndarray], np.ndarray]
 
 
 class LoopMargin(NamedTuple):
-    """Of one loop, or the same factor, phase or delay in several at once.
+    """The margins of one loop, or for the same factor, phase or delay in several at once.
 
     The loop stays stable while its gain is multiplied by a factor in (gain_low, gain_high), its
-    phase shifted by less than `phase`, or its signal delayed by less than `delay` s; inf where none
-    of them ends stability. crossover: where |l| = 1 with that phase, nan where |l| is never 1.
+    phase shifted by less than `phase`, or its signal delayed by less than `delay` s; inf where the
+    loop stays stable for all. crossover: where |l| = 1 with that phase, nan where |l| is never 1.
     disk: α of `DiskMargin`, of both at once."""
 
     gain_low: float
@@ -160,8 +160,8 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
 
 
 def _followed(loci: np.ndarray) -> np.ndarray:
-    """The same (N, k), each column a curve: of all orders of the next row the nearest to this
-    one."""
+    """Return (N, k) with each column a curve: the order of each row is the nearest to the row
+    before."""
     if loci.shape[1] == 1:
         return loci
     from scipy.optimize import linear_sum_assignment

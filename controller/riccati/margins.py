@@ -118,12 +118,12 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
 
 
 def disk_of(loop: ClosedLoop) -> DiskMargin:
-    """The margin of `disk_margin` of any loop.
+    """Return the margin of `disk_margin` for any loop.
 
-    σ_max(D M D⁻¹) passes a level only at `level_crossings`. So the D that is best in the middle of
-    a piece of the axis shows that other parts of it are below the level; what is left is divided
-    again, at a level above all bounds met, until nothing is. Source: Lawrence, Tits and Van Dooren,
-    Automatica 36 (2000), 449-456."""
+    σ_max(D M D⁻¹) crosses a level only at `level_crossings`. The best D in the middle of a piece of
+    the axis therefore shows that other parts are below the level. The remaining parts are divided
+    again, at a level above all bounds met, until none remains. Source: Lawrence, Tits and Van
+    Dooren, Automatica 36 (2000), 449-456."""
     poles = np.linalg.eigvals(loop.A)
     ends = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)]))
     pieces = list(pairwise([*ends.tolist(), math.inf]))

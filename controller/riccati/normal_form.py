@@ -51,14 +51,14 @@ class NormalForm:
     """A'X + X A + Q - X S X = 0 with S = B B' - E E': one game or a stack of games, in y = T z.
 
     A: (..., n, n)
-    inputs: (..., n, m), B of the game in y, before R = I; exact, as rounding of it would hide a
-        mode that it barely reaches
+    inputs: (..., n, m), B of the game in y, before R = I; exact, because rounding would hide a mode
+        that it barely reaches
     disturbance: (..., n, k), E of the game in y, before it is divided by delta
     Q: (..., n, n)
     T: (..., n, n), the P of a game is T'X T
     root: (m, m), lower triangular, R = root root'
     delta: of the games
-    made_of: what the matrices of one game were computed from, None where they are given
+    made_of: sizes of the terms of the matrices of one game, None where they are given
     """
 
     A: np.ndarray
@@ -73,12 +73,13 @@ class NormalForm:
     @classmethod
     @lru_cache(maxsize=8)
     def of(cls, game: Game) -> NormalForm:
-        """Of one game, made once for all who ask for that of the same game."""
+        """Return the normal form of one game, computed once for each game."""
         return cls.of_plants(game.A, game.B, game)
 
     @classmethod
     def of_plants(cls, A: np.ndarray, B: np.ndarray, like: Game) -> NormalForm:
-        """Of the games on plants A (..., n, n), B (..., n, m), with E, Q, R and delta of `like`.
+        """Return the normal form of games on plants A (..., n, n), B (..., n, m), with E, Q, R and
+        delta of `like`.
 
         Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1."""
         root = np.linalg.cholesky(like.R)
@@ -112,11 +113,11 @@ class NormalForm:
         )
 
     def with_delta(self, delta: float) -> Self:
-        """The same game at another delta, in the same coordinates."""
+        """Return the game with another delta, in these coordinates."""
         return replace(self, delta=delta)
 
     def computed_from(self, sizes: Sizes) -> Self:
-        """The same game, of which these are the sizes in the user's coordinates; the form is not
+        """Return the game with the sizes of its terms in the user's coordinates; the form is not
         turned."""
         return replace(self, made_of=sizes.in_coordinates(self.T, np.diag(self.units)))
 
@@ -127,12 +128,12 @@ class NormalForm:
 
     @cached_property
     def B(self) -> np.ndarray:
-        """Of inputs in which R = I, (..., n, m)."""
+        """B of inputs in which R = I, (..., n, m)."""
         return np.linalg.solve(self.root, self.inputs.mT).mT
 
     @cached_property
     def E(self) -> np.ndarray:
-        """Of a disturbance with δ = 1, (..., n, k)."""
+        """E of a disturbance with δ = 1, (..., n, k)."""
         return self.disturbance / self.delta
 
     @cached_property
@@ -169,7 +170,7 @@ class NormalForm:
 
     @property
     def hamiltonian_sizes(self) -> np.ndarray:
-        """Of the entries of the Hamiltonian of one game, (2n, 2n)."""
+        """Return the sizes of the entries of the Hamiltonian of one game, (2n, 2n)."""
         A, B, E, Q = self.sizes
         E = E / self.delta
         return np.block([[A, B @ B.T + E @ E.T], [Q, A.T]])
@@ -212,14 +213,14 @@ class NormalForm:
         return (self.E.mT @ X @ self.T) / self.delta
 
     def turned(self) -> Self:
-        """The same game, (n, n), in coordinates in which the P of its LQ problem is moderate.
+        """Return the game, (n, n), in coordinates in which the P of its LQ problem is moderate.
 
-        Itself where P is so already. A mode that the input reaches by the part r alone costs 1/r²,
-        and the rounding of that hides all the rest: the step T <- D W'T turns the directions W of P
-        into axes and takes other units D for the dear ones, with twice the digits on the way. With
-        the basis [X1; X2] of the stable subspace X1 = W cos(θ) Z', and tan(θ) are the eigenvalues
-        of P. Source: Golub and Van Loan, Matrix Computations, Section 6.4.3 (angles between
-        subspaces)."""
+        The game itself is returned where P is moderate. A mode that the input reaches only by the
+        part r costs 1/r², and its rounding hides all other modes: the step T <- D W'T turns the
+        directions W of P into axes and chooses other units D for the expensive ones, computed with
+        twice the digits. With the basis [X1; X2] of the stable subspace X1 = W cos(θ) Z', and
+        tan(θ) are the eigenvalues of P. Source: Golub and Van Loan, Matrix Computations, Section
+        6.4.3 (angles between subspaces)."""
         form = self
         dearest = 1.0
         while dearest < 1.0 / RANK:
@@ -235,11 +236,11 @@ class NormalForm:
         return self
 
     def levelled(self) -> Self:
-        """The same game, (n, n), in coordinates in which the P of its LQ problem is near I.
+        """Return the game, (n, n), in coordinates in which the P of its LQ problem is near I.
 
         Fast states next to slow ones make a P from 1e-11 to 1, in whose coordinates rounding of
-        the fast states hides the slow ones. A direction of which P says nothing but rounding keeps
-        its unit. Itself where that P is not found."""
+        the fast states hides the slow ones. A direction in which P is only rounding keeps its unit.
+        The game itself is returned where P is not found."""
         form = self.turned()
         n = len(form.A)
         basis = stable_basis(form.with_delta(np.inf).hamiltonian)
@@ -319,10 +320,10 @@ def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
 
 
 def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
-    """The basis of the stable subspace, and the separation where it is asked for.
+    """Return the basis of the stable subspace, and the separation if requested.
 
-    Of LAPACK itself, because SciPy's ordered Schur form asks Python about each eigenvalue: a signal
-    that comes there makes it print two lines of its own."""
+    LAPACK is called directly, because SciPy's ordered Schur form calls Python for each eigenvalue
+    and prints two lines after a signal."""
     from scipy.linalg.lapack import dgees, dtrsen
 
     half = len(matrix) // 2
@@ -340,7 +341,7 @@ def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, fl
 def stable_graph(matrix: np.ndarray) -> np.ndarray:
     """P, (n, n), with [I; P] a basis of the stable subspace of a Hamiltonian.
 
-    np.linalg.LinAlgError where there is none.
+    np.linalg.LinAlgError where none exists.
     """
     basis = stable_basis(matrix)
     if basis is None:

@@ -58,16 +58,16 @@ def rank_distance(
     values: np.ndarray,
     nearest: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """The least relative change found of entries of A and rows with which [A' - λI; rows] has no
-    full column rank, (K,), up to 1: an upper bound, attained by one vector.
+    """Return the least relative change found of entries of A and rows with which [A' - λI; rows]
+    has no full column rank, (K,), up to 1: an upper bound, attained by one vector.
 
     A: (K, n, n)
     rows: (K, p, n)
-    values: (K,), where the search for λ begins
+    values: (K,), initial λ of the search
     nearest: the allowed λ that are nearest to others
 
     With λ the vector of the smallest singular value is sought, each row divided by the sizes of its
-    terms: fast states beside slow ones must not hide an entry. Source: Higham, Accuracy and
+    terms, so that fast states do not hide entries of slow ones. Source: Higham, Accuracy and
     Stability of Numerical Algorithms, Theorem 7.3 (Oettli and Prager)."""
     n = A.shape[-1]
     both = np.concatenate([A.mT, rows], axis=1)

@@ -38,11 +38,11 @@ class DeltaMin(NamedTuple):
     """delta_min = inf{δ : there is a solution}, bracketed: refused < delta_min <= value.
 
     value / refused <= 1 + 1e-6, or more where rounding hides the minimum (`uncertain`).  Both are 0
-    when the disturbance does not reach what is paid for.
+    when the disturbance does not reach the cost.
 
     value: smallest delta with a solution, from above
-    refused: and from below
-    condition: of a generalized plant, the one that ends there, or "none"
+    refused: largest delta without a solution, from below
+    condition: of a generalized plant, the condition that fails below, or "none"
     """
 
     value: float
@@ -78,10 +78,10 @@ class DeltaMin(NamedTuple):
 
 @checks_arguments
 def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
-    """The smallest δ of a game, to 1e-6 relative; its own delta plays no part.
+    """Return the smallest δ of a game, to 1e-6 relative, independent of its own delta.
 
-    Raises NoSolutionError when there is none, naming the mode if one is found that rules out every
-    solution.
+    Raises NoSolutionError when none exists, and names the mode that rules out every solution, if
+    one is found.
 
     >>> import hfa
     >>> from controller import minimum_delta
@@ -123,11 +123,11 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
 
 
 def why_refused(form: NormalForm, failure: str, progress: Progress | None = None) -> str:
-    """Why a game is refused, what its delta is beside the smallest, and what to change.
+    """Return why a game is refused, its delta compared with the smallest, and the remedy.
 
     failure: the test of the certificate that failed.
 
-    Raises NoSolutionError when no delta would do.
+    Raises NoSolutionError when no delta suffices.
     """
     smallest = smallest_delta_of(form, progress)
     verdict = f"not certified: {failure}"
@@ -137,7 +137,7 @@ def why_refused(form: NormalForm, failure: str, progress: Progress | None = None
 
 
 def _some_solution(form: NormalForm) -> Certified:
-    """Of the problem without disturbance, or else of the game itself."""
+    """Return a solution of the problem without disturbance, or else of the game."""
     (reached,) = reach_checks(form)
     if not reached.ok:
         raise NoSolutionError(lqr_obstacle(form, reached.reason))
@@ -172,14 +172,12 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
 
 
 class Obstacle(NamedTuple):
-    """Why there is no solution at any delta.
+    """The reason why no solution exists at any delta.
 
-    sentence: that says so, or ""
-    reach: by which part of their size the inputs reach the mode that is not stable, the least of
-        all
+    sentence: the reason, or ""
+    reach: the least relative size with which the inputs reach an unstable mode
     mode: the name of that mode
-    shown: the least change of A and Q^½, a part of their size, that leaves some frequency of an
-        eigenvalue on the axis and free of cost
+    shown: the least relative change of A and Q^½ that leaves an eigenvalue on the axis without cost
     undamped: the name of that mode
     """
 
@@ -207,15 +205,16 @@ class Obstacle(NamedTuple):
 
 
 def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
-    """What rules out a solution without disturbance.
+    """Return the reason why no solution exists without disturbance.
 
     unreached, hidden: sentences about a mode {}.
 
     The Riccati equation without disturbance has a stabilizing solution exactly when [A - λI, B] has
     full rank for every eigenvalue λ of A with Re λ >= 0 (stabilizable; else unreached) and [A - λI;
-    Q] for every λ with Re λ = 0 (else hidden). An unstable mode outside Q is no obstacle: P is then
-    the least cost among the policies that bring the state to rest. A mode that rounding may have
-    moved off the axis is looked for on it too. Source: Zhou, Doyle and Glover, Theorem 13.7."""
+    Q] for every λ with Re λ = 0 (else hidden). An unstable mode outside Q is not an obstacle: P is
+    then the least cost among the policies with which the state converges to 0. A mode that rounding
+    may have moved off the axis is searched for on it too. Source: Zhou, Doyle and Glover, Theorem
+    13.7."""
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     sentence = ""
     least_reach = 1.0

@@ -1,4 +1,4 @@
-"""What the exact solution of a game says: the policies in flight, and their margins."""
+"""The report of the exact solution of a game: its policies in flight, and their margins."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matri
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AnalysedGame(Result, Shown):
-    """A certified solution and what it means.
+    """A certified solution with its cost and margins.
 
     solution: P, K and their certificate
     delta_min: the smallest delta
@@ -69,14 +69,15 @@ class AnalysedGame(Result, Shown):
 
 @checks_arguments
 def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
-    """The certified solution of a game, its smallest delta, what its policies cost, and margins.
+    """Return the certified solution of a game, its smallest delta, the cost of its policies, and
+    margins.
 
     Everything is computed in normal form: the verdict must not depend on the user's units, and the
     flight whose cost is compared starts at one unit of each state. progress: of the search for
     delta_min.
 
-    Raises NoSolutionError when the game is not certified, or when its policies do not mean what the
-    certificate says."""
+    Raises NoSolutionError when the game is not certified, or when its policies contradict the
+    certificate."""
     form = NormalForm.of(game)
     solved = certified(form, progress)
     smallest = smallest_delta_of(form, progress)

@@ -1,4 +1,4 @@
-"""Train a policy on the GTM and write its zip and normalizer, of a card beside this file:
+"""Train a policy on the GTM for a deployment file in this folder, and write its zip and normalizer:
 
 python train.py on_time.toml    # needs pip install ".[training]"; minutes
 """

@@ -255,13 +255,13 @@ class Weights(Result):
 class NamedGame(Result):
     """A game and its origin, the subject of a result.
 
-    game: which.
-    warnings: what to know before trusting the result.
+    game: the game.
+    warnings: notes on the result.
     plant_provenance: of a plant from a file.
-    linear: the linear model that the game is of; None of a plant from a file or of a design.
-    discrete: of a plant in discrete time the game whose step `game` is (`StoredGame`).
-    has_time: whether it is known to be in continuous or discrete time; a file may not say it.
-    weights_from: "Q", "R", "delta" -> whose they are: "given", "file", "design" or "default".
+    linear: the linear model of the game; None for a plant from a file or a design.
+    discrete: of a plant in discrete time the game with the step `game` (`StoredGame`).
+    has_time: whether continuous or discrete time is known; a file may omit it.
+    weights_from: "Q", "R", "delta" -> source: "given", "file", "design" or "default".
     """
 
     keys = (
@@ -295,8 +295,8 @@ class NamedGame(Result):
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:
-        """A NoSolutionError of the block asks for the time, where the file does not say it and the
-        plant has a solution in steps."""
+        """Add a request for the time to a NoSolutionError of the block, where the file does not
+        state it and the plant has a solution in discrete time."""
         try:
             yield
         except NoSolutionError as failure:

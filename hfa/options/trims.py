@@ -364,9 +364,9 @@ class TrimOptions(HfaOptions):
         return self.start if isinstance(self.start, OperatingPoint) else None
 
     def operating_point(self, aircraft: Model) -> OperatingPoint:
-        """The trim that the options name, begun where --start says.
+        """Return the trim of the options, with the initial point of --start.
 
-        Raises TrimError that also says so where a held angle of attack is why there is no trim."""
+        Raises TrimError, which names a held angle of attack where that prevents a trim."""
         condition = self.trim_condition()
         by = self.model.schedule
         if self.at is not None and by in condition.free:

@@ -48,10 +48,10 @@ Rows = list[np.ndarray]
 
 
 class RowFunction(threading.local):
-    """Calls a dense CasADi Function once a row of its arguments; columns of a matrix come one after
-    the other in a row. Each thread has memory of its own.
+    """Calls a dense CasADi Function for each row of its arguments; a row contains a matrix column
+    by column. Each thread has its own memory.
 
-    function: what is called
+    function: the Function
     """
 
     def __init__(self, function: ca.Function) -> None:
@@ -59,7 +59,7 @@ class RowFunction(threading.local):
         self._bound: dict[int, tuple[BoundFunction, Rows, Rows]] = {}
 
     def __call__(self, *tables: Any) -> list[np.ndarray]:
-        """Of arguments (N, size of the argument) the results (N, size of the result)."""
+        """Return the results (N, size of the result) for arguments (N, size of the argument)."""
         count = len(tables[0])
         together = 1
         for size in _TOGETHER:

@@ -1,8 +1,8 @@
 """CasADi Functions as machine code: generated C, compiled once, cached by content.
 
-With a C compiler a function runs several times faster than in CasADi's virtual machine, and gives
-the same numbers to rounding. Without one, or when compiling fails, the virtual machine serves; one
-line on standard error says so."""
+With a C compiler a function runs several times faster than in CasADi's virtual machine, with equal
+results to rounding. Without one, or when compiling fails, the virtual machine is used, and one line
+on standard error reports it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Loaded = TypeVar("Loaded")
 
 
 def machine_code(function: ca.Function) -> ca.Function:
-    """The same function compiled to machine code, or with one note the function itself where no
+    """Return the function compiled to machine code, or with one note the function itself where no
     compiler works."""
     loaded = compiled(
         lambda symbol: _c_text(function, symbol),
@@ -40,17 +40,17 @@ def machine_code(function: ca.Function) -> ca.Function:
 def compiled(
     text: Callable[[str], str], load: Callable[[str, Path], Loaded], optimize: str = "-O2"
 ) -> Loaded | None:
-    """What `load` makes of the symbol and the library of a C text; None, with one note, where no
-    compiler works.
+    """Return the result of `load` for the symbol and the library of a C text; None, with one note,
+    where no compiler works.
 
     text: symbol -> C text that defines it
-    load: symbol, library -> whatever calls it
-    optimize: how the compiler optimizes
+    load: symbol, library -> function that calls it
+    optimize: optimization of the compiler
 
     The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its
     flags, and of that and its own content, which is checked before it is loaded, as its owner is.
-    Its symbol carries the first, because two libraries of one name cannot live in one process. A
-    library that cannot be loaded is not kept."""
+    Its symbol contains the first, because two libraries of one name cannot be loaded in one
+    process. A library that cannot be loaded is not kept."""
     compiler = c_compiler()
     if compiler is None:
         _say("no C compiler found; running without machine code")
@@ -130,7 +130,7 @@ def _digest(file: Path, symbol: str) -> str:
 
 @cache
 def c_compiler() -> str | None:
-    """The compiler that CC names, else cc, gcc or clang; None when there is none."""
+    """Return the compiler that CC names, else cc, gcc or clang; None without one."""
     return shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
 
 

@@ -1,4 +1,4 @@
-"""One checked number: the measured value, its limit, and what it means when it is beyond."""
+"""One checked number: the measured value, its limit, and the reason of a failure."""
 
 from __future__ import annotations
 
@@ -25,14 +25,13 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
 class Check(Result):
     """A named number that must be `value relation limit`.
 
-    name: of what is checked
+    name: of the quantity
     value: the number
-    limit: what it is compared with
-    ok: whether it is as it must be
-    reason: why it fails; empty when `ok`.
+    limit: the limit
+    ok: whether the relation holds
+    reason: of a failure; empty when `ok`.
     relation: "<=", "<", ">=" or ">"
-    kind: what it is about, where that decides what is said of it: "error", "stability" of the loop,
-        "game loop", "cost", "gain" or "data".
+    kind: "error", "stability" of the loop, "game loop", "cost", "gain" or "data".
     """
 
     keys = "name value limit ok reason"
@@ -52,7 +51,7 @@ class Check(Result):
 
 
 class Checked:
-    """What its checks decide."""
+    """A result that is decided by its checks."""
 
     if TYPE_CHECKING:
 

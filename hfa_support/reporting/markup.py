@@ -128,6 +128,6 @@ def escaped(text: Any) -> str:
 
 
 def paragraph(line: str) -> str:
-    """A paragraph; what stands in backquotes is set as code."""
+    """Return a paragraph; text in backquotes is set as code."""
     text = re.sub("`([^`]+)`", r"<code>\1</code>", escaped(line))
     return f"<p>{text}</p>"

@@ -1,4 +1,4 @@
-"""A report: what a result says, once, as text for a terminal, Markdown, HTML, and data for
+"""A report of a result, written once, as text for a terminal, Markdown, HTML, and data for
 files."""
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ SUFFIXES = (".json", ".npz", ".mat", ".csv")
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A figure that is drawn when somebody looks at it; `text` says what it shows to those who
-    cannot see it."""
+    """A figure that is drawn when it is shown; `text` describes it for readers who cannot see
+    it."""
 
     name: str
     text: str
@@ -45,12 +45,12 @@ class Picture:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:
-    """What a result says, in the order in which it is read.
+    """The report of a result, in reading order.
 
-    title: a heading, and below it what follows its first line
+    title: a heading, with further lines below the first
     parts: paragraphs (str), tables of formatted cells (Table), a tuple of these without an empty
         line between them, pictures, and reports within the report
-    notes: what to know before trusting it
+    notes: on the result
     data: the result for JSON, .npz and .mat
     records: for CSV, numbers with all digits
     source: the provenance, shown last
@@ -70,7 +70,7 @@ class Report:
         return self.html(level=3)
 
     def with_data(self, **more: Any) -> Report:
-        """The same report with more data."""
+        """Return the report with more data."""
         return replace(self, data={**self.data, **more})
 
     def text(self, color: bool = False, width: int | None = None) -> str:
@@ -128,7 +128,7 @@ class Reported:
     """A result that shows its report at the prompt and in notebooks."""
 
     def report(self) -> Report:
-        """What the result says."""
+        """Return the report of the result."""
         raise NotImplementedError
 
     def __repr__(self) -> str:

@@ -1,8 +1,8 @@
 """Results whose data are declared once: by the class of the value itself.
 
-A `Result` is a dataclass. Its entries are its fields and properties; the annotation says the type,
-the line "name: meaning" of the docstring, or the docstring of the property, what it is. JSON,
-files, the JSON Schema and the page of formats follow from these."""
+A `Result` is a dataclass. Its entries are its fields and properties. The annotation declares the
+type; the line "name: meaning" of the docstring, or the docstring of the property, states the
+meaning. JSON, files, the JSON Schema and the page of formats follow from these."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ class Entry(NamedTuple):
 
 
 class Result:
-    """A dataclass that is data, also within other data.
+    """A dataclass whose entries are written as data, also within other data.
 
-    schema: name and number of the format, of what is written by itself; "" of a part.
+    schema: name and number of the format of a result that is written by itself; "" for a part.
     made_by: the command that writes it.
     keys: the entries in their order: the name of a field or property, or KEY=FIELD.PROPERTY; with
-        ? behind the key where it is left out when it is None or has no element. "" for all fields,
-        those with the default None left out so."""
+        ? after the key where it is omitted when it is None or empty. "" for all fields, those with
+        the default None omitted when None."""
 
     schema: ClassVar[str] = ""
     made_by: ClassVar[str] = ""

@@ -23,7 +23,7 @@ _GAP = "  "
 
 
 class Table(NamedTuple):
-    """A header and its rows: what a CSV file and a terminal table have in common."""
+    """A header and its rows, for a CSV file and a terminal."""
 
     header: tuple[str, ...]
     rows: Sequence[tuple[Any, ...]]

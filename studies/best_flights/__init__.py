@@ -1,1 +1,2 @@
-"""Flights of the nonlinear HFA from the paper's x(0): policies beside the best flight found."""
+"""Flights of the nonlinear HFA from the paper's x(0): policies compared with the best flight
+found."""

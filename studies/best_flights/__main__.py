@@ -50,7 +50,7 @@ _DRAWN = ("speed", "alpha", "pitch_rate", "elevator_center")
 
 
 def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, float]]) -> BestFlight:
-    """The best flight found from x(0), beside the exact game policy and the exact LQR."""
+    """Return the best flight found from x(0), with the exact game policy and the exact LQR."""
     game = hfa.paper.published_game(linear)
     problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
     search = BestFlights(problem)
@@ -89,7 +89,7 @@ def limits_of(problem: FlightProblem) -> dict[str, list[float]]:
 
 
 def study() -> tuple[FlightsData, list[BestFlight]]:
-    """All flights, and what is stored of them."""
+    """Return all flights and their stored data."""
     aircraft = hfa.aircraft()
     models = [hfa.paper.level_model(aircraft, np.radians(degrees)) for degrees in DEGREES]
     flown = []

@@ -28,7 +28,7 @@ class IdentificationRequest(OutputOptions):
 
 @command(IdentificationRequest)
 def identification(request: IdentificationRequest) -> int:
-    """Find the aircraft's parameters from the printed matrices and say how far to trust them."""
+    """Find the aircraft's parameters from the printed matrices, and report their accuracy."""
     result = run_identification(request.seed, ProgressLine("identify"))
     if request.output is not None and request.output.suffix.lower() == PARAMETERS:
         result.fit.save(request.output)

@@ -1,8 +1,8 @@
-"""A and B against differences of JSBSim's accelerations, thrust at five throttles, and what a pulse
-of the elevator moves in 10 s, of aircraft of all kinds.
+"""A and B compared with differences of JSBSim's accelerations, thrust at five throttles, and the
+response to a pulse of the elevator in 10 s, for aircraft of all kinds.
 
-`python -m studies.jsbsim.dynamics [NAME ...]` prints a line an aircraft. JSBSim's propellers and
-governors come to rest at each state, and so do ours: A and B are those of the other states.
+`python -m studies.jsbsim.dynamics [NAME ...]` prints a line an aircraft. Propellers and governors
+are in equilibrium at each state, in JSBSim and here: A and B are those of the other states.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def trimmed(name: str, **parameters: float) -> tuple[Model, OperatingPoint]:
 
 
 def _at(name: str, model: Model, state: Mapping[str, float], inputs: Mapping[str, float]) -> Any:
-    """What JSBSim is asked at a state and inputs."""
+    """Return the request to JSBSim at a state and inputs."""
     point = {"state": dict(state), "commands": dict(inputs), "held": positions(model, inputs)}
     return {"aircraft": name, "point": point}
 
@@ -173,8 +173,8 @@ def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
 
 
 def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
-    """The largest difference of what the pulse moves a state by until the end of the flight from
-    what it moves JSBSim's by, relative to that or a tenth of a usual size, and of which state.
+    """Return the largest difference from JSBSim of a state's response to the pulse at the end of
+    the flight, relative to the response or 10 % of a usual size, and the state.
 
     Flights with and without the pulse are compared: JSBSim's earth is round."""
     state = point.states._asdict()

@@ -1,8 +1,8 @@
-"""JSBSim itself as the reference, in a process of its own: it can end Python.
+"""JSBSim as the reference, in a separate process, because it can terminate Python.
 
 `python -m studies.jsbsim.reference` reads [{"aircraft": NAME, "point": {...}}, ...] as JSON and
-writes what JSBSim finds at each, line by line, so that what was found is kept if it ends. The
-package jsbsim is needed.
+writes JSBSim's results line by line, so that they are kept if it terminates. The package jsbsim is
+needed.
 """
 
 from __future__ import annotations
@@ -113,7 +113,8 @@ _MISSING = 200
 
 
 def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
-    """What JSBSim finds at each point, in another process; None for those that it did not reach.
+    """Return JSBSim's results at each point, from another process; None for points that it did not
+    reach.
 
     name: of an aircraft of JSBSim.
     points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, of `Model`
@@ -125,8 +126,8 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
 
 
 def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
-    """What JSBSim answers to each item, in other processes: {"error": its message} where it refuses
-    the file, None where it ended.
+    """Return JSBSim's result for each item, from other processes: {"error": its message} where it
+    refuses the file, None where it terminated.
 
     items: {"aircraft", "point"}, and "root", the folder that holds the folder aircraft, where it is
         not JSBSim's own; "earth": "own" for JSBSim's in place of a sphere that does not turn.
@@ -173,8 +174,8 @@ def main() -> int:
 
 
 def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
-    """What JSBSim finds at an item, or its error. Where this is no number it is asked again: at the
-    first step it reads memory that nothing has set (fokker50)."""
+    """Return JSBSim's result for an item, or its error. A result that is not a number is computed
+    again, because the first step reads uninitialized memory (fokker50)."""
     answer: dict[str, Any] = {}
     for _ in range(_TRIES):
         try:
@@ -187,7 +188,7 @@ def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _found(item: Mapping[str, Any]) -> dict[str, Any]:
-    """What JSBSim finds at an item."""
+    """Return JSBSim's result for an item."""
     point = item["point"]
     simulator = _simulator(item)
     for name in _missing(item["aircraft"], item.get("root")):
@@ -240,7 +241,8 @@ def _load_model(simulator: Any, name: str) -> None:
 
 
 def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
-    """A copy of JSBSim's data with this aircraft alone, in which no component sets what is held."""
+    """Return a copy of JSBSim's data with only this aircraft, in which no component sets the held
+    properties."""
     copy = folder / "data"
     shutil.copytree(root / "aircraft" / name, copy / "aircraft" / name)
     shutil.copytree(root / "systems", copy / "systems")
@@ -351,8 +353,8 @@ def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
 
 
 def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """What JSBSim measures at a state that does not move, when its engines and surfaces no longer
-    do."""
+    """Return JSBSim's measurements at a fixed state, after its engines and surfaces have
+    settled."""
     _stand_still(simulator)
     commands = point.get("commands", {})
     _start(simulator, point["state"], commands)
@@ -405,10 +407,10 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     """States after a flight of point["flight"] s in steps of 1 ms, or of point["step"] s, from a
     state, the stick held.
 
-    point["rest"]: s in which engines come to their speeds before. point["pulse"]: what is added to
-    commands for the second second, by name. point["changes"]: [time, {command: value}], in order.
-    With these the answer has "start", the states with those of the engines when the flight begins,
-    and "states", which are those at each full second.
+    point["rest"]: s in which engines come to their speeds before. point["pulse"]: increments of
+    commands during the second second, by name. point["changes"]: [time, {command: value}], in
+    order. With these the answer has "start", the states with those of the engines when the flight
+    begins, and "states", which are those at each full second.
     """
     commands = dict(point.get("commands", {}))
     length = point.get("step", _FINE)
@@ -464,7 +466,7 @@ def _states(simulator: Any) -> dict[str, float]:
 
 
 def _of_engines(simulator: Any) -> dict[str, float]:
-    """What engines remember, by the names of a model's states; 0 for what an engine has not."""
+    """Return the states of engines, by the names of a model's states; 0 for missing ones."""
     values = {}
     parts = {
         **{"rpm": "propeller-rpm", "blade": "blade-angle", "spool": "n2"},
@@ -501,7 +503,7 @@ def _linearized(simulator: Any) -> dict[str, Any]:
 
 
 def _contents(simulator: Any) -> dict[str, float]:
-    """What is in each tank, lb."""
+    """Return the contents of each tank, lb."""
     contents = {}
     for number in range(_MOST_TANKS):
         index = f"[{number}]" if number else ""
@@ -510,8 +512,8 @@ def _contents(simulator: Any) -> dict[str, float]:
 
 
 def _unsettled(simulator: Any) -> list[float]:
-    """What moves until engines and control system are steady: speeds of all propellers, rpm, and
-    the accelerations."""
+    """Return the quantities that must settle: speeds of all propellers, rpm, and the
+    accelerations."""
     count = simulator.get_propulsion().get_num_engines()
     names = [f"{_engine(number)}/propeller-rpm" for number in range(count)]
     names += [_MEASURED[axis] for axis in AXES]

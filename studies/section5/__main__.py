@@ -235,7 +235,8 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
 
 
 def _failed(flight: Mapping[str, Any]) -> bool:
-    """Whether a law of this project lost the aircraft, or the judge refuses what it learned."""
+    """Return whether the aircraft left the envelope under a law of this project, or the judge
+    refuses the learned critic."""
     if flight["law"] not in OWN:
         return False
     facts = flight["metrics"].get("learning", {}).get("facts", {})

@@ -1,4 +1,4 @@
-"""What Section 5 says (claims.toml), the number that checks each sentence, and the verdict."""
+"""The claims of Section 5 (claims.toml), the number that checks each of them, and the verdict."""
 
 from __future__ import annotations
 
@@ -321,7 +321,7 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
 
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
-    """The subject's number against the limit, what the optimum does, and what lies behind it."""
+    """Return the subject's number compared with the limit, the optimum's number, and the cause."""
     own = checks[claim.subject]
     parts = [f"the paper would have to give {claim.missing}"] if claim.missing else []
     told = own.reason or f"{claim.measured}: {own.value:.3g}"

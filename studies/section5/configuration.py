@@ -19,10 +19,10 @@ _NONE = np.zeros(6)
 
 
 class PaperFlight:
-    """What Section 5 of the paper imposes on a flight, as deviations from trim in ft/s, rad and
-    rad/s, in the order of `hfa_model.LINEAR_STATES`: 5.1, the start x(0), the command x_d and the
-    disturbance d, 1.1 times the printed amplitudes; 5.4, the noise n that is added to the measured
-    states and nothing else.
+    """The conditions of a flight in Section 5 of the paper, as deviations from trim in ft/s, rad
+    and rad/s, in the order of `hfa_model.LINEAR_STATES`: 5.1, the initial condition x(0), the
+    command x_d and the disturbance d, 1.1 times the printed amplitudes; 5.4, the noise n that is
+    added to the measured states and nothing else.
 
     The print has lost all signs; they are taken as positive, and its derivative 0.01 + cos(0.5 t)
     of the speed's command agrees with that. x_d: 7 + 0.01 t + 2 sin(0.5 t) ft/s, 0.1 rad of alpha,

@@ -23,7 +23,7 @@ class CriticPolicy(Policy):
 
     law: stack, gains, normalisation and coordinates of Eq. (46); the memory is its W (M,), in the
     law's coordinates y = z / scales. forcing: r(t) = A x_d - x_d' (6,) of the drift that the critic
-    receives; zero when it is told F = A z. BadInputError when the stack's policies are
+    receives; zero when it receives F = A z. BadInputError when the stack's policies are
     re-evaluated: only stored ones are flown."""
 
     law: PublishedLaw
@@ -89,7 +89,7 @@ class CriticPolicy(Policy):
 
 
 def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
-    """r = A x_d - x_d', (n,): what a reference adds to the drift of the error."""
+    """Return r = A x_d - x_d', (n,): the contribution of a reference to the drift of the error."""
     turned = [Harmonic(h.frequency, A @ h.sine, A @ h.cosine) for h in reference.harmonics]
     slopes = [
         Harmonic(h.frequency, h.frequency * h.cosine, -h.frequency * h.sine)

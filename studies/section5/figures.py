@@ -122,7 +122,7 @@ class PaperFigure:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """What is drawn, by panel and line: "02 Case I _ certified _ x"."""
+        """Return the drawn arrays, by panel and line: "02 Case I _ certified _ x"."""
         found = {}
         for index, panel in enumerate(self.panels):
             for line in panel.lines:

@@ -117,7 +117,7 @@ class PaperCase:
         return solve_game(self.game)
 
     def reweighted(self, alpha_factor: float) -> PaperCase:
-        """The same aircraft with the weight of the angle of attack multiplied."""
+        """Return the case with the weight of the angle of attack multiplied."""
         factors = np.where(np.array(LINEAR_STATES) == "alpha", alpha_factor, 1.0)
         return replace(self, game=replace(self.game, Q=self.game.Q * np.diag(factors)))
 
@@ -136,7 +136,7 @@ class Setting:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What decides the numbers, as plain values."""
+        """Return the data that determine the numbers, as plain values."""
         models = [
             {
                 "dihedral_deg": case.dihedral_deg,
@@ -196,12 +196,11 @@ class FlightPlan:
 
 @dataclass(frozen=True, eq=False)
 class FlightRecord:
-    """What a flight was like. Arrays have one row a tick, up to the last one before the flight was
-    lost.
+    """The record of a flight. Arrays have one row a tick, up to the last one before the departure.
 
     times (N,); states, commands x_d, errors z (N, 6); inputs (N, 5). residual: (N,), Bellman
     residual of the learned value at the simulated error; critic: None for laws that do not learn.
-    learned_from: s, when a learned gain takes over. lost_at: s, inf when it came to its end.
+    learned_from: s, when a learned gain takes over. lost_at: s, of the departure, inf without one.
     limits: (2, 5), lowest and highest inputs that this project assumes."""
 
     plan: FlightPlan
@@ -296,11 +295,11 @@ def law_of(
     frozen: bool,
     reference: Waveform,
 ) -> tuple[Policy, Learned | None]:
-    """The law ready to fly a case that has learned nothing yet, and how to read what it learns;
-    None if nothing.
+    """Return the untrained law for a case, and the function that reads its learned values; None if
+    it learns nothing.
 
-    predefined_time: T_w, s; frozen: whether learning stops there. reference: x_d, of which
-    feed-forward and the published drift know."""
+    predefined_time: T_w, s; frozen: whether learning stops there. reference: x_d, for the
+        feed-forward and the published drift."""
     if law in (PRINTED, MODIFIED):
         return _published(setting, case, law, predefined_time, frozen, reference)
     if law in (CERTIFIED, CERTIFIED_FF, INTEGRAL):

@@ -33,8 +33,8 @@ _SINGLE = ("cost", "early_cost", "effort", "peak_effort", "attenuation")
 
 @dataclass(frozen=True, eq=False)
 class Critic:
-    """What a law learns. weights: (N, M), in the model's units, one row a tick; residual: (N,),
-    relative Bellman residual |e|/|z'Qz| of the game over the recorded stack. facts: of the
+    """The learned critic of a law. weights: (N, M), in the model's units, one row a tick; residual:
+    (N,), relative Bellman residual |e|/|z'Qz| of the game over the recorded stack. facts: of the
     learning, by name."""
 
     basis: Basis

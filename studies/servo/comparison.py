@@ -97,7 +97,7 @@ def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) 
 
 
 class Start(NamedTuple):
-    """Where all laws begin, and what they follow."""
+    """The initial condition and the reference of all laws."""
 
     aircraft: Model
     point: OperatingPoint

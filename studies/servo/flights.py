@@ -1,4 +1,4 @@
-"""What is asked of a servo, and what one reaches: margins, delay, gusts, a biased gyro, noisy
+"""The requirements of a servo, and what one reaches: margins, delay, gusts, a biased gyro, noisy
 sensors."""
 
 from __future__ import annotations
@@ -97,8 +97,8 @@ def gust_held(
     length: float,
     peak: float,
 ) -> float:
-    """Largest 1-cosine gust up to `peak`, ft/s, that a flight of 30 s stands in its envelope, to
-    `APART`; signed."""
+    """Return the largest 1-cosine gust up to `peak`, ft/s, with which a flight of 30 s stays in its
+    envelope, to `APART`; signed."""
 
     def held(size: float) -> bool:
         gust = OneMinusCosine(length, math.copysign(size, peak), model.point.states.speed, 1.0)

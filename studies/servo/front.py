@@ -1,5 +1,5 @@
-"""What following A_z costs: the servo with other gains of A_z, between commands with a fault, gusts
-and margins."""
+"""The cost of following A_z: the servo with other gains of A_z, between commands with a fault,
+gusts and margins."""
 
 from __future__ import annotations
 

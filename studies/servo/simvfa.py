@@ -240,12 +240,12 @@ class MemoryParts:
 
     @property
     def rate(self) -> ca.SX:
-        """Of the whole memory."""
+        """Return the rate of the whole memory."""
         return ca.vertcat(*(self._rates[place] for place in range(len(self._starts))))
 
     @property
     def start(self) -> np.ndarray:
-        """Of the whole memory."""
+        """Return the initial value of the whole memory."""
         return np.concatenate(self._starts)
 
 
@@ -369,7 +369,7 @@ class AdaptivePolicy(Policy, ABC):
     def memory_rate(
         self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX, applied: ca.SX
     ) -> ca.SX:
-        """What `law` sets."""
+        """Return the rate that `law` sets."""
         return self._flown(t, measurements, memory)[1]
 
     def _flown(self, t: ca.SX, measurements: Measurements, memory: ca.SX) -> tuple[ca.SX, ca.SX]:

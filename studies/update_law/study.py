@@ -168,8 +168,8 @@ class Reference(NamedTuple):
 
 
 def references() -> tuple[Reference, ...]:
-    """Of both printed models, with what the certified law learns. NoSolutionError where it
-    does not settle."""
+    """Return the references of both printed models, with the critics of the certified law.
+    NoSolutionError where it does not settle."""
     found = []
     for model in published_models():
         game = published_game(model.A, model.B)

@@ -1,1 +1,1 @@
-"""What others have printed and released about the same aircraft, beside the model."""
+"""Published and released data of the same aircraft, compared with the model."""

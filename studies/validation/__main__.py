@@ -14,7 +14,7 @@ from studies.validation.outside import validate
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ValidationRequest(HfaOptions, OutputOptions):
-    """The model beside what others have published."""
+    """A comparison of the model with published data."""
 
 
 @command(ValidationRequest)

@@ -1,5 +1,5 @@
-"""The model beside what others have printed and released, with a limit on each difference, and what
-that says."""
+"""The model compared with published and released data, with a limit on each difference, and the
+conclusions."""
 
 from __future__ import annotations
 
@@ -85,8 +85,8 @@ def released_trims() -> tuple[ReleasedTrim, ...]:
 
 
 def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
-    """The entries of A and B that Qu 2018, Eq. (97), prints, beside those of a model; B has two of
-    the inputs."""
+    """Return the entries of A and B in Qu 2018, Eq. (97), compared with those of a model; B has two
+    of the inputs."""
     data = outside_data()["qu_2018"]
     return tuple(
         EntryRow(

@@ -1,2 +1,1 @@
-"""What trims and linear models of the paper's aircraft alone have: bands of the print, loads on its
-panels."""
+"""Trims and linear models of the paper's aircraft: bands of the print, loads on its panels."""

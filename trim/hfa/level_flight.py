@@ -27,7 +27,7 @@ def level_flight(
     The center aileron is at zero; throttle, outer aileron and both elevators are free.
     dihedral: rad.
     limits: variable -> (lowest, highest), in place of the model's.
-    held: what is imposed in place of the paper's values, in rad, ft, s.
+    held: variable -> value imposed in place of the paper's, in rad, ft, s.
 
     >>> import hfa
     >>> hfa.paper.level_flight(0.2, speed=70.0).free
@@ -40,9 +40,9 @@ def level_flight(
 
 @checks_arguments
 def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondition:
-    """A shipped condition, by its name in `CONDITIONS`, or one from a file of the user's.
+    """Return a condition by its name in `CONDITIONS`, or from a user's file.
 
-    usual: what the file changes.
+    usual: the condition that the file changes.
     """
     from trim.point.condition_file import read_condition
 

@@ -1,5 +1,5 @@
-"""A linear model beside the printed matrices, entry by entry, and how far the rounding of the print
-reaches: through the parameters and the trim, into every entry."""
+"""A linear model compared with the printed matrices, entry by entry, and the effect of the rounding
+of the print on every entry, through the parameters and the trim."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class EntryRow(Result):
     matrix: "A" or "B"
     row: name of a state
     column: name of a state or an input
-    printed: what the paper prints
-    computed: what the model has
+    printed: value in the paper
+    computed: value of the model
     half_unit: half a unit of the last printed digit
     """
 
@@ -88,15 +88,15 @@ class EntryRow(Result):
 
 @dataclass(frozen=True, eq=False)
 class OfTheHfa(Result):
-    """What a linear model of the HFA says beside that of any aircraft.
+    """Further data of a linear model of the HFA.
 
     A_band: (n, n) two standard errors of each entry of A from the rounding of the printed matrices.
-    B_band: (n, m) the same of B.
+    B_band: (n, m) two standard errors of each entry of B.
     other_dynamics: the dynamics that the model is compared with: newton for published, and the
         other way round.
     A_difference: (n, n) A with the other dynamics at the same condition minus A.
-    B_difference: (n, m) the same of B.
-    printed: A and B as the paper prints them, at its angles."""
+    B_difference: (n, m) B with the other dynamics minus B.
+    printed: A and B of the paper, at its angles."""
 
     A_band: Matrix | None = None
     B_band: Matrix | None = None
@@ -177,7 +177,7 @@ def beside_the_print(report: Report, model: LinearModel, published: PublishedMod
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
-    """The table of entries of a model beside its print."""
+    """Return the table of entries of a model compared with the printed ones."""
     return entries_table(f"at {published.dihedral_deg:g} deg", {"": compare(model, published)})
 
 
@@ -202,7 +202,7 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
 
 
 def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
-    """The same with all digits; printed angle (deg) -> entries."""
+    """Return the entries with all digits; printed angle (deg) -> entries."""
     rows = [
         (
             angle,

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def state_space(model: LinearModel) -> control.StateSpace:
-    """Of python-control, names kept."""
+    """Return python-control's StateSpace, with names."""
     import control
 
     return control.ss(
@@ -26,7 +26,8 @@ def state_space(model: LinearModel) -> control.StateSpace:
 
 
 def dataset(model: LinearModel) -> Any:
-    """Of xarray: A, B, C, D, the offsets X0, U0 and Y0, with names and units."""
+    """Return an xarray Dataset with A, B, C, D and the offsets X0, U0 and Y0, with names and
+    units."""
     import xarray
 
     states = ("state", list(model.states), {"units": list(model.state_units)})

@@ -35,7 +35,7 @@ _STILL = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Responses(Result):
-    """What the inputs of a linear model do to its outputs.
+    """Transfer functions from the inputs of a linear model to its outputs.
 
     zeros: with --bode the transmission zeros, 1/s.
     transfers: with --bode the transfer function of each output and input."""

@@ -37,7 +37,7 @@ class Quantity(Result):
 
 @dataclass(frozen=True)
 class Qualities(Result):
-    """What a linear model says of how its aircraft handles.
+    """Handling qualities of a linear model.
 
     handling_qualities: short period, phugoid, n/alpha, CAP, lateral modes, where the model declares
         them."""
@@ -46,14 +46,14 @@ class Qualities(Result):
 
 
 def handling_qualities(model: Model, point: OperatingPoint) -> list[Quantity]:
-    """What the declaration of the model allows, of its linear states at a trim.
+    """Return the handling qualities that the declaration of the model allows, at a trim.
 
     Of a mode declared as `short period`, `phugoid` or `dutch roll`: natural frequency and damping,
     of two real eigenvalues those of their product and sum. `roll`: time constant -1/λ. `spiral`:
     time to double or half, ln 2/|λ|. With an output `load_factor` and a state `alpha` in the short
     period: n/alpha, and the control anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C,
-    3.2.2.1). n/alpha is the change of load factor by that of alpha, both at rest after a step of
-    the input that pitches the aircraft most, with every state but alpha and pitch rate held.
+    3.2.2.1). n/alpha is the steady change of load factor divided by that of alpha, after a step of
+    the input that pitches the aircraft most, with every state except alpha and pitch rate held.
     """
     outputs = ("load_factor",) if "load_factor" in model.outputs else None
     linear = linearize(model, point, outputs=outputs, disturbances=())
@@ -93,8 +93,8 @@ def with_qualities(report: Report, model: Model, point: OperatingPoint) -> Repor
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
-    """Of the modes of a declared family, one of each conjugate pair; none where it is not
-    declared."""
+    """Return the eigenvalues of a declared family of modes, one of each conjugate pair; none where
+    it is not declared."""
     if family not in linear.point.model.modes:
         return []
     return [mode.eigenvalue for mode in linear.modes if mode.name.partition(" (")[0] == family]

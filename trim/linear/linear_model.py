@@ -92,7 +92,7 @@ class LinearModel(ByValue, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """What to know before trusting it: of the operating point, dynamics left out of inputs, and
+        """Return the notes on the model: on the operating point, omitted dynamics of inputs, and
         entries at a kink."""
         signals = self.point.model.inputs
         moving = [signals[name].moving for name in self.inputs if signals[name].moving]
@@ -188,14 +188,14 @@ class LinearModel(ByValue, Result, Reported):
         return linear_model_report(self)
 
     def to_control(self) -> control.StateSpace:
-        """The same model as python-control's `StateSpace`, names kept."""
+        """Return the model as python-control's `StateSpace`, with names."""
         from trim.linear.exchange import state_space
 
         return state_space(self)
 
     def to_xarray(self) -> Any:
-        """The same model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with names
-        and units. Needs xarray."""
+        """Return the model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with
+        names and units. Needs xarray."""
         from trim.linear.exchange import dataset
 
         return dataset(self)

@@ -1,4 +1,5 @@
-"""Linear models of fewer states: what is left out rests, or follows the other states at once."""
+"""Linear models of fewer states: omitted states stay at the trim, or follow the others without
+delay."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ _SINGULAR = 1e12
 
 
 class _Kept(NamedTuple):
-    """What is kept of a model of fewer states, by number: states, states that follow the others at
-    once, outputs."""
+    """The kept parts of a model of fewer states, by number: states, states that follow the others
+    without delay, outputs."""
 
     rows: list[int]
     following: list[int]
@@ -70,8 +71,8 @@ def _reduced(
     kept: _Kept,
     columns: list[int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The rows and columns that are kept of A and C, of B and D or of E and F, with what the
-    states that follow at once add. BadInputError when their rates do not determine them."""
+    """Return the kept rows and columns of A and C, of B and D or of E and F, with the contribution
+    of states that follow without delay. BadInputError when their rates do not determine them."""
     rows, following, outputs = kept
     rates = of_rates[:, columns]
     shown = of_outputs[np.ix_(outputs, columns)]
@@ -95,8 +96,8 @@ def _reduced(
 def reduction_note(
     model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()
 ) -> str:
-    """What a model of fewer states does to the eigenvalues of the whole one; "" where no state of
-    it is missing."""
+    """Return the effect of omitted states on the eigenvalues of the whole model; "" when none is
+    omitted."""
     truncated = tuple(name for name in whole.states if name not in (*model.states, *residualized))
     clauses = []
     for names, how in (

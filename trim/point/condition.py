@@ -1,4 +1,4 @@
-"""What a trim imposes and what it leaves free: a condition on states, inputs, outputs and rates."""
+"""A trim condition: imposed and free states, inputs, outputs and rates."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ class TrimCondition:
     """f(X, U) = rates, y(X, U) = values, with some of X, U and y imposed and the other X, U free
     within limits. In the units of the model, angles in radians.
 
-    model: whose names these are
+    model: the aircraft
     imposed: variable or output -> value, or a table of its values over the scheduling variable,
         of which `at` makes numbers
     rates: state -> imposed value of its rate; zero for the steady states of the model unless
         given. A rate that is left out is not balanced.
-    limits: name -> (lowest, highest); the model's for what is not named
-    begin: variable -> where the search for it begins
+    limits: name -> (lowest, highest); the model's for other names
+    begin: variable -> initial value of the search
     name: of a condition from a file
 
-    `at` and `release` take a rate by the name of its state with _dot behind it. BadInputError when
-    a name is unknown, or a value is not finite or lies outside its limits.
+    In `at` and `release` a rate is named after its state with the suffix _dot. BadInputError when a
+    name is unknown, or a value is not finite or lies outside its limits.
 
     >>> import hfa
     >>> from hfa import TrimCondition
@@ -145,7 +145,8 @@ class TrimCondition:
         return replace(self, imposed=with_first_alternatives(self.model, self.imposed))
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
-        """What is imposed on a variable at one value of the scheduling variable or at many."""
+        """Return the imposed value of a variable at one or many values of the scheduling
+        variable."""
         table = self.imposed[name]
         if not isinstance(table, LinearTable):
             return np.full(np.shape(scheduled), table)
@@ -163,8 +164,8 @@ class TrimCondition:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """What a trim imposes, frees and limits other than the model's own; tables as [breakpoint,
-        value] rows."""
+        """Return the imposed, freed and limited variables that differ from the model's own trim;
+        tables as [breakpoint, value] rows."""
         usual = self.model.trim
         imposed: dict[str, Any] = {}
         for name, value in self.imposed.items():
@@ -188,8 +189,8 @@ class TrimCondition:
         return {name: change for name, change in changes.items() if change}
 
     def in_words(self) -> str:
-        """The same for people: speed 60 ft/s, alpha free, throttle within 0 and 50; empty for the
-        model's own trim."""
+        """Return the condition in words: speed 60 ft/s, alpha free, throttle within 0 and 50; empty
+        for the model's own trim."""
         model = self.model
         changes = self.changes
         words = []
@@ -226,7 +227,7 @@ def refuse_unfit(condition: TrimCondition, model: Model) -> None:
 
 @lru_cache(maxsize=16)
 def usual_condition(model: Model) -> TrimCondition:
-    """What a model's declaration imposes."""
+    """Return the trim condition of a model's declaration."""
     return TrimCondition(model, model.trim)
 
 
@@ -238,11 +239,11 @@ def release(
     hold: Mapping[str, float | LinearTable] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> TrimCondition:
-    """The same condition with the named variables set free, others held at the given values, and
+    """Return a condition with the named variables set free, others held at the given values, and
     further limits.
 
-    The search for a variable set free begins at the value that it was held at. A rate (speed_dot)
-    set free is not balanced."""
+    The search for a freed variable begins at the value that was imposed. A rate (speed_dot) set
+    free is not balanced."""
     hold = hold or {}
     for name in (*free, *hold):
         condition.model.refuse_unheld("unknown trim variable", name)
@@ -284,7 +285,8 @@ def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[st
 def without_alternatives(
     model: Model, imposed: Mapping[str, Any], names: Iterable[str]
 ) -> dict[str, Any]:
-    """What stays imposed when these names are imposed too: of the model's `alternatives` one."""
+    """Return the values that stay imposed when these names are imposed too, one for each group of
+    the model's `alternatives`."""
     released: set[str] = set()
     for group in model.extras.alternatives:
         if not set(group).isdisjoint(names):

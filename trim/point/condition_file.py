@@ -31,16 +31,16 @@ _FILE = {
 def read_condition(
     name: str, usual: TrimCondition, shipped: Mapping[str, str] = MappingProxyType({})
 ) -> TrimCondition:
-    """A condition from a file; it changes the usual one.
+    """Return the condition of a file, which changes the usual one.
 
-    name: of the user's file, or of a shipped one
-    usual: what the file changes
+    name: of the user's file, or of a file in the package
+    usual: the condition that the file changes
     shipped: name -> file in `trim.hfa`, the conditions that come with the paper's aircraft
 
     [impose]: variable = value, or variable = [[breakpoint, value], ...]; angles in degrees under
-    the variable's name with _deg behind it (alpha_deg), in rad without. free: list of variables.
-    [limits]: variable = [lowest, highest], likewise. BadInputError names the file, the entry and
-    the fault."""
+    the variable's name with the suffix _deg (alpha_deg), in rad without. free: list of variables.
+    [limits]: variable = [lowest, highest], also with _deg. BadInputError names the file, the entry
+    and the fault."""
     data = read_named("condition", name, shipped, "trim.hfa", _FILE)
     model = usual.model
     hold: dict[str, Any] = {}
@@ -60,8 +60,8 @@ def read_condition(
 
 
 def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float]:
-    """The variable that a key of the file names, and the factor from its unit, which is that of the
-    model's declaration; `more`: names that are allowed beside those that a trim can impose."""
+    """Return the variable of a key of the file, and the factor from its unit to that of the model's
+    declaration; `more`: further allowed names."""
     name = key.removesuffix("_deg")
     model.refuse_unheld(f"{file}: unknown trim variable", name, more)
     if name == key:

@@ -46,8 +46,8 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
 
 
 def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
-    """What `find_operating_point` says of a condition that balances beyond the limits only, with
-    these values of the free variables."""
+    """Return the message for a condition that balances only beyond the limits, with these values of
+    the free variables."""
     problem = TrimProblem(model, condition)
     return failure(problem, problem.unknowns(balancing))
 

@@ -20,10 +20,10 @@ class Margin(Result):
 
     name: of the variable.
     value: at the point.
-    role: "free", "held", "left" where the search begins, or "follows" for a state or an output that
-        is neither.
-    lowest: limit, infinite where there is none.
-    highest: likewise.
+    role: "free", "held", "left" at the initial value of the search, or "follows" for another state
+        or output.
+    lowest: limit, infinite without one.
+    highest: limit, infinite without one.
     unit: of all of them.
     scale: the nominal size.
     """
@@ -46,7 +46,7 @@ class Margin(Result):
 
     @property
     def nearer(self) -> str:
-        """Which limit the distance is to: "lowest" or "highest"; empty where there is none."""
+        """Return the nearest limit: "lowest" or "highest"; empty without one."""
         if math.isinf(self.distance):
             return ""
         return "lowest" if self.value - self.lowest <= self.highest - self.value else "highest"
@@ -117,7 +117,8 @@ def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
 def _limits_through(
     model: Model, point: OperatingPoint, state: str, output: str, limits: tuple[float, float]
 ) -> tuple[float, float]:
-    """What the limits of a state x leave of the output y in its place, y = y0 + slope (x - x0)."""
+    """Return the limits of the output y that follow from those of a state x, y = y0 + slope (x -
+    x0)."""
     x = getattr(point.states, state)
     step = model.states[state].nominal
     moved = point.states._replace(**{state: x + step})

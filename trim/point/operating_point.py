@@ -28,8 +28,7 @@ BALANCE = 1e-10
 
 
 class Status(StrEnum):
-    """What became of a point: balanced within the limits, balanced beyond them, or not balanced at
-    all."""
+    """The status of a point: balanced within the limits, balanced beyond them, or not balanced."""
 
     TRIMMED = "trimmed"
     BEYOND_LIMITS = "beyond limits"
@@ -115,7 +114,7 @@ class OperatingPoint(Result, Reported):
 
     @property
     def dihedral_deg(self) -> float | None:
-        """Of the HFA the dihedral angle, degrees."""
+        """The dihedral angle of the HFA, degrees; None for other models."""
         model = self.model
         return in_degrees(self.values[model.schedule]) if model.extras.names_schedule else None
 
@@ -191,7 +190,8 @@ class OperatingPoint(Result, Reported):
         return "; ".join(words)
 
     def report(self) -> Report:
-        """What `hfa trim` says of it; of a point that no search found, its state and inputs."""
+        """Return the report of `hfa trim`; for a point that no search found, its state and
+        inputs."""
         if self.problem is not None:
             from trim.point.trim_report import trim_report
 

@@ -124,12 +124,12 @@ class TrimProblem:
         return self.system.unknowns(values)
 
     def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
-        """Of `STARTS` points between the limits, spread evenly, those where the Jacobian is another
-        than at the guess: where it is the same everywhere one solution is all there can be. None
+        """Yield those of `STARTS` evenly spread points between the limits at which the Jacobian
+        differs from that at the guess; where it is constant, only one solution can exist. None
         where equations outnumber unknowns.
 
-        k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden ratio): no point
-        depends on chance."""
+        The points are k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden
+        ratio), without random numbers."""
         equations, unknowns = self.count
         if equations > unknowns:
             return

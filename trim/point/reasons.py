@@ -13,7 +13,7 @@ from trim.point.solve import TrimError
 
 
 def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
-    """The same error, with what the model's `explain` says before the equations.
+    """Return the error with the explanation of the model's `explain` before the equations.
 
     `explain` may solve the condition with other values held and names set free, by Newton's method
     from the usual start."""

@@ -57,9 +57,9 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
 
 
 def _continued(problem: TrimProblem) -> np.ndarray | None:
-    """The solution at the end of a path: from the model's own trim, its imposed values change to
-    those asked for in steps that Newton's method can follow, each begun on the line through the
-    two solutions before. None where the path ends, or there is none.
+    """Return the solution at the end of a path: the imposed values change from the model's own trim
+    to the requested ones in steps that Newton's method can follow, each begun on the line through
+    the two previous solutions. None where the path ends, or does not exist.
 
     c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1."""
     system = problem.system

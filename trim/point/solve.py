@@ -36,19 +36,19 @@ def find_operating_point(
     hold: Mapping[str, float] | None = None,
     free: Sequence[str] = (),
 ) -> OperatingPoint:
-    """The state and input with f(X, U) = imposed rates and y(X, U) = imposed outputs, every
+    """Return the state and input with f(X, U) = imposed rates and y(X, U) = imposed outputs, every
     residual within `BALANCE` of its scale, within the limits.
 
     As many equations as unknowns: Newton's method with step halving. More unknowns than equations:
-    the point of least control effort Σ (u / scale)², a local minimum near the start. Where that
-    leads to no trim: the same from the least squares within the limits, then along a path from
-    the model's own trim (continuation), then from `STARTS` other points between the limits;
-    `started` of the result is then the number of the point that led there.
+    the point of least control effort Σ (u / scale)², a local minimum near the start. Where this
+    gives no trim, the search begins at the least squares within the limits, then follows a path
+    from the model's own trim (continuation), then begins at `STARTS` other points between the
+    limits; `started` of the result is then the number of that point.
 
     model: the aircraft
-    condition: what is imposed and what is free; the model's own trim unless given
-    start: a neighbouring point to begin from; else where the declaration begins
-    hold: variable, output or rate (speed_dot) -> value that it is held at, in the model's units
+    condition: imposed and free variables; default: the model's own trim
+    start: a neighbouring point for the search; default: that of the declaration
+    hold: variable, output or rate (speed_dot) -> imposed value, in the model's units
     free: variables that are set free; a rate (h_dot) that is not balanced
 
     Raises TrimError when the equations cannot be balanced within the limits, BadInputError when the
@@ -80,9 +80,9 @@ def find_operating_point(
 def other_trims(
     model: Model, condition: TrimCondition, point: OperatingPoint
 ) -> list[OperatingPoint]:
-    """Further solutions of the same condition, as many equations as unknowns, that Newton's method
-    finds from where the declaration begins and from `STARTS` points between the limits: the back
-    side of the power curve beside the front side. They may not be all."""
+    """Return further solutions of a condition with as many equations as unknowns, found by Newton's
+    method from the declaration's initial values and from `STARTS` points between the limits, such
+    as the back side of the power curve. Others may exist."""
     problem = TrimProblem.of(condition, point)
     trim = problem.unknowns(point.values)
     equations, unknowns = problem.count

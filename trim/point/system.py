@@ -31,8 +31,7 @@ _USUAL = {"rad": math.pi / 2, "deg": 90.0}
 
 
 class Structure(NamedTuple):
-    """What the equations of a trim are made of; numbers that may differ between points are not in
-    it.
+    """The structure of the equations of a trim, without numbers that may differ between points.
 
     layout: equations and names of the model
     given: variables, outputs and rates whose values the points give; other imposed ones are 0
@@ -158,9 +157,9 @@ def _structure(
 ) -> Structure:
     """`structure_of` by names alone, which the conditions of a model share.
 
-    imposed, zero: what is imposed, and of it what is 0
+    imposed, zero: imposed names, and those imposed as 0
     rates, still: the states whose rates are imposed, and of them those whose rate is 0
-    limited, unlimited: what has limits other than the model's, and of it what has none
+    limited, unlimited: names with limits other than the model's, and those without limits
     """
     given = {*varied}
     given.update(name for name in imposed if name not in zero or name in model.outputs)
@@ -264,21 +263,21 @@ class Evaluation(NamedTuple):
 
 
 class TrimSystem:
-    """The equations of a condition at N points, of which each may give its own values.
+    """The equations of a condition at N points, each with its own values.
 
-    model, condition: whose equations these are; what the points do not give is the condition's
-    structure, equations: what they consist of
+    model, condition: of the equations; the condition gives the values that the points do not
+    structure, equations: their structure and their functions
     begin: values of the variables where a search begins; idle variables stay there
     scales: (k,), one scaled unit of each unknown
     start: (k,), the scaled unknowns where a search begins
     limits: of the unknowns, in the units of the model
-    lowest, highest: (k,), the same in scaled units
-    usual: (k,), how far from 0 an angle without limits usually is, in scaled units; inf of others
+    lowest, highest: (k,), limits of the unknowns in scaled units
+    usual: (k,), usual size of an angle without limits, in scaled units; inf for others
     watched: limits of the states and outputs that are watched
     row_scales: (e,), one scaled unit of each equation
     moved: number of equations that the unknowns can move, the first ones
     is_quick: whether `quick_steps` is worth its evaluation
-    steps: how many of Newton's method it takes
+    steps: largest number of Newton steps
     """
 
     def __init__(
@@ -400,8 +399,8 @@ class TrimSystem:
         return table
 
     def _constant(self, name: str, columns: Mapping[str, np.ndarray]) -> float | np.ndarray:
-        """The value of a constant that has no column of its own, or its values (N,) where a table
-        gives them."""
+        """Return the value of a constant without a column, or its values (N,) where a table gives
+        them."""
         if name in self.equations.idle:
             return self.begin[name]
         if name in self.model.rates:
@@ -419,8 +418,8 @@ class TrimSystem:
 
 
 def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]:
-    """Where the declaration of a model begins the search for each variable: at the values that it
-    declares, or at those that belong to what is imposed."""
+    """Return the initial values of a search: those of the model's declaration, or those that belong
+    to the imposed values."""
     values = {name: model.signals[name].start for name in model.variables}
     if model.extras.begin is not None:
         held = {name: signal.start for name, signal in model.parameters.items()}

@@ -1,4 +1,5 @@
-"""What a trim says: every variable between its limits, each equation; of any model its outputs."""
+"""The report of a trim: every variable between its limits, each equation, and the outputs of any
+model."""
 
 from __future__ import annotations
 
@@ -74,9 +75,9 @@ class TrimResult(Result):
 
 @dataclass(frozen=True)
 class Performance(Result):
-    """What an aircraft does at a trim.
+    """Performance of an aircraft at a trim.
 
-    performance: of the HFA weight, lift coefficient, load factor and so on; of others their
+    performance: of the HFA weight, lift coefficient, load factor and so on; of other aircraft their
         outputs.
     performance_units: unit of each.
     """
@@ -170,7 +171,7 @@ def _nearest_row(margin: Margin) -> tuple[str, ...]:
 
 
 def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dict[str, Any]]:
-    """Equation -> what is imposed, its residual, and whether it balances, as JSON data."""
+    """Return equation -> imposed value, residual, and whether it balances, as JSON data."""
     imposed = {**condition.imposed, **condition.rates}
     return {
         name: {

@@ -1,6 +1,6 @@
-"""Trims and linear models of many points: Newton's method on all of them at once; what it cannot
-settle begins again at settled neighbours, then goes to `find_operating_point`. A point without a
-trim keeps its status and the reason."""
+"""Trims and linear models of many points. Newton's method solves all of them at once; unsolved
+points begin again at solved neighbours, then use `find_operating_point`. A point without a trim
+keeps its status and the reason."""
 
 from __future__ import annotations
 
@@ -78,11 +78,11 @@ def trim_points(
     """Trim and linearize every row of `values`; a row without a trim keeps its status instead of
     raising.
 
-    variables: one a column of values: what is imposed in place of the condition's values, rates
-        too, or a parameter in place of the model's
+    variables: one for each column of values: variables or rates imposed in place of the condition's
+        values, or parameters
     values: (N, number of variables)
     condition: the model's own trim unless given
-    start: where the search begins at each point
+    start: initial point of the search at each point
     compile_code: run as machine code; by default from `COMPILE_FROM` points on
     progress: called with (points settled, points in all)
 
@@ -116,7 +116,7 @@ def trim_points(
 def _resolved(
     variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
-    """The same points with the first of each group of the model's `alternatives` in place of the
+    """Return the points with the first of each group of the model's `alternatives` in place of the
     others: speed in place of kcas."""
     if not condition.model.extras.alternatives:
         return variables, values, condition
@@ -256,7 +256,7 @@ def _starts(
 
 
 def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """(N, k), the unknowns where the model says that searches at these values begin."""
+    """Return (N, k), the initial unknowns of the model's `begin` for these values."""
     starts = np.tile(system.start, (len(values), 1))
     if system.model.extras.begin is None:
         return starts

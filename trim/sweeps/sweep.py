@@ -187,7 +187,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """What to know before trusting it: values beyond a range, kinks, points that took long."""
+        """Return the notes on the sweep: values beyond a range, kinks, points that took long."""
         warnings = [*self.plan.warnings, *slow_note(self.one_by_one, len(self.reasons))]
         if self.kinks:
             first, notes = next(iter(self.kinks.items()))
@@ -198,7 +198,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return warnings
 
     def figure(self) -> Figure:
-        """The root locus on a figure of its own, as `plot` draws it."""
+        """Return the root locus on a new figure, as `plot` draws it."""
         return self._draw_locus(new_figure(*_LOCUS_INCHES))
 
     def plot(self) -> np.ndarray:
@@ -259,8 +259,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes.grid(alpha=0.3)
 
     def _mark_values(self, axes: Axes, columns: np.ndarray) -> None:
-        """Along each line of the upper half an arrow in the direction of the sweep, and beside a
-        long one some values of the variable."""
+        """Draw an arrow in the direction of the sweep along each line of the upper half, and values
+        of the variable along long ones."""
         names = list(dict.fromkeys(self.mode_names))
         width, height = axes.dataLim.size
         trimmed = np.flatnonzero(self.trimmed)
@@ -458,10 +458,9 @@ def sweep(
     every row of these columns: a `SweepPlan` run in memory.
 
     model: the aircraft
-    grid: trim variable or parameter of the model -> values that are held, in its units
-    condition: what the other variables do, the model's own trim unless given; the grid overrides
-        it.
-    start: where the search begins at each point
+    grid: trim variable or parameter of the model -> imposed values, in its units
+    condition: of the other variables; default: the model's own trim; the grid overrides it.
+    start: initial point of the search at each point
     listed: whether the values of the grid are columns, a row a point
     progress: called with (points done, points in all)
 
@@ -511,7 +510,7 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
 
 
 def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
-    """Of each point why it has no trim, "" where it has one. rows: of `run_points`."""
+    """Return for each point why it has no trim, "" where it has one. rows: of `run_points`."""
     reasons = [rows["failures"].get(i, "") for i in range(plan.count)]
     for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():
         values = rows["values"][i]

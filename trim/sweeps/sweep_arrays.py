@@ -13,7 +13,7 @@ from hfa_aircraft.model import Model
 class SweepArray(NamedTuple):
     """One array over the points of a sweep.
 
-    axes: its axes beside those of the points.
+    axes: its axes besides those of the points.
     units: of all entries; or the name of the coordinate that holds the unit of each.
     meaning: in words.
     """
@@ -24,7 +24,8 @@ class SweepArray(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """As the CF conventions name them; `units_of` where each entry has a unit of its own."""
+        """Return attributes of the CF conventions; `units_of` where entries have different
+        units."""
         kind = "units" if self.units == "1/s" else "units_of"
         return {"long_name": self.meaning, kind: self.units}
 

@@ -1,4 +1,4 @@
-"""What a sweep visits: which variables take which values, and any part of it on demand."""
+"""The points of a sweep: variables and their values, and any part of them on demand."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class SweepPlan:
 
     axes: variable -> its values on a grid, listed or as `Steps`: all combinations, the last
         variable running fastest.
-    model: whose trims these are.
-    condition: what the other variables do, the model's own trim unless given.
-    start: where the search begins at each point.
+    model: the aircraft.
+    condition: of the other variables; default: the model's own trim.
+    start: initial point of the search at each point.
     listed: the axes are columns of equal length, a point a row.
 
     BadInputError when a name or a range is wrong.
@@ -162,8 +162,7 @@ class SweepPlan:
 
     @property
     def warnings(self) -> list[str]:
-        """What a user should know before trusting a sweep: the farthest value of each variable
-        beyond a range."""
+        """Return the notes on a sweep: the farthest value of each variable beyond a range."""
         farthest = {name: max(ends, key=abs) for name, ends in self._ends.items()}
         return beyond_range(self.model, farthest)
 

@@ -1,4 +1,4 @@
-"""What a model about its trim is to a verdict: the nonlinear plant, and the box of states."""
+"""The model about its trim in a verdict: the nonlinear plant, and the box of states."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""A learned critic against the exact solution of the same game: how far off, and does it do what it
-should."""
+"""A learned critic compared with the exact solution of its game: errors, and checks of its loop."""
 
 from __future__ import annotations
 
@@ -43,21 +42,21 @@ def check_critic(
     scope: Scope | None = None,
     run: TrainingRun | None = None,
 ) -> Verdict:
-    """The verdict on a critic, compared with the exact solution of its game.
+    """Return the verdict on a critic, compared with the exact solution of its game.
 
     It checks the errors of P and K (norms and entries), of V, its slopes and both policies over a
     box of states, stability of A - B K and A - S P, P > 0, the Riccati residual, and an L2 gain
-    below delta. The box of a network is searched, a bound is proved where it can be, and it is
-    flown from there.
+    below delta. The box of a network is searched, a bound is proved where possible, and flights
+    from it are simulated.
 
-    game: that it should solve
-    critic: what is judged; an array is the gain K of u = -K z, (m, n)
+    game: the game
+    critic: the critic; an array is the gain K of u = -K z, (m, n)
     limit: of the errors and the residual
-    scope: on what else it is judged
-    run: the training run that the critic is the end of: the rank of its data is checked, and the
-        time when it settles where it promises one.
+    scope: further data for the checks
+    run: the training run that ends with the critic; the rank of its data and its settling time are
+        checked.
 
-    NoSolutionError when the game itself has no certified solution to compare with.
+    NoSolutionError when the game has no certified solution.
 
     >>> import hfa
     >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))
@@ -123,7 +122,7 @@ def check_critic(
 
 
 def _flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
-    """What K costs; without bound where rounding hides whether its loop is stable."""
+    """Return the cost of K; unbounded where rounding hides whether its loop is stable."""
     try:
         return flight_cost(game, exact, K)
     except NoSolutionError:
@@ -172,12 +171,13 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
 
 
 def _smallest_eigenvalue(P: np.ndarray) -> float:
-    """Of (P + P')/2, as a part of the largest entry."""
+    """Return the smallest eigenvalue of (P + P')/2, relative to the largest entry."""
     return float(np.linalg.eigvalsh((P + P.T) / 2.0)[0] / np.abs(P).max()) if np.any(P) else 0.0
 
 
 def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCost) -> Section:
-    """What the critic costs in closed loop, and its margins, beside the exact ones."""
+    """Return the section on the critic's cost in closed loop and its margins, compared with the
+    exact ones."""
     learned = None
     if math.isfinite(lost.gain):
         with suppress(NoSolutionError):

@@ -38,7 +38,7 @@ class Exact(Protocol):
 
     @property
     def K(self) -> Matrix:
-        """Its gain."""
+        """The gain."""
 
     @property
     def disturbance_gain(self) -> np.ndarray:
@@ -46,7 +46,7 @@ class Exact(Protocol):
 
     @property
     def names(self) -> PlantNames:
-        """Of the states and inputs."""
+        """The names of the states and inputs."""
 
 
 class Box(NamedTuple):
@@ -61,7 +61,7 @@ class Box(NamedTuple):
 
 
 def balanced_box(game: Game) -> Box:
-    """The balanced units of the game, where nobody says which deviations are ordinary."""
+    """Return the balanced units of the game, where usual deviations are not known."""
     about = "balanced units of the game; a convention, no ordinary deviations are given"
     return Box(NormalForm.of(game).units, about)
 

@@ -113,8 +113,8 @@ def _draw_errors(
 def _heat_map(
     figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
 ) -> None:
-    """size: of the color scale of a matrix; None for relative differences, whose scale says which
-    of them are rounding."""
+    """size: of the color scale of a matrix; None for relative differences, whose scale marks
+    rounding."""
     from matplotlib.colors import SymLogNorm
 
     axes.set_title(title)

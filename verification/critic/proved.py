@@ -1,4 +1,4 @@
-"""What a verdict takes of a proof, for type checkers alone."""
+"""The proof in a verdict, for type checkers alone."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import Protocol
 
 
 class Proved(Protocol):
-    """What is proved of the errors of a critic that is no matrix.
+    """The proved bound on the errors of a nonlinear critic.
 
-    error: none is larger, relative, ...
+    error: proved upper bound, relative, ...
     fraction: ... at any state of the box times this; 0 where nothing is proved.
-    is_of_all: whether it is of all errors that are compared.
+    is_of_all: whether it covers all errors that are compared.
     where: the part of the box, in words."""
 
     @property

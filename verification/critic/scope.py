@@ -1,4 +1,4 @@
-"""What a critic is judged on beside its game."""
+"""Further data for judging a critic, besides its game."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Nearby(NamedTuple):
 @checks_arguments
 @dataclass(frozen=True)
 class Scope:
-    """What a critic is judged on beside its game.
+    """Further data for judging a critic, besides its game.
 
     box: of the states over which V, its slopes and the policies are compared; by default
         `balanced_box`.
@@ -57,7 +57,7 @@ class Scope:
     plant: the nonlinear plant about its trim, on which a network is flown too.
     flights: from how many starts a network is flown.
     seconds: for a proof of the largest error of a network; 0 for none.
-    progress: of the proof, called with the seconds that it took and may take.
+    progress: of the proof, called with elapsed and allowed seconds.
     """
 
     box: Box | None = None

@@ -1,4 +1,4 @@
-"""The verdict on a critic: every check, what it lost, the likely mistake, and how that reads."""
+"""The verdict on a critic: its checks, the cost lost, the likely mistake, and its report."""
 
 from __future__ import annotations
 
@@ -43,19 +43,18 @@ _FIRST_LINE = 100
 
 @dataclass(frozen=True, eq=False)
 class Details(Result):
-    """What a verdict may have beside its checks.
+    """Optional data of a verdict besides its checks.
 
     graded: cost lost, L2 gain, distance to instability; with a limit of the cost, whether it holds.
     disk_margin: of K.
     disk_margin_exact: of the exact gain.
     discount: factor of a step.
-    cost_lost_worst_percent: more than the optimum, from the worst start.
-    box: half widths of the box of states that V and the policies are compared over, and where they
-        come from.
+    cost_lost_worst_percent: above the optimum, from the worst initial condition.
+    box: half widths of the box of states for comparing V and the policies, and their source.
     dt: s, of a sampled plant.
     history: of a critic over time: the errors of each row.
-    network: of a neural network: what it computes, V(0), and the largest errors that were found and
-        proved over the box.
+    network: of a neural network: its outputs, V(0), and the largest errors found and proved over
+        the box.
     """
 
     graded: FlightCost | None = None
@@ -86,17 +85,17 @@ class Section(NamedTuple):
 class Verdict(Checked, Result, Reported):
     """The verdict on one critic: PASS when every check holds.
 
-    critic: what was judged.
-    exact: the certified solution that it was compared with.
+    critic: the critic.
+    exact: the certified solution.
     checks: with their kind: error, rest, stability, cost, gain or data.
     limit: of the errors.
     reason: the mistake recognized, or "".
-    cost_lost: against the optimum, at most, percent.
-    searched: how many states were searched, where the errors over the box are no bounds; else 0.
-    proof: what is proved of them all the same.
-    problem: what the exact solution is of.
-    weights: Q, R and delta of the game, and whose they are, in words.
-    sections: what else was found.
+    cost_lost: upper bound of the cost above the optimum, percent.
+    searched: number of searched states, where the errors over the box are not bounds; else 0.
+    proof: the proved bound on them.
+    problem: of the exact solution.
+    weights: Q, R and delta of the game, and their source, in words.
+    sections: further findings.
     table: errors over time, of a history or a training run; else None.
 
     >>> import hfa
@@ -340,12 +339,13 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
 
 
 def shown_number(value: float) -> str:
-    """A number in three digits; "" where there is none."""
+    """Return a number in three digits; "" without one."""
     return "" if math.isnan(value) else f"{value:.3g}"
 
 
 def _failures(checks: Sequence[Check]) -> Part:
-    """What failed and why, a line each: the loops, P and K, then the other errors."""
+    """Return the failures with their reasons, a line each: the loops, P and K, then the other
+    errors."""
 
     def order(check: Check) -> tuple[bool, bool]:
         return check.kind == "error", check.name not in ("P_rel_error", "K_rel_error")

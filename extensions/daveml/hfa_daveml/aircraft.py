@@ -207,8 +207,8 @@ class _Files:
         return float(low), float(high)
 
     def _signal(self, document: Document, variable: Variable) -> Signal:
-        """Its unit, where a search begins, and its limits: those of the file and of the tables over
-        it."""
+        """Return its unit, the initial value of a search, and its limits: those of the file and of
+        the tables over it."""
         unit, factor = _unit(document, variable)
         low, high = variable.least, variable.most
         for function in document.functions.values():

@@ -62,7 +62,7 @@ class CheckedDocument(Result, Reported):
 
     @property
     def title(self) -> str:
-        """Its title in the header."""
+        """The title of its header."""
         return self.document.title
 
     @property

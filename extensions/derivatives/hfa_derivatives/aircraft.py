@@ -240,7 +240,8 @@ class _Equations:
         return state_rates(x, velocity, velocity_rate, turning, climb), outputs
 
     def _arguments(self, x: Any, u: Any, mach: Any) -> dict[str, Any]:
-        """What the coefficients are linear in, by the suffix of their derivatives, but alphadot."""
+        """Return the variables in which the coefficients are linear, except alphadot, by the suffix
+        of their derivatives."""
         sizes = self._table.values
         half_span = sizes["span"] / (2.0 * x.speed)
         half_chord = sizes["chord"] / (2.0 * x.speed)

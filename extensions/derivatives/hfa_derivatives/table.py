@@ -39,7 +39,8 @@ _ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
 
 @dataclass(frozen=True)
 class Entry:
-    """What a table holds under a name: a number, a text with a unit, or two of them; and where."""
+    """The entry of a table under a name: a number, a text with a unit, or two of them; and its
+    place."""
 
     value: Any
     where: str
@@ -212,7 +213,7 @@ def _number(name: str, entry: Entry, unit: str) -> float:
 
 
 def _float(text: str) -> float:
-    """The number that a text is, NaN where it is none."""
+    """Return a text as a number, NaN where it is not a number."""
     try:
         return float(text)
     except ValueError:
@@ -220,7 +221,7 @@ def _float(text: str) -> float:
 
 
 def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
-    """By what a value in the stated unit is multiplied."""
+    """Return the factor of a value in the stated unit."""
     if not stated:
         return 1.0
     factor = _ANGLES.get(stated) if unit == "rad" else conversion(stated, unit)
@@ -235,7 +236,7 @@ def _unit(name: str, system: str) -> str:
 
 
 def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputError:
-    """The error of a name that means nothing, with what is near or missing."""
+    """Return the error of an unknown name, with a similar or a missing name."""
     arguments = (*ARGUMENTS, *surfaces)
     derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)

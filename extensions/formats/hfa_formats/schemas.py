@@ -28,8 +28,8 @@ _PLAIN: dict[Any, dict[str, Any]] = {
 
 
 def meaning(kind: Any, path: tuple[str, ...]) -> str:
-    """What an entry is: the line "name: meaning" of the docstring of the class or of a base of it,
-    or the docstring of the property. KeyError where nothing says it."""
+    """Return the meaning of an entry: the line "name: meaning" of the docstring of its class or of
+    a base, or the docstring of the property. KeyError without one."""
     kind = _without_none(annotation(kind, path[:-1]))
     name = path[-1]
     for ancestor in kind.__mro__:
@@ -137,7 +137,7 @@ def parts_of(kind: type[Result]) -> list[type[Result]]:
 
 
 def _without_none(hint: Any) -> Any:
-    """The annotation without `| None`, of what is left out where it is None."""
+    """Return the annotation without `| None`, for an entry that is omitted where it is None."""
     kinds = tuple(each for each in get_args(hint) if each is not types.NoneType)
     return typing.Union[kinds] if types.NoneType in get_args(hint) else hint  # noqa: UP007
 

@@ -74,8 +74,8 @@ Score = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
-    """Of each record, or of both halves of each: Σ S' R⁻¹ S, the covariance of the score with the
-    residuals' autocorrelation, and the score Σ S' R⁻¹ v."""
+    """Return for each record, or for both halves of each: Σ S' R⁻¹ S, the covariance of the score
+    with the residuals' autocorrelation, and the score Σ S' R⁻¹ v."""
     parts = []
     for residual, present, projected, fitted in zip(
         fit.residuals, fit.present, fit.projected, _fitted_by_quantity(fit), strict=True

@@ -1,4 +1,4 @@
-"""What this extension offers to the command `hfa`."""
+"""Commands and formats of this extension."""
 
 from hfa.entry_points import CommandEntry
 

@@ -126,7 +126,7 @@ def _with_given(
 def _as_records(
     model: Model, given: Sequence[Any], held: Mapping[str, float], inputs: str
 ) -> list[Record]:
-    """Records of what a caller gave."""
+    """Return the records of a caller's arguments."""
     read = []
     for number, each in enumerate(given, start=1):
         if isinstance(each, str | Path):

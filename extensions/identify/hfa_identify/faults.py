@@ -97,8 +97,8 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 
 
 def sensor_fault(search: Search, fit: Fit, half: np.ndarray) -> str:
-    """The bias, scale or delay of a column that explains residuals, and which left out moves an
-    estimate by a third of its band; "" where there is none.
+    """Return the bias, scale or delay of a column that explains residuals and whose omission moves
+    an estimate by a third of its band; "" without one.
 
     half: (p,) half-widths of the bands of white residuals
     """
@@ -180,8 +180,8 @@ def _suspects(search: Search, fit: Fit, half: np.ndarray) -> list[str]:
 
 
 def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float]:
-    """The estimate of an error of a column beside the parameters, and how many of its standard
-    deviations it is; 0, 0 without a fit."""
+    """Return the estimated error of a column, and its size in standard deviations; 0, 0 without a
+    fit."""
     responses = search.responses
     wider = Responses(responses.model, (*responses.free, name), responses.measured)
     begin = np.append(fit.theta, 0.0)
@@ -229,8 +229,8 @@ class _Undone:
 def fault_of_columns(
     search: Search, fit: Fit | None, progress: Callable[[float, float], None] | None
 ) -> str:
-    """The wrong sign or unit of a column that, undone, explains the records and leaves parameters
-    nearer to their values before; "" where there is none, or nothing to explain.
+    """Return the wrong sign or unit of a column whose correction explains the records and leaves
+    parameters closer to their initial values; "" without one.
 
     fit: None where the simulation diverges
     """

@@ -63,12 +63,12 @@ class FittedQuantity(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identified(Result, Reported):
-    """What flight records say of a model's parameters.
+    """The parameters of a model identified from flight records.
 
     model: the aircraft with the estimates as parameters.
     records: names of the records.
     parameters: name -> estimate with its 95 % band, corrected for coloured residuals.
-    quantities: measured state or output -> how well it is explained.
+    quantities: measured state or output -> goodness of fit.
     covariance: of the estimates, in the order of `parameters`.
     coloured: largest factor by which the correction widened a band.
     correlated: pairs of estimates that are correlated by more than 0.9, with the coefficient.
@@ -118,7 +118,7 @@ class Identified(Result, Reported):
 
     @property
     def findings(self) -> Iterator[str]:
-        """What speaks against the estimates, worst first."""
+        """Yield the findings against the estimates, worst first."""
         yield from self.faults
         if not self.converged:
             yield "the search did not end at a maximum of the likelihood"
@@ -177,7 +177,7 @@ class Identified(Result, Reported):
         return spread.aircraft(self.model, count, seed)
 
     def report(self) -> Report:
-        """The estimates, how well the records are explained, and what is not determined."""
+        """Return the report: estimates, goodness of fit, and undetermined parameters."""
         findings = list(self.findings)
         parts: list[Any] = [self._estimates(), self._explained()]
         if len(self.undetermined) > 1:

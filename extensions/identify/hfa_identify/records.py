@@ -66,7 +66,7 @@ def record_of(
 
     columns: name -> (N,). held: input without a column -> its constant value.
 
-    BadInputError names the column and what is wrong with it.
+    BadInputError names the column and its fault.
     """
     for column in columns:
         known = ("time", *model.inputs, *model.states, *model.outputs)

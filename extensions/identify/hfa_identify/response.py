@@ -133,7 +133,7 @@ class Responses:
         return ca.densify(ca.vertcat(ca.SX(0, 1), *rows))
 
     def _symbol(self, kind: str, column: str, symbols: dict[str, ca.SX]) -> ca.SX | float:
-        """The unknown error of a column, 0 where it is none."""
+        """Return the unknown error of a column, 0 without one."""
         name = SensorError(kind, column).name
         return symbols[name] if name in self._errors else 0.0
 

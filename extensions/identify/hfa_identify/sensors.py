@@ -32,7 +32,7 @@ class SensorError:
         return f"{self.kind}_{self.column}"
 
     def signal(self, model: Model) -> Signal:
-        """Its unit, typical size and limits; the search begins at 0."""
+        """Return its unit, typical size and limits; the search begins at 0."""
         if self.kind == "bias":
             declared = model.signals[self.column]
             return Signal(declared.unit, declared.nominal)

@@ -31,7 +31,7 @@ LOADED = (
 class Choices:
     """Options for reading an aircraft.
 
-    partial: leave out motors, rotors and gas cells, which cannot be read; else they are refused.
+    partial: omit motors, rotors and gas cells, which are not supported; else they are refused.
     filters: whether lags, washouts, integrators and other components with a memory are states; else
         they are in their steady state.
     throttles: whether each engine has a throttle of its own.

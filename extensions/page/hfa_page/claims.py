@@ -26,8 +26,8 @@ _SAME = 1e-9
 
 
 class Claims(NamedTuple):
-    """claims.json: all of it, how many claims have each verdict, what the file says of itself, a
-    row for each claim, and dihedral (deg), A and B of each linear model that was flown."""
+    """The content of claims.json: the number of claims with each verdict, its provenance, a row for
+    each claim, and dihedral (deg), A and B of each linear model in the flights."""
 
     data: dict[str, Any]
     verdicts: str
@@ -104,8 +104,8 @@ def load_claims(path: Path) -> Claims:
 
 
 def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
-    """A row for each claim: its verdict, its criterion, the numbers of its law and of those beside
-    it."""
+    """Return a row for each claim: its verdict, its criterion, the numbers of its law and of other
+    laws."""
     rows = []
     for claim in claims:
         findings = claim["findings"]

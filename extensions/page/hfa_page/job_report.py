@@ -188,8 +188,8 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
 
 
 def page(job: MainJob, report: Report, origin: Provenance) -> str:
-    """The page as HTML: the verdict in one sentence, the aircraft with its slider beside the
-    verdicts, then the sections of the report, each folded."""
+    """Return the page as HTML: the verdict in one sentence, the aircraft with its slider and the
+    verdicts, then the folded sections of the report."""
     names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
     first, *parts = (part for part in report.parts if isinstance(part, Report))
     parts.append(Report("Provenance", (f"{origin.command}\n{origin.text()}",)))
@@ -250,7 +250,7 @@ def _folded(section: str, part: Report) -> str:
 
 
 def any_angle(job: MainJob, drawn: Report) -> str:
-    """The slider over the sweep, the aircraft beside the verdicts, the root locus, and trim and
+    """Return the slider over the sweep, the aircraft and the verdicts, the root locus, and trim and
     model of the chosen angle."""
     labels = [f"{point.dihedral_deg:g} deg" for point in job.points]
     asked = [angle.dihedral_deg for angle in job.angles]

@@ -37,7 +37,7 @@ def flown_departure(
 ) -> Departure | None:
     """Return the state that first leaves the envelope and its time, in the flight of a row.
 
-    seconds: length of the flight; pushed: end of the disturbance pulse.
+    seconds: length of the flight; pushed: end of its disturbance, s.
     """
     X, *_, push, _ = flight.slices
     one = flight.sample()

@@ -38,8 +38,8 @@ def environment(
     seconds: length of an episode, after which it is truncated; it is terminated where the aircraft
         leaves its limits
     render_mode: None or "rgb_array", the picture of the episode so far
-    turbulence: of MIL-F-8785C, which each episode meets, drawn anew; what the aircraft does not
-        take of it is a warning
+    turbulence: of MIL-F-8785C, drawn for each episode; components that the aircraft does not
+        support give a warning
 
     Raises BadInputError where gymnasium is missing, a name is unknown, or an action has no box.
 

@@ -100,7 +100,7 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 
 
 def fitting_time(file: PrintedFile) -> str:
-    """Asks for the time with which every printed digit is right; "" if there is none."""
+    """Return a request for the time with which every printed digit is right; "" without one."""
     for time in TIMES:
         plant = replace(file.plant, is_discrete=time == "discrete")
         if "H" in file.answer and not plant.is_discrete:
@@ -216,8 +216,8 @@ def _by_rounding(used: float) -> tuple[Class, str]:
 
 
 def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> float:
-    """The least s such that entries of the plant, each moved by at most s half units of its own,
-    bring every printed digit right to first order; inf where none does."""
+    """Return the least s such that changes of the plant's entries by at most s half units explain
+    every printed digit to first order; inf where none do."""
     from scipy.optimize import linprog
 
     columns = []

@@ -87,10 +87,10 @@ class PrintedFile:
 
 
 def load_printed(path: Path) -> PrintedFile:
-    """The printed answer of a TOML file.
+    """Return the printed answer of a TOML file.
 
-    BadInputError names the block and the row of a text that is no number, a shape that does not
-    fit, and what is missing."""
+    BadInputError names the block and the row of a text that is not a number, a shape that does not
+    fit, and missing entries."""
     try:
         content = read_toml(path)
     except OSError as error:

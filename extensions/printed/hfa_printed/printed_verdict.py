@@ -54,7 +54,8 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """As printed, cut off, or close and costing no more than the limit; exit code 0."""
+        """Whether the answer is as printed, cut off, or close with a cost within the limit; exit
+        code 0."""
         if self.classified.name == "close":
             return self.limit_cost is not None and self.cost_lost <= self.limit_cost
         return self.classified.name in ("as printed", "cut off")

@@ -237,8 +237,8 @@ class _Others:
         self._families = lru_cache(lambda: families(game, nearby))
 
     def of_polynomial(self, view: View) -> Iterator[Hypothesis]:
-        """Answers of other games; of a critic that is near the LQR's and is not the LQR's, another
-        game must explain what the LQR leaves."""
+        """Yield the answers of other games. For a critic near the LQR's, another game must explain
+        its difference from the LQR's."""
         allowed = math.inf
         lqr = [family for family in self._families() if family.is_lqr]
         for hypothesis in answers(view, lqr, _EXACT.left[""]):
@@ -419,8 +419,8 @@ def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray
 
 
 def nearest_linear(game: Game, critic: Critic, box: np.ndarray) -> Answer:
-    """The quadratic V and the linear u nearest to a network over the box, by least squares, without
-    what is constant and, of V, linear."""
+    """Return the quadratic V and the linear u nearest to a network over the box, by least squares,
+    without constant terms and, of V, linear terms."""
     n = len(box)
     z = np.random.default_rng(2).uniform(-1.0, 1.0, (_SAMPLES, n))
     symbols = critic.symbols

@@ -187,10 +187,10 @@ class Design:
             self._check_shaping(where, self.shaping)
 
     def _check_shaping(self, where: str, shaping: Shaping) -> None:
-        """BadInputError when a loop shaping names what the model or the design does not have, lacks
-        an actuator or a rate weight of an input, or has tables that do not fit its breakpoints.
+        """Raise BadInputError when a loop shaping has an unknown name, lacks an actuator or a rate
+        weight of an input, or has tables that do not fit its breakpoints.
 
-        where: how a message begins: "design NAME:"
+        where: beginning of a message: "design NAME:"
         """
         following = shaping.following
         measured = [*shaping.outputs]

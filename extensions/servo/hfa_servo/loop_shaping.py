@@ -3,8 +3,8 @@ model.
 
 The plant G, with the actuators of the design, is shaped: G_s = W2 G W1, W1 of gains, W2 of k (1 +
 c/s)/(1 + τ s). G_s = M⁻¹ N, M M* + N N* = I, is stabilized for all (M + Δ_M)⁻¹ (N + Δ_N), ‖[Δ_N
-Δ_M]‖∞ < 1/γ. The commands go through a model of the aircraft under its own optimal law, so that the
-loop feels only what the model did not foresee. Sources: McFarlane and Glover, IEEE Trans. Automatic
+Δ_M]‖∞ < 1/γ. The commands drive a model of the aircraft with its own optimal law, so that the loop
+acts only on the difference from the model. Sources: McFarlane and Glover, IEEE Trans. Automatic
 Control 37 (1992), 759-769; Francis, SIAM J. Control 15 (1977), 486-505."""
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The control side of a generalized plant as a game; the filter side is that of its transpose.
 
 Completing the squares in u and then in w makes its Riccati equation that of a `Game`: [C D] is
-split into what u can cancel and the rest, whose feedthrough D becomes a change of A, E and C. What
-cancels on the way leaves rounding of the size of its parts, which goes with the game. Source: Zhou,
-Doyle and Glover, Robust and Optimal Control, Theorem 17.1 and Section 17.2."""
+split into the part that u can cancel and the rest, whose feedthrough D becomes a change of A, E and
+C. Cancellation leaves rounding of the size of its terms, which is stored with the game. Source:
+Zhou, Doyle and Glover, Robust and Optimal Control, Theorem 17.1 and Section 17.2."""
 
 from __future__ import annotations
 

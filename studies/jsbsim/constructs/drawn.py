@@ -1,5 +1,5 @@
-"""Constructs that are drawn: functions of several operations, chains of components, switches, axes
-and properties, with numbers at the edges of what they take."""
+"""Random constructs: functions of several operations, chains of components, switches, axes and
+properties, with numbers at the limits of their ranges."""
 
 from __future__ import annotations
 
@@ -270,7 +270,7 @@ class Draw:
 
 
 def _kept(slot: str) -> str:
-    """What stands in a slot of the plain jet."""
+    """Return the content of a slot of the plain jet."""
     return SLOTS[slot]
 
 

@@ -1,6 +1,6 @@
-"""A small jet with one construct more: the text of its file.
+"""A small jet with one further construct: the text of its file.
 
-A construct is what is put into the slots of the jet, by the name of the slot.
+A construct is the content of the slots of the jet, by the name of the slot.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Each construct in the small jet: what the reader makes of it, and JSBSim."""
+"""Each construct in the small jet, in the reader and in JSBSim."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _point(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _judged(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judgement:
-    """What comes of a model, or of its refusal, and of JSBSim's answers."""
+    """Return the judgement of a model, or of its refusal, compared with JSBSim."""
     if isinstance(model, str):
         verdict = "traceback" if model.startswith("TRACEBACK") else "refused"
         return Judgement(name, verdict, model)

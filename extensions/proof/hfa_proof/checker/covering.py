@@ -16,15 +16,15 @@ Piece = TypeVar("Piece")
 def covering(
     what: str, stated: Box, pieces: Sequence[Piece], box_of: Callable[[Piece], Box]
 ) -> list[Piece]:
-    """The pieces, at least one, whose boxes together hold every point of the stated box.
+    """Return the pieces, at least one, whose boxes cover the stated box.
 
     what: the pieces in a message, such as "the cells"
     stated: the box of the claim; low = high is the claim at one value
     pieces: the evidence in any order; they may overlap and reach beyond what is stated
-    box_of: where a piece is evidence
+    box_of: the box for which a piece is evidence
 
-    Rejected where a point is left out, and for an end that is not finite, ends in reverse order or
-    a box with another number of coordinates.
+    Rejected where a point is not covered, and for an end that is not finite, ends in reverse order
+    or a box with another number of coordinates.
     """
     _check_ends(f"where {what} are needed", stated, len(stated))
     boxes = [box_of(piece) for piece in pieces]

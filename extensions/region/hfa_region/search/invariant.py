@@ -142,7 +142,7 @@ class _Candidate:
     T: coordinates in which its sets are measured
     level: the largest where V' < 0 and the limits hold
     size: of its set
-    beyond: the next level, and where on it V' >= 0; inf and None where there is none
+    beyond: the next level, and a state on it with V' >= 0; inf and None without one
     """
 
     V: PolynomialFunction

@@ -62,12 +62,12 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """A proved region, and what is known about it.
+    """A proved region with further data.
 
     proved: statement and witness
     V: its function
     origin: V in words
-    bounds: what bounds it
+    bounds: its bounds
     plant: the loop in numbers
     T: coordinates about the set
     """
