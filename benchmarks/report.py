@@ -226,7 +226,8 @@ def stored() -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
-    """Bars of the ratios, those below 1 in orange; curves of time and memory against size."""
+    """Draw bars of the ratios, those below 1 in orange, with targets and limits; curves of time and
+    memory against size."""
     bars = [each for each in data["figures"] if not each["sizes"] and each["unit"] == "s"]
     picture = new_figure(11.0, 0.42 * len(bars) + 4.4)
     above, below = picture.subfigures(2, 1, height_ratios=[0.42 * len(bars) + 0.6, 3.2])
@@ -243,6 +244,10 @@ def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
             limit = each["peers"] / each["limit"]["seconds"]
             axes.plot([limit, limit], [place - 0.4, place + 0.4], color="black", linewidth=1.5)
             end = max(end, limit)
+        axes.plot(
+            each["to_reach"], place, "D", color="white", markeredgecolor="black", markersize=5
+        )
+        end = max(end, each["to_reach"])
         axes.text(1.08 * end, place, ratio_text(each["ratio"]), va="center", fontsize=8)
     axes.set_yticks(
         range(len(bars)), [f"{each['job']}\nagainst {each['peer']}" for each in reversed(bars)]
@@ -251,8 +256,11 @@ def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
     axes.set(
         xscale="log",
         xlim=(0.3, 5000),
-        xlabel="times as fast as the peer (orange: slower); black: the limit of this machine",
+        xlabel="time of the peer divided by ours (orange: slower than the peer)",
     )
+    axes.plot([], [], color="black", linewidth=1.5, label="limit of this machine")
+    axes.plot([], [], "D", color="white", markeredgecolor="black", markersize=5, label="target")
+    axes.legend(loc="lower right", fontsize=8)
     axes.axvline(1.0, color="black", linewidth=0.5)
     time_axes, memory = below.subplots(1, 2)
     for each in data["figures"]:

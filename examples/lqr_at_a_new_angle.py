@@ -1,7 +1,7 @@
 """An LQR at a dihedral angle that the paper does not print, and a step of its speed command.
 
-Trims and linearizes at 10 deg, weighs each state and input with the deviation that counts as large (Bryson's rule), and
-commands 1 ft/s more speed. The target is another trim, so that it can be held. Run it with
+The script trims and linearizes at 10 deg, weights each state and input by a deviation that counts
+as large (Bryson's rule), and commands 1 ft/s more speed. The target is another trim. Run it with
 .venv/bin/python; it prints
 
     slowest closed-loop pole -0.1757 1/s
@@ -34,9 +34,7 @@ print(f"slowest closed-loop pole {max(poles.real):.4f} 1/s")
 faster = hfa.find_operating_point(
     aircraft, hfa.paper.level_flight(np.radians(10.0), speed=69.0), start=point
 )
-x_d = np.array(
-    [getattr(faster.states, name) - getattr(point.states, name) for name in plant.state_labels]
-)
+x_d = np.array([faster[name] - point[name] for name in plant.state_labels])
 u_d = np.array(faster.inputs) - np.array(point.inputs)
 
 # u = u_d - K (x - x_d)
@@ -47,15 +45,16 @@ time = np.linspace(0.0, 10.0, 1001)
 x = control.step_response(closed, time).states[:, 0]
 u = u_d[:, None] - K @ (x - x_d[:, None])
 speed = x[plant.state_labels.index("speed")]
-print(
-    "speed after 0.5, 1, 2, 10 s:",
-    ", ".join(f"{speed[i]:.3f}" for i in (50, 100, 200, 1000)),
-    "ft/s",
-)
-print("largest change of the dihedral angle:", f"{np.degrees(np.abs(x[4]).max()):.2f} deg")
+dihedral = x[plant.state_labels.index("dihedral")]
+speeds = ", ".join(f"{speed[i]:.3f}" for i in (50, 100, 200, 1000))
+print(f"speed after 0.5, 1, 2, 10 s: {speeds} ft/s")
+print(f"largest change of the dihedral angle: {np.degrees(np.abs(dihedral).max()):.2f} deg")
 for name, row in zip(plant.input_labels, u, strict=True):
-    unit, shown = ("lbf", row) if name == "throttle" else ("deg", np.degrees(row))
-    print(f"largest {name:15} {np.abs(shown).max():6.2f} {unit}")
+    largest = np.abs(row).max()
+    if name == "throttle":
+        print(f"largest {name:15} {largest:6.2f} lbf")
+    else:
+        print(f"largest {name:15} {np.degrees(largest):6.2f} deg")
 
 for degrees in (5.0, 15.0):
     other = hfa.paper.level_model(aircraft, np.radians(degrees))

@@ -1,13 +1,14 @@
-"""A learning law of one's own, run, recorded and checked: policy iteration by least squares, taken in small steps.
+"""A learning law of your own, run, recorded and checked: damped policy iteration by least squares.
 
-The law sees samples z, their drifts F = A z, and B, E, Q, R and delta; not A. At each tick it fits the weights W of the
-value of its present policies u = -K z, d = L z to all samples,
+The law uses samples z, their drifts F = A z, and B, E, Q, R and delta, but not A. At each tick it
+fits the weights W of the value of its present policies u = -K z, d = L z to all samples,
 
     (dpsi/dz)' W (F - B K z + E L z) = -z'(Q + K'R K - delta² L'L) z,
 
-and goes a tenth of the way there. The aircraft at 5 deg is stable by itself, so that W = 0 is a start. With
-np.savez("mine.npz", **run.history) the same check is `hfa verify --dihedral 5 --weights mine.npz --set
-predefined_time=15`. Run it with .venv/bin/python; it prints
+and moves 10 % of the way to them. The aircraft at 5 deg is stable without control, so that the law
+can begin at W = 0. With np.savez("mine.npz", **run.history) the command for this check is
+`hfa verify --dihedral 5 --weights mine.npz --set predefined_time=15`. Run the script with
+.venv/bin/python; it prints
 
     PASS on the linear game: no cost lost, exact within 1e-06, stabilizing, L2 gain 148.9 (delta 200)
     the largest error stays within 1e-06 from 18.3 s on
@@ -21,39 +22,42 @@ import hfa
 import hfa_model
 import verification
 
-TICK, SHARE = 0.05, 0.1
+TICK = 0.05  # s
+SHARE = 0.1  # of the way to the fitted weights
 
 
 class DampedPolicyIteration:
-    """A start, a pure step, and what to write down: all that `controller.run` asks of a law."""
+    """A law for `controller.run`: initial weights, one step, and the recorded quantities."""
 
     ticks = 400
 
     def __init__(self, game, pool):
-        self.game, self.pool, self.psi = game, pool, controller.basis("quadratic", len(game.A))
+        self.game = game
+        self.pool = pool
+        self.psi = controller.basis("quadratic", len(game.A))
         self.slopes = self.psi.gradient(pool.states)  # (N, M, n)
-        self.size = np.linalg.norm(self.psi.psi(pool.states), axis=0)  # columns of one length
+        self.size = np.linalg.norm(self.psi.psi(pool.states), axis=0)  # of each column
 
     def start(self):
-        """Nothing is known: W = 0."""
+        """Return the initial weights, W = 0."""
         return {"weights": np.zeros(self.psi.size)}
 
     def advance(self, tick, memory):
-        """A tenth of the way to the value of the present policies."""
-        game, z = self.game, self.pool.states
+        """Return the weights moved toward those of the value of the present policies."""
+        game = self.game
+        z = self.pool.states
         P = self.psi.matrix(memory["weights"])
-        K, L = game.gain(P), game.disturbance_gain(P)
+        K = game.gain(P)
+        L = game.disturbance_gain(P)
         rate = self.pool.drifts - z @ K.T @ game.B.T + z @ L.T @ game.E.T
         cost = game.Q + K.T @ game.R @ K - game.delta**2 * L.T @ L
-        rows, right = (
-            np.einsum("jmi,ji->jm", self.slopes, rate),
-            -np.einsum("ji,ik,jk->j", z, cost, z),
-        )
+        rows = np.einsum("jmi,ji->jm", self.slopes, rate)
+        right = -np.einsum("ji,ik,jk->j", z, cost, z)
         fitted = np.linalg.lstsq(rows / self.size, right, rcond=None)[0] / self.size
         return {"weights": memory["weights"] + SHARE * (fitted - memory["weights"])}
 
     def observe(self, tick, memory):
-        """The time and the weights."""
+        """Return the time and the weights."""
         return {"time": TICK * tick, "weights": memory["weights"]}
 
 
@@ -65,7 +69,5 @@ history = controller.critics_over_time(game, run.history["time"], W=run.history[
 check = verification.check_history(game, history)
 print(check.report().title)
 print(check.table.sentence)
-print(
-    "by 15 s:",
-    "PASS" if verification.check_history(game, history, predefined_time=15.0).ok else "FAIL",
-)
+timed = verification.check_history(game, history, predefined_time=15.0)
+print("by 15 s:", "PASS" if timed.ok else "FAIL")

@@ -1,9 +1,11 @@
-"""Fit a neural network to the exact game at 15 deg, without torch: CasADi for the gradient, SciPy's L-BFGS.
+"""Fit a network to the exact game at 15 deg, without torch: CasADi's gradient, SciPy's L-BFGS.
 
     python examples/train_a_network.py critic.npz --of V --hidden 32,32
-    hfa verify --dihedral 15 --weights critic.npz --set activation=tanh --set scale=0.142857142857,10,10,10,10,10
+    hfa verify --dihedral 15 --weights critic.npz --set activation=tanh \\
+        --set scale=0.142857142857,10,10,10,10,10
 
-The network takes z_i / b_i, b the half widths of the box of states, and fits V and dV/dz (`--of V`), dV/dz or u.
+The inputs of the network are z_i / b_i, with b the half widths of the box. It is fitted to
+V and dV/dz (`--of V`), to dV/dz or to u.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ ACTIVATIONS = {
 
 
 def game_at(degrees: float) -> hfa.Game:
-    """The paper's game on the aircraft at this dihedral angle."""
+    """Return the paper's game on the aircraft at this dihedral angle."""
     model = hfa.paper.level_model(hfa.aircraft(), np.radians(degrees))
     return hfa.paper.published_game(model)
 
@@ -41,10 +43,14 @@ def fit(
     seed: int = 0,
     box: np.ndarray = BOX,
 ) -> dict[str, np.ndarray]:
-    """State dict of the network y -> V, dV/dz or u (of: "V", "gradient", "policy") at z = box y, float32."""
+    """Return the state dict, in float32, of the network y -> V, dV/dz or u at z = box y.
+
+    of: "V", "gradient" or "policy".
+    """
     from scipy.optimize import minimize
 
-    exact, rng = hfa.solve_game(game), np.random.default_rng(seed)
+    exact = hfa.solve_game(game)
+    rng = np.random.default_rng(seed)
     n = len(game.A)
     y = rng.uniform(-1.0, 1.0, (n, points)) * rng.uniform(0.0, 1.0, points) ** 0.5
     z = box[:, None] * y
@@ -55,47 +61,65 @@ def fit(
         "policy": -exact.K @ z,
     }[of]
     unit = target.std(axis=1, keepdims=True)
-    widths = (n, *hidden, len(target))
-    sizes = [each for a, b in itertools.pairwise(widths) for each in ((b, a), (b, 1))]
-    start = [
-        rng.normal(size=each) / np.sqrt(each[1]) if each[1] > 1 else np.zeros(each)
-        for each in sizes
-    ]
-    w, x = ca.MX.sym("w", sum(each.size for each in start)), ca.MX.sym("x", n, points)
-    ends = np.cumsum([0, *(each.size for each in start)]).tolist()
+
+    # Shapes of weight and bias of each layer, and their initial values.
+    shapes = []
+    for fan_in, fan_out in itertools.pairwise((n, *hidden, len(target))):
+        shapes += [(fan_out, fan_in), (fan_out, 1)]
+    initial = [initial_values(rng, shape) for shape in shapes]
+    ends = np.cumsum([0, *(array.size for array in initial)]).tolist()
+
+    w = ca.MX.sym("w", ends[-1])
+    x = ca.MX.sym("x", n, points)
     layers = [
-        ca.reshape(w[a:b], *size) for a, b, size in zip(ends[:-1], ends[1:], sizes, strict=True)
+        ca.reshape(w[begin:end], *shape)
+        for begin, end, shape in zip(ends[:-1], ends[1:], shapes, strict=True)
     ]
-    out = x
-    for place in range(0, len(layers), 2):
-        out = layers[place] @ (ACTIVATIONS[activation](out) if place else out) + ca.repmat(
-            layers[place + 1], 1, points
-        )
-    loss = ca.sumsqr(out - target / unit) / out.numel()
-    if of == "V":  # and its slopes
-        loss += ca.sumsqr(ca.gradient(ca.sum2(out), x) - slopes / unit) / slopes.size
+    output = x
+    for k in range(0, len(layers), 2):
+        if k > 0:
+            output = ACTIVATIONS[activation](output)
+        output = layers[k] @ output + ca.repmat(layers[k + 1], 1, points)
+    loss = ca.sumsqr(output - target / unit) / output.numel()
+    if of == "V":
+        slope_error = ca.gradient(ca.sum2(output), x) - slopes / unit
+        loss += ca.sumsqr(slope_error) / slopes.size
     function = ca.Function("loss", [w, x], [loss, ca.gradient(loss, w)])
 
-    def descent(weights: np.ndarray) -> tuple[float, np.ndarray]:
+    def loss_and_slope(weights: np.ndarray) -> tuple[float, np.ndarray]:
         value, slope = function(weights, y)
         return float(value), np.array(slope).ravel()
 
-    first = np.concatenate([each.ravel(order="F") for each in start])
-    found = minimize(
-        descent, first, jac=True, method="L-BFGS-B", options={"maxiter": steps, "maxfun": 2 * steps}
+    result = minimize(
+        loss_and_slope,
+        np.concatenate([array.ravel(order="F") for array in initial]),
+        jac=True,
+        method="L-BFGS-B",
+        options={"maxiter": steps, "maxfun": 2 * steps},
     )
     arrays = [
-        found.x[a:b].reshape(size, order="F")
-        for a, b, size in zip(ends[:-1], ends[1:], sizes, strict=True)
+        result.x[begin:end].reshape(shape, order="F")
+        for begin, end, shape in zip(ends[:-1], ends[1:], shapes, strict=True)
     ]
-    arrays[-2], arrays[-1] = arrays[-2] * unit, arrays[-1] * unit
+
+    # The last layer returns the target in its own unit, per unit of z.
+    arrays[-2] = arrays[-2] * unit
+    arrays[-1] = arrays[-1] * unit
     if of == "gradient":
-        arrays[-2], arrays[-1] = arrays[-2] / box[:, None], arrays[-1] / box[:, None]
-    names = [f"{place}.{kind}" for place in range(0, len(arrays), 2) for kind in ("weight", "bias")]
-    return {
-        name: (each if name.endswith("weight") else each.ravel()).astype("float32")
-        for name, each in zip(names, arrays, strict=True)
-    }
+        arrays[-2] = arrays[-2] / box[:, None]
+        arrays[-1] = arrays[-1] / box[:, None]
+    state_dict = {}
+    for k in range(0, len(arrays), 2):
+        state_dict[f"{k}.weight"] = arrays[k].astype("float32")
+        state_dict[f"{k}.bias"] = arrays[k + 1].ravel().astype("float32")
+    return state_dict
+
+
+def initial_values(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """Return random weights; biases, of one column, are 0."""
+    if shape[1] == 1:
+        return np.zeros(shape)
+    return rng.normal(size=shape) / np.sqrt(shape[1])
 
 
 if __name__ == "__main__":
@@ -110,7 +134,8 @@ if __name__ == "__main__":
     parser.add_argument("--points", default=2000, type=int)
     parser.add_argument("--steps", default=400, type=int)
     parser.add_argument("--seed", default=0, type=int)
-    given = vars(parser.parse_args())
-    file, degrees = given.pop("file"), given.pop("dihedral")
-    given["hidden"] = tuple(map(int, given["hidden"].split(",")))
-    np.savez(file, **fit(game_at(degrees), **given))
+    options = vars(parser.parse_args())
+    file = options.pop("file")
+    degrees = options.pop("dihedral")
+    options["hidden"] = tuple(int(width) for width in options["hidden"].split(","))
+    np.savez(file, **fit(game_at(degrees), **options))

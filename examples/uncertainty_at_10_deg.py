@@ -1,10 +1,9 @@
 """The accuracy of the linear model at 10 deg: the widest bands, and their effect on the modes.
 
 The band of an entry is two standard errors from the rounding of the printed matrices. The modes are
-computed again for
-1000 draws of A within its bands. Entries are drawn independently although those of a row are
-correlated, so the ranges
-are rather too wide than too narrow. Run it with .venv/bin/python; it prints
+computed again for 1000 draws of A within its bands. Entries are drawn independently although those
+of a row are correlated, so that the ranges are too wide rather than too narrow. Run the script with
+.venv/bin/python; it prints
 
     published
       A(pitch_rate, alpha)             -155.6092 ± 9.0e-05
@@ -31,10 +30,8 @@ from trim import entry_bands, modes_of
 
 shipped = hfa.paper.default_parameters()
 for dynamics in ("published", "newton"):
-    aircraft, condition = (
-        hfa.aircraft(dynamics, shipped.values),
-        hfa.paper.level_flight(np.radians(10.0)),
-    )
+    aircraft = hfa.aircraft(dynamics, shipped.values)
+    condition = hfa.paper.level_flight(np.radians(10.0))
     model = hfa.linearize(aircraft, hfa.find_operating_point(aircraft, condition))
     bands = entry_bands(shipped, condition, model)
     print(dynamics)
@@ -45,8 +42,7 @@ for dynamics in ("published", "newton"):
     rng = np.random.default_rng(0)
     draws = [model.A + bands.A * rng.uniform(-1, 1, bands.A.shape) for _ in range(1000)]
     for mode in modes_of(model.A, model.states, model.point.model.modes):
-        nearest = [
-            min(np.linalg.eigvals(A), key=lambda root: abs(root - mode.eigenvalue)) for A in draws
-        ]
+        roots = [np.linalg.eigvals(A) for A in draws]
+        nearest = [row[np.abs(row - mode.eigenvalue).argmin()] for row in roots]
         spread = np.abs(np.real(nearest) - mode.eigenvalue.real).max()
         print(f"  {mode.name:16} real part {mode.eigenvalue.real:9.4f} ± {spread:.1e} 1/s")

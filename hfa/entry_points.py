@@ -41,7 +41,7 @@ class CommandEntry(NamedTuple):
         found = getattr(import_module(module), name)
         if not (isinstance(found, Command) and hasattr(found.request, "declared")):
             raise BadInputError(
-                f"{self.command} is no command; write @command(OPTIONS) above the function, "
+                f"{self.command} is not a command; write @command(OPTIONS) above the function, "
                 "OPTIONS a dataclass that extends hfa.extend.Request"
             )
         return found._replace(install=self.install, example=self.example)
@@ -137,7 +137,7 @@ def command_named(name: str) -> CommandEntry:
     entry = loaded(offer)
     if not isinstance(entry, CommandEntry):
         raise BadInputError(
-            f"{offer.value} offers `hfa {name}` and is no CommandEntry; correct that package"
+            f"{offer.value} offers `hfa {name}` and is not a CommandEntry; correct that package"
         )
     return entry
 

@@ -92,7 +92,7 @@ def _failure(error: BaseException) -> tuple[str, int]:
             )
         case UnicodeError():
             return (
-                "a name holds half a character, which no file can have; choose another",
+                "a name contains half a character, which is not allowed in files; choose another",
                 BAD_INPUT,
             )
         case MemoryError():

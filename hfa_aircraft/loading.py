@@ -47,7 +47,9 @@ def load_model(text: str) -> Model:
             return _loaded(read, text, _digest(read, text))
     if not colon or not name.isidentifier():
         forms = ", ".join(("FILE.py:NAME", *forms_of_packages()))
-        raise BadInputError(f"{shown(text)} is no aircraft; give {forms} or package.module:NAME")
+        raise BadInputError(
+            f"{shown(text)} is not an aircraft; give {forms} or package.module:NAME"
+        )
     try:
         module = _executed(where) if where.endswith(".py") else _imported(where)
         sources = hash_of_sources(Path(str(module.__file__)), module.__package__ or "")

@@ -367,10 +367,7 @@ class Model:
         wrong = [name for name, rate in zip(names, rates, strict=True) if not math.isfinite(rate)]
         what = f"the rate of {wrong[0]}" if wrong else "a derivative"
         if self.layout.has_nan:
-            return (
-                f"{self.name}: {what} contains a number that is none; use CasADi's functions "
-                "(ca.sin), not math's"
-            )
+            return f"{self.name}: {what} contains NaN; use CasADi's functions (ca.sin), not math's"
         where = ", ".join(f"{self.describe(name, value)} {name}" for name, value in values.items())
         return (
             f"{self.name}: {what} is not a number at {where}; correct the equations or narrow min "

@@ -207,7 +207,7 @@ def _read(name: str) -> ParameterSet:
     covariance = np.array(rows if one_length else [[]])
     if table["names"] != list(identified) or not _is_covariance(covariance, len(identified)):
         raise BadInputError(
-            f"{name}: [covariance] is no covariance of the identified parameters: symmetric,"
+            f"{name}: [covariance] is not the covariance of the identified parameters: symmetric,"
             " without a negative eigenvalue; remove it or run `python -m studies.identification`"
             " again"
         )

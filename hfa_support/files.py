@@ -153,7 +153,7 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
     if target.is_dir():
         raise BadInputError(f"cannot write {target}: it is a folder; name a file")
     if target.exists() and not target.is_file():
-        raise BadInputError(f"cannot write {target}: it is no regular file; name another")
+        raise BadInputError(f"cannot write {target}: it is not a regular file; name another")
     refuse_read(target)
     try:
         handle, name = tempfile.mkstemp(prefix=".hfa-", suffix=".part", dir=target.parent)

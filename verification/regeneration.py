@@ -153,25 +153,24 @@ class Regeneration(ByValue, Result, Reported):
 
 
 def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
-    """Regenerated minus printed, every entry, in half units of the last printed digit."""
-    figure = new_figure(10.0, 2.6 * len(pairs))
+    """Draw regenerated minus printed, every entry, in half units of the last printed digit."""
+    figure = new_figure(10.0, 7.0)
     columns = list(zip(*(pair.entries for pair in pairs), strict=True))
     shown = [column for column in columns if any(entry.printed for entry in column)]
     tallest = max(abs(entry.half_units) for column in shown for entry in column)
-    panels = figure.subplots(len(pairs), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, pair, heights in zip(panels, pairs, zip(*shown, strict=True), strict=True):
-        axes.axhspan(-1, 1, color="0.88", label="prints the same")
-        axes.bar(range(len(shown)), [entry.half_units for entry in heights], color="C0", width=0.7)
-        axes.margins(x=0.01)
-        axes.set_ylim(-max(3.0, 1.1 * tallest), max(3.0, 1.1 * tallest))
-        axes.set_ylabel("half units")
-        axes.set_title(
-            f"regenerated minus printed, dihedral {pair.published.dihedral_deg:g} deg", fontsize=10
-        )
-        axes.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
-        axes.set_xticks(
-            range(len(shown)), [entry.name for entry in heights], rotation=90, fontsize=6
-        )
+    places = range(len(shown))
+    panels = figure.subplots(1, len(pairs), sharey=True, squeeze=False)[0]
+    for axes, pair, entries in zip(panels, pairs, zip(*shown, strict=True), strict=True):
+        axes.axvspan(-1, 1, color="0.88", label="rounds to the printed digits")
+        axes.barh(places, [entry.half_units for entry in entries], color="C0", height=0.7)
+        axes.margins(y=0.01)
+        axes.set_xlim(-max(2.0, 1.1 * tallest), max(2.0, 1.1 * tallest))
+        axes.set_xlabel("regenerated minus printed, half units of the last digit", fontsize=8)
+        axes.set_title(f"dihedral {pair.published.dihedral_deg:g} deg", fontsize=10)
+        axes.set_yticks(places, [entry.name for entry in entries], fontsize=7)
+    panels[0].invert_yaxis()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", fontsize=8, frameon=False)
     return figure
 
 

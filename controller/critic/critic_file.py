@@ -95,7 +95,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         functions = reading.functions(len(game.A), game.names.states)
         parts = _single_parts(entries, game.names, functions)
         if reading.lists_functions and "W" not in parts:
-            raise BadInputError("a list of --basis belongs to weights W; there are none")
+            raise BadInputError("a list of --basis belongs to weights W; none are given")
         return (from_parts(game, parts, functions),)
 
 

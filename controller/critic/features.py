@@ -42,7 +42,7 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
             raise
         except Exception as error:  # the parser, Python's floats and CasADi each have their own
             raise BadInputError(
-                f"{shortened(text)!r} is no list of expressions, as in 'x1**2, x1*x2'"
+                f"{shortened(text)!r} is not a list of expressions, as in 'x1**2, x1*x2'"
             ) from error
 
 
@@ -58,7 +58,7 @@ def number_of(text: str, parameters: Mapping[str, float]) -> float:
     except BadInputError:
         raise
     except Exception as error:
-        raise BadInputError(f"{shortened(text)!r} is no number") from error
+        raise BadInputError(f"{shortened(text)!r} is not a number") from error
     if not np.isfinite(value):
         raise BadInputError(f"{shortened(text)!r} is {value}; it must be finite")
     return value
@@ -89,6 +89,6 @@ def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.S
         case ast.Call(func=ast.Name(id=name), args=arguments) if name in _FUNCTIONS:
             return getattr(ca, name)(*(_expression(part, symbols, known) for part in arguments))
     raise BadInputError(
-        f"{shortened(ast.unparse(node))!r} is not known; use {known}, + - * / ** and "
+        f"{shortened(ast.unparse(node))!r} is unknown; use {known}, + - * / ** and "
         f"{', '.join(_FUNCTIONS)}"
     )

@@ -28,7 +28,7 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
     suffix = Path(path).suffix.lower()
     if suffix not in _READERS:
         raise BadInputError(
-            f"{path}: the suffix {Path(path).suffix!r} is not known; use {', '.join(_READERS)}"
+            f"{path}: the suffix {Path(path).suffix!r} is unknown; use {', '.join(_READERS)}"
         )
     try:
         with warnings.catch_warnings(
@@ -36,7 +36,7 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
         ):  # NumPy on headers that it would have written otherwise
             return _READERS[suffix](Path(path))
     except (FileNotFoundError, IsADirectoryError) as error:
-        raise BadInputError(f"{path}: there is no such file") from error
+        raise BadInputError(f"{path}: no such file") from error
     except OSError as error:
         raise BadInputError(f"{path}: cannot be read ({error.strerror})") from error
     except BadInputError:

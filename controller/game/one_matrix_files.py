@@ -33,7 +33,7 @@ def matrices(path: Path) -> dict[str, Any]:
 def _beside(path: Path) -> dict[str, Path]:
     """Name -> file of the matrices that belong together without names inside."""
     if path.stem not in (*PLANT[:1], *CRITIC):
-        called = "a .csv holds one matrix and has its name, A with B beside it, or K, P, W"
+        called = "a .csv holds one matrix and is named after it: A and B in one folder, or K, P, W"
         raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")
     files = {path.stem: path}
     if path.stem == "A":

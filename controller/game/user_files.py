@@ -89,7 +89,7 @@ def stored_game(
             notes.append("its E is that of the wind and not used")
         for key in ("A", "B"):
             if key not in parts:
-                beside = "a model file holds A and B (.csv, .npy: A.csv with B.csv beside it)"
+                beside = "a model file contains A and B (.csv, .npy: A.csv and B.csv in one folder)"
                 raise BadInputError(f"there is no {key}; {beside}{found_in(stored)}")
             parts[key] = checked_matrix(key, parts[key], LARGEST)
         parts |= {key: value for key, value in changes.items() if value is not None}
@@ -200,7 +200,7 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
     if not unused:
         return []
     names = shortened(", ".join(unused), 200)
-    return [f"{names} not used; a model file holds {', '.join(MODEL_KEYS)}"]
+    return [f"{names} not used; a model file contains {', '.join(MODEL_KEYS)}"]
 
 
 def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
@@ -212,7 +212,7 @@ def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> Plant
         if len(texts) == size and (is_unit or len(set(texts)) == size):
             names[key] = texts
         elif key in stored and is_unit:
-            notes.append(f"{key} has not one unit for each; none is used")
+            notes.append(f"{key} needs one unit for each; none is used")
         elif key in stored:
             letter = "u" if key == "inputs" else "x"
             notes.append(f"{key} has not one name for each; they are called {letter}1 and so on")
@@ -233,7 +233,7 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
             )
     if missing:
         taken = ", ".join(f"{key} {described[key]}" for key in missing)
-        notes.append(f"there is no {', '.join(missing)}; taken: {taken}")
+        notes.append(f"there is no {', '.join(missing)}; used: {taken}")
     complete = values | parts
     return Game(**complete | {"delta": one_number("delta", complete["delta"])})
 

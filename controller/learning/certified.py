@@ -205,7 +205,7 @@ def lower_discount(
 def _not_brought_to_rest(discount: float) -> NoSolutionError:
     return NoSolutionError(
         f"the discount cannot be lowered below {discount:.6g} 1/s: the policies learned there do"
-        " not bring a mode to rest; check that (A, B) is stabilizable and that Q sees the mode"
+        " not stabilize a mode; check that (A, B) is stabilizable and that Q weights the mode"
     )
 
 
@@ -238,8 +238,8 @@ def raise_disturbance(
         if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
             end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
             raise NoSolutionError(
-                f"delta = {delta:g} is out of reach: followed down from infinity, the game solution"
-                f" is lost at delta = {end:.6g}; raise delta above that, unless the smallest"
+                f"delta = {delta:g} is not reached: followed down from infinity, the game solution"
+                f" ends at delta = {end:.6g}; raise delta above that, unless the smallest"
                 " possible one (hfa solve) lies below"
             )
     return here
@@ -547,7 +547,7 @@ def learn(
         refuse_unknown(f"law '{law}' has no setting", name, settings_of_law)
     if not game.Q.any():
         raise BadInputError(
-            "Q is zero: every law measures its residual against z'Qz; give some state a cost"
+            "Q is zero: every law divides its residual by z'Qz; give a state a cost"
         )
     settings = CertifiedSettings(**options)
     if progress is not None:

@@ -161,7 +161,7 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
         " mode out of A"
     )
     hidden = (
-        "to rounding (A, Q) is not detectable: the undamped {} costs nothing; give Q weight on it"
+        "to rounding (A, Q) is not detectable: the undamped {} has no cost; give it weight in Q"
     )
     cause = obstacle(form, unreached, hidden)
     if cause.sentence:

@@ -1,6 +1,6 @@
-"""Train a policy on the GTM for a deployment file in this folder, and write its zip and normalizer:
+"""Train a policy on the GTM for a deployment file in this folder, and write its zip and normalizer.
 
-python train.py on_time.toml    # needs pip install ".[training]"; minutes
+python train.py on_time.toml    # minutes; needs pip install ".[training]"
 """
 
 import sys
@@ -13,11 +13,11 @@ from stable_baselines3.common.vec_env import VecNormalize
 import hfa
 
 HERE = Path(__file__).parent
-card = HERE / sys.argv[1]
 steps = int(sys.argv[2]) if len(sys.argv) > 2 else 250_000
 model = hfa.load_model(f"{HERE.parent}/gtm.py:GTM")
-trims = [hfa.find_operating_point(model, hold={"speed": v}) for v in np.arange(40.0, 57.0, 4.0)]
-deployment = hfa.Deployment.load(card)  # what is observed, moved, when, how late, and the cost
+speeds = np.arange(40.0, 57.0, 4.0)  # m/s
+trims = [hfa.find_operating_point(model, hold={"speed": speed}) for speed in speeds]
+deployment = hfa.Deployment.load(HERE / sys.argv[1])  # observations, actions, timing, cost
 flights = hfa.vector_environment(model, deployment, trims, count=32, seconds=8.0)
 normalized = VecNormalize(flights, gamma=0.98)
 ppo = PPO(

@@ -139,7 +139,7 @@ def sweep(request: SweepRequest) -> int:
     if not request.stored:
         request.refuse(OF_A_STORE, f"needs a store; add -o FILE{STORE}")
         return _in_memory(request)
-    request.refuse(("picture",), "does not go with a store, which holds no picture")
+    request.refuse(("picture",), "is not available with a store")
     return _in_store(request)
 
 

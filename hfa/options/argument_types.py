@@ -119,10 +119,10 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
         path = Path(text)
         if path.suffix.lower() not in suffixes:
             raise BadInputError(
-                f"{text}: the suffix {path.suffix!r} is not known; use {', '.join(suffixes)}"
+                f"{text}: the suffix {path.suffix!r} is unknown; use {', '.join(suffixes)}"
             )
         if not path.is_file():
-            raise BadInputError(f"{text}: there is no such file")
+            raise BadInputError(f"{text}: no such file")
         note_read(path)
         return path
 

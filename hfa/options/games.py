@@ -109,7 +109,7 @@ def setting_option(
         kinds |= more or {}
         if name not in kinds:
             raise BadInputError(
-                f"is no setting of law {DEFAULT_LAW!r}; choose from {', '.join(kinds)}"
+                f"is not a setting of law {DEFAULT_LAW!r}; choose from {', '.join(kinds)}"
             )
         return kinds[name](text)
 
@@ -187,7 +187,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         missing = [name for name in ("Q", "R", "delta") if name not in self.changed_weights()]
         if self.own and missing:
             taken = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
-            warnings += (f"{' and '.join(missing)} not given; taken: {', '.join(taken)}",)
+            warnings += (f"{' and '.join(missing)} not given; used: {', '.join(taken)}",)
         if self.design is not None:
             named_game: NamedGame = part(PARTS, "design.game", "--design")(self, linear)
             return named_game

@@ -246,7 +246,7 @@ def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
     return {name: quantity(model, name, word) for name, word in words.items()}
 
 
-CONDITION_FILE = f"file, or {', '.join(CONDITIONS)}; what it imposes in place of the usual values"
+CONDITION_FILE = f"file, or {', '.join(CONDITIONS)}; trim condition in place of the usual one"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

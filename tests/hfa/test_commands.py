@@ -1,5 +1,4 @@
-"""What `hfa` answers: text for people, JSON for scripts with the aircraft that it is about, and
-exit codes."""
+"""Output of `hfa`: text for people, JSON with its aircraft for scripts, and exit codes."""
 
 from __future__ import annotations
 
@@ -40,7 +39,7 @@ LINEAR_MODEL_KEYS = {
 
 
 def text(*words: str, code: int = DONE) -> str:
-    """What `hfa words...` prints for a person: no escape codes, nothing on standard error."""
+    """Return the printed text of `hfa words...`: no escape codes, nothing on standard error."""
     result = hfa(*words)
     assert (result.code, result.err) == (code, "")
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", result.out)

@@ -1,5 +1,4 @@
-"""What the system refuses or takes away: a full disk, a home that cannot be written, settings that
-are none."""
+"""Faults of the system: a full disk, a home that cannot be written, invalid settings."""
 
 from __future__ import annotations
 

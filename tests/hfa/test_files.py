@@ -37,7 +37,7 @@ COMMANDS = {
 
 
 def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
-    """The file that a command writes, and the JSON that it prints beside."""
+    """Return the file that a command writes, and the JSON that it prints."""
     folder.mkdir(exist_ok=True)
     path = folder / f"{name}.{suffix}"
     with contextlib.chdir(folder):  # an output bears its command: the same words in every folder
@@ -63,7 +63,7 @@ def texts(data: Any) -> list[str]:
 
 
 def plain(value: Any) -> Any:
-    """What `loadmat` makes of structs, cells and arrays, as JSON data."""
+    """Return structs, cells and arrays of `loadmat` as JSON data."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items() if not key.startswith("__")}
     if isinstance(value, (np.ndarray, list)):

@@ -35,7 +35,7 @@ SLOW_TABLES = {
 
 @pytest.fixture(scope="module")
 def known() -> dict[str, Any]:
-    """What `hfa solve` finds, without the print."""
+    """Return the results of `hfa solve`, without the text."""
     model = json.loads(hfa("linearize", "--dihedral", "10", "--json").out)
     return model | {"K": json.loads(hfa("solve", "--dihedral", "10", "--json").out)["K"]}
 

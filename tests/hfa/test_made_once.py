@@ -1,4 +1,4 @@
-"""What one command makes once: the equations of a trim, its condition."""
+"""Objects that one command computes once: the equations of a trim, its condition."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trim.point.system import TrimSystem
 
 
 def _counted(make: Callable[..., Any], calls: list[str], name: str) -> Callable[..., Any]:
-    """The same, which also notes that it was called."""
+    """Return the function with a record of its calls."""
 
     def called(*arguments: Any, **options: Any) -> Any:
         calls.append(name)

@@ -1,5 +1,5 @@
-"""`hfa` as a child process: exit codes, pipes, full disks, poor terminals, and what it does not
-import."""
+"""`hfa` as a child process: exit codes, pipes, full disks, simple terminals, and packages that it
+does not import."""
 
 from __future__ import annotations
 

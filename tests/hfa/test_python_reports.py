@@ -1,4 +1,4 @@
-"""Reports in Python say what those of the commands say, and name no option of a command."""
+"""Reports in Python equal those of the commands, and name no option of a command."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_points_report_equals_the_commands(
 
 
 def reports() -> list[Report]:
-    """Of each kind of result whose report could speak of the command line."""
+    """Return a report of each kind of result that could mention the command line."""
     model = hfa.aircraft()
     point = hfa.find_operating_point(model, hold={"dihedral": 0.2})
     two = {"dihedral": np.radians(10.0), "throttle": 45.0, "aileron_outer": np.radians(1.0)}

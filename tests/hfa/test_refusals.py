@@ -1,4 +1,4 @@
-"""What `hfa` refuses: exit code 1 or 2, one line that names cause and remedy, nothing written."""
+"""Refusals of `hfa`: exit code 1 or 2, one line that names cause and remedy, nothing written."""
 
 from __future__ import annotations
 

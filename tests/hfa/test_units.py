@@ -22,7 +22,7 @@ ENGLISH = ("ft", "lbf", "slug")
 
 
 def physics(data: dict[str, Any]) -> dict[str, float]:
-    """What must be 1, of a trim: laws of physics between its own numbers."""
+    """Return quantities of a trim that must be 1: laws of physics between its numbers."""
     performance = data["performance"]
     loads = data["loads"]
     states = data["operating_point"]["states"]

@@ -1,5 +1,5 @@
-"""Public functions called with what does not belong there: a result, or one line that says what is
-wrong, never a traceback of what is inside."""
+"""Public functions with wrong arguments: a result, or one line that names the fault, never an
+internal traceback."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def wrong_values() -> list[Any]:
 
 
 def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
-    """What is wrong with how a function takes arguments; "" where nothing is."""
+    """Return the fault in how a function treats arguments; "" without one."""
     try:
         function(**arguments)
     except (BadInputError, NoSolutionError) as error:

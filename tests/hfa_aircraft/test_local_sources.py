@@ -1,4 +1,4 @@
-"""The hash of a model covers the modules beside it that it imports."""
+"""The hash of a model covers the modules in its folder that it imports."""
 
 from __future__ import annotations
 

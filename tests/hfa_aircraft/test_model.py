@@ -1,4 +1,4 @@
-"""What a declaration refuses, in one line, before anything is compiled or when it is."""
+"""Refusals of a declaration, in one line, before or at compilation."""
 
 from __future__ import annotations
 

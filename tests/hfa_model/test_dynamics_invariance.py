@@ -1,5 +1,5 @@
-"""What must not change the physics: the units, a common scale of mass; and what a stiff hinge must
-reduce it to."""
+"""Invariance of the physics under other units and a common scale of mass, and the limit of a stiff
+hinge."""
 
 from __future__ import annotations
 

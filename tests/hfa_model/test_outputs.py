@@ -1,5 +1,4 @@
-"""Loads and outputs: what they are in steady flight, and against derivatives of the motion that
-they describe."""
+"""Loads and outputs in steady flight, and compared with derivatives of the motion."""
 
 from __future__ import annotations
 

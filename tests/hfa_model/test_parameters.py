@@ -1,5 +1,4 @@
-"""What is stored: parameters files come back bit for bit or are refused in one line, and the
-printed matrices."""
+"""Parameters files are read bit for bit or refused in one line; the printed matrices."""
 
 from __future__ import annotations
 
@@ -53,7 +52,7 @@ def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     covariance[:, 2] *= units
     path = tmp_path / "indefinite.toml"
     save_parameters(replace(parameter_set, covariance=covariance), path, "")
-    assert "[covariance] is no covariance" in refusal(load_parameters, path)
+    assert "[covariance] is not the covariance" in refusal(load_parameters, path)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +124,7 @@ def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
 def test_printed_entries_are_whole_last_digits(
     model: PublishedModel,
 ) -> None:
-    """And not all of ten of them; one entry, -32.2, has fewer digits than the others."""
+    """They are not all multiples of ten; one entry, -32.2, has fewer digits than the others."""
     for entries, half_unit in ((model.A, model.half_unit_A), (model.B, model.half_unit_B)):
         units = entries / (2 * half_unit)
         np.testing.assert_allclose(units, np.round(units), rtol=0, atol=1e-6)

@@ -33,8 +33,8 @@ def at_angle(
 def coverage(
     samples: np.ndarray, at_angle: tuple[float, LinearModel, Bands]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of each entry that a parameter moves: samples within 1.96 standard errors, and deviation in
-    standard errors."""
+    """Return for each entry that a parameter moves: samples within 1.96 standard errors, and
+    deviation in standard errors."""
     angle, model, bands = at_angle
     values = np.hstack([np.full((len(samples), 1), angle), samples])
     flights = trim_points(hfa.aircraft(), ("dihedral", *Parameters._fields), values)

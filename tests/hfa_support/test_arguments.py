@@ -1,4 +1,4 @@
-"""Arguments compared with annotations: what each kind takes, and what it refuses in a line."""
+"""Arguments compared with annotations: accepted kinds, and refusals in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is no regular file, too large or no text is refused before it is read."""
+"""Files that are not regular, are too large or are not text are refused before they are read."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
 def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:
     fifo = folder / words.split()[-1]
     os.mkfifo(fifo)
-    assert_refused(hfa(*words.split()), 2, "it is no regular file; name another")
+    assert_refused(hfa(*words.split()), 2, "it is not a regular file; name another")
     assert list(folder.iterdir()) == [fifo]
     assert fifo.is_fifo()
 

@@ -1,4 +1,4 @@
-"""Files are whole or what they were before."""
+"""A file is complete, or unchanged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Declarations of users' files: right values come back as declared, wrong ones are one line with
+"""Declarations of users' files: right values are returned as declared, wrong ones are one line with
 their place."""
 
 from __future__ import annotations

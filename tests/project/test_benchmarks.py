@@ -35,8 +35,8 @@ def case() -> FlightCase:
 
 
 def largest_difference_of_rates(peer, count: int = 200) -> float:
-    """Of six rates from those of the aircraft, as a fraction of the largest, at random states and
-    inputs."""
+    """Return the largest difference of six rates from those of the aircraft, relative to the
+    largest, at random states and inputs."""
     rng = np.random.default_rng(3)
     low = np.array([50.0, -0.1, -0.1, -0.3, -0.4, -0.3])
     states = rng.uniform(low, [80.0, 0.15, 0.15, 0.3, 0.4, 0.3], size=(count, 6))

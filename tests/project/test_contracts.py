@@ -65,7 +65,7 @@ def test_contracts_name_every_package() -> None:
 
 @pytest.mark.parametrize("checker", CHECKERS)
 def test_a_checker_may_import_what_is_listed(checker: str) -> None:
-    """Everything else is forbidden, and of the listed packages what searches and what is typed."""
+    """All other imports are forbidden."""
     forbidden = set(contract(checker)["forbidden_modules"])
     assert {name for name in forbidden if "." not in name} == PACKAGES - OF_ALL - CHECKERS[checker]
     parts = {

@@ -46,7 +46,7 @@ _NONE = Block("", "", 0, slow=False)
 
 
 def complaints(document: str, *, name: str = "document", slow: bool = False) -> list[str]:
-    """What is wrong with the blocks of a document; runs in the current folder, leaves files
+    """Return the faults of a document's blocks, which run in the current folder and leave files
     there."""
     namespace: dict[str, Any] = {"__name__": "__main__"}
     blocks = [block for block in blocks_of(document) if slow or not block.slow]
@@ -122,7 +122,7 @@ def _wrong_with(command: str, code: int, expected: str) -> str:
 
 
 def _study(module: str, words: list[str]) -> Result:
-    """What `python -m studies.NAME words...` says."""
+    """Return the output of `python -m studies.NAME words...`."""
     done = subprocess.run(
         [sys.executable, "-m", module, *words], cwd=ROOT, capture_output=True, text=True
     )
@@ -172,7 +172,7 @@ def test_every_stored_picture_is_drawn_by_its_document() -> None:
 
 
 def complaints_here(document: Path, *, slow: bool = False) -> list[str]:
-    """What is wrong with a document, whose files and pictures are left in the current folder."""
+    """Return the faults of a document; its files and pictures stay in the current folder."""
     for name in ("examples", "studies"):
         Path(name).symlink_to(ROOT / name)
     return complaints(text_of(document), name=document.name, slow=slow)
@@ -261,7 +261,7 @@ def test_examples_run(
 
 
 def entries() -> list[Any]:
-    """(package.name, value) of every public name that has a docstring of its own."""
+    """Return (package.name, value) of every public name with a docstring."""
     names = [
         (package, name)
         for package in PACKAGES

@@ -95,11 +95,11 @@ def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:
     metadata(tmp_path, "stranger", "[hfa.commands]\nrunning = stranger:RUN\n")
     done = run(tmp_path, tmp_path, "running")
     assert done.code == 2
-    assert "stranger:run is no command; write @command(OPTIONS)" in done.err
+    assert "stranger:run is not a command; write @command(OPTIONS)" in done.err
 
 
 def metadata(site: Path, name: str, entries: str) -> None:
-    """What an installed package tells of itself: its name and its entry points."""
+    """Write the metadata of an installed package: its name and its entry points."""
     folder = site / f"{name}-1.0.dist-info"
     folder.mkdir(parents=True)
     (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
@@ -162,7 +162,7 @@ def test_parts_have_the_signatures_of_the_page() -> None:
 
 @pytest.mark.parametrize(("group", "kind"), [(AIRCRAFT, AircraftReader), (CRITICS, CriticReader)])
 def test_readers_take_what_their_protocol_says(group: str, kind: type) -> None:
-    """Of readers alone; a judge of `hfa.critics` is on the page."""
+    """Only readers; a judge of `hfa.critics` is on the page."""
     expected = inspect.signature(kind.__call__).parameters.values()
     kinds = [parameter.annotation for parameter in expected][1:]
     readers = {

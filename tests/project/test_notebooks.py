@@ -1,5 +1,4 @@
-"""The notebooks in examples/: their cells run, and their stored outputs are what the cells say
-today."""
+"""The notebooks in examples/: their cells run, and their stored outputs are current."""
 
 from __future__ import annotations
 
@@ -42,7 +41,7 @@ def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
 
 
 def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
-    """What a cell printed, and the value of its last line."""
+    """Return the printed text of a cell, and the value of its last line."""
     tree = ast.parse(source)
     printed = io.StringIO()
     value = None

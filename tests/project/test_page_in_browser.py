@@ -178,7 +178,7 @@ def test_the_page_in_a_browser(
 
 
 def compare_with_the_command(driver: Any) -> None:
-    """What the page shows at the chosen angle against `hfa linearize` and `hfa trim`."""
+    """Compare the page at the chosen angle with `hfa linearize` and `hfa trim`."""
     words = ("--dihedral", AT, "--parameters", NAME, "--json")
     model, trim = (json.loads(hfa(name, *words).out) for name in ("linearize", "trim"))
     for letter in ("A", "B"):

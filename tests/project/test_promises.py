@@ -17,7 +17,7 @@ _TEST = re.compile(r"`((?:tests|extensions)/\S+\.py)::(test_\w+)`( \(slow\))?")
 
 
 def missing(promise: list[str]) -> str:
-    """What a row names that is not there, or ""."""
+    """Return the missing name of a row, or ""."""
     if len(promise) != 3 or not all(cell.strip() for cell in promise):
         return "a promise has a tolerance and a test"
     tests = _TEST.findall(promise[2])

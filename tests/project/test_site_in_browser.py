@@ -22,7 +22,7 @@ _CUT = """const boxes = 'article pre, article table, article .table, article .ta
 
 
 def cut_boxes(driver: object, page: Path, width: int) -> list[str]:
-    """What of a page is cut in a window of this width, px."""
+    """Return the parts of a page that are cut in a window of this width, px."""
     seen_at(driver, width)
     driver.get(page.as_uri())  # type: ignore[attr-defined]
     cut: list[str] = driver.execute_script(_CUT)  # type: ignore[attr-defined]

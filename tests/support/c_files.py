@@ -22,7 +22,7 @@ def compiled(folder: Path, *words: str) -> None:
 
 
 def ran(folder: Path, *words: str) -> dict[str, float]:
-    """What a compiled loop prints, a name and a number a line; units are left out."""
+    """Return the output of a compiled loop, name -> number, without units."""
     compiled(folder, *words, "-o", "loop")
     printed = subprocess.run([folder / "loop"], check=True, capture_output=True, text=True).stdout
     return {line[:32].strip(): float(line[32:].split()[0]) for line in printed.splitlines()}

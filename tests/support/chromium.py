@@ -24,8 +24,8 @@ FLAGS = (
 
 @contextmanager
 def browser() -> Iterator[Any]:
-    """Chromium, driven by selenium; the test is skipped, and says what to install, where there is
-    no browser."""
+    """Yield Chromium, driven by selenium; without a browser the test is skipped and names the
+    package to install."""
     selenium = pytest.importorskip(
         "selenium.webdriver", reason="needs selenium: pip install '.[dev]'"
     )

@@ -39,7 +39,7 @@ class Result(NamedTuple):
 
 
 class Terminal(io.StringIO):
-    """A stream that says it is a terminal."""
+    """A stream that reports to be a terminal."""
 
     def isatty(self) -> bool:
         return True
@@ -62,8 +62,8 @@ def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = N
 def unchecked_hfa(
     *words: str, err: io.StringIO | None = None, out: io.StringIO | None = None
 ) -> Result:
-    """The same, whatever the JSON is like; the test is skipped where the command is one of an
-    extension that is not installed."""
+    """Return the result without a check of its JSON; the test is skipped where the command's
+    extension is not installed."""
     if words[:1] and words[0] in COMMANDS_OF_EXTENSIONS and words[0] not in commands():
         pytest.skip(f"hfa {words[0]} is not installed")
     out = io.StringIO() if out is None else out
@@ -152,7 +152,7 @@ def assert_published(text: str) -> None:
 
 
 def complaints_about(data: dict[str, Any]) -> list[str]:
-    """What is wrong with an output: the errors of the schema, and keys that it does not list."""
+    """Return the faults of an output: errors of the schema, and keys that it does not list."""
     name = str(data.get("schema")).removeprefix("hfa.").partition("/")[0]
     if formats is None:
         return []

@@ -1,4 +1,4 @@
-"""Runs of `hfa` that are ended from outside, and what they leave."""
+"""Runs of `hfa` that are ended from outside, and their remaining files."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def stat(process: int) -> list[str]:
 
 
 def workers(parent: int) -> list[int]:
-    """Worker processes of a run; the one that looks after semaphores is none."""
+    """Return the worker processes of a run, without the resource tracker."""
     processes = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdigit()]
     children = [process for process in processes if int(stat(process)[1]) == parent]
     return [

@@ -210,7 +210,7 @@ def seeds() -> Mapping[str, bytes]:
 
 
 def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
-    """What is wrong with how `hfa` takes an input, None where nothing is; runs below a folder that
+    """Return the fault in how `hfa` treats an input, None without one; runs below a folder that
     must stay empty."""
     with tempfile.TemporaryDirectory() as name:
         inside = Path(name) / "inside"

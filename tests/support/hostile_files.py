@@ -260,7 +260,7 @@ def _hostile_zip(content: bytes, chance: random.Random) -> bytes:
 
 
 def _hostile_safetensors(content: bytes, chance: random.Random) -> bytes:
-    """Another header, or one of another length than is said."""
+    """Return a file with another header, or with a wrong length of its header."""
     length = struct.unpack("<Q", content[:8])[0]
     header = _hostile_text(content[8 : 8 + length], chance)
     said = len(header)

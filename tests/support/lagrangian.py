@@ -107,7 +107,7 @@ def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
 
 
 def velocity_of(panel: Panel, r: ca.SX, v: ca.SX) -> ca.SX:
-    """Of its center of mass over ground."""
+    """Return the velocity of its center of mass over ground."""
     return ca.jtimes(panel.position, r, v)
 
 

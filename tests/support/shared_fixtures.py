@@ -46,7 +46,7 @@ def published_aircraft(parameters: Parameters) -> Model:
 
 @pytest.fixture(scope="session")
 def point() -> OperatingPoint:
-    """What `--dihedral 15` means: the trim, and below its game and the exact gain."""
+    """Return the trim of `--dihedral 15`; its game and the exact gain are below."""
     return model_at(15.0).point
 
 

@@ -1,4 +1,4 @@
-"""What the system refuses or takes away: a full disk, a home that cannot be written."""
+"""Faults of the system: a full disk, a home that cannot be written."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ def test_modes_of_the_book() -> None:
 
 
 def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of Nelson, examples 4.3 and 5.2; he leaves out C_Lq and takes N_beta 4.49 in place of
+    """The modes of Nelson, examples 4.3 and 5.2, who omits C_Lq and uses N_beta 4.49 in place of
     4.55."""
     printed = {
         "short period": -2.51 + 2.59j,
@@ -277,8 +277,11 @@ def test_other_starts_cross_a_flat_region() -> None:
     point = find_operating_point(flat, usual_condition(flat))
     assert point.inputs.throttle == pytest.approx(0.59, rel=1e-9)
     assert point.started > 0
-    assert "other starts failed too" not in trim_report(flat, usual_condition(flat), point).text()
-    with pytest.raises(TrimError, match=r"\d other starts failed too"):
+    assert (
+        "other initial points failed too"
+        not in trim_report(flat, usual_condition(flat), point).text()
+    )
+    with pytest.raises(TrimError, match=r"\d other initial points failed too"):
         find_operating_point(flat, release(usual_condition(flat), hold={"speed": 200.0}))
 
 

@@ -141,7 +141,10 @@ def _draw_hinges(axes: Axes, aircraft: Model, point: OperatingPoint) -> None:
     span = hfa_model.parameters_of(aircraft).panel_span
     moment = hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment
     rounded = round(float(moment), 1) + 0.0
-    text = f"{rounded:.1f} {unit_of(aircraft, 'ft lbf')}"
+    sense = "tips up" if rounded > 0.0 else "tips down"
+    text = f"{abs(rounded):.1f} {unit_of(aircraft, 'ft lbf')}"
+    if rounded:
+        text += f", {sense}"
     for side in (-1, 1):
         hinge = np.array([side * span / 2, 0.0])
         axes.plot(*hinge, "o", color="C3", markersize=7, markerfacecolor="white", zorder=3)

@@ -80,14 +80,12 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
     from matplotlib.ticker import MaxNLocator
 
     if not model.inputs:
-        raise BadInputError("the model has no inputs: there is no Bode plot to draw")
+        raise BadInputError("the model has no inputs: no Bode plot is drawn")
     response = model.frequency_response(bode_frequencies(model))
     values = np.moveaxis(response.frdata, 2, 0)
     size = np.abs(values)
     if not size.any():
-        raise BadInputError(
-            "no chosen input reaches a chosen output: there is no Bode plot to draw"
-        )
+        raise BadInputError("no chosen input reaches a chosen output: no Bode plot is drawn")
     phase = np.degrees(np.unwrap(np.angle(values), axis=0))
     reaches = size.max(axis=0) > ROUNDING * size.max()  # (outputs, inputs)
     reached = np.flatnonzero(reaches.any(axis=1)).tolist()

@@ -102,7 +102,7 @@ def reduction_note(
     clauses = []
     for names, how in (
         (truncated, "left out (truncated)"),
-        (residualized, "residualized (at rest at every moment)"),
+        (residualized, "residualized (always in its steady state)"),
     ):
         if names:
             clauses.append(f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {how}")

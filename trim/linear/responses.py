@@ -61,7 +61,9 @@ def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData
 
     time = np.asarray(time, dtype=float)
     if time.ndim != 1 or time.size < 2:
-        raise BadInputError("time has no two instants; give an array such as np.linspace(0, 10)")
+        raise BadInputError(
+            "time has fewer than two instants; give an array such as np.linspace(0, 10)"
+        )
     if isinstance(u, Mapping):
         named = u
         for name in named:

@@ -68,7 +68,7 @@ def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float
         declared = native_of(model)
         return name, 1.0 if declared is model else si_factor(declared.unit(name))
     if not model.unit(name).startswith("rad"):
-        raise BadInputError(f"{file}: {key} is no angle; write {name}, in {model.unit(name)}")
+        raise BadInputError(f"{file}: {key} is not an angle; write {name}, in {model.unit(name)}")
     return name, math.pi / 180.0
 
 

@@ -36,11 +36,11 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
         reasons.append(f"{equations} equations for {unknowns} unknowns, set more free")
     idle = _without_effect(problem, z)
     if idle:
-        reasons.append(f"{' and '.join(idle)} moves none of them, set something else free")
+        reasons.append(f"{' and '.join(idle)} moves none of them, free another variable")
     elif not can_balance:
         alike = _alike(problem, z)
         if alike:
-            reasons.append(f"{'; '.join(alike)}; set something else free")
+            reasons.append(f"{'; '.join(alike)}; free another variable")
     kind = "equations" if problem.condition.equations[1] else "rates"
     return f"no trim: these {kind} do not balance: {', '.join(off)} ({'; '.join(reasons)})"
 

@@ -57,8 +57,8 @@ class TrimProblem:
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
         if not self.free and (self.idle or not self.solved(self.system.start)):
-            free = " and ".join(self.idle) or "this is no equilibrium: what is free"
-            raise BadInputError(f"{free} moves no equation; set something else free")
+            free = " and ".join(self.idle) or "this is not an equilibrium: the free variables"
+            raise BadInputError(f"{free} moves no equation; free another variable")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A pickle is of what was asked; its functions in memory are made again."""

@@ -127,7 +127,7 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
 
     message = failure(problem, nearest)
     if number:
-        message += f"; {number} other starts failed too"
+        message += f"; {number} other initial points failed too"
     raise TrimError(message, problem.point(problem.clip(nearest), Status.FAILED))
 
 

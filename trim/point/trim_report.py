@@ -237,7 +237,7 @@ def _search(
     free = np.isinf(limits.lowest) & np.isinf(limits.highest)
     if free.any():
         names = ", ".join(problem.free[i] for i in np.flatnonzero(free))
-        sentences.append(f"No limits are declared for {names}; check that they can be flown")
+        sentences.append(f"No limits are declared for {names}; check that they are reachable")
     if problem.idle:
         names = ", ".join(problem.idle)
         sentences.append(f"In no equation, and left where the search begins: {names}")

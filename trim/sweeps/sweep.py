@@ -215,21 +215,32 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def _draw_locus(self, figure: Figure) -> Figure:
         """The root locus, drawn on an empty figure."""
         if not self.mode_names:
-            raise BadInputError("no point of the sweep has a trim: there is no root locus to draw")
+            raise BadInputError("no point of the sweep has a trim: no root locus is drawn")
         slow = self.slow
         parts = [("all modes", np.ones(len(slow), dtype=bool))]
         if slow.any() and not slow.all():
             parts.append(("the slow modes", slow))
         panels = figure.subplots(1, len(parts), squeeze=False)[0]
         for axes, (title, columns) in zip(panels, parts, strict=True):
-            self._draw(axes, columns)
+            ends = columns if len(parts) == 1 or columns is slow else ~slow
+            self._draw(axes, columns, ends)
+            if columns is not ends:
+                axes.annotate(
+                    "slow modes",
+                    (0.0, 0.0),
+                    (-8, 16),
+                    textcoords="offset points",
+                    ha="right",
+                    fontsize=7,
+                )
             axes.set_title(f"{self.model.title}, {title}", fontsize=10)
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=4, fontsize=8)
         return figure
 
-    def _draw(self, axes: Axes, columns: np.ndarray) -> None:
-        """The chosen columns of eigenvalues, (k,) booleans, a line a mode, and both ends of it."""
+    def _draw(self, axes: Axes, columns: np.ndarray, ends: np.ndarray) -> None:
+        """Draw the chosen columns of eigenvalues, (k,) booleans, a line a mode, and the ends of the
+        columns `ends`."""
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(columns).tolist():
             name = self.mode_names[column]
@@ -241,7 +252,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         unit = self.plan.units[-1]
         self._mark_values(axes, columns)
         for end, marker in zip(np.flatnonzero(self.trimmed)[[0, -1]], "os", strict=True):
-            roots = self.eigenvalues[end, columns]
+            roots = self.eigenvalues[end, ends]
             value = shown_value(self.values[end, -1], unit, ".4g")
             axes.plot(
                 roots.real,
@@ -284,11 +295,18 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 continue
             for i in np.unique(np.linspace(0, len(roots) - 1, 5).round().astype(int))[1:-1]:
                 axes.plot(roots[i].real, roots[i].imag, ".", color=color, markersize=5)
+                # The label lies across the line, to the right of it or above it.
+                step = roots[min(i + 1, len(roots) - 1)] - roots[max(i - 1, 0)]
+                across = np.array([step.imag / height, -step.real / width])
+                across *= np.sign(across.sum()) or 1.0
+                x_offset, y_offset = 9.0 * across / max(float(np.hypot(*across)), 1e-300)
                 axes.annotate(
                     shown_value(self.values[trimmed[i], -1], unit, ".4g"),
                     (roots[i].real, roots[i].imag),
-                    xytext=(4, 3),
+                    xytext=(x_offset, y_offset),
                     textcoords="offset points",
+                    ha="left" if x_offset > 4.0 else "right" if x_offset < -4.0 else "center",
+                    va="center",
                     fontsize=7,
                 )
 

@@ -81,7 +81,7 @@ def check_critic(
     proof = None
     sections = [_flight_section(game, critic, exact, lost)]
     if critic.network:
-        judge = part(CRITICS, "nonlinear", "a critic that is no matrix")
+        judge = part(CRITICS, "nonlinear", "a nonlinear critic")
         network = judge(game, exact, critic, box.half_widths, limit, scope)
         errors += network.errors
         checks += network.checks

@@ -22,7 +22,7 @@ _LINEAR_SHARE = 1e-4
 #: Below this an error is rounding, whose size differs from machine to machine: it is drawn here, at
 #: the lower end of the axis.
 _ROUNDED = 1e-12
-#: The color scale of relative differences reaches at least so far, so that rounding stays pale.
+#: Relative differences below this are not drawn.
 _LEAST_DIFFERENCE = 1e-6
 
 
@@ -57,12 +57,19 @@ def verdict_figure(verdict: Verdict) -> Figure:
     )
     for index, (title, entries, size) in enumerate(maps):
         axes = figure.add_subplot(grid[0, index])
+        difference = float(np.ma.filled(np.abs(relative), 0.0).max())
+        if size is None and difference < _LEAST_DIFFERENCE:
+            axes.set_title(title)
+            axes.set_axis_off()
+            axes.text(0.5, 0.5, f"below {max(difference, _ROUNDED):.1g} everywhere", ha="center")
+            continue
         _heat_map(figure, axes, title, entries, size)
         axes.set_xticks(range(len(names.states)), names.states, rotation=60, ha="right", fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
         if any(names.state_units) and size is not None:
-            units = dict.fromkeys(unit for unit in names.state_units)
-            axes.set_xlabel(f"of states in {', '.join(units)}", fontsize=7)
+            units = ", ".join(dict.fromkeys(unit for unit in names.state_units))
+            per = "inputs per states" if name == "K" else "cost per states squared"
+            axes.set_xlabel(f"{per}, states in {units}", fontsize=7)
     if table is not None:
         axes = figure.add_subplot(grid[1, :])
         axes.axhline(table.limit, color="C3", linewidth=0.8, label=f"limit {table.limit:g}")
@@ -113,16 +120,15 @@ def _draw_errors(
 def _heat_map(
     figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
 ) -> None:
-    """size: of the color scale of a matrix; None for relative differences, whose scale marks
-    rounding."""
+    """size: of the color scale of a matrix; None for relative differences."""
     from matplotlib.colors import SymLogNorm
 
     axes.set_title(title)
+    is_difference = size is None
     if size is None:
-        largest = float(np.ma.filled(np.abs(matrix), 0.0).max())
-        size = max(largest, _LEAST_DIFFERENCE)
-        linear = _ROUNDED
-        powers = 10.0 ** np.linspace(np.floor(np.log10(size)), np.log10(_ROUNDED), 3)[:2]
+        size = float(np.ma.filled(np.abs(matrix), 0.0).max())
+        linear = size * _LINEAR_SHARE
+        powers = size * np.array([1.0, 0.1, 0.01])
     else:
         size = size or 1.0
         linear = size * _LINEAR_SHARE
@@ -132,5 +138,5 @@ def _heat_map(
     ticks = [*-powers, 0.0, *powers[::-1]]
     bar = figure.colorbar(image, ax=axes, shrink=0.8, ticks=ticks, format="%g")
     bar.ax.minorticks_off()
-    if linear == _ROUNDED:
-        bar.ax.set_yticklabels([f"{tick:.0e}" if tick else "rounding" for tick in ticks])
+    if is_difference:
+        bar.ax.set_yticklabels([f"{tick:+.2g}" if tick else "0" for tick in ticks])

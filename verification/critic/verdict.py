@@ -172,8 +172,8 @@ class Verdict(Checked, Result, Reported):
         return "near" if self.cost_lost <= NEAR else "fail"
 
     def headline(self, limit_cost: float | None = None) -> str:
-        """Pass, near or fail on the linear game, the cost lost, exact or not, stabilizing or not,
-        the rest point and the L2 gain, as far as 100 columns hold them."""
+        """Return the verdict on the linear game, PASS, NEAR or FAIL, with the cost lost, errors,
+        stability, the equilibrium and the L2 gain, as far as they fit into 100 columns."""
         failed = [check for check in self.checks if not check.ok]
         decided = ""
         if limit_cost is not None:
@@ -207,9 +207,9 @@ class Verdict(Checked, Result, Reported):
         return f"cost lost {self.cost_lost:.2g} %"
 
     def grade_text(self, limit_cost: float | None = None) -> str:
-        """PASS, near or FAIL; with a limit of the cost, percent, PASS or FAIL."""
+        """Return PASS, NEAR or FAIL; with a limit of the cost, percent, PASS or FAIL."""
         if limit_cost is None and self.grade == "near":
-            return Cell("near", "bad")
+            return Cell("NEAR", "bad")
         return verdict_text(self.holds(limit_cost))
 
     def _exactness(self, failed: Sequence[Check]) -> str:

@@ -59,7 +59,7 @@ def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
 
 @pytest.fixture(scope="module")
 def proved() -> CostBound:
-    """Of a pendulum whose torque acts by its cube too."""
+    """Return the bound for a pendulum whose torque acts also by its cube."""
     limits = {"torque": (-0.7, 0.7), "rate": (-2.0, 2.0)}
     plant = Plant(PENDULUM, {}, {"angle": 0.0, "rate": 0.0}, {"torque": 0.0}, {}, limits)
     equilibrium = equilibrium_of(plant, np.zeros(3), (0, 1))

@@ -28,7 +28,7 @@ _ONE = """<DAVEfunc><variableDef name="x" varID="x" units="nd"><isInput/></varia
 
 
 def changed(folder: Path, old: str, new: str) -> str:
-    """The path of the example with one text replaced, which must stand in it."""
+    """Return the path of the example with one text replaced, which must occur in it."""
     assert old in TEXT
     path = folder / "changed.dml"
     path.write_text(TEXT.replace(old, new, 1), encoding="utf-8")
@@ -94,7 +94,7 @@ def test_the_aircraft_is_that_of_its_derivatives() -> None:
 
 
 def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
-    """The mass in a file of its own gives the same aircraft; without it the file is refused."""
+    """The mass in a separate file gives the same aircraft; without it the file is refused."""
     mass = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
     alone = tmp_path / "aero.dml"
     alone.write_text(TEXT.replace(mass, ""), encoding="utf-8")

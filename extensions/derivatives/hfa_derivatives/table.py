@@ -248,7 +248,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     coefficient, _, argument = name.partition("_")
     if coefficient in COEFFICIENTS and argument.isidentifier():
         return entry.error(
-            f"{name}: {argument} has no limits, so it is no control surface; give"
+            f"{name}: {argument} has no limits, so it is not a control surface; give"
             f' {argument} = ["-25 deg", "25 deg"], or leave the entry out'
         )
     return entry.error(

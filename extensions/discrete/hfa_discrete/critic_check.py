@@ -152,7 +152,7 @@ def _judged(
     states = 0
     proof = None
     if critic.network:
-        judge = part(CRITICS, "nonlinear.steps", "a critic that is no matrix")
+        judge = part(CRITICS, "nonlinear.steps", "a nonlinear critic")
         network = judge(exact, critic, box.half_widths, limit, scope)
         errors += network.errors
         checks += network.checks

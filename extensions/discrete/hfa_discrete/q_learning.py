@@ -132,7 +132,7 @@ def learn_steps(
                 before = after
     raise NoSolutionError(
         f"Q-learning does not settle in {iterations} iterations: the plant may have no stabilizing"
-        " policy, delta be too small, or a step move the state too far; `hfa solve` says which"
+        " policy, delta be too small, or a step move the state too far; `hfa solve` reports which"
     )
 
 

@@ -329,7 +329,7 @@ def _obstacle(form: StepForm, failure: str) -> str:
         if is_undamped and dependence(form.A.T, value, form.Q, size) <= RANK:
             return (
                 f"the {_mode_text(value)} of sqrt(discount) A neither decays nor grows and"
-                " costs nothing: no P stabilizes it; give Q weight on it"
+                " has no cost: no P stabilizes it; give it weight in Q"
             )
     return (
         f"the game without disturbance (delta = inf) is not certified: {failure}; check the"

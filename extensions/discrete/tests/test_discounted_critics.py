@@ -85,7 +85,8 @@ def test_the_command_compares_with_the_problem_that_is_given_and_never_guesses(g
 
 
 def test_an_exact_discounted_critic_that_does_not_stabilize_is_exact_and_fails() -> None:
-    """Of 0.95 a step of 5 ms at 20 deg: the spectral radius is 1.00003, times the root below 1."""
+    """At a discount of 0.95 and a step of 5 ms at 20 deg the spectral radius is 1.00003, and its
+    product with the root is below 1."""
     game = game_at(20.0)
     exact = solve_discounted(game, 0.95, 0.005)
     verdict = check_discounted(game, from_value(game, exact.P), 0.95, 0.005)

@@ -146,7 +146,7 @@ def test_without_disturbance_nobody_is_advised_to_raise_delta():
         solve_discounted(unreached, 1.0)
     for pole in (1.0, -1.0):
         unpaid = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
-        with pytest.raises(NoSolutionError, match="neither decays nor grows and costs nothing"):
+        with pytest.raises(NoSolutionError, match="neither decays nor grows and has no cost"):
             solve_discounted(unpaid, 1.0)
 
 

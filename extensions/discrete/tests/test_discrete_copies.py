@@ -15,7 +15,7 @@ KINDS = ("ordinary", "without weights", "cheap", "sampled", "near the circle", "
 
 
 def _problem(kind: str, seed: int) -> DiscreteGame:
-    """Of 1 to 5 states, δ = inf."""
+    """Return a random game of 1 to 5 states, δ = inf."""
     rng = np.random.default_rng([31, KINDS.index(kind), seed])
     n = int(rng.integers(2, 6))
     A = rng.standard_normal((n, n))
@@ -45,8 +45,8 @@ def _verdict(problem: DiscreteGame) -> bool:
 
 
 def _changed(kind: str, seed: int, count: int) -> list[str]:
-    """Of the copies of a game at four δ those with another verdict or a bracket of δ_min beside
-    that of the game."""
+    """Return the copies of a game at four δ with another verdict, or with a bracket of δ_min apart
+    from that of the game."""
     problem = _problem(kind, seed)
     smallest = minimum_delta_discrete(problem)
     changed = []

@@ -80,7 +80,7 @@ class ActuatorBank:
             refuse_unless_positive(f"the lag of {name}", lag, " s")
             if not rate > 0.0:
                 raise BadInputError(
-                    f"the rate limit of {name} is {rate}; it must be positive (inf for none)"
+                    f"the rate limit of {name} is {rate}; give a positive rate (inf for none)"
                 )
             if not lowest < highest:
                 raise BadInputError(

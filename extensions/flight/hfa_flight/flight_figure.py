@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 #: A legend beside no curve: on the upper edge of its axes.
 _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderaxespad": 0.0}
 _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
+#: A state that moves by less than this part of its nominal size is constant.
+_STILL = 1e-9
 
 
 def flight_figure(result: Flight, title: str) -> Figure:
@@ -29,19 +31,23 @@ def flight_figure(result: Flight, title: str) -> Figure:
 
 
 def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
-    """A flight over time, drawn on an empty figure that takes its size: a panel a state, a panel of
-    the inputs in each unit, and the updraft where there is one."""
+    """Draw a flight over time on an empty figure, which takes its size: a panel for each state that
+    moves, a panel of the inputs in each unit, and the updraft where there is one."""
     model = result.point.model
     input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
     has_updraft = bool(np.any(result.flight.updrafts))
-    count = len(model.states) + len(input_units) + int(has_updraft)
+    moving = [index for index in range(len(model.states)) if _moves(result, index)]
+    count = len(moving) + len(input_units) + int(has_updraft)
     rows = -(-count // 2)
     figure.set_size_inches(10.0, 2.1 * rows)
-    panels = figure.subplots(rows, 2, sharex=True).ravel()
-    for index, axes in enumerate(panels[: len(model.states)]):
+    panels = figure.subplots(rows, 2, sharex=True, squeeze=False).ravel()
+    for index, axes in zip(moving, panels, strict=False):
         _draw_state(axes, result, index)
-    for unit, axes in zip(input_units, panels[len(model.states) :], strict=False):
+    for unit, axes in zip(input_units, panels[len(moving) :], strict=False):
         _draw_inputs(axes, result, unit)
+    constant = [name for index, name in enumerate(model.states) if index not in moving]
+    if constant:
+        title += f"\nconstant: {', '.join(constant)}"
     if has_updraft:
         air = panels[count - 1]
         unit = in_gusts(model).unit(UPDRAFT)
@@ -59,9 +65,28 @@ def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
     return figure
 
 
+def _moves(result: Flight, index: int) -> bool:
+    """Return whether a state moves by more than rounding, in the flight or in its reference."""
+    model = result.point.model
+    name = tuple(model.states)[index]
+    values = result.states[:, index]
+    if name in model.linear:
+        values = np.append(values, values - result.flight.errors[:, model.linear.index(name)])
+    return bool(np.ptp(values) > _STILL * model.states[name].nominal)
+
+
+def _widened(axes: Axes, nominal: float, unit: str) -> None:
+    """Widen the view to 2 % of the nominal size at least, so that rounding does not fill it."""
+    low, high = axes.get_ylim()
+    least = 0.02 * float(shown_values(nominal, unit))
+    if high - low < least:
+        middle = (low + high) / 2
+        axes.set_ylim(middle - least / 2, middle + least / 2)
+
+
 def _draw_state(axes: Axes, result: Flight, index: int) -> None:
-    """The state of that number, absolute: its reference, the linear prediction, the nonlinear
-    flight, and its envelope; where the air moves, alpha through it too."""
+    """Draw the state of that number, absolute: its reference, the linear prediction, the nonlinear
+    flight, and its envelope; where the air moves, also alpha through the air."""
     model = result.point.model
     name = tuple(model.states)[index]
     unit = model.unit(name)
@@ -98,8 +123,10 @@ def _draw_state(axes: Axes, result: Flight, index: int) -> None:
         axes.legend([through_air], [ANGLE_OF_ATTACK], fontsize=6, loc="lower left", **_ABOVE)
     limits = (float(result.envelope.lowest[index]), float(result.envelope.highest[index]))
     _limit_lines(axes, limited, limits, unit)
-    axes.set_title(f"envelope: {limits_text(*limits, unit)}", **_SMALL)
-    _finish(axes, f"{label}, {shown_unit(unit)}")
+    if np.isfinite(limits).any():
+        axes.set_title(f"envelope: {limits_text(*limits, unit)}", **_SMALL)
+    _widened(axes, model.states[name].nominal, unit)
+    _finish(axes, f"{label}, {shown_unit(unit)}" if unit != "1" else label)
 
 
 def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
@@ -109,13 +136,15 @@ def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
     for name in names:
         values = result.inputs[:, list(inputs).index(name)]
         limits = (inputs[name].min, inputs[name].max)
+        shown_limits = limits_text(*limits, unit) if np.isfinite(limits).any() else "no limits"
         axes.plot(
             result.flight.times,
             shown_values(values, unit),
-            label=f"{name}: {limits_text(*limits, unit)}",
+            label=f"{name}: {shown_limits}",
             linewidth=1.0,
         )
         _limit_lines(axes, values, limits, unit)
+    _widened(axes, max(inputs[name].nominal for name in names), unit)
     label = "inputs"
     if len(names) == 1:
         label = names[0]

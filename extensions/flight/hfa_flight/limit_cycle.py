@@ -46,7 +46,7 @@ class LimitCycle(NamedTuple):
         size = short_number(self.amplitude, self.unit)
         if self.unit != "1":
             size += f" {shown_unit(self.unit)}"
-        return f"{self.name} goes on by ±{size} at {self.frequency:.3g} rad/s"
+        return f"{self.name} ±{size} at {self.frequency:.3g} rad/s"
 
     def text(self) -> str:
         """A sentence."""

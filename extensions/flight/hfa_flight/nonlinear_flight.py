@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
 #: Note on a flight that stays at trim.
 UNDISTURBED = (
-    "nothing disturbs this flight: give initial errors, a gust, turbulence, noise, a command or"
+    "this flight has no disturbance: give initial errors, a gust, turbulence, noise, a command or"
     " errors of parameters"
 )
 #: Largest deviations of a flight that stays at trim, in the units of states and inputs.

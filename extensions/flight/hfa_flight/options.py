@@ -140,9 +140,9 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         if self.law == DEFAULT_LAW and not instead:
             return
         if {*self.set} - reads:
-            nothing = f"with --law {self.law} there is nothing to learn"
+            nothing = f"with --law {self.law} nothing is learned"
             if instead:
-                nothing = f"beside --{instead[0]} there is nothing to learn"
+                nothing = f"beside --{instead[0]} nothing is learned"
             self.refuse(("set",), f"belongs to a learning law; {nothing}")
         if self.samples is None and self.turbulence is None:
             nothing = "here nothing is random"
@@ -383,7 +383,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
             },
         )
         if self.gust is not None and self.turbulence is not None:
-            raise BadInputError("--gust and --turbulence do not go together; give one of them")
+            raise BadInputError("--gust and --turbulence exclude each other; give one of them")
         gust = self._gust(point, common)
         if self.samples is not None:
             turbulence = at_held_altitude(self.turbulence, self.hold)
@@ -486,7 +486,7 @@ class FlightOptions(ScenarioOptions):
             scheduled = scheduled_gains(name, controller, point, steps, condition)
             return scheduled, scheduled.path
         if self.actuators is None:
-            raise BadInputError("--controller flies behind actuators; add --actuators LAG:RATE")
+            raise BadInputError("--controller needs actuators; add --actuators LAG:RATE")
         steps = CommandSteps(steps.names, steps.times, steps.values, *controller.command_filter)
         policy = controllers.servo_policy(controller, steps, model, point)
         return policy, CommandedStates(steps, model.linear)

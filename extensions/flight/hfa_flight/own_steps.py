@@ -36,7 +36,7 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
     make = getattr(model.equations, "jsbsim_steps", None)
     if make is None:
         raise BadInputError(
-            f"{model.name}: method {JSBSIM} is of aircraft of JSBSim in their own units; take"
+            f"{model.name}: method {JSBSIM} is for aircraft of JSBSim in their own units; take"
             f" {RUNGE_KUTTA}"
         )
     sizes = loop.state_sizes

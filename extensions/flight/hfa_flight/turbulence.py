@@ -123,7 +123,7 @@ class Turbulence:
         if not taken:
             needed = ", ".join(missing_states(model, "w"))
             raise BadInputError(
-                f"{model.name}: its equations take no gust (no state {needed});"
+                f"{model.name}: its equations have no gust input (no state {needed});"
                 f" declare a disturbance {UPDRAFT}"
             )
         return TurbulentAir(
@@ -146,7 +146,7 @@ class Turbulence:
         model = point.model
         give = f"give --turbulence {self.level}:ALTITUDE (in Python altitude=)"
         if "altitude" not in model.states:
-            raise BadInputError(f"{model.name} has no altitude to take turbulence of; {give}")
+            raise BadInputError(f"{model.name} has no altitude for turbulence; {give}")
         altitude = float(point.values["altitude"])
         if altitude == model.trim.get("altitude"):
             unit = model.unit("altitude")
@@ -183,7 +183,8 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
     """
     if not _LOWEST <= altitude <= _ALTITUDES[-1]:
         raise BadInputError(
-            f"turbulence at {altitude:g} ft; MIL-F-8785C has it from 10 to 80000 ft: give another"
+            f"turbulence at {altitude:g} ft; MIL-F-8785C defines it from 10 to 80000 ft: give "
+            "another"
             " altitude"
         )
     high_length = _LENGTH[spectrum]

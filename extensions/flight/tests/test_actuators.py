@@ -102,7 +102,7 @@ def gain(weights: str) -> np.ndarray:
 
 
 def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
-    """Of x' = A x + B a, a' = (-K x - a) / lag, 1/s."""
+    """Return the abscissa of x' = A x + B a, a' = (-K x - a) / lag, 1/s."""
     loop = np.block([[model.A, model.B], [-K / lag, -np.eye(len(K)) / lag]])
     return float(np.linalg.eigvals(loop).real.max())
 

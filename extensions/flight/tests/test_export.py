@@ -1,4 +1,4 @@
-"""`hfa export`: what it writes, and what it refuses."""
+"""`hfa export`: its files, and the requests that it refuses."""
 
 from __future__ import annotations
 
@@ -107,8 +107,8 @@ def test_a_controller_in_both(tmp_path: Path, published_aircraft: Model) -> None
     before = sorted(tmp_path.rglob("*"))
     for more, said in (
         (("--actuators", "0.5:60", "--dihedral", "25"), "controller small covers dihedral 5 to 20"),
-        (("--law", "exact", "--actuators", "0.5:60"), "--law changes nothing beside --controller"),
-        (("--dihedral", "10"), "flies behind actuators in an FMU; add --actuators LAG:RATE"),
+        (("--law", "exact", "--actuators", "0.5:60"), "--law has no effect with --controller"),
+        (("--dihedral", "10"), "needs actuators in an FMU; add --actuators LAG:RATE"),
     ):
         assert_refused(
             hfa(

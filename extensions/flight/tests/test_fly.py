@@ -1,5 +1,4 @@
-"""`hfa fly`: what they say and write, their exit codes, and what they
-refuse."""
+"""`hfa fly`: reports, files, exit codes and refusals."""
 
 from __future__ import annotations
 
@@ -116,8 +115,8 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(game: Game) -> None:
     stored("V.npz", W=np.ones(25))
     stored("small.npz", K=np.eye(2))
     for words, named in (
-        ("--weights K.json --law exact", "--law changes nothing beside --weights; leave it out"),
-        ("--weights P.npz --delta 300", "--delta changes nothing beside --weights"),
+        ("--weights K.json --law exact", "--law has no effect with --weights; leave it out"),
+        ("--weights P.npz --delta 300", "--delta has no effect with --weights"),
         ("--weights K.json --seed 3", "here nothing is random"),
         (
             "--weights small.npz",
@@ -127,7 +126,7 @@ def test_the_command_flies_a_gain_and_a_critic_of_the_user(game: Game) -> None:
             "--weights V.npz",
             "V.npz: there are 25 weights; basis 'quadratic' on 6 states has 21",
         ),
-        ("--weights none.npz", "there is no such file"),
+        ("--weights none.npz", "no such file"),
     ):
         assert_refused(hfa("fly", "--dihedral", "15", *words.split()), 2, named)
 
@@ -194,7 +193,7 @@ def test_controllers_that_do_not_fit_are_refused() -> None:
         ("--command speed=1:1", "follows no command of 'speed'"),
         ("--command dihedral=1", "give NAME=TIME:VALUE"),
         ("--command dihedral=2:1,1:0", "the times must increase"),
-        ("--law exact", "--law changes nothing beside --controller"),
+        ("--law exact", "--law has no effect with --controller"),
     ):
         assert_refused(hfa(*FLOWN[:-2], *words.split()), 2, named)
 
@@ -315,8 +314,8 @@ SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:6", "--duration",
 
 @pytest.mark.slow
 def test_gains_of_a_file_are_flown_along_the_trims_of_the_command() -> None:
-    """The same gains as a table, as MATLAB stacks it, and as a controller of `hfa design`; one gain
-    for all angles flies otherwise."""
+    """Gains as a table, as a MATLAB stack and as a controller of `hfa design` give one flight; a
+    single gain for all angles gives another."""
     made = hfa("design", "--design", "paper", "--dihedral", "5,10,15", "-o", "paper.npz", "--json")
     assert made.code == 0, made.err
     K = -np.array(json.loads(made.out)["D"])

@@ -1,5 +1,5 @@
-"""Flights of the nonlinear aircraft: what a scenario does, where a flight ends; the linear model
-agrees to second order and an adaptive integrator to 1e-6."""
+"""Flights of the nonlinear aircraft: the effect of a scenario, the end of a flight; the linear
+model agrees to second order and an adaptive integrator to 1e-6."""
 
 from __future__ import annotations
 
@@ -135,7 +135,8 @@ def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarra
 def test_the_linear_prediction_is_wrong_to_second_order_only(
     newton: FlownCase, at_15: FlownCase
 ) -> None:
-    """And one made half a degree away is wrong to first order."""
+    """The error is of second order in the deviation; that of a model half a degree away is of first
+    order."""
     for case, off in ((at_15, 0.0), (newton, 0.5)):
         other = find_operating_point(case.aircraft, level_flight(float(np.radians(15.0 + off))))
         linear = LinearPlant.at(case.aircraft, other)
@@ -170,11 +171,11 @@ EVERYTHING = Scenario(
 
 
 def adaptive_states(result: Flight) -> np.ndarray:
-    """The same flight by DOP853 at rtol 1e-10, at the ends of the ticks, (ticks + 1, 7).
+    """Return the flight by DOP853 at rtol 1e-10, at the ends of the ticks, (ticks + 1, 7).
 
-    Started anew where what the law is handed, a gust's noise or an actuator jumps: a jump inside
-    its step would cost it its order. Source: Hairer, Norsett, Wanner, Solving Ordinary Differential
-    Equations I, Section II.10, as in SciPy."""
+    The integration restarts where the inputs of the law, a gust's noise or an actuator jump,
+    because a jump inside a step reduces its order. Source: Hairer, Norsett, Wanner, Solving
+    Ordinary Differential Equations I, Section II.10, as in SciPy."""
     loop = CompiledLoop(result.loop)
     scenario = result.loop.scenario
     y = result.loop.start()

@@ -1,5 +1,4 @@
-"""How a Monte Carlo ends from outside: Ctrl-C, SIGTERM, a lost cluster; and what is continued
-afterwards."""
+"""External ends of a Monte Carlo: Ctrl-C, SIGTERM, a lost cluster; and its continuation."""
 
 from __future__ import annotations
 
@@ -51,7 +50,7 @@ WORDS = (*EXACT, "--samples", "4000", "--duration", "1", "-o", "a.zarr")
 
 @contextmanager
 def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """A process; what it says on standard error is in log-N."""
+    """Yield a process; its standard error is in log-N."""
     with (folder / f"log-{len(list(folder.glob('log-*')))}").open("w") as log:
         process = subprocess.Popen(
             words, cwd=folder, stdout=subprocess.DEVNULL, stderr=log, text=True

@@ -1,4 +1,4 @@
-"""What `hfa fly` and `hfa export` refuse: one line that names cause and remedy."""
+"""Refusals of `hfa fly` and `hfa export`: one line that names cause and remedy."""
 
 from __future__ import annotations
 
@@ -45,5 +45,5 @@ def test_bad_requests(folder: Path, words: str, named: str) -> None:
 def test_no_export_takes_the_place_of_a_fifo(folder: Path) -> None:
     os.mkfifo("a.fmu")
     refused = hfa("export", "--dihedral", "15", "-o", "a.fmu")
-    assert_refused(refused, BAD_INPUT, "it is no regular file; name another")
+    assert_refused(refused, BAD_INPUT, "it is not a regular file; name another")
     assert (folder / "a.fmu").is_fifo()

@@ -1,5 +1,5 @@
-"""What is drawn: the laws that were asked for, from the seed and the member alone; gusts and
-turbulence as they are defined; and what cannot be flown."""
+"""Random scenarios: the requested distributions, determined by the seed and the member; gusts and
+turbulence as defined; and refused scenarios."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def drawn(plan: MonteCarlo, members: int) -> np.ndarray:
 
 
 def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
-    """What is wrong with the drawn errors: members alike, or not the log-normal law with mean 1
-    that was asked for."""
+    """Return the faults of the drawn errors: equal members, or not the log-normal distribution with
+    mean 1."""
     from scipy.stats import kstest
 
     factors = drawn(plan, members)

@@ -243,7 +243,8 @@ def test_a_delay_is_a_delay(delay: float) -> None:
 
 
 def test_a_slow_decay_is_no_limit_cycle() -> None:
-    """0.5 % in a second is a decay, with its time to half; an approach to a lasting one is none."""
+    """0.5 % in a second is a decay, reported with its time to half; an approach to a limit cycle is
+    not a decay."""
     t = np.arange(0.0, 20.0005, 0.001)
     wave = np.sin(5.477 * t + 0.7)[:, None]
     none = np.zeros((len(t), 1))
@@ -292,8 +293,8 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
 
 
 def test_a_loop_that_its_delay_destabilizes_ends_in_a_limit_cycle() -> None:
-    """Rate-limited surfaces bound what the delay makes grow: not within limits; without the delay
-    it settles."""
+    """Rate-limited surfaces bound the growth that the delay causes: not within limits; without the
+    delay it settles."""
     point = find_operating_point(NAVION, usual_condition(NAVION))
     model = linearize(NAVION, point)
     Q, R = (

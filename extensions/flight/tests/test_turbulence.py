@@ -91,8 +91,8 @@ def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
 
 
 def test_drawn_turbulence_has_the_spectrum() -> None:
-    """Of 1.3 hours at 50 Hz: variances within 4 standard errors, power within 10 % in bands, with
-    the sampled spectrum folded at 25 Hz."""
+    """1.3 hours at 50 Hz: variances within 4 standard errors, power within 10 % in bands, with the
+    sampled spectrum folded at 25 Hz."""
     air = air_of("dryden", 500.0, ticks=240_000)
     components = AirFilter.of(air).drawn(air.ticks, seed=7)
     made = AirFilter.of(air)
@@ -232,7 +232,7 @@ def test_flight_meets_what_was_drawn() -> None:
         ("fly --turbulence light", "40000 ft would be at the altitude that published dynamics has"),
         ("fly --turbulence calm:3", "give LEVEL[:ALTITUDE[:SPAN]] with light, moderate, severe"),
         ("fly --turbulence light:-3", "the altitude of turbulence is -3"),
-        ("fly --turbulence light:90000", "MIL-F-8785C has it from 10 to 80000 ft"),
+        ("fly --turbulence light:90000", "MIL-F-8785C defines it from 10 to 80000 ft"),
         ("fly --aircraft examples/gtm.py:GTM --turbulence severe", "GTM has no altitude"),
         ("fly --aircraft examples/pendulum.py:PENDULUM --turbulence light:9", "has no speed"),
     ],

@@ -109,7 +109,8 @@ def test_coloured_residuals_widen_the_bands():
 
 
 def test_sensitivities_agree_with_differences():
-    """Those of outputs by parameters and starts, with several steps between samples."""
+    """Sensitivities of outputs with respect to parameters and initial conditions, with several
+    steps between samples."""
     model = from_derivatives(UAV)
     from hfa_identify.records import record_of
 
@@ -176,7 +177,7 @@ def late(values, samples=2):
     ],
 )
 def test_a_planted_fault_is_named(column, fault, named):
-    """Also where free parameters could absorb it."""
+    """The fault is named also where free parameters could absorb it."""
     wrong = record(seed=11)
     wrong[column] = fault(wrong[column])
     result = identify(begun(1.2), wrong, FREE)
@@ -273,7 +274,7 @@ def test_wrong_names_are_refused():
 
 
 def written(path, columns, units):
-    """A CSV file, angles in degrees where `units` says so."""
+    """Write a CSV file, with angles in degrees where `units` states it."""
     heads = [f"{name} [{units[name]}]" if name in units else name for name in columns]
     table = np.column_stack(
         [values * (180.0 / math.pi if name in units else 1.0) for name, values in columns.items()]

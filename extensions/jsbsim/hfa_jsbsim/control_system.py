@@ -95,7 +95,7 @@ def _switch_off(channel: Element, writers: list[Writer], properties: Properties)
         raise channel.error(f"execute names {shortened(name)}, which nothing sets; set it")
 
     def refuse() -> Any:
-        fault = f"whether the channel runs depends on {shortened(name)}, which is no constant"
+        fault = f"whether the channel runs depends on {shortened(name)}, which is not constant"
         raise channel.error(f"{fault}; give it a value")
 
     try:
@@ -362,7 +362,7 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
         words = text.split()
         sign = _WORDS.get(words[1], words[1]) if len(words) == 3 else ""
         if sign not in _COMPARISONS:
-            fault = f"{shortened(text)!r} is no condition; write: property lt number"
+            fault = f"{shortened(text)!r} is not a condition; write: property lt number"
             raise test.error_at(line, fault)
         if number_of(words[0]) is not None:
             fault = f"{shortened(text)!r} begins with a number; write: property lt number"

@@ -191,7 +191,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
         return table_value(element, properties, number)
     if name not in _OPERATIONS:
         raise element.error(
-            f"<{shortened(name)}> is no function that can be read; write it in others"
+            f"<{shortened(name)}> is not a supported function; write it with others"
         )
     operation, fewest, most = _OPERATIONS[name]
     values = [
@@ -286,13 +286,15 @@ def _rows(data: Element) -> Table:
     rows = []
     for line, text in data.lines:
         if "_" in text:
-            raise data.error_at(line, f"{shortened(text)!r} is no row of numbers")
+            raise data.error_at(line, f"{shortened(text)!r} is not a row of numbers")
         try:
             rows.append([float(word) for word in text.split()])
         except ValueError as error:
-            raise data.error_at(line, f"{shortened(text)!r} is no row of numbers") from error
+            raise data.error_at(line, f"{shortened(text)!r} is not a row of numbers") from error
         if not all(map(math.isfinite, rows[-1])):
-            raise data.error_at(line, f"{shortened(text)!r} holds what is no finite number")
+            raise data.error_at(
+                line, f"{shortened(text)!r} contains an entry that is not a finite number"
+            )
     if {len(row) for row in rows} == {2}:
         pairs = np.array(rows)
         return Table(pairs[:, 1], [pairs[:, 0]])
@@ -318,7 +320,9 @@ def table_value(element: Element, properties: Properties, number: int | None = N
     for variable in element.all("independentVar"):
         axis = variable.attributes.get("lookup", "")
         if axis not in _AXES:
-            raise variable.error(f"{shortened(axis)} is no axis of a table; use row, column, table")
+            raise variable.error(
+                f"{shortened(axis)} is not an axis of a table; use row, column, table"
+            )
         name = numbered(variable, variable.text, number)
         arguments[_AXES[axis]] = properties.read(name, variable.where)
     if sorted(arguments) != list(range(table.dimensions)):

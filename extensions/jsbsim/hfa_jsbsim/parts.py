@@ -57,7 +57,7 @@ class Parts:
     def __init__(self, path: Path, folders: Folders, choices: Choices) -> None:
         root = folders.read(path)
         if root.name != "fdm_config":
-            fault = f"<{shortened(root.name)}> is no aircraft of JSBSim"
+            fault = f"<{shortened(root.name)}> is not an aircraft file of JSBSim"
             raise root.error(f"{fault}; its files begin with <fdm_config>")
         self.path = path
         self.folders = folders

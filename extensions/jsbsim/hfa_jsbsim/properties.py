@@ -227,7 +227,7 @@ class Properties:
             return -self.read(name[1:], where)
         key = plain(name)
         if not _NAME.fullmatch(key):
-            fault = f"{where}: {shortened(name)!r} is no number and no name of a property"
+            fault = f"{where}: {shortened(name)!r} is neither a number nor a property name"
             raise BadInputError(f"{fault}; correct it")
         self.asked.add(key)
         writers = self._writers.get(key)

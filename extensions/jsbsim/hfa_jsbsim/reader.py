@@ -113,7 +113,7 @@ def _choices(text: str, partial: bool) -> Choices:
         name, _, value = word.partition("=")
         if name not in _CHOICES or _CHOICES[name][0] != value:
             known = " and ".join(f"{key}={only}" for key, (only, _) in _CHOICES.items())
-            raise BadInputError(f"{shortened(word)} is no choice of an aircraft; use {known}")
+            raise BadInputError(f"{shortened(word)} is not an option of an aircraft; use {known}")
         made[_CHOICES[name][1]] = True
     return Choices(**made)
 
@@ -156,7 +156,7 @@ def data_folder() -> Path | None:
     root = os.environ.get("JSBSIM_ROOT")
     if root:
         if not (Path(root) / "aircraft").is_dir():
-            raise BadInputError(f"JSBSIM_ROOT is {shortened(root)}; it holds no folder aircraft")
+            raise BadInputError(f"JSBSIM_ROOT is {shortened(root)}; it contains no folder aircraft")
         return Path(root)
     package = importlib.util.find_spec("jsbsim")
     if package is None or not package.submodule_search_locations:

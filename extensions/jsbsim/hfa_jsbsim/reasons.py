@@ -113,7 +113,7 @@ def _of_engine(file: EngineFile) -> Iterator[str]:
         return
     if diameter.number() > _LONGEST_BLADES:
         length = f"propeller diameter {diameter.number():.0f} ft"
-        yield f"{diameter.where}: {length}; the file gives no unit"
+        yield f"{diameter.where}: {length}; the file states no unit"
 
 
 #: No propeller is wider, ft.

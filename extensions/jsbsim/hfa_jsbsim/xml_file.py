@@ -202,7 +202,9 @@ def parsed(text: bytes, file: str) -> Element:
         (parent.children if parent else roots).append(element)
         open_elements.append(element)
         if len(open_elements) > _DEEPEST:
-            raise element.error(f"more than {_DEEPEST} elements in each other; this is no aircraft")
+            raise element.error(
+                f"more than {_DEEPEST} elements in each other; this is not an aircraft file"
+            )
 
     def end(_: str) -> None:
         open_elements.pop()
@@ -224,7 +226,7 @@ def parsed(text: bytes, file: str) -> Element:
         parser.Parse(text, True)
     except xml.parsers.expat.ExpatError as error:
         what = xml.parsers.expat.errors.messages.get(error.code, "")
-        raise BadInputError(f"{file}:{error.lineno}: this is no XML ({what})") from error
+        raise BadInputError(f"{file}:{error.lineno}: this is not XML ({what})") from error
     except BadInputError:
         raise
     except (LookupError, ValueError) as error:  # an encoding that Python or expat does not know

@@ -1,4 +1,4 @@
-"""What files may hold, and what is refused with file and line."""
+"""Supported content of files, and content refused with file and line."""
 
 import re
 
@@ -59,7 +59,7 @@ def test_provenance_changes_with_every_file(tmp_path):
         (
             "<FDM_CONFIG NAME='old'/>",
             (
-                r"glider.xml:1: <FDM_CONFIG> is no aircraft of JSBSim; its files begin with"
+                r"glider.xml:1: <FDM_CONFIG> is not an aircraft file of JSBSim; its files begin with"
                 r" <fdm_config>"
             ),
         ),
@@ -79,7 +79,7 @@ def test_provenance_changes_with_every_file(tmp_path):
         (glider(more="<buoyant_forces/>"), r"glider.xml:\d+: <buoyant_forces> is not read"),
         (
             glider(LIFT.replace("LIFT", "SPIN")),
-            r"glider.xml:\d+: SPIN is no axis; use DRAG, AXIAL, X, SIDE",
+            r"glider.xml:\d+: SPIN is not an axis; use DRAG, AXIAL, X, SIDE",
         ),
         (
             glider(force("LIFT", TABLE.format("\n1 2\n"))),
@@ -91,11 +91,11 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             glider(force("LIFT", TABLE.format("\n1 2\nx 3\n"))),
-            r"glider.xml:\d+: 'x 3' is no row of numbers",
+            r"glider.xml:\d+: 'x 3' is not a row of numbers",
         ),
         (
             glider(force("LIFT", "<random/>")),
-            r"glider.xml:\d+: <random> is no function that can be read",
+            r"glider.xml:\d+: <random> is not a supported function",
         ),
         (
             glider(force("LIFT", "<quotient> <v>1</v> </quotient>")),
@@ -291,7 +291,7 @@ def test_products_of_inertia_change_sign_unless_told_otherwise(tmp_path):
 
 
 def test_notes_are_grouped_by_what_they_state():
-    """Those first that change a force; subjects of one statement together, each file once."""
+    """Notes on forces come first; subjects of one statement are together, each file once."""
     notes = [
         Note("left out", "<time>", "a.xml:9", IDLE),
         Note("these are 0", "fcs/one", "a.xml:3"),

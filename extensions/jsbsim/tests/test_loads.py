@@ -145,7 +145,9 @@ def test_a_washout_is_a_state_where_that_is_asked(tmp_path):
 
 
 def test_a_choice_that_there_is_not_is_refused(tmp_path):
-    with pytest.raises(BadInputError, match="lags=on is no choice of an aircraft; use filters="):
+    with pytest.raises(
+        BadInputError, match="lags=on is not an option of an aircraft; use filters="
+    ):
         load_model(f"{written(tmp_path, glider())}?lags=on")
 
 

@@ -1,4 +1,4 @@
-"""Accelerations, engines and linear models against JSBSim, in a process of its own."""
+"""Accelerations, engines and linear models compared with JSBSim in a separate process."""
 
 import importlib.util
 import subprocess

@@ -116,7 +116,7 @@ def test_a_trim_that_does_not_exist_says_why(name, held, reason):
 
 
 def explained_failure(model, **held):
-    """What is said where no trim exists."""
+    """Return the explanation where no trim exists."""
     condition = condition_of(model, **held)
     with pytest.raises(TrimError) as caught:
         find_operating_point(model, condition)
@@ -144,7 +144,7 @@ def test_a_model_without_reasons_keeps_its_message(tmp_path):
 
 def test_an_aircraft_that_is_not_there_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv("JSBSIM_ROOT", str(tmp_path))
-    with pytest.raises(BadInputError, match="it holds no folder aircraft"):
+    with pytest.raises(BadInputError, match="it contains no folder aircraft"):
         load_model("jsbsim:737")
     written(tmp_path, glider())
     with pytest.raises(BadInputError, match="no aircraft of JSBSim '737'; choose from glider"):

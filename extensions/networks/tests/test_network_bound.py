@@ -1,4 +1,4 @@
-"""What is said to be proved of a network holds, and what does not hold is not said to be proved."""
+"""Proved statements about a network hold, and false statements are not proved."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ ACTIVATIONS: dict[str, Callable[[ca.SX], ca.SX]] = {
 
 
 def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.Function:
-    """Of four inputs, two layers of 8; with a linear and a quadratic part, as of an error."""
+    """Return a function of four inputs with two layers of 8, and a linear and a quadratic part, as
+    in an error."""
     rng = np.random.default_rng(seed)
     y = ca.SX.sym("y", 4)
     h = y
@@ -79,8 +80,8 @@ def test_no_sample_of_a_box_is_above_its_bound(activation: str, of_gradient: boo
 
 
 def test_rounding_is_in_the_bound() -> None:
-    """1e8 (a + 1/3 b) - 1e8 (...) of relu units, evaluated in rationals: the bound of what doubles
-    make 0 is above what it is."""
+    """1e8 (a + 1/3 b) - 1e8 (...) of relu units, evaluated in rationals, is below the bound
+    although doubles give 0."""
     rng = np.random.default_rng(1)
     weights = rng.normal(size=(16, 3)) * 1e8
     y = ca.SX.sym("y", 3)
@@ -260,7 +261,7 @@ def test_where_there_is_no_bound_nothing_is_proved() -> None:
 
 @pytest.mark.slow
 def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
-    """The stored policy of 6-32-32-5, which rests beside the trim: its cost never ends."""
+    """The stored policy of 6-32-32-5 has its equilibrium off the trim: its cost is unbounded."""
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))
     line = (
@@ -324,7 +325,7 @@ def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
 
 
 def test_numbers_that_lose_underflows_are_not_bounded() -> None:
-    """1e-320 y is rounded by a part in a thousand; beside 1e300 that is 1e-3, not 0."""
+    """1e-320 y is rounded by 1e-3 relative; multiplied by 1e300 the error is 1e-3, not 0."""
     y = ca.SX.sym("y", 2)
     function = ca.Function("f", [y], [1e300 * (1e-320 * y[0] - 1e-320 * y[1])])
     proof = prove("error", function, np.full(2, 1e300), 1e-6, 0.2)

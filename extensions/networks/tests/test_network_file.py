@@ -47,8 +47,7 @@ def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
 
 
 def test_safetensors_sorts_names_and_the_layers_keep_their_order(game: Game) -> None:
-    """As the library writes them, "10.weight" comes before "2.weight"; wide enough, either order
-    would fit."""
+    """The library writes "10.weight" before "2.weight"; either order would fit the widths."""
     rng = np.random.default_rng(3)
     tensors = {f"{place}.weight": rng.normal(size=(6, 6)) for place in (0, 2, 10)} | {
         "12.weight": np.ones((1, 6))
@@ -176,7 +175,7 @@ def test_a_layer_norm_of_the_states_or_of_the_output_needs_no_gap() -> None:
 
 def test_a_batch_norm_is_no_layer_norm() -> None:
     tensors = with_norm("0", "1", "3") | {"1.running_mean": np.zeros(4)}
-    assert "'1.running_mean' (4,) is no weight" in refusal(
+    assert "'1.running_mean' (4,) is not a weight" in refusal(
         torch_file("a.pt", tensors), activation="tanh"
     )
 
@@ -291,11 +290,11 @@ def test_wrong_state_dicts_are_refused() -> None:
         "has 10 inputs": {"weight": np.zeros((1, 10))},
         "is float16; give weights as float32": {"weight": good.astype("float16")},
         "not finite": {"weight": good + np.nan},
-        "'conv.weight' (3, 1, 1) is no weight or bias": {
+        "'conv.weight' (3, 1, 1) is not a weight or bias": {
             "0.weight": good,
             "conv.weight": np.zeros((3, 1, 1)),
         },
-        "'1.weight' (4,) is no weight or bias": {
+        "'1.weight' (4,) is not a weight or bias": {
             "0.weight": np.zeros((4, 6)),
             "1.weight": np.ones(4),
         },

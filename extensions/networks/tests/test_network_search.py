@@ -80,7 +80,7 @@ def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_line
 
 
 def test_an_actor_with_a_constant_is_stable_and_rests_off_trim(game: Game) -> None:
-    """The exact gain and 1 % of the largest input: a finding of its own, with its rest point."""
+    """The exact gain plus 1 % of the largest input is a separate finding, with its equilibrium."""
     offset = 0.01 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=10))
@@ -105,4 +105,4 @@ def test_a_bias_of_rounding_costs_what_it_costs(game: Game) -> None:
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))
     assert "rest_point" in failed_names(verdict.checks)
     assert verdict.grade == "near"
-    assert verdict.headline().startswith("near on the linear game: no cost lost, not exact (")
+    assert verdict.headline().startswith("NEAR on the linear game: no cost lost, not exact (")

@@ -95,7 +95,7 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
 
 
 def test_a_small_error_without_a_constant_is_called_no_constant(game: Game) -> None:
-    """The same with e = 4e-4: off by 2.6e-6 in the box, and u(0) = 0."""
+    """With e = 4e-4 the error in the box is 2.6e-6, and u(0) = 0."""
     tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
     critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
     verdict = check_critic(game, critic, scope=replace(on_the_box(1), seconds=0.0))

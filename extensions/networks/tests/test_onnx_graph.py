@@ -1,4 +1,4 @@
-"""ONNX graphs: their operators, data beside them, and what is refused."""
+"""ONNX graphs: their operators, external data, and refused graphs."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_the_operators_are_those_of_onnx_runtime() -> None:
 
 
 def test_normalizations_choices_and_limits_are_those_of_onnx_runtime() -> None:
-    """As torch writes LayerNorm, BatchNorm, Softplus with a threshold, SELU and clamps."""
+    """LayerNorm, BatchNorm, Softplus with a threshold, SELU and clamps, exported by torch."""
     rng = np.random.default_rng(5)
     shapes = {"W": (6, 8), "scale": (8,), "bias": (8,), "mean": (8,), "rest": (8, 1)}
     constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
@@ -98,7 +98,7 @@ def test_normalizations_choices_and_limits_are_those_of_onnx_runtime() -> None:
 
 
 def test_triangles_comparisons_and_repeated_rows_are_those_of_onnx_runtime() -> None:
-    """As torch writes tril, eye, where and expand."""
+    """tril, eye, where and expand, exported by torch."""
     rng = np.random.default_rng(6)
     shapes = {"W": (6, 9), "slope": (9,), "rest": (9, 1), "flat": ()}
     constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
@@ -172,7 +172,7 @@ def test_division_of_integers_in_a_graph_leaves_no_fraction() -> None:
 
 
 def test_weights_beside_a_graph_are_read_from_its_folder_alone() -> None:
-    """As torch exports by default; a path out of the folder is not followed."""
+    """The default export of torch; a path out of the folder is not followed."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
     for folder in ("inside", "elsewhere"):

@@ -92,7 +92,7 @@ def test_a_q_that_is_not_quadratic_in_u_is_refused(power: object, says: str) -> 
 
 
 def test_twin_networks_of_a_state_dict_are_judged_by_their_actor(game: Game) -> None:
-    """As of SAC and TD3: an actor and two Q in one file."""
+    """An actor and two Q in one file, as in SAC and TD3."""
     tensors = {"actor.0.weight": RNG.normal(size=(8, 6)), "actor.2.weight": RNG.normal(size=(5, 8))}
     for name in ("q1", "q2"):
         tensors |= {

@@ -1,5 +1,5 @@
-"""State dicts of other libraries: normalizers and squashes are part of the network, and what is not
-understood is refused by its name."""
+"""State dicts of other libraries: normalizers and squashes are part of the network, and unknown
+tensors are refused by name."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def clean_rl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.nd
 
 @pytest.mark.parametrize("library", [rsl_rl, rl_games, skrl, clean_rl])
 def test_policies_of_other_libraries_are_read(library) -> None:
-    """As their own code computes them, one by one and on rows."""
+    """The policies agree with the code of their libraries, one by one and on rows."""
     tensors, part, policy = library()
     stored = network_in(torch_file("a.pt", tensors), STATES, "tanh", {"policy": part})
     for x in 3.0 * RANDOM.normal(size=(20, STATES)):

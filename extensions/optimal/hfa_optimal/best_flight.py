@@ -203,7 +203,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
             tuple(lines),
             limits_table(self.problem),
             f"{self._bracket()} The linear model without limits gives {self.linear_cost:.6g}, "
-            "which is no cost of the aircraft.",
+            "which is not a cost of the aircraft.",
             Picture("flight", "The best flight found and the policies", self.figure),
         )
         return Report(self.title(), parts, data=self.as_data(), records=self._records())
@@ -226,10 +226,12 @@ class BestFlight(StatesAndInputs, Result, Reported):
         """How far the cost is from the least one, as far as that is known."""
         if self.lower_bound is None:
             return (
-                "No flight from this start was found that costs less; that none exists is not "
+                "No cheaper flight from this initial condition was found; that none exists is not "
                 "proved."
             )
-        return f"No flight from this start costs less than {self.lower_bound:.6g}, which is proved."
+        return (
+            f"No flight from this initial condition costs less than {self.lower_bound:.6g}(proved)."
+        )
 
     def _checked(self) -> str:
         found = self.found

@@ -158,7 +158,7 @@ class QuickestFlight(StatesAndInputs, Result, Reported):
             Table(header, rows),
             f"Saturated: {', '.join(self.saturated) or 'no input'}.",
             limits_table(self.problem),
-            "No quicker flight was found; that none exists is not proved.",
+            "No quicker flight was found; it is not proved that none exists.",
             Picture("flight", "The quickest flight found", self.figure),
         )
         return Report(self.title(), parts, data=self.as_data(), records=self._records())
@@ -277,7 +277,7 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
     horizon: s, of the linear loop"""
     problem = flights.problem
     if not z.any():
-        raise BadInputError("the flight begins at its end; give a start off the trim")
+        raise BadInputError("the flight begins at its end; give an initial condition off the trim")
     best = _from_guesses(TimeProgram(problem, _MESHES[0]), z, v, horizon)
     meshes = {_MESHES[0]: best.cost}
     flights = replace(flights, longest_step=best.cost / _STEPS)

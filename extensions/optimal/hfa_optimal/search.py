@@ -52,7 +52,7 @@ _LONGER = 1.6
 _EXTENSIONS = 5
 _NONE_WITHIN = (
     "IPOPT finds none that satisfies the equations within the limits, from any guess (tables and "
-    "kinks can stop it too); that none exists is not proved"
+    "kinks can stop it too); it is not proved that none exists"
 )
 #: A flight goes on after the horizon, by the linear policy, for this part of it.
 AFTER = 0.25

@@ -29,7 +29,7 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_bound_is_proved_and_checked(
     certificate: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The first line names what the user did not give."""
+    """The first line names the data that the user did not give."""
     assert main(["prove", *AIRCRAFT, "--check", str(certificate)]) == 0
     first = capsys.readouterr().out.splitlines()[0]
     assert first.endswith("pendulum: proved, checked, of the weights in the certificate")

@@ -92,7 +92,8 @@ def load_claims(path: Path) -> Claims:
         lost = len(data["lost_flights"])
         about = (
             f"Read from {file}, which {study} wrote. A green number meets the criterion of its"
-            f" claim. {verdicts}; flights lost: {lost}. It flew {setting['matrices']} matrices"
+            f" claim. {verdicts}; flights that left the envelope: {lost}; {setting['matrices']} "
+            "matrices"
         )
         models = [
             (model["dihedral_deg"], np.array(model["A"]), np.array(model["B"]))

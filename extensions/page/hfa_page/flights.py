@@ -111,7 +111,7 @@ def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
         listed = ", ".join(_limit(key, *pair) for key, pair in changed.items())
         sentences.append(f"{name}: {listed}.")
         first = first or pairs
-    return f"Limits, assumed, since the paper prints none: {' '.join(sentences)}"
+    return f"Assumed limits (the paper prints none): {' '.join(sentences)}"
 
 
 def _limit(name: str, lowest: float, highest: float) -> str:

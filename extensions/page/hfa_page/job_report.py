@@ -75,7 +75,7 @@ def main_report(job: MainJob) -> Report:
             *angles,
             claims,
             Report("Every entry against the print", (job.regeneration.picture(),)),
-            Report("What the checks say", (glosses(),)),
+            Report("Checks", (glosses(),)),
             Report("Modes over the dihedral angle", (replace(swept, parts=tables),)),
             Report("The aircraft", (job.parameters.report(),)),
         ),

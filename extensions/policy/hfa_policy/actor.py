@@ -89,18 +89,21 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
     for name, value in said.items():
         if name in entries and entries[name] != value:
             raise BadInputError(
-                f"policy.{name} is {shown(entries[name])} and {path} says {shown(value)}; leave "
+                f"policy.{name} is {shown(entries[name])} and in {path} {shown(value)}; leave "
                 "it out"
             )
     frames, rest = divmod(stored.observations, observations)
     if rest == 0 and frames != history:
         raise BadInputError(
-            f"{path} takes {stored.observations} observations, {frames} times those of the card; "
-            f"for a stack of frames give history = {frames} in [timing], or list all observations"
+            f"{path} takes {stored.observations} observations, {frames} times those of the "
+            "deployment file; "
+            f"for a stack of frames give history = {frames} in [timing], or list all "
+            "observations"
         )
     if rest:
         raise BadInputError(
-            f"{path} takes {stored.observations} observations and the card has {observations}; "
+            f"{path} takes {stored.observations} observations and the deployment file has "
+            f"{observations}; "
             "list those of its training, in their order"
         )
     network = network_in(path, stored.observations, stored.activation, {"policy": stored.part})
@@ -124,7 +127,7 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
         function = ca.Function("gain", [o], [ca.densify(-ca.DM(gain) @ o)])
         return Actor(function, f"a gain {gain.shape[0]} x {gain.shape[1]}", squash)
     if path.suffix.lower() == ".onnx" and "activation" in entries:
-        raise BadInputError(f"policy.activation: {path} says it; leave it out")
+        raise BadInputError(f"policy.activation: {path} contains it; leave it out")
     parts = {"policy": str(entries.get("network", ""))}
     network = network_in(path, observations, entries.get("activation"), parts)
     if not network.functions:
@@ -159,7 +162,7 @@ def stored_gain(path: Path) -> np.ndarray | None:
         except OSError as error:
             raise BadInputError(f"cannot be read ({error.strerror})") from error
         except ValueError as error:
-            raise BadInputError(f"it is no .npz of numbers ({error})") from error
+            raise BadInputError(f"it is not an .npz of numbers ({error})") from error
         if "K" not in arrays:
             return None
         gain = numbers_in("K", arrays["K"])
@@ -175,11 +178,13 @@ def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: 
     gives = function.numel_out(0)
     if takes != observations:
         raise BadInputError(
-            f"{what} takes {takes} observations and the card has {observations}; list those of "
+            f"{what} takes {takes} observations and the deployment file has {observations}; list "
+            "those of "
             "its training, in their order"
         )
     if gives != actions:
         raise BadInputError(
-            f"{what} gives {gives} actions and the card has {actions}; list those of its "
+            f"{what} gives {gives} actions and the deployment file has {actions}; list those of "
+            "its "
             "training, in their order"
         )

@@ -289,7 +289,7 @@ class Assessor:
         cost: CostLost | None = None
         off_slope: Nonlinearity | None = None
         if equilibrium is None or place.reach is None:
-            findings.append("there is no equilibrium near the trim")
+            findings.append("no equilibrium exists near the trim")
         else:
             chain = self._chain(place.reach)
             slowest = chain.slowest

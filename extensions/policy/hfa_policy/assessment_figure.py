@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,14 +11,16 @@ from hfa_policy.assessment import scheduled_value
 from hfa_support.reporting.text import shown_unit
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from hfa_policy.assessment_report import Assessment
+    from hfa_policy.outcomes import Outcome
 
 
 def assessment_figure(assessment: Assessment) -> Figure:
-    """Left the spectral radius over the delay, a line a trim; right which part of the flights
-    converges, leaves the envelope, or does neither, a bar a trim."""
+    """Draw the spectral radius over the delay, a line a trim, and the outcomes of the flights, a
+    bar a trim; where every flight converges, the disk margins in their place."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
@@ -32,23 +35,52 @@ def assessment_figure(assessment: Assessment) -> Figure:
         delays = 1e3 * assessment.deployed.deployment.dt * np.arange(len(radii))
         shade = str(0.75 - 0.65 * number / max(len(assessment.points) - 1, 1))
         left.plot(delays, radii, "o-", color=shade, markersize=3, label=labels[-1])
-    left.axhline(1.0, color="C3", linewidth=0.8)
+    left.axhline(1.0, color="C3", linewidth=0.8, label="limit of stability")
+    model = assessment.deployed.model
+    schedule = f"{model.schedule}, {shown_unit(model.schedule_unit)}" if model.schedule else ""
     left.set_xlabel("delay, ms")
     left.set_ylabel("spectral radius of the sampled loop")
     left.grid(alpha=0.3)
     if len(labels) <= 8:
-        left.legend(fontsize=8)
+        left.legend(fontsize=8, title=schedule, title_fontsize=8)
     places = np.arange(len(labels))
-    flown = [point.flights for point in assessment.points]
-    returned = np.array([0.0 if each is None else each.returned / each.starts for each in flown])
-    lost = np.array([0.0 if each is None else each.lost / each.starts for each in flown])
-    right.bar(places, 100 * returned, color="C0", label="converge")
-    right.bar(places, 100 * lost, bottom=100 * (1 - lost), color="C3", label="leave the envelope")
+    outcomes = [point.flights for point in assessment.points]
+    if all(outcome is None or outcome.returned == outcome.starts for outcome in outcomes):
+        _draw_margins(right, assessment)
+        if any(outcome is not None for outcome in outcomes):
+            right.set_title("every flight converges", fontsize=10)
+    else:
+        _draw_outcomes(right, outcomes)
     right.set_xticks(places, labels, rotation=0 if len(labels) <= 8 else 90)
-    model = assessment.deployed.model
-    right.set_xlabel(
-        f"{model.schedule}, {shown_unit(model.schedule_unit)}" if model.schedule else ""
-    )
-    right.set_ylabel("flights, %")
-    right.legend(fontsize=8)
+    right.set_xlabel(schedule)
     return figure
+
+
+def _draw_margins(axes: Axes, assessment: Assessment) -> None:
+    """Draw the disk margin of each trim, 0 where the loop is unstable."""
+    margins = [point.margins for point in assessment.points]
+    disks = [0.0 if margin is None else margin.disk.disk for margin in margins]
+    axes.bar(np.arange(len(disks)), disks, color="C0", width=0.6)
+    axes.set_ylabel("disk margin, all inputs at once")
+
+
+def _draw_outcomes(axes: Axes, outcomes: Sequence[Outcome | None]) -> None:
+    """Draw the shares of flights that converge, leave the envelope, or do neither, percent."""
+    places = np.arange(len(outcomes))
+    converged = np.zeros(len(outcomes))
+    left = np.zeros(len(outcomes))
+    flown = np.zeros(len(outcomes))
+    for number, outcome in enumerate(outcomes):
+        if outcome is not None:
+            converged[number] = 100.0 * outcome.returned / outcome.starts
+            left[number] = 100.0 * outcome.lost / outcome.starts
+            flown[number] = 100.0
+    neither = flown - converged - left
+    axes.bar(places, converged, color="C0", width=0.6, label="converge")
+    axes.bar(places, neither, bottom=converged, color="0.7", width=0.6, label="do neither")
+    axes.bar(
+        places, left, bottom=converged + neither, color="C3", width=0.6, label="leave the envelope"
+    )
+    axes.set_ylim(0.0, 100.0)
+    axes.set_ylabel("flights, %")
+    axes.legend(fontsize=8, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)

@@ -99,7 +99,7 @@ class Assessment(Result, Reported):
         """The needs that are not met, a sentence each."""
         sentences = []
         for name, need in self.needs.items():
-            refuse_unknown("there is no need", name, NEEDS)
+            refuse_unknown("unknown need", name, NEEDS)
             wrong = [point for point in self.points if not _meets(point, name, need)]
             if wrong:
                 where = f"at {len(wrong)} of {len(self.points)} trims"

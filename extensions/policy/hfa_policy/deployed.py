@@ -78,7 +78,7 @@ class Deployed:
                 text = entry.get("map", f"{TRIM} + {ACTION}")
                 formula = read_formula(text, (ACTION, TRIM, *self.names))
                 if ACTION not in formula.names:
-                    raise BadInputError(f"it does not take the action; write {ACTION} for it")
+                    raise BadInputError(f"it does not contain the action; write {ACTION} for it")
                 formulas.append(formula)
         return tuple(formulas)
 
@@ -152,7 +152,7 @@ class Deployed:
         """The action of an observation, (m,); BadInputError where it is no finite number."""
         a = np.array(self.act(o)).ravel()
         if not np.isfinite(a).all():
-            raise BadInputError("policy.file gives no finite number at the trim; train it again")
+            raise BadInputError("policy.file returns no finite number at the trim; train it again")
         return a
 
     # Functions.

@@ -147,12 +147,12 @@ class Deployment(Shown):
             checked("policy.normalizer", normalizer, _NORMALIZER)
         elif normalizer is not None and not isinstance(normalizer, (str, Path)):
             raise BadInputError(
-                "policy.normalizer is no file and no table of mean, variance, epsilon, clip"
+                "policy.normalizer is neither a file nor a table of mean, variance, epsilon, clip"
             )
 
     def _check_observation(self) -> None:
         if not self.observation:
-            raise BadInputError("observation names nothing; list what the network takes, in order")
+            raise BadInputError("observation is empty; list the inputs of the network, in order")
         for name, entry in self.observation.items():
             about = entry.get("about", "trim")
             if about != "trim" and NUMBER.of(about) is None:
@@ -160,7 +160,7 @@ class Deployment(Shown):
                     f'observation.{name}.about is {shown(about)}; give "trim" or a number'
                 )
             if entry.get("scale", 1.0) == 0.0:
-                raise BadInputError(f"observation.{name}.scale is 0; give what it is divided by")
+                raise BadInputError(f"observation.{name}.scale is 0; give the divisor")
 
     def _check_action(self) -> None:
         if not self.action:
@@ -245,7 +245,7 @@ class Deployment(Shown):
             of_file = np.array([stored[0][index], stored[1][index]])
             if "box" in entry and not np.allclose(entry["box"], of_file, rtol=1e-6, atol=1e-9):
                 raise BadInputError(
-                    f"{self.origin}: action.{name}.box is {shown(entry['box'])} and the file says "
+                    f"{self.origin}: action.{name}.box is {shown(entry['box'])} and in the file "
                     f"{of_file.tolist()}; leave it out"
                 )
             low[index], high[index] = of_file

@@ -63,11 +63,11 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
     BadInputError for an unknown name, and for text that is not a formula.
     """
     if not isinstance(text, str) or len(text) > _LONGEST:
-        raise BadInputError(f"{shown(text)} is no formula of at most {_LONGEST} characters")
+        raise BadInputError(f"{shown(text)} is not a formula of at most {_LONGEST} characters")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise BadInputError(f"{shown(text)} is no formula; {_RULE}") from error
+        raise BadInputError(f"{shown(text)} is not a formula; {_RULE}") from error
     names: list[str] = []
     _check(tree, text, (*known, *_CONSTANTS), names)
     taken = [name for name in names if name not in _CONSTANTS]
@@ -77,7 +77,7 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
 def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) -> None:
     """BadInputError for the first node that a formula may not have; collects its names."""
     if isinstance(node, ast.Name):
-        refuse_unknown(f"the formula {shown(text)} takes the unknown name", node.id, known)
+        refuse_unknown(f"the formula {shown(text)} contains the unknown name", node.id, known)
         names.append(node.id)
         return
     if isinstance(node, ast.Constant):

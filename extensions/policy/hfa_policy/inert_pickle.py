@@ -64,7 +64,7 @@ class _Kind:
     def __init__(self, kind: str, *_: Any) -> None:
         if not isinstance(kind, str) or kind not in _KINDS:
             named = shortened(kind) if isinstance(kind, str) else type(kind).__name__
-            raise BadInputError(f"it has an array of {named}, which is no number")
+            raise BadInputError(f"it has an array of {named}, which is not a number")
         self.kind = kind
         self.order = "="
 
@@ -149,4 +149,4 @@ def inert(content: bytes) -> Any:
         raise
     except Exception as error:  # a damaged pickle makes the reader raise nearly anything
         reason = shortened(str(error).partition("\n")[0]) or type(error).__name__
-        raise BadInputError(f"it is no pickle, or damaged ({reason})") from error
+        raise BadInputError(f"it is not a pickle, or is damaged ({reason})") from error

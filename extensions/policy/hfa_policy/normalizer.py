@@ -93,15 +93,16 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
         stored = inert(content)
         statistics = getattr(stored, "obs_rms", None)
         if not isinstance(stored, Inert) or not {"clip_obs", "epsilon"} <= vars(stored).keys():
-            raise BadInputError("it is no VecNormalize; give what VecNormalize.save has written")
+            raise BadInputError("it is not a VecNormalize; give a file of VecNormalize.save")
         if getattr(stored, "norm_obs", True) is False:
             return None
         if isinstance(statistics, dict):
             raise BadInputError(
-                "it normalizes a dictionary of observations; give mean and variance in the card"
+                "it normalizes a dictionary of observations; give mean and variance in the "
+                "deployment file"
             )
         if statistics is None:
-            raise BadInputError("it has no obs_rms; give mean and variance in the card")
+            raise BadInputError("it has no obs_rms; give mean and variance in the deployment file")
         attributes = vars(stored)
         seen = vars(statistics) if isinstance(statistics, Inert) else {}
         mean = numbers_in("its mean", seen.get("mean"))

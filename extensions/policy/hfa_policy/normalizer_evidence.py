@@ -66,13 +66,13 @@ class _Training(Enum):
 
 
 def _says_no_normalizer(training: _Training) -> str:
-    """That the card has no normalizer, and what to give."""
+    """Return the message on a missing normalizer, with the remedy."""
     text = (
-        "the policy was trained behind a VecNormalize, of which the card says nothing: give its "
-        f'file as normalizer, or normalizer = "{NONE}" where it normalized rewards alone'
+        "the policy was trained with a VecNormalize that the deployment file omits: give its "
+        f'file as normalizer, or normalizer = "{NONE}" where it normalized only rewards'
     )
     if training is _Training.LIKELY:
-        text += "; or what it was trained on had other units or scales than the card has"
+        text += "; or its training had other units or scales than the deployment file"
     return text
 
 
@@ -86,7 +86,8 @@ def unknown_normalizer(deployed: Deployed) -> str:
         return ""
     return (
         f"the file of the {stored.algorithm} does not show whether it was trained behind a "
-        "VecNormalize, and the card has no normalizer: where it was, give its file; else "
+        "VecNormalize, and the deployment file has no normalizer: where it was, give its file; "
+        "else "
         f'normalizer = "{NONE}"'
     )
 

@@ -103,23 +103,21 @@ def read_zip(path: str | Path) -> Zip:
             with zipfile.ZipFile(regular_file(path)) as archive:
                 data = json.loads(_member(archive, "data"))
                 if not isinstance(data, dict):
-                    raise BadInputError("its data are no dictionary")
+                    raise BadInputError("its data are not a dictionary")
                 tensors, _ = checked_tensors(tensors_in(_member(archive, "policy.pth"), ".pth"))
         except OSError as error:
             raise BadInputError(f"cannot be read ({error.strerror or error})") from error
         except BadInputError:
             raise
         except Exception as error:  # a damaged member makes the readers raise nearly anything
-            raise BadInputError(f"it is no zip of Stable-Baselines3 ({error})") from error
+            raise BadInputError(f"it is not a zip of Stable-Baselines3 ({error})") from error
         return _described(data, tensors)
 
 
 def _member(archive: zipfile.ZipFile, name: str) -> bytes:
     """One file of the zip, of a bounded size."""
     if name not in archive.namelist():
-        raise BadInputError(
-            f"it holds no {name}; give what model.save of Stable-Baselines3 has written"
-        )
+        raise BadInputError(f"it holds no {name}; give a file of model.save of Stable-Baselines3")
     return unpacked(archive, name)
 
 
@@ -128,7 +126,7 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
     _refuse_other_class("policy_class", data, _POLICIES)
     settings = _stored(data, "policy_kwargs") or {}
     if not isinstance(settings, dict):
-        raise BadInputError("its policy_kwargs are no dictionary")
+        raise BadInputError("its policy_kwargs are not a dictionary")
     for name in settings:
         if name not in _SETTINGS:
             raise BadInputError(
@@ -181,9 +179,7 @@ def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
     """The algorithm, its part of the tensors and its usual activation, by the names of tensors."""
     names = " ".join(tensors)
     if "features_extractor." in names:
-        raise BadInputError(
-            "it has a features extractor with weights of its own; export the policy to ONNX"
-        )
+        raise BadInputError("it has a features extractor with weights; export the policy to ONNX")
     if any(name.startswith("actor.") and "running_mean" in name for name in tensors):
         raise BadInputError(
             "its actor normalizes batches, as that of CrossQ does, which is not read from a zip; "

@@ -1,4 +1,4 @@
-"""`assess`: what a user gets, in Python and as JSON; flights and their outcomes."""
+"""`assess`: its results in Python and as JSON; flights and their outcomes."""
 
 import json
 from dataclasses import replace
@@ -309,7 +309,8 @@ def f16_card(**tables):
 
 
 def test_a_trim_at_an_edge_of_the_envelope_is_refused():
-    """Of the state that other states move; the shipped aircraft has room at its own trim."""
+    """The state at the edge is one that other states move; the shipped aircraft is inside at its
+    own trim."""
     model = load_model(F16)
     edged = replace(
         model, states={**model.states, "altitude": model.states["altitude"]._replace(min=0.0)}
@@ -394,7 +395,7 @@ def test_a_wrong_change_is_refused_before_trims(vary, said):
 
 
 def test_several_deployments_are_one_table(capsys, tmp_path):
-    """The same trims and initial conditions; FAIL where one of them does not meet a need."""
+    """The trims and initial conditions are equal; FAIL where one file does not meet a need."""
     model = load_model(GTM)
     linear = hfa.linearize(model, trims_of(model, [45.0])[0])
     weights = {name: 1.0 / signal.nominal**2 for name, signal in model.signals.items()}

@@ -56,7 +56,7 @@ def compiled(path):
 
 
 def message_of(folder, text):
-    """What is said of a card, which is refused."""
+    """Return the message on a deployment file, which is refused."""
     (folder / "card.toml").write_text(text)
     with pytest.raises(BadInputError) as caught:
         compiled(folder / "card.toml")
@@ -76,20 +76,20 @@ def message_of(folder, text):
         ('file = "ppo_gtm.zip"', 'file = "other.zip"', "other.zip"),
         ('file = "ppo_gtm.zip"', "file = {name = 1}", "give the name of a file"),
         ('file = "ppo_gtm.zip"', 'file = "ppo_gtm.py"', "give a file (.zip"),
-        ("speed = {scale = 20.0}", "sped = {}", "takes the unknown name 'sped'"),
+        ("speed = {scale = 20.0}", "sped = {}", "contains the unknown name 'sped'"),
         ("speed = {scale = 20.0}", "speed = {skale = 20.0}", "did you mean scale?"),
         ("speed = {scale = 20.0}", "speed = {scale = 0}", "observation.speed.scale is 0"),
         ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
-        ("speed = {scale = 20.0}", "", "takes 4 observations and the card has 3"),
+        ("speed = {scale = 20.0}", "", "takes 4 observations and the deployment file has 3"),
         ("throttle = {box", "elevator_2 = {box", "action names the unknown input 'elevator_2'"),
-        ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "the file says"),
+        ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "and in the file"),
         ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),
-        ('"trim + 14 * a"', '"trim + 14 * b"', "takes the unknown name 'b'"),
-        ('"trim + 14 * a"', '"trim"', "does not take the action"),
+        ('"trim + 14 * a"', '"trim + 14 * b"', "contains the unknown name 'b'"),
+        ('"trim + 14 * a"', '"trim"', "does not contain the action"),
         ("[timing]", 'extra = 1\n[timing]', "action.extra is 1"),
-        ('normalizer = "ppo_gtm.pkl"', 'activation = "relu"', "says 'tanh'; leave it out"),
-        ('normalizer = "ppo_gtm.pkl"', "squash = true", "says False; leave it out"),
-        ('normalizer = "ppo_gtm.pkl"', "layout = [32, 32]", "says [16, 16]; leave it out"),
+        ('normalizer = "ppo_gtm.pkl"', 'activation = "relu"', "'tanh'; leave it out"),
+        ('normalizer = "ppo_gtm.pkl"', "squash = true", "False; leave it out"),
+        ('normalizer = "ppo_gtm.pkl"', "layout = [32, 32]", "[16, 16]; leave it out"),
         ('normalizer = "ppo_gtm.pkl"', 'normalizer = "ppo_c172.pkl"', "normalizes 8 observations"),
         ('"ppo_gtm.pkl"', "{mean = [0, 0]}", "policy.normalizer: variance is missing"),
         ('"ppo_gtm.pkl"', "{mean = [0], variance = [-1]}", "variance[0] is -1"),
@@ -252,7 +252,7 @@ def test_data_of_a_zip_of_another_type_are_refused(folder, entries):
     ],
 )
 def test_a_zip_of_another_class_is_refused_by_name(folder, entries, named):
-    """Its forward pass is code of the user's own, which is not run."""
+    """Its forward pass is the user's code, which is not run."""
     stored = {
         name: {":serialized:": base64.b64encode(content).decode()}
         for name, content in entries.items()
@@ -262,7 +262,8 @@ def test_a_zip_of_another_class_is_refused_by_name(folder, entries, named):
 
 
 def test_action_scale_of_a_state_dict_is_its_box(folder):
-    """Of CleanRL: tanh, times action_scale, plus action_bias; a card that says the same is right."""
+    """CleanRL: tanh, times action_scale, plus action_bias; a deployment file with the same box is
+    accepted."""
     random = np.random.default_rng(3)
     weights = {"fc_mu.weight": random.normal(size=(2, 4)), "fc_mu.bias": np.zeros(2)}
     squash = {"action_scale": np.array([2.0, 0.5]), "action_bias": np.array([1.0, 0.0])}
@@ -284,7 +285,7 @@ def test_a_zip_whose_directory_lies_about_a_size_is_refused(folder):
     size = slice(entry + 24, entry + 28)
     lying = content[: size.start] + (100).to_bytes(4, "little") + content[size.stop :]
     (folder / "ppo_gtm.zip").write_bytes(lying)
-    assert "no zip of Stable-Baselines3" in message_of(folder, CARD)
+    assert "not a zip of Stable-Baselines3" in message_of(folder, CARD)
 
 
 @pytest.mark.parametrize("suffix", ["zip", "npz", "pt", "pkl"])
@@ -355,7 +356,7 @@ def test_a_card_in_python_is_that_of_the_file():
 
 
 def test_a_deployment_that_was_read_is_pickled(folder):
-    """As the processes of SubprocVecEnv need it."""
+    """SubprocVecEnv pickles it for its processes."""
     read = card("ppo_gtm")
     assert read.actor
     assert pickle.loads(pickle.dumps(read)).actor.chain == read.actor.chain
@@ -412,7 +413,8 @@ def test_stacks_of_frames_and_actors_of_crossq_are_refused_in_words():
 
     one = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})
     with pytest.raises(
-        BadInputError, match=r"4 times those of the card; for a stack of frames give history = 4"
+        BadInputError,
+        match=r"4 times those of the deployment file; for a stack of frames give history = 4",
     ):
         _ = one.actor
     tensors = {"actor.latent_pi.0.running_mean": np.zeros(4), "actor.mu.weight": np.zeros((2, 4))}

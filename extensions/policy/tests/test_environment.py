@@ -1,4 +1,4 @@
-"""An aircraft as an environment: what is flown, paid, seeded and ended."""
+"""An aircraft as an environment: flights, rewards, seeds and ends of episodes."""
 
 from __future__ import annotations
 

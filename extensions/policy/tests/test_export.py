@@ -1,4 +1,4 @@
-"""A card as C and as an FMU commands what the card commands."""
+"""The command of a deployment file as C and as an FMU equals its command in Python."""
 
 import ctypes
 import subprocess
@@ -23,7 +23,8 @@ def exported(name, point, target):
 
 
 def differences(policy, command):
-    """Of a compiled command from that of the card, at states and inputs about the trim."""
+    """Return the differences of a compiled command from that of the deployment file, at states and
+    inputs about the trim."""
     model = policy.deployed.model
     random = np.random.default_rng(0)
     states = [signal.nominal for signal in model.states.values()]
@@ -105,4 +106,4 @@ def test_what_a_card_says_is_no_option_beside_it(tmp_path, capsys):
         AIRCRAFT["ppo_gtm"][0],
     ]
     assert main([*words, "--law", "certified", "-o", str(tmp_path / "c")]) == 2
-    assert "--law changes nothing beside --policy" in capsys.readouterr().err
+    assert "--law has no effect with --policy" in capsys.readouterr().err

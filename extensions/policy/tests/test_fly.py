@@ -103,7 +103,7 @@ def card_without_normalizer(folder):
 
 def test_a_card_that_is_flown_warns_of_what_its_files_prove(tmp_path):
     point = trims("ppo_gtm")[1]
-    with pytest.warns(UserWarning, match="mistake: the policy was trained behind a VecNormalize"):
+    with pytest.warns(UserWarning, match="mistake: the policy was trained with a VecNormalize"):
         flown_card(card_without_normalizer(tmp_path), aircraft("ppo_gtm"), point)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -116,4 +116,4 @@ def test_fly_and_export_note_what_the_files_of_a_card_prove(tmp_path, capsys, wo
     path = card_without_normalizer(tmp_path)
     where = ["--aircraft", GTM, "--hold", "speed=45", "--policy", str(path)]
     assert main([*given, *where]) == 0
-    assert "note: mistake: the policy was trained behind" in capsys.readouterr().err
+    assert "note: mistake: the policy was trained with" in capsys.readouterr().err

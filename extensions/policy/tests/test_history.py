@@ -34,7 +34,7 @@ def stacked(delay=0.0, history=3, gain=GAIN):
 
 
 def test_the_loop_is_that_of_past_states():
-    """Its radius is that of (x_k; x_{k-1}; x_{k-2}) with SciPy's held plant."""
+    """The radius is that of (x_k; x_{k-1}; x_{k-2}) with SciPy's held plant."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     result = hfa.assess(model, stacked(), [point], samples=0)
     linear = hfa.linearize(model, point)
@@ -51,7 +51,7 @@ def test_the_loop_is_that_of_past_states():
 
 @pytest.mark.parametrize("delay", [0.0, 0.03])
 def test_flights_are_those_of_fly_and_of_episodes(delay):
-    """Of one second, from one start."""
+    """Flights of one second, from one initial condition."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     card = stacked(delay)
     start = np.add(point.states, [2.0, 0.03, 0.1, -0.05])
@@ -97,7 +97,7 @@ def test_the_exported_C_takes_earlier_observations(tmp_path):
     [
         (0, "timing.history is 0"),
         (2.5, "timing.history is 2.5; give a whole number of samples"),
-        (2, "takes 12 observations and the card has 8"),
+        (2, "takes 12 observations and the deployment file has 8"),
     ],
 )
 def test_a_wrong_history_is_refused(history, said):

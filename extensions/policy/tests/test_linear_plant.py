@@ -39,7 +39,7 @@ def assessed(tmp_path, capsys):
 
 @pytest.mark.parametrize("A", [[[0.0, 1.0], [2.0, -0.3]], [[0.0, 1.0], [0.0, 0.0]]])
 def test_a_linear_plant_is_assessed(assessed, A):
-    """Its radius is SciPy's of the held plant; the second A is singular."""
+    """The radius is SciPy's for the held plant; the second A is singular."""
     B, K = np.array([[0.0], [1.0]]), np.array([[4.24, 2.8]])
     code, output, _ = assessed(K, "--json", A=A, B=B)
     data = json.loads(output)
@@ -100,7 +100,8 @@ def test_a_slow_mode_that_the_policy_leaves_is_named_in_the_first_line(folder, c
 
 
 def test_a_gain_alone_is_assessed(folder, capsys):
-    """As with a deployment file of all states and inputs; a sample time belongs to a gain."""
+    """The result equals that of a deployment file of all states and inputs; a sample time is
+    accepted only for a gain."""
     A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
     np.savez("plant.npz", A=A, B=B)
     np.savez("K.npz", K=[[4.24, 2.8]])

@@ -1,5 +1,5 @@
-"""Planted mistakes of cards: what the files prove is named, what flies better is suggested, and
-nothing is said of right cards."""
+"""Planted mistakes of deployment files: proved mistakes are named, better changes are suggested,
+and correct files get no finding."""
 
 import shutil
 from dataclasses import replace
@@ -26,7 +26,7 @@ DEGREES = 180.0 / np.pi
 
 
 def kinds(name, deployment):
-    """Of the mistakes that the files prove."""
+    """Return the mistakes that the files prove."""
     deployed = deployment.on(aircraft(name))
     return [mistake.kind for mistake in mistakes_in_files(deployed, trims(name))]
 
@@ -54,7 +54,7 @@ def test_a_missing_normalizer_is_named(name):
 
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
 def test_a_missing_normalizer_of_SAC_and_TD3_is_likely_and_not_proved(name, proved):
-    """Their files show large changes from one sample to the next, as other units do too."""
+    """Their files show large changes from one sample to the next, as other units also would."""
     deployed = with_policy(name, normalizer=None).on(aircraft(name))
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 
@@ -69,7 +69,7 @@ def of_eight_environments(last, last_original):
 
 
 def test_lines_prove_the_missing_normalizer_of_SAC():
-    """Of small normalized observations too; clipped ones lie on no line."""
+    """The mistake is proved also for small normalized observations; clipped ones lie on no line."""
     original = np.random.default_rng(1).normal(size=(8, 4))
     last = np.clip((original - 0.1) / [0.3, 0.5, 0.9, 1.1], -2.0, 2.0).astype(np.float32)
     deployed = of_eight_environments(last, original).on(aircraft("sac_gtm"))
@@ -79,7 +79,7 @@ def test_lines_prove_the_missing_normalizer_of_SAC():
 
 @pytest.mark.parametrize("change", [0.0, 0.003, 1.0])
 def test_SAC_without_a_normalizer_lacks_none(change):
-    """Its observations are the same, or a sample apart; where episodes begin anew, far apart."""
+    """Its observations are equal, or a sample apart; where episodes begin again, far apart."""
     random = np.random.default_rng(1)
     original = random.normal(size=(8, 4))
     last = original + change * random.normal(size=(8, 4))
@@ -106,7 +106,7 @@ def test_observations_that_do_not_vary_prove_no_normalizer():
 
 
 def test_one_environment_of_SAC_does_not_show_its_normalizer():
-    """That is said, unless the card says that there was none."""
+    """The report states this, unless the deployment file states that no normalizer was used."""
     said = unknown_normalizer(card("sac_gtm").on(aircraft("sac_gtm")))
     assert 'else normalizer = "none"' in said
     for name in ("sac_gtm", "ppo_gtm", "a2c_gtm"):
@@ -125,7 +125,7 @@ def test_a_normalizer_too_many_is_named():
 
 @pytest.mark.parametrize(("name", "other"), [("ppo_gtm", "a2c_gtm"), ("a2c_gtm", "td3_gtm")])
 def test_the_normalizer_of_another_checkpoint_is_named(name, other):
-    """And nothing else is said of what that normalizer has seen."""
+    """There is no other finding on the statistics of that normalizer."""
     found = kinds(name, with_policy(name, normalizer=f"{other}.pkl"))
     assert found == ["another checkpoint's normalizer"]
 
@@ -323,7 +323,7 @@ def optimum_on_f16(times=1.0):
 
 
 def kinds_on_f16(deployment):
-    """Of what would fly better."""
+    """Return the changes that would fly better."""
     model = load_model(F16)
     assessor = Assessor(deployment.on(model), trims_of(model, [502.0]), 24)
     return [mistake.kind for mistake in mistakes_of(assessor, assessor.assessed())]
@@ -402,7 +402,7 @@ def test_nothing_is_suggested_of_an_optimum_that_is_late(samples):
 
 @pytest.mark.slow
 def test_a_sign_is_suggested_of_a_late_optimum_too():
-    """Its delay alone does not keep it from flying well."""
+    """Its delay alone does not prevent a good flight."""
     late = with_mistake("sign").changed(timing={"dt": 0.05, "delay": 0.1})
     assert "sign" in kinds_on_f16(late)
 

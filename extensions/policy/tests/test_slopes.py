@@ -1,4 +1,5 @@
-"""What a card computes is what Stable-Baselines3 computes, in float64, and its slopes."""
+"""The command of a deployment file equals that of Stable-Baselines3, in float64, with its
+slopes."""
 
 import json
 import zipfile

@@ -171,7 +171,7 @@ def _by_search(
     if not explanations:
         return None
     if len(explanations) > 1:
-        return "wrong", "the answer does not say which: " + "; or ".join(explanations)
+        return "wrong", "the answer does not determine which: " + "; or ".join(explanations)
     if mistake:
         return "wrong", mistake
     if is_evident:
@@ -346,7 +346,7 @@ def _by_size(file: PrintedFile, comparison: Comparison) -> tuple[Class, str]:
     error = comparison.relative_error
     size = f"relative error {error:.2g}, worst entry {comparison.errors.max():.3g} half units"
     if error > _FAR:
-        return "cannot tell", f"nothing says of which problem the answer is; {size}"
+        return "cannot tell", f"the problem of the answer is not known; {size}"
     if file.learned:
         return "close", size
     if not_searched(file):

@@ -168,7 +168,7 @@ def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
     if match is None:
         lacks_space = not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word))  # 0.1-0.2
         if lacks_space or re.search(r"(?<!\w)\d+[xXoObB_]", word):
-            raise BadInputError(f"{shown(word)} is no number")
+            raise BadInputError(f"{shown(word)} is not a number")
         return number_of(word, parameters), 0.0
     decimals = len(match["decimals"] or match["only"] or "")
     half = float(f"0.5e{int(match['exponent'] or 0) - decimals}")

@@ -220,7 +220,7 @@ def test_rounding_of_the_plant_decides_nothing(verdict_of):
 
 
 def test_a_slip_after_which_no_answer_exists_is_named(verdict_of):
-    """Gamma and an E of one column cannot be told apart: both are named."""
+    """Gamma and an E of one column cannot be distinguished: both are named."""
     plant = Plant(
         A=np.array([[-1.0, 0.9], [0.8, -1.1]]),
         B=np.array([[0.0], [1.0]]),
@@ -352,14 +352,14 @@ def test_a_time_that_every_digit_fits_is_asked_for(verdict_of):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("0.8223", "0.82x3", "A, row 2: '0.82x3' is no number"),
+        ("0.8223", "0.82x3", "A, row 2: '0.82x3' is not a number"),
         ('"0.3127; 1.4586"', '"0.3127"', "B, row 2: B is 1 x 1; with this plant it must be 2 x 1"),
         ("0.8223 -1.0774", "0.8223", "A, row 2, has 1 numbers; row 1 has 2"),
         ('R = "1"', 'R = "1"\nE = "1; 0"', "gamma is missing; a game has both E and gamma"),
         ('R = "1"', "R = 1.0", "R is not a text; put its numbers in quotes, digits as printed"),
-        ("0.8223", "0x82", "A, row 2: '0x82' is no number"),
-        ("0.8223", "0.1-0.2", "A, row 2: '0.1-0.2' is no number"),
-        ("0.8223", "m*g", "A, row 2: 'm' is not known; use numbers, + - * / ** and sin"),
+        ("0.8223", "0x82", "A, row 2: '0x82' is not a number"),
+        ("0.8223", "0.1-0.2", "A, row 2: '0.1-0.2' is not a number"),
+        ("0.8223", "m*g", "A, row 2: 'm' is unknown; use numbers, + - * / ** and sin"),
         ("0.8223", "1/0", "A, row 2: '1/0' is inf; it must be finite"),
         ("[printed]", '[printed]\nscale = "4"', "scale is '4'; give a power of ten as"),
         ('time = "continuous"', 'discount = "0.9"', "discount belongs to a step; did you mean"),

@@ -65,8 +65,8 @@ def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], k
 def test_a_certificate_is_bound_to_ones_own_data(
     certificates: dict[str, Path], tmp_path: Path
 ) -> None:
-    """The same gains, weights and angles pass; others are exit 1, and what it does not state is
-    exit 2."""
+    """The user's own gains, weights and angles pass; others give exit 1, and a field that it does
+    not state gives exit 2."""
     critic = str(certificates["critic"])
     schedule = str(certificates["schedule"])
     solved = str(certificates["critic"].parent / "solved.json")

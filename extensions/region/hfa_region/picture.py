@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfa_region.search.function import PolynomialFunction
-from hfa_region.search.plant import NOT_RETURNED, Outcome
+from hfa_region.search.plant import Outcome
 from hfa_region.search.region import Region, gone_starts
 from hfa_support.reporting.text import shown_unit, shown_values
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 #: How starts that do not return are drawn.
 _MARKERS = {Outcome.LEFT: "C3+", Outcome.LOST: "C3x"}
+_ENDS = {Outcome.LEFT: "leaves the limits", Outcome.LOST: "does not converge"}
 #: Pairs of states that are drawn at most, and rays of each.
 _MOST_PAIRS = 6
 _RAYS = 361
@@ -46,7 +47,10 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     pairs = [(i, j) for i in range(len(states)) for j in range(i + 1, len(states))][:_MOST_PAIRS]
     columns = min(3, len(pairs))
     rows = -(-len(pairs) // columns)
-    figure = Figure(figsize=(4.2 * columns, 3.8 * rows), layout="constrained")
+    figure = Figure(figsize=(4.2 * columns, 3.8 * rows + 1.0), layout="constrained")
+    name = region.plant.loop.model.title
+    others = ", all other deviations 0" if len(states) > 2 else ""
+    figure.suptitle(f"{name}: sections of the proved set{others}", fontsize=10)
     for index, (i, j) in enumerate(pairs):
         axes = figure.add_subplot(rows, columns, index + 1)
         _draw(axes, region, i, j)
@@ -57,7 +61,9 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
             y = shown_values(box[j], units[j])
             _draw_box(axes, float(x), float(y))
         if index == 0:
-            axes.legend(loc="upper right", fontsize="small")
+            first = axes
+    handles, labels = first.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", fontsize=8, ncols=2)
     return figure
 
 
@@ -66,12 +72,12 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
     states = region.plant.loop.states
     x_unit, y_unit = region.plant.loop.model.units((states[i], states[j]))
     levels = [("proved", region.rho, "C0", "-")]
-    for name, (level, place), color in (("V' >= 0 found", region.bounds.rises, "C1"),):
+    for name, (level, place), color in (("lowest V with V' >= 0", region.bounds.rises, "C1"),):
         if place is not None:
             levels.append((name, level, color, "--"))
     for outcome, (level, _) in region.bounds.starts.items():
         if outcome in _MARKERS:
-            levels.append((f"start {NOT_RETURNED[outcome]}", level, "C3", "--"))
+            levels.append((f"lowest V that {_ENDS[outcome]}", level, "C3", "--"))
     for name, level, color, style in levels:
         edge_x, edge_y = _cut(region.V, level, region.T, i, j)
         x = shown_values(edge_x, x_unit)
@@ -89,7 +95,7 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
         if outcome in found:
             x = shown_values(found[outcome][:, i], x_unit)
             y = shown_values(found[outcome][:, j], y_unit)
-            axes.plot(x, y, marker, label=NOT_RETURNED[outcome])
+            axes.plot(x, y, marker, label=f"initial condition that {_ENDS[outcome]}")
     axes.plot(0.0, 0.0, "k+")
 
 

@@ -245,7 +245,8 @@ BALL_OF_ONE = {"ball": _polynomial(1.0, 0.0, -1.0)}
 
 
 def test_what_is_left_out_is_below_the_lower_bound() -> None:
-    """Of y² - 3 y⁴ + remainder 2 |y|⁵ what is above degree 2 is taken off with its whole norm."""
+    """The terms of y² - 3 y⁴ + remainder 2 |y|⁵ above degree 2 are subtracted with their whole
+    norm."""
     taylor = Taylor(4, _polynomial(0.0, 0.0, 1.0, 0.0, -3.0), arb(2))
     (_, _, square) = taylor.lowest(1, 2).parts
     assert square[2] <= 1.0 - 3.0 - 2.0
@@ -307,7 +308,7 @@ def test_a_saturated_rate_keeps_its_center() -> None:
 
 
 def test_rates_that_are_curved_in_a_disturbance_are_refused() -> None:
-    """Their ends need not be the worst."""
+    """The ends of the interval need not be the worst."""
 
     def curved(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"x": -x.x + 1.0 - w.w**2}, {}

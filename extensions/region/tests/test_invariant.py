@@ -48,7 +48,7 @@ SIZE = 0.1
 
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
-    """Of the pendulum under a push."""
+    """Return the certificate of the pendulum under a disturbance."""
     path = tmp_path_factory.mktemp("invariant") / "pendulum.json"
     loop = replace(pendulum_loop(model), disturbances={"push": SIZE})
     return certified(path, loop, 0.72)
@@ -171,7 +171,7 @@ SEEN = Model("seen", A, B, seen, disturbances=GUST, outputs=LOAD, trim={"a": 0.0
 
 
 def _loop(folder: Path, name: str, size: float) -> RegionLoop:
-    """Of a model of one state, V = a², on the ball |a| <= 1."""
+    """Return the loop of a model of one state, V = a², on the ball |a| <= 1."""
     from hfa_region.check.statement import SaturatedLoop
 
     source = folder / "models.py"

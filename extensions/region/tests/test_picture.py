@@ -1,4 +1,4 @@
-"""What the picture of a region shows."""
+"""The content of the picture of a region."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from trim.point.solve import find_operating_point
 
 @pytest.fixture(scope="module")
 def region() -> Region:
-    """{angle² + rate² / 36 <= 0.25} of the pendulum, V' >= 0 and a lost start beyond it; what is
-    drawn does not depend on the proof."""
+    """Return {angle² + rate² / 36 <= 0.25} of the pendulum, with V' >= 0 and a lost initial
+    condition outside; the picture does not depend on the proof."""
     model = load_model(PENDULUM)
     loop = saturated_loop(linearize(model, find_operating_point(model)), np.array([[2.0, 1.0]]))
     V = PolynomialFunction.quadratic(np.diag([1.0, 1.0 / 36.0]))
@@ -47,9 +47,11 @@ def test_the_picture_has_the_set_its_limits_the_lost_starts_and_the_box(region: 
     figure.canvas.draw()
     axes = axes_of(figure)
     shown = lines(axes)
-    names = ("proved", "V' >= 0 found", "start lost", "lost", "box of a critic's comparison")
-    assert set(names) <= set(shown)
-    for name, level in (("proved", 0.25), ("V' >= 0 found", 0.3), ("start lost", 0.5)):
+    rise = "lowest V with V' >= 0"
+    least = "lowest V that does not converge"
+    starts = "initial condition that does not converge"
+    assert {"proved", rise, least, starts, "box of a critic's comparison"} <= set(shown)
+    for name, level in (("proved", 0.25), (rise, 0.3), (least, 0.5)):
         points = np.radians(np.column_stack(shown[name].get_data()))
         assert np.allclose(region.V(points), level)
     x, y = shown["box of a critic's comparison"].get_data()
@@ -59,7 +61,7 @@ def test_the_picture_has_the_set_its_limits_the_lost_starts_and_the_box(region: 
     assert axes.get_ylim()[1] > np.degrees(8.0)
     assert axes.get_xlabel() == "angle, deg"
     assert axes.get_ylabel() == "rate, deg/s"
-    lost = np.radians(np.column_stack(shown["lost"].get_data()))
+    lost = np.radians(np.column_stack(shown[starts].get_data()))
     assert np.all(region.V(lost) > 0.25)
 
 

@@ -39,7 +39,7 @@ def run(*words: str) -> int:
 
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
-    """Of the pendulum."""
+    """Return the certificate of the pendulum."""
     path = tmp_path_factory.mktemp("region") / "pendulum.json"
     return certified(path, pendulum_loop(model), 0.98)
 

@@ -33,7 +33,7 @@ delay = 0.04
 
 
 def test_a_deployment_file_is_proved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its certificate holds for it, and for no file with another policy."""
+    """Its certificate holds for this file, and for no file with another policy."""
     words = card(tmp_path)
     proof = str(tmp_path / "proof.json")
     assert main([*words, "-o", proof]) == 0

@@ -115,7 +115,7 @@ class DesignModel(Shown):
             alone = _full_rank(rows[[*range(plant), plant + k]])
             if not alone or not _full_rank(rows[: plant + k + 1]):
                 others = f" apart from {', '.join(names[:k])}" if alone else ""
-                why = f"no input moves it at rest{others} (a transmission zero at 0)"
+                why = f"no input moves its steady value{others} (a transmission zero at 0)"
                 raise BadInputError(f"integrated output {name}: {why}; leave it out of integrals")
 
 

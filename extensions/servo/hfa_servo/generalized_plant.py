@@ -153,9 +153,9 @@ class GeneralizedPlant(Shown):
             object.__setattr__(self, name, matrix)
         if 0 in (n, m):
             raise BadInputError("a plant needs a state and an input u")
-        _check_rank("D12", self.D12, "column", "every u needs a cost of its own in z")
+        _check_rank("D12", self.D12, "column", "every u needs its own cost in z")
         if p:
-            _check_rank("D21", self.D21.T, "row", "every y needs noise of its own from w")
+            _check_rank("D21", self.D21.T, "row", "every y needs its own noise from w")
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:
@@ -516,10 +516,7 @@ def loop_checks(
     ]
     if math.isfinite(delta):
         kept = abscissa < 0.0 and peak_gain(A, B, C, D, delta) < delta
-        reason = (
-            "the closed loop's gain from disturbance to what is paid for is not below delta ="
-            f" {delta:.6g}"
-        )
+        reason = f"the closed loop's gain from disturbance to cost is not below delta = {delta:.6g}"
         found.append(at_most("gain_above_delta", 0.0 if kept else 1.0, 0.0, reason))
     return tuple(found)
 

@@ -204,7 +204,7 @@ class ScheduledController(ByValue, Reported):
         if min(lowest - first, last - highest) < -_AT_THE_END * max(1.0, abs(first), abs(last)):
             raise BadInputError(
                 f"controller {self.name} covers {model.schedule} {self._between(first, last)};"
-                f" {self._between(lowest, highest)} is asked for: design it for these values"
+                f" {self._between(lowest, highest)} is requested: design it for these values"
             )
 
     def _between(self, first: float, last: float) -> str:
@@ -367,7 +367,7 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
     content = read_arrays(path)
     if not _is_controller(content):
         raise BadInputError(
-            f"{path}: this is no controller file ({SCHEMA}); make one with hfa design -o"
+            f"{path}: this is not a controller file ({SCHEMA}); make one with hfa design -o"
         )
     try:
         with said_of(path):

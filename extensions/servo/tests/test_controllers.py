@@ -195,7 +195,7 @@ def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: P
             load_controller(tmp_path / name, hfa.aircraft())
 
     save_controller(tmp_path / "good.npz", small_controller(published_aircraft))
-    refused("plant.npz", "this is no controller file", schema="hfa.plant/1")
+    refused("plant.npz", "this is not a controller file", schema="hfa.plant/1")
     refused("short.npz", "W is missing", W=None)
     refused("shape.npz", r"controller small: A is \(1, 1, 1\)", A=np.zeros((1, 1, 1)))
     refused("text.npz", "its content is damaged", A=np.array(["x"]))
@@ -229,7 +229,7 @@ def test_its_table_has_the_limit_and_the_certificate_of_each_angle(
 
 
 def test_a_loop_whose_numbers_overflow_is_none() -> None:
-    """As with an actuator 1e308 times as effective as it should be."""
+    """An actuator with an effectiveness of 1e308 overflows."""
     one = np.ones((1, 1))
     loop = ServoLoop(-one, 1e308 * one, one, -one, one, -4.0 * one, -10.0 * one)
     with pytest.raises(NoSolutionError, match="the closed loop overflows"):

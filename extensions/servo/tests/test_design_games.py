@@ -133,7 +133,7 @@ def test_a_design_with_sensors_is_designed_from_its_measurements() -> None:
             "",
             {"vertical_acceleration_short_period": "pitch_rate"},
             2,
-            "output pitch_rate: no input moves it at rest",
+            "output pitch_rate: no input moves its steady value",
         ),
     ],
 )

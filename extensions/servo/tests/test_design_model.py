@@ -189,7 +189,7 @@ def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_the_integral_of_a_short_period_output_feels_the_air(dynamics: str) -> None:
-    """As in flight: e' = ... + F w. Left out, as it once was, the differences show it."""
+    """In flight e' = ... + F w. Without this term the differences show it."""
     aircraft = hfa.aircraft(dynamics)
     built = design_at(
         aircraft, replace(simvfa_design("simvfa-1"), disturbances={"updraft": 1.0}), 11.0
@@ -264,7 +264,9 @@ def test_integrals_beyond_the_inputs_are_refused(published_aircraft: Model) -> N
         input_weights={"elevator_center": 1.0},
         **BARE,
     )
-    with pytest.raises(BadInputError, match="gamma: no input moves it at rest apart from dihedral"):
+    with pytest.raises(
+        BadInputError, match="gamma: no input moves its steady value apart from dihedral"
+    ):
         design_at(published_aircraft, replace(one, integrals=("dihedral", "gamma")), 11.0).game()
 
 

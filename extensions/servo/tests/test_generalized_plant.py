@@ -72,8 +72,8 @@ def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
     "seed", [8, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 22, *range(100, 130)))]
 )
 def test_the_smallest_gain_is_that_of_slycot_and_the_loop_keeps_it(seed: int) -> None:
-    """Of 30 plants slycot stops too high at some and states a gain that its loop has not at others:
-    none goes below."""
+    """For some of 30 plants slycot stops too high, for others it states a gain that its loop does
+    not reach: none is below ours."""
     plant = random_plant(seed, seed % 3)
     smallest, (stated, reached) = smallest_of(seed, seed % 3), of_slycot(plant)
     if smallest.value == 0.0:
@@ -245,14 +245,14 @@ def test_the_plants_of_public_issues_are_refused_by_name() -> None:
     for system in (python_control_367(), octave_13(), octave_14()):
         with pytest.raises(
             BadInputError,
-            match="D21 has only zeros in row 1: every y needs noise of its own from w",
+            match="D21 has only zeros in row 1: every y needs its own noise from w",
         ):
             GeneralizedPlant.from_control(system, 1, 1)
     no_cost = control.ss(
         DOUBLE["A"], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0], [1.0, 0.0]], np.zeros((2, 2))
     )
     with pytest.raises(
-        BadInputError, match="D12 has only zeros in column 1: every u needs a cost of its own in z"
+        BadInputError, match="D12 has only zeros in column 1: every u needs its own cost in z"
     ):
         GeneralizedPlant.from_control(no_cost, 1, 1)
     with pytest.raises(NoSolutionError, match=r"no input reaches the mode with eigenvalue 0,"):
@@ -466,7 +466,7 @@ def scalar() -> GeneralizedPlant:
 
 
 def larger_root(a: float, s: float, q: float) -> float:
-    """Of 2 a p + q - s p² = 0."""
+    """Return the larger root of 2 a p + q - s p² = 0."""
     return (a + math.sqrt(a * a + s * q)) / s
 
 
@@ -551,8 +551,8 @@ def test_without_disturbance_it_is_lqg(servo: tuple[Game, np.ndarray, Generalize
 
 
 def test_with_every_state_measured_well_it_is_the_state_feedback_game(game: Game) -> None:
-    """As the noise falls the filter's share of the coupling falls, and the smallest delta becomes
-    that of the game."""
+    """As the noise decreases, the filter's part of the coupling vanishes, and the smallest delta
+    becomes that of the game."""
     n = len(game.A)
     smallest = minimum_delta(game).value
     plants = [

@@ -1,5 +1,5 @@
-"""Loop shaping: gamma_min by three ways, what it promises, the model of the commands, and the
-designed servo itself."""
+"""Loop shaping: gamma_min by three methods, its guarantees, the model of the commands, and the
+designed servo."""
 
 from __future__ import annotations
 

@@ -84,7 +84,8 @@ def bracket_of(plant: GeneralizedPlant) -> DeltaMin:
 
 
 def agree(one: DeltaMin, other: DeltaMin) -> bool:
-    """Whether some delta_min lies in both brackets: neither refuses what the other has shown."""
+    """Return whether a delta_min lies in both brackets: neither refuses one that the other has
+    shown."""
     most = (1.0 + AGREES) * min(one.value, other.value)
     return max(one.refused, other.refused) <= most
 

@@ -197,7 +197,7 @@ def _cluster(address: str) -> Iterator[Run]:
             client = Client(address, timeout=_ANSWER, set_as_default=False)
         except (OSError, ValueError) as error:
             raise BadInputError(
-                f"no Dask scheduler answers at {address} ({error}); start one, or use --workers"
+                f"no Dask scheduler responds at {address} ({error}); start one, or use --workers"
             ) from None
         with client:
             threads = sum(client.nthreads().values())

@@ -306,7 +306,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
     if begun != VERSION:
         raise BadInputError(
             f"{path} was begun by version {on_one_line(begun)} and this is {VERSION}: finish it "
-            "there, or start anew"
+            "there, or start again"
         )
     other = _first_difference(path, expected)
     if other:
@@ -316,7 +316,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
         )
     if not _same_labels(path, job.row, labels):
         raise BadInputError(
-            f"{path} is damaged: its names or units are not those of this {job.what}; start anew"
+            f"{path} is damaged: its names or units are not those of this {job.what}; start again"
         )
 
 

@@ -104,7 +104,7 @@ def test_what_cannot_work_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(module, "_ANSWER", "0.1s")
     with (
-        pytest.raises(BadInputError, match="no Dask scheduler answers"),
+        pytest.raises(BadInputError, match="no Dask scheduler responds"),
         open_workers("tcp://127.0.0.1:9"),
     ):
         pass

@@ -56,7 +56,7 @@ def test_every_format_gives_the_same_game() -> None:
 def test_what_is_missing_comes_from_the_paper() -> None:
     stored("plant.npz", **MODEL)
     with pytest.warns(
-        UserWarning, match="there is no E, Q, R, delta; taken: E the identity, Q as in the paper, "
+        UserWarning, match="there is no E, Q, R, delta; used: E the identity, Q as in the paper, "
     ):
         assert load_game("plant.npz") == published_game(**MODEL)
 
@@ -75,7 +75,7 @@ def test_the_papers_game_in_meters() -> None:
         load_game("other.npz")
     weights = {"Q": np.eye(6), "R": np.eye(5)}
     stored("weighed.npz", **MODEL, **weights)
-    with pytest.warns(UserWarning, match="taken: E the identity, delta inf"):
+    with pytest.warns(UserWarning, match="used: E the identity, delta inf"):
         assert load_game("weighed.npz") == Game(**MODEL, E=np.eye(6), **weights, delta=math.inf)
 
 
@@ -93,8 +93,8 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
     game, notes, *_ = stored_game(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], gamma=7.0))
     assert game == Game(**PLANT, E=np.eye(2), delta=math.inf)
     assert notes == (
-        "plant.npz: D, gamma not used; a model file holds A, B, E, Q, R, delta",
-        "plant.npz: there is no E, delta; taken: E the identity, delta inf (no disturbance)",
+        "plant.npz: D, gamma not used; a model file contains A, B, E, Q, R, delta",
+        "plant.npz: there is no E, delta; used: E the identity, delta inf (no disturbance)",
     )
     assert stored_game(small("ours.npz", schema="hfa.linear-model/1", modes=[1.0])).notes == ()
     wind = stored(
@@ -104,7 +104,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
     assert game == Game(**PLANT, E=np.eye(2), delta=200.0)
     assert notes == (
         "wind.npz: its E is that of the wind and not used",
-        "wind.npz: there is no E; taken: E the identity",
+        "wind.npz: there is no E; used: E the identity",
     )
 
 

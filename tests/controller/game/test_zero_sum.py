@@ -1,5 +1,5 @@
-"""The game as a value: what it refuses, its policies; ψ(z), its gradient, and the way between
-weights and matrix."""
+"""The game as a value: refusals, policies; ψ(z), its gradient, and the conversion between weights
+and matrix."""
 
 from __future__ import annotations
 

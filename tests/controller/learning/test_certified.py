@@ -193,8 +193,8 @@ def test_discount_only_where_the_start_does_not_stabilize() -> None:
 
 
 def test_learning_reads_the_recorded_data_and_not_A() -> None:
-    """The same stack under a game with another A gives the same bits; the judge then refuses
-    the answer."""
+    """A game with another A and the same stack gives the same bits; the judge then refuses the
+    result."""
     game, _ = published(PUBLISHED[0])
     stack = random_pool(game, 200, seed=1)
     moved_game = replace(game, A=game.A - 0.5 * np.eye(6))
@@ -359,15 +359,13 @@ def test_an_answer_without_the_discount_is_refused(
 def test_a_delta_too_small_is_refused(name: str) -> None:
     """Too small a delta is refused with the smallest one."""
     game, _ = published(name)
-    with pytest.raises(
-        NoSolutionError, match=r"delta = 50 is out of reach.*raise delta"
-    ) as refusal:
+    with pytest.raises(NoSolutionError, match=r"delta = 50 is not reached.*raise delta") as refusal:
         learn(game.with_delta(50.0), tick=0.1)
-    least = float(str(refusal.value).split("lost at delta = ")[1].split(";")[0])
+    least = float(str(refusal.value).split("ends at delta = ")[1].split(";")[0])
     assert reference_solution(game.with_delta(1.001 * least)).exists
     assert not reference_solution(game.with_delta(0.999 * least)).exists
     assert learn(game.with_delta(1.001 * least), tick=0.1).settled
-    with pytest.raises(NoSolutionError, match="out of reach"):
+    with pytest.raises(NoSolutionError, match="not reached"):
         learn(game.with_delta(0.999 * least), tick=0.1)
 
 

@@ -92,7 +92,8 @@ def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
 
 
 def test_a_copy_is_of_its_kind() -> None:
-    """What the copies are: a helper that changes nothing would pass every test above."""
+    """A copy differs from its original: a helper that changes nothing would pass every test
+    above."""
     game = game_models()["published-15"]
     P = solve_game(game).P
     for copy in copies(game, 0, 8, {"P": P}):

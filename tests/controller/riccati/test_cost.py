@@ -1,5 +1,5 @@
-"""Costs of policies, the saddle point, and what a critic loses in flight: each computed in another
-way."""
+"""Costs of policies, the saddle point, and the loss of a critic in flight, each computed by a
+second method."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_policies_without_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> N
     game, P = first
     check = cost_check(game, -P, INITIAL)
     assert not check.ok
-    assert "do not bring the state to rest" in check.reason
+    assert "are not stabilizing" in check.reason
     with pytest.raises(NoSolutionError, match=r"abscissa \+.* cost of these policies is infinite"):
         cost_matrix(game, -game.gain(P), game.disturbance_gain(P))
 
@@ -144,8 +144,7 @@ def test_a_game_that_costs_nothing() -> None:
 
 
 def test_an_indefinite_value_within_the_allowed_error_passes() -> None:
-    """The second state costs nothing: its value 0 may be off by what the limit allows, and not by
-    more."""
+    """The second state has no cost: its value 0 may be off by the limit, and not by more."""
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 0.0]), np.eye(2), 5.0)
     P = solve_game(game).P - np.diag([0.0, 1e-8])
     sign = {limit: check_critic(game, from_value(game, P), limit=limit) for limit in (1e-6, 1e-2)}

@@ -217,7 +217,7 @@ def test_the_second_derivation_settles_beside_the_smallest_delta() -> None:
 
 
 def refusal_of(solve: Callable[[], object]) -> str:
-    """The line of a refusal, "" where there is none."""
+    """Return the line of a refusal, "" without one."""
     try:
         solve()
     except NoSolutionError as refusal:

@@ -140,7 +140,7 @@ BARELY_REACHED: dict[str, Callable[[np.random.Generator, int], Game]] = {
 
 
 def in_other_units(rng: np.random.Generator, game: Game) -> Game:
-    """The same game in units of state that differ by up to 1e16, and of input by up to 1e6."""
+    """Return the game in units of state that differ by up to 1e16, and of input by up to 1e6."""
     states = 10.0 ** rng.uniform(-8.0, 8.0, len(game.A))
     inputs = 10.0 ** rng.uniform(-3.0, 3.0, game.B.shape[1])
     return replace(

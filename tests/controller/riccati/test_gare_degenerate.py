@@ -24,7 +24,8 @@ TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 
 def error(game: Game, P: np.ndarray | None = None) -> float:
-    """Of the certified P, or of another, against 60 digits; the game has a solution."""
+    """Return the error of the certified P, or of another, compared with 60 digits; the game has a
+    solution."""
     reference = reference_solution(game)
     assert reference.exists
     size = np.sqrt(np.diag(reference.P))
@@ -34,7 +35,7 @@ def error(game: Game, P: np.ndarray | None = None) -> float:
 
 
 def elsewhere(game: Game, seed: int) -> Game:
-    """The same game in random coordinates T z, which hide its structure."""
+    """Return the game in random coordinates T z, which hide its structure."""
     T = np.random.default_rng(seed).standard_normal(game.A.shape)
     inverse = np.linalg.inv(T)
     Q = inverse.T @ game.Q @ inverse
@@ -68,7 +69,7 @@ def test_a_defective_plant(value: float, seed: int) -> None:
 
 @pytest.mark.parametrize("rank", [1, 2, 3, 4])
 def test_Q_of_every_rank(rank: int) -> None:
-    """What is paid for, in random directions of four; nothing at all is in `test_gare.py`."""
+    """The cost is on random directions of four; a zero cost is in `test_gare.py`."""
     rng = np.random.default_rng(rank)
     C = rng.standard_normal((rank, 4))
     A = rng.standard_normal((4, 4)) - 4.0 * np.eye(4)

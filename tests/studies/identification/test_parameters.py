@@ -43,8 +43,7 @@ def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
 
 
 def printed(parameters: Parameters) -> list[PublishedModel]:
-    """What the paper would have printed of an aircraft: its exact matrices, rounded as the paper
-    rounds."""
+    """Return the matrices of an aircraft, rounded as in the paper."""
     models = []
     for published in published_models():
         exact = regenerate(hfa.aircraft(parameters=parameters), published)
@@ -107,8 +106,8 @@ def test_the_packaged_parameters_are_the_identified_ones(
 
 
 def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: Parameters) -> None:
-    """Twenty aircraft, their exact matrices rounded as in print: estimates off by what the standard
-    errors say."""
+    """Twenty aircraft with matrices rounded as in the print: the estimates differ by their standard
+    errors."""
     rng = np.random.default_rng(0)
     rows = []
     for _ in range(20):
@@ -171,7 +170,7 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Variant
 def test_of_the_coupling_two_terms_are_needed_and_the_square_changes_nothing(
     speed: Callable[[State], Any], square: float, lowest: float, highest: float
 ) -> None:
-    """What is added to the coupling: m s V times `speed`, m s² cos η sin η η'² times `square`."""
+    """Terms added to the coupling: m s V times `speed`, m s² cos η sin η η'² times `square`."""
 
     def coupling(self: Published, x: State, p: Parameters) -> Any:
         of_square = p.panel_span * ca.cos(x.dihedral) * ca.sin(x.dihedral) * x.dihedral_rate**2

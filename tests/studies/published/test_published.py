@@ -1,4 +1,4 @@
-"""The page of printed answers is what the command makes, and every file says its source."""
+"""The page of printed answers is the output of the command, and every file names its source."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ FINDINGS = (FOLDER / "findings.md").read_text(encoding="utf-8")
 
 
 def errors(flight: ServoFlight) -> tuple[float, float]:
-    """Of dihedral, deg, and of vertical acceleration, ft/s²."""
+    """Return the errors of dihedral, deg, and of vertical acceleration, ft/s²."""
     angle, acceleration = flight.tracked
     return float(np.degrees(angle.rms)), acceleration.rms
 

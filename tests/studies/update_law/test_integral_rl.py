@@ -1,4 +1,4 @@
-"""The integral-learning baseline: exact data, exact policy evaluation, and what it needs."""
+"""The integral-learning baseline: exact data, exact policy evaluation, and its requirements."""
 
 from __future__ import annotations
 

@@ -139,7 +139,7 @@ class PrintedInertia(Published):
 
 
 class FreeFactor(PrintedInertia):
-    """The same with one constant that nobody prints, as the printed pairs want it."""
+    """The aircraft with one further constant, identified from the printed pairs."""
 
     factor = 0.039211
 
@@ -205,7 +205,7 @@ def test_gibsons_figure_was_not_drawn_with_his_printed_hinge_inertia(
 def test_an_inertia_that_is_off_at_one_angle_is_seen(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, degrees: float
 ) -> None:
-    """That of the hinge by 2e-5, that of pitch by 3e-4."""
+    """The hinge inertia is off by 2e-5, the pitch inertia by 3e-4."""
 
     class Off(Published):
         def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:

@@ -1,4 +1,4 @@
-"""`python -m studies.validation`: its verdict, its data, and what it refuses."""
+"""`python -m studies.validation`: its verdict, its data, and its refusals."""
 
 from __future__ import annotations
 

@@ -28,8 +28,8 @@ LINEAR = 1e-10
 
 
 def points(count: int, seed: int) -> np.ndarray:
-    """Random states beside inputs in still air, where the density has derivatives of all orders
-    around them."""
+    """Return random states and inputs in still air, where the density has derivatives of all
+    orders."""
     states, inputs = random_points(count, seed)
     altitude = np.clip(states[:, 2], 500.0, 64_500.0)
     altitude[np.abs(altitude - TROPOPAUSE) < 500.0] += 1000.0
@@ -61,8 +61,8 @@ def blocks(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.n
 def slopes(
     aircraft: Model, count: int, planted: tuple[int, int] | None = None, **how: bool
 ) -> np.ndarray:
-    """Of log |f(z + h d) - f(z) - h J d| over log h, (count, rows): 2 when J is exact, 1 when it is
-    not."""
+    """Return the slopes of log |f(z + h d) - f(z) - h J d| over log h, (count, rows): 2 when J is
+    exact, 1 when it is not."""
     rng = np.random.default_rng(3)
     errors = np.full((count, len(ROWS)), 2.0)
     for slope, z in zip(errors, points(count, seed=11), strict=True):
@@ -114,7 +114,7 @@ def test_one_wrong_entry_is_seen_in_its_row(
 
 @pytest.mark.parametrize("ground_drag", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_derivatives_equal_high_order_differences(aircraft: Model, ground_drag: bool) -> None:
-    """Of eighth order: an error of 1e-10 of the largest entry of a row would show."""
+    """Differences of eighth order show an error of 1e-10 of the largest entry of a row."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     for z in points(25, seed=12):
         exact = blocks(aircraft, z, ground_drag=ground_drag)

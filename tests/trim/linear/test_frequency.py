@@ -1,4 +1,5 @@
-"""Transfer functions, zeros and reduced models beside python-control, SLICOT and values at rest."""
+"""Transfer functions, zeros and reduced models compared with python-control, SLICOT and steady
+values."""
 
 from __future__ import annotations
 
@@ -70,8 +71,7 @@ def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
 
 
 def test_a_known_zero_is_found_and_cancels() -> None:
-    """(s - 3) / ((s + 1) (s + 2)), and the same beside a state that nothing moves: -5 is pole and
-    zero."""
+    """(s - 3) / ((s + 1) (s + 2)), also with a state that nothing moves: -5 is pole and zero."""
     A = np.diag([-1.0, -2.0, -5.0])
     B = np.array([[1.0], [1.0], [0.0]])
     C = np.array([[-4.0, 5.0, 1.0]])
@@ -137,9 +137,7 @@ def test_what_cannot_be_done_is_said() -> None:
         model.select(residualize=("pitch",))
     with pytest.raises(BadInputError, match="no state is left in the model"):
         model.select(residualize=model.states)
-    with pytest.raises(
-        BadInputError, match="the model has no inputs: there is no Bode plot to draw"
-    ):
+    with pytest.raises(BadInputError, match="the model has no inputs: no Bode plot is drawn"):
         bode_figure(model.select(inputs=()))
     navion = linearize(NAVION, trimmed(NAVION), outputs=("beta",)).select(inputs=("thrust",))
     with pytest.raises(BadInputError, match="no chosen input reaches a chosen output"):

@@ -1,5 +1,5 @@
-"""The printed matrices regenerated and beside the model; bands of a model; its winds, by panel and
-in SimVFA."""
+"""The printed matrices regenerated and compared with the model; bands of a model; its winds, by
+panel and in SimVFA."""
 
 from __future__ import annotations
 
@@ -197,7 +197,7 @@ def test_a_point_of_other_dynamics_is_refused(
 
 
 def over_ground(aircraft: Model) -> Model:
-    """Its drag takes the speed over ground, not that through the air."""
+    """Return a model whose drag depends on the speed over ground, not through the air."""
     model = aircraft
     return replace(model, equations=replace(model.equations, ground_drag=True))  # type: ignore[type-var]
 

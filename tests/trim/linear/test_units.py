@@ -22,7 +22,7 @@ def tank(level: str, flow: str) -> Model:
 
 
 def test_columns_in_other_units_are_named() -> None:
-    """The title said "A and B in rad, ft, s" though three columns are per degree."""
+    """Earlier the title was "A and B in rad, ft, s" although three columns are per degree."""
     model = linearize(F16, trimmed(F16))
     assert units_in_words(model) == "rad, ft, s, but elevator, aileron, rudder in deg"
     assert "A and B in rad, ft, s, but elevator" in model.report().title

@@ -1,4 +1,4 @@
-"""Alternatives of a model in what a trim imposes."""
+"""Alternatives of a model in the imposed variables of a trim."""
 
 from __future__ import annotations
 

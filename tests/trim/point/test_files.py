@@ -1,5 +1,4 @@
-"""Operating points and conditions in files: they come back, and what is wrong in a file is
-named."""
+"""Operating points and conditions in files: they are read back, and faults of a file are named."""
 
 from __future__ import annotations
 
@@ -88,7 +87,7 @@ def test_the_peers_conditions_have_its_angles(
             "[impose]\nspeeed = 60",
             "unknown trim variable 'speeed'; did you mean speed? choose from speed",
         ),
-        ("[impose]\nspeed_deg = 60", "speed_deg is no angle; write speed, in ft/s"),
+        ("[impose]\nspeed_deg = 60", "speed_deg is not an angle; write speed, in ft/s"),
         ("[impose]\nalpha_deg = [[0, 1, 2]]", "value] rows"),
         ("[impose]\nalpha_deg = [[5, 1], [5, 2]]", "must increase"),
         ("[limits]\nalpha_deg = 3", "limits.alpha_deg is 3; give a list of numbers"),

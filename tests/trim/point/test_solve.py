@@ -23,8 +23,8 @@ BASE = level_flight(float(np.radians(15.0)))
 
 
 def assert_meets(aircraft: Model, condition: TrimCondition, point: OperatingPoint) -> None:
-    """The specification, recomputed from the aircraft: balance, imposed values, limits, what the
-    point reports."""
+    """Check the specification on the aircraft: balance, imposed values, limits, and the report of
+    the point."""
     assert point.status == "trimmed"
     rates = dict(zip(STATES, aircraft.at(point.states, point.inputs).f.tolist(), strict=True))
     for name, imposed in condition.rates.items():
@@ -250,7 +250,7 @@ def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
     """Ailerons without effect leave a column of zeros."""
     without = hfa_model.parameters_of(aircraft)._replace(aileron_lift=0.0, aileron_moment=0.0)
     with pytest.raises(
-        TrimError, match=r"no trim: .*; aileron_outer moves none of them, set something else free\)"
+        TrimError, match=r"no trim: .*; aileron_outer moves none of them, free another variable\)"
     ):
         find_operating_point(hfa.aircraft(hfa_model.variant_of(aircraft), without), BASE)
     with pytest.raises(TrimError) as refusal:
@@ -264,8 +264,10 @@ def test_controls_that_cannot_be_told_apart_are_named(aircraft: Model) -> None:
     p = hfa_model.parameters_of(aircraft)
     far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
     alike = hfa.aircraft(hfa_model.variant_of(aircraft), far)
-    same = "elevator_outer moves them only as elevator_center does; set something else free"
-    with pytest.raises(TrimError, match=rf"^no trim: .*; {same}\); 8 other starts failed too$"):
+    same = "elevator_outer moves them only as elevator_center does; free another variable"
+    with pytest.raises(
+        TrimError, match=rf"^no trim: .*; {same}\); 8 other initial points failed too$"
+    ):
         find_operating_point(alike, BASE)
     find_operating_point(
         alike, release(BASE, free=("aileron_center",), hold={"elevator_outer": 0.0})

@@ -1,5 +1,5 @@
-"""What a trim says: for people every variable, limit and verdict in 100 columns; for files the same
-in numbers; loads, performance and the view from the front, each by a second route."""
+"""The report of a trim: every variable, limit and verdict in 100 columns; the same numbers in
+files; loads, performance and the front view by a second method."""
 
 from __future__ import annotations
 
@@ -233,7 +233,8 @@ def test_lift_is_across_panels_and_carries_weight(
     scale = np.linalg.norm(drawn[0]) / np.linalg.norm(forces[0])
     np.testing.assert_allclose(drawn, np.array(forces) * scale, atol=1e-9)
     assert f"{1 / scale:.3g} lbf to the foot" in axes.get_title()
-    label = f"{loads.hinge_moment:.1f} ft lbf" if degrees else "0.0 ft lbf"
+    sense = "up" if loads.hinge_moment > 0.0 else "down"
+    label = f"{abs(loads.hinge_moment):.1f} ft lbf, tips {sense}" if degrees else "0.0 ft lbf"
     assert [text.get_text() for text in axes.texts].count(label) == 2
 
 

@@ -62,8 +62,8 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None:
-    """Without a trim the same reason: which rates do not balance, which limits bind, what it would
-    take beyond them."""
+    """Without a trim the reason is the same: the rates that do not balance, the limits that bind,
+    the values beyond them."""
     grid, condition, square = CASES[name]
     assert is_square(aircraft, tuple(grid), condition) == square
     result = sweep(aircraft, grid, condition=condition)

@@ -501,12 +501,10 @@ def test_our_own_run_is_a_timed_history(game: Game) -> None:
     assert told[-1] == (21, 21)
     figure = verdict_figure(check)
     assert [line.get_label() for line in figure.axes[-1].lines[:2]] == ["limit 1e-06", "error of P"]
-    # Of the map of relative differences, rounding is pale: all colors are near the middle.
-    image = next(axes for axes in figure.axes if "exact|" in axes.get_title()).images[0]
-    differences = np.asarray(image.get_array())
-    assert np.abs(image.norm(differences) - 0.5).max() < 0.1
-    # What is rounding on one machine and another rounding on the next draws the same picture.
-    assert np.abs(differences[differences != 0.0]).min(initial=1.0) >= ROUNDING_SHOWN
+    # Relative differences by rounding have a sentence in place of a map.
+    differences = next(axes for axes in figure.axes if "exact|" in axes.get_title())
+    assert differences.texts[0].get_text().startswith("below 1e-")
+    assert not differences.images
     for line in figure.axes[-1].lines[1:3]:
         assert np.nanmin(line.get_ydata()) >= ROUNDING_SHOWN
     assert len(check.report().records.rows) == 21

@@ -1,4 +1,4 @@
-"""What a verdict says: one line that is true, checks by their kind, entries that differ."""
+"""The report of a verdict: one true line, checks by their kind, differing entries."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_the_first_line_has_at_most_100_columns(game: Game, name: str) -> None:
         assert len(line) <= 100
         grade = "PASS" if verdict.holds(limit_cost) else "FAIL"
         if limit_cost is None and name in ("near", "bent"):
-            grade = "near"
+            grade = "NEAR"
         assert line.startswith(grade)
         assert ("not stabilizing" in line) == unstable
 
@@ -134,7 +134,7 @@ def test_a_verdict_has_three_grades(game: Game) -> None:
         assert verdict.ok == (grade == "exact")
     near = check_critic(game, grades["near"])
     assert near.cost_lost < 1.0
-    assert near.headline().startswith("near on the linear game: cost lost ")
+    assert near.headline().startswith("NEAR on the linear game: cost lost ")
     assert near.report(limit_cost=1.0).title.startswith("PASS on the linear game by cost limit 1 %")
     far = check_critic(game, from_gain(game, 1.5 * gain(game)))
     assert (far.grade, far.stabilizing) == ("fail", True)

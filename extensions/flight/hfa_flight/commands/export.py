@@ -54,7 +54,7 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
         required=True,
     )
     law: str = option(
-        "the gain: exact, certified; default exact in C, none in an FMU",
+        "origin of the gain: exact, certified; default exact in C, none in an FMU",
         "NAME",
         one_of("exact", DEFAULT_LAW),
         default="",
@@ -92,9 +92,7 @@ def export(request: ExportRequest) -> int:
     if request.controller is None:
         request.refuse(("actuators",), "belongs to --controller; leave it out")
     elif _is_fmu(request) and request.actuators is None:
-        raise BadInputError(
-            "--controller flies behind actuators in an FMU; add --actuators LAG:RATE"
-        )
+        raise BadInputError("--controller needs actuators in an FMU; add --actuators LAG:RATE")
     request.check_policy()
     model = request.flown_aircraft()
     point = request.operating_point(model)

@@ -1,4 +1,5 @@
-"""The FMU in FMPy: its validator, its simulation against ours, and what the library refuses."""
+"""The FMU in FMPy: its validator, its simulation compared with ours, and inputs that the library
+refuses."""
 
 from __future__ import annotations
 
@@ -48,7 +49,7 @@ ACTUATORS = ActuatorBank(
 
 
 class Unit(NamedTuple):
-    """What is exported, and the same flown by us: our states each tenth of a second, (601, 7)."""
+    """An exported unit, and our flight of it: states every 0.1 s, (601, 7)."""
 
     kind: str
     path: Path

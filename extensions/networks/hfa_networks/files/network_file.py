@@ -202,11 +202,11 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
             bias = np.zeros(len(array))
         is_layer = name.endswith("weight") and array.ndim in (1, 2)
         if not is_layer or bias is None or bias.shape != array.shape[:1]:
-            reason = "is no weight or bias of a linear layer or a LayerNorm"
+            reason = "is not a weight or bias of a linear layer or a LayerNorm"
             raise _no_chain(name, array, reason, tensors)
         layers.append(Layer(stem.removesuffix("."), array, bias))
     if not any(layer.is_linear for layer in layers):
-        raise BadInputError("it holds no linear layer")
+        raise BadInputError("it contains no linear layer")
     layers = _as_saved(layers) if suffix in _ORDERED else _only_order(layers, widths)
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
@@ -393,7 +393,7 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
     """The names of the activation between the layers and of that of the output; "" for none."""
     if activation is None and sum(layer.is_linear for layer in layers) > 1:
         raise BadInputError(
-            'a state dict does not say what is between its layers; give activation="tanh" (or '
+            'a state dict does not contain its activation; give activation="tanh" (or '
             f"{', '.join(name for name in ACTIVATIONS if name != 'tanh')})",
             ("--set", "activation=tanh"),
         )

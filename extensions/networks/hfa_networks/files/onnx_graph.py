@@ -507,7 +507,7 @@ def _evaluated(
     if node.domain not in ("", "ai.onnx"):
         name = f"{node.domain}.{name}"
     if name not in operators:
-        raise BadInputError(f"operator {shortened(name)} is not known; use {', '.join(operators)}")
+        raise BadInputError(f"operator {shortened(name)} is unknown; use {', '.join(operators)}")
     attributes = {item.name: onnx.helper.get_attribute_value(item) for item in node.attribute}
     attributes = {
         key: value.decode() if isinstance(value, bytes) else value

@@ -143,7 +143,7 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
     if not layers:
         where = shortened(", ".join(roots(tensors)), 200)
         advice = f"its tensors are in {where}" if where else "it is one network; name no part of it"
-        raise BadInputError(f"it holds no tensors called {shortened(part)!r}; {advice}")
+        raise BadInputError(f"it contains no tensors called {shortened(part)!r}; {advice}")
     of_critic = all(map(_is_of_critic, layers))
     others = {
         name: array
@@ -265,5 +265,5 @@ def _the_one(what: str, found: Mapping[str, Kind], layers: Tensors) -> Kind | No
         found = {stem: each for stem, each in found.items() if stem.partition(".")[0] in begins}
         if len(found) != 1:
             names = shortened(", ".join(found), 120)
-            raise BadInputError(f"it holds more than one {what} ({names}); {_ELSE}")
+            raise BadInputError(f"it contains more than one {what} ({names}); {_ELSE}")
     return next(iter(found.values()), None)

@@ -326,7 +326,7 @@ def _row(numbers: np.ndarray) -> str:
 
 def _flown_lines(flown: Flown) -> list[str]:
     if not flown.flights:
-        return ["Not flown: the linear loop is not stable"]
+        return ["No flights: the linear loop is not stable"]
     cost = "it does not return from all of them"
     if math.isfinite(flown.cost_lost_flown_percent):
         cost = (
@@ -341,5 +341,5 @@ def _flown_lines(flown: Flown) -> list[str]:
             f"controls (the exact policy {flown.reach_nonlinear_exact:g})"
         )
     few = min(FEW, flown.flights)
-    lines.append(f"Returns to rest from {reach} ({few} starts each, doubled up to {2**DOUBLINGS})")
+    lines.append(f"Converges from {reach} ({few} starts each, doubled up to {2**DOUBLINGS})")
     return lines

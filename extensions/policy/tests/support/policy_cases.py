@@ -42,7 +42,7 @@ def card(name):
 
 @cache
 def trims(name):
-    """Its trims."""
+    """Return the trims of the case."""
     return trims_of(aircraft(name), AIRCRAFT[name][1])
 
 

@@ -94,8 +94,8 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
             word = casadi_name.removeprefix("OP_").lower()
             break
     raise BadInputError(
-        f"{name}: its equations use {word}, which a proof does not take;"
-        " put a polynomial in place of a table or a switch"
+        f"{name}: its equations use {word}, which a proof does not support;"
+        " replace a table or a switch by a polynomial"
     )
 
 

@@ -148,7 +148,7 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         written = {key: on_one_line(str(origin[key])) for key in ("version", "command", "date")}
     except (OSError, ValueError, LookupError, AttributeError, TypeError) as error:
         raise BadInputError(
-            f"{path}: is no certificate; name a file that `hfa prove` wrote with -o"
+            f"{path}: is not a certificate; name a file of `hfa prove ... -o`"
         ) from error
     if schema != SCHEMA:
         raise BadInputError(

@@ -76,7 +76,7 @@ def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
     """Signs of the eigenvalues (Sylvester); turn: coordinates, proved to be such."""
     diagonal = pivots(turn.transpose() * symmetric * turn)
     if diagonal is None:
-        raise Rejected("an eigenvalue is not told from 0")
+        raise Rejected("an eigenvalue is not distinguished from 0")
     return [1 if pivot > 0 else -1 for pivot in diagonal]
 
 

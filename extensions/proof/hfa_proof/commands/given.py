@@ -74,7 +74,7 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
         assert isinstance(statement, GameStatement)
         return _given_plant(statement, request)
     if request.plant is not None:
-        raise BadInputError("--model gives a plant, but the certificate is about an aircraft")
+        raise BadInputError("--model is a plant, but the certificate is about an aircraft")
     given = _given_flight(flight, request)
     given |= _given_weights(flight, request)
     if isinstance(statement, GameStatement):

@@ -213,7 +213,7 @@ def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
     if statement.gain_of_value:
         lines.append(f"the critic's K is the gain of its {of_value}, to within {SAME_GAIN:g}")
     elif of_value:
-        lines.append(f"the critic's K is a gain of its own, not that of its {of_value}")
+        lines.append(f"the critic's K is not the gain of its {of_value}")
     data["distances"] = dict(statement.distances)
     data["closed_loop_hurwitz"] = hurwitz
     if statement.delta_min is not None and statement.modes is not None:

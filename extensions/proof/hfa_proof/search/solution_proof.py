@@ -371,7 +371,7 @@ def prove_critic(
 
     BadInputError for a network, about which nothing is proved."""
     if critic.network:
-        raise BadInputError("a network has no proof here; give its W, P or K")
+        raise BadInputError("a network is not supported here; give W, P or K")
     exact = ExactGame.of(game, family, scheduling_value)
     box, solution = exact.solution()
     A, B = exact.doubles

@@ -1,4 +1,4 @@
-"""The checker: what the prover made passes, and what was changed does not."""
+"""The checker: certificates of the prover pass, changed ones do not."""
 
 from __future__ import annotations
 
@@ -99,8 +99,8 @@ def test_what_is_no_certificate_is_said(tmp_path: Path, text: str) -> None:
 def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Of the trim's equations along each unknown, against central differences; pitch = alpha +
-    gamma."""
+    """Derivatives of the trim's equations along each unknown, compared with central differences;
+    pitch = alpha + gamma."""
     condition = release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0})
     flights = Family(hfa.aircraft(), condition)
     proof = prove_schedule(flights, exact_loop(14.0, 14.125), 14.0, 14.0625)
@@ -137,7 +137,7 @@ def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
 
 
 def test_the_root_lies_where_newton_s_step_leads() -> None:
-    """Of x² = 2 about 1.4: sqrt(2) - 1.4 is enclosed, though 0 and the mirror image are not."""
+    """For x² = 2 about 1.4, sqrt(2) - 1.4 is enclosed, and 0 and the mirror image are not."""
     radius = arb("0.1")
     at_center = TaylorModel(arb_mat([[arb("1.4") ** 2 - 2]]))
     slope = TaylorModel(arb_mat([[2 * (arb("1.4") + arb(0, radius))]]))

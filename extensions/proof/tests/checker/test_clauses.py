@@ -166,7 +166,7 @@ def test_motion_in_both_directions_is_checked() -> None:
 
 
 def test_a_line_beside_the_axis_bounds_one_side() -> None:
-    """Of x' = -x a line at -2 counts a mode that is stable, one at +1 none."""
+    """For x' = -x a line at -2 counts a stable mode, one at +1 none."""
     A = _one(-1.0)
     left = Line(np.array([[-1.0]]), np.eye(1), 2.0)
     right = Line(np.array([[1.0]]), np.eye(1), -1.0)

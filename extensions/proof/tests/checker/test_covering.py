@@ -1,4 +1,4 @@
-"""Evidence covers what is stated: against every point at which it could fail to."""
+"""Evidence covers the statement, tested at every point at which it could fail."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def _witness_of_the_other_trim(kind: str) -> Change:
 
 
 def _bounds_of_the_other_trim(made: Content) -> None:
-    """delta_min of the other trim, with its evidence, beside the solution of this one."""
+    """Insert delta_min of the other trim, with its evidence, next to the solution of this one."""
     other = of_the_other_trim("one of two")
     made["statement"]["delta_min"] = other["statement"]["delta_min"]
     for name in ("value", "refused", "frequencies"):
@@ -132,7 +132,8 @@ def test_a_known_forgery_is_refused(name: str, tmp_path: Path) -> None:
 
 
 def test_the_other_trim_has_a_certificate_of_its_own(tmp_path: Path) -> None:
-    """It is refused as evidence about the first trim and not for itself; both are named."""
+    """The certificate is refused as evidence about the first trim and accepted for its own; both
+    are named."""
     for kind in ("two trims", "one of two"):
         path = forge(tmp_path / "other.json", of_the_other_trim(kind))
         verified = check_certificate(path, model=model_of(kind))

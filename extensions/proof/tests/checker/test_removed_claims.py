@@ -42,7 +42,7 @@ COMBINED = 100
 
 
 def checked(made: Content, kind: str, folder: Path) -> Report | None:
-    """What is reported of a certificate; None where it is refused."""
+    """Return the report of a certificate; None where it is refused."""
     try:
         verified = check_certificate(forge(folder / "forged.json", made), model=model_of(kind))
     except (Rejected, BadInputError, Malformed):

@@ -261,11 +261,11 @@ def test_a_kink_is_refused_by_name_unless_balls_decide_it(kink: Any, proved: int
     loop = loop_of_gains(model, [1.0, 2.0], np.array([[[1.5]], [[2.0]]]))
     if proved is None:
         with pytest.raises(
-            BadInputError, match="kinked: its equations use fabs, which a proof does not take"
+            BadInputError, match="kinked: its equations use fabs, which a proof does not support"
         ):
             flights.check(1.0, 2.0)
         with pytest.raises(
-            BadInputError, match=r"its equations use lt, .* in place of a table or a switch"
+            BadInputError, match=r"its equations use lt, .* replace a table or a switch"
         ):
             Family(load_model("examples/f16.py:F16")).check(400.0, 410.0)
         return

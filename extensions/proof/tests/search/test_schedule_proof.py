@@ -217,7 +217,7 @@ def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, 
 @pytest.mark.parametrize("errors", [0.0, 1.0])
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_the_whole_range_is_proved(dynamics: str, errors: float, tmp_path: Path) -> None:
-    """Of the identified aircraft with a rate, and of all within one standard error of every
+    """The identified aircraft with a rate, and all aircraft within one standard error of every
     parameter."""
     angles = np.linspace(0.0, 20.0, 11).tolist()
     flights = family(dynamics)

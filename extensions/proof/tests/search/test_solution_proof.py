@@ -136,7 +136,7 @@ def test_what_has_no_value_or_does_not_fit_is_refused() -> None:
     with pytest.raises(NoSolutionError, match="delta_min"):
         prove_solution(game_at(15.0).with_delta(50.0))
     square = ca.Function("square", [x := ca.SX.sym("x", 6)], [x.T @ x])
-    with pytest.raises(BadInputError, match="a network has no proof here"):
+    with pytest.raises(BadInputError, match="a network is not supported here"):
         prove_critic(game_at(15.0), from_network(game_at(15.0), square))
 
 

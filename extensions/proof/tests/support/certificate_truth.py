@@ -168,7 +168,7 @@ def _closed_loop(
 
 
 def _abscissae(statement: Content, A: np.ndarray, B: np.ndarray, value: float) -> Iterator[float]:
-    """At the corners of what is uncertain."""
+    """Yield the abscissae at the corners of the uncertain intervals."""
     actuators = statement["uncertain_actuators"]
     loop = _loop_of(statement)
     count = len(loop.controller.inputs)

@@ -15,7 +15,7 @@ Change = Callable[[Content], None]
 
 
 def put(value: Any, *path: Any) -> Change:
-    """Another value at a place, or what a function makes of the one there; None takes it away."""
+    """Return a change of the value at a place, by a value or a function; None removes it."""
 
     def change(content: Content) -> None:
         holder: Any = content
@@ -376,7 +376,7 @@ def _exchanged_entries(value: Content) -> dict[str, Any]:
 
 
 def wrong_critics_without_a_claim(kind: str) -> dict[str, Change]:
-    """A part of a critic that is wrong, and nothing said of it."""
+    """Return changes to a wrong part of a critic without a claim about it."""
     changes: dict[str, Change] = {}
     for part in certificate(kind)["statement"]["critic"]:
         for factor in (-5.0, -3.0, 0.0, 1.5):

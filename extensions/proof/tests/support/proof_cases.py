@@ -1,5 +1,5 @@
-"""What the tests prove: the identified aircraft with tables of gains; one proof of every kind, made
-once a process."""
+"""The proofs of the tests: the identified aircraft with tables of gains; one proof of every kind,
+made once a process."""
 
 from __future__ import annotations
 
@@ -280,7 +280,7 @@ def model_of(kind: str) -> Model | None:
 
 
 def content(proof: Proof) -> dict[str, Any]:
-    """Of its certificate."""
+    """Return the content of its certificate."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "certificate.json"
         proof.write(path, ORIGIN)

@@ -325,7 +325,7 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
     for coefficient, exponents in terms:
         product = coefficient
         for value, power in zip(z, exponents, strict=True):
-            for _ in range(power):  # ** of a ball that holds 0 is no number
+            for _ in range(power):  # ** of a ball that holds 0 is not a number
                 product = product * value
         total += product
     return total

@@ -96,7 +96,7 @@ def _refuse_inputs_taken(deployed: Deployed) -> None:
     """BadInputError naming the first observation or map that depends on an input, and for a policy
     that takes several samples."""
     if deployed.past:
-        raise BadInputError("timing.history: a proof takes a policy of one sample; leave it out")
+        raise BadInputError("timing.history: a proof needs a policy of one sample; leave it out")
     entries = {
         "observation": (deployed.observe, 1, tuple(deployed.deployment.observation)),
         "action": (deployed.unlimited_inputs, 2, tuple(deployed.model.inputs)),

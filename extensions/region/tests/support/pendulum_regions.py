@@ -1,4 +1,4 @@
-"""Proved regions of the example's pendulum, and what the checker takes."""
+"""Proved regions of the example's pendulum, and the data of the checker."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def proved(path: Path, aircraft: str, *words: str) -> str:
 
 
 def quickly_proved(path: Path, aircraft: str, *words: str) -> str:
-    """The same, of V of degree 2."""
+    """Prove a region quickly, with V of degree 2."""
     return proved(path, aircraft, "--degree", "2", "--seconds", "0.1", *words)
 
 

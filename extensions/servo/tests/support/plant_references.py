@@ -1,4 +1,4 @@
-"""Of a generalized plant: what SLICOT says of it, through slycot, which shares nothing with ours."""
+"""Results of SLICOT for a generalized plant, through slycot, which shares no code with ours."""
 
 from __future__ import annotations
 
