@@ -130,7 +130,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         instead = [name for name in _IN_PLACE if getattr(self, name) is not None]
         for name in instead:
             without_effect = [each for each in _IN_PLACE[name] if each not in self.prices]
-            self.refuse(without_effect, f"changes nothing beside --{name}; leave it out")
+            self.refuse(without_effect, f"has no effect with --{name}; leave it out")
         if self.law == NONE:
             of_law = [name for name in ("delta", "Q", "R") if name not in self.prices]
             self.refuse(of_law, f"belongs to a law; leave it out with --law {NONE}")
