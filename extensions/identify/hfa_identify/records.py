@@ -21,6 +21,10 @@ from hfa_support.units import conversion, si_unit
 
 #: A record with fewer samples identifies nothing.
 FEWEST = 10
+#: A sensor that repeats a value in fewer of its samples is frozen where one value comes more often
+#: in succession.
+_SELDOM = 0.01
+_FROZEN = 4
 #: A value that is so many half ranges from the middle of its limits is in another unit.
 _FAR = 4.0
 
@@ -233,7 +237,10 @@ def _check_measured(name: str, column: str, values: np.ndarray) -> None:
             " out"
         )
     longest = _longest_repeat(seen)
-    if longest > max(FEWEST, len(seen) // 5) and longest < len(seen):
+    repeated = int((np.diff(seen) == 0.0).sum())
+    # A coarse sensor repeats many values, a fine one none but where it is frozen.
+    is_fine = repeated - (longest - 1) <= _SELDOM * len(seen)
+    if longest > (_FROZEN if is_fine else max(FEWEST, len(seen) // 5)):
         raise BadInputError(
             f"{name}: {column} repeats one value {longest} times, as from a frozen sensor; leave"
             " these samples empty"

@@ -243,6 +243,7 @@ def test_drawn_aircraft_trim():
         ({"elevator": lambda e: np.where(e == e.max(), np.nan, e)}, "elevator has no value"),
         ({"alpha": lambda a: np.full_like(a, 0.01)}, "as from a frozen sensor"),
         ({"alpha": lambda a: np.where(np.arange(len(a)) > 100, a[100], a)}, "repeats one value"),
+        ({"alpha": lambda a: np.where(np.arange(len(a)) // 6 == 9, a[54], a)}, "value 6 times"),
         ({"alpha": lambda a: np.where(a == a.max(), np.inf, a)}, "alpha is infinite"),
         ({"alpha": lambda a: a[:-1]}, "alpha has 199 samples and time 200"),
         ({"alpha": lambda a: np.full_like(a, np.nan)}, ""),
