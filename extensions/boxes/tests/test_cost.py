@@ -209,6 +209,6 @@ def test_no_inputs_lose_more_than_the_bound() -> None:
     axis = np.linspace(-1.0, 1.0, 201)
     least = g(axis[:, None], axis).min()
     box = Boxes(np.array([[y]]), np.array([[40]]))
-    for guess in ([-0.5, 0.4], [0.4, -0.5], [0.6, 0.6], [-0.9, -0.9], [-0.28, -0.28]):
+    for guess in ([-0.78, 0.22], [0.4, -0.5], [0.6, 0.6], [-0.9, -0.9], [-0.28, -0.28]):
         about = Guess(np.array([guess]), np.zeros((1, 2, 1)))
         assert g(*guess) - inequality._loss(box, about)[0] <= least + 1e-6
