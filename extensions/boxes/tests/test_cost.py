@@ -13,7 +13,7 @@ import pytest
 from hfa_aircraft.model import Model, Signal
 from hfa_boxes.check.cost import CostInequality, Guess, Polynomial
 from hfa_boxes.check.cost_checker import CostWitness, check_cost, equilibrium_of, read_cost
-from hfa_boxes.check.cost_statement import CostStatement, Piece
+from hfa_boxes.check.cost_statement import CostStatement, Piece, is_semidefinite
 from hfa_boxes.check.cover import Boxes
 from hfa_boxes.check.plant import Equilibrium, Plant
 from hfa_boxes.search.cost import CostBound, CostSearch
@@ -73,6 +73,18 @@ def proved() -> CostBound:
         plant, equilibrium, (0, 1), weights, half, degree=4, margin=0.05, seconds=30.0
     )
     return search.found()
+
+
+def test_semidefinite_matrices_are_told_apart_exactly() -> None:
+    """diag(1, 0) and the rank-one matrices of doubles are; a last bit less is not."""
+    v = np.array([1.0, 2.0, -0.5])
+    one = np.outer(v, v)
+    less = one.copy()
+    less[2, 2] = np.nextafter(less[2, 2], 0.0)
+    assert is_semidefinite(np.diag([1.0, 0.0]))
+    assert is_semidefinite(one)
+    assert not is_semidefinite(less)
+    assert not is_semidefinite(np.array([[0.0, 1e-300], [1e-300, 1.0]]))
 
 
 def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
@@ -146,6 +158,8 @@ FORGED: dict[str, Any] = {
     "no piece": lambda s, w: s.update(pieces=[]),
     "Q smaller": lambda s, w: s.update(Q=scaled(s["Q"], 0.8)),
     "Q not symmetric": lambda s, w: s.update(Q=[[1.0, 0.1], [0.0, 1.0]]),
+    "Q indefinite": lambda s, w: s.update(Q=[[1.0, 1.5], [1.5, 1.0]]),
+    "R negative": lambda s, w: s.update(R=[[-1.0]]),
     "R smaller": lambda s, w: s.update(R=[[0.8]]),
     "input wider": lambda s, w: s["limits"].update(torque=[-7.0, 7.0]),
     "input narrower": lambda s, w: s["limits"].update(torque=[-0.5, 0.7]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,8 +48,8 @@ class CostStatement:
 
     plant: the model; its limits of states are the envelope
     equilibrium: moving state or input -> value, within 1e-6 nominal values
-    Q: (n, n), symmetric
-    R: (m, m), symmetric
+    Q: (n, n), symmetric, positive semidefinite
+    R: (m, m), symmetric, positive semidefinite
     pieces: each proved by itself
     """
 
@@ -74,6 +75,8 @@ class CostStatement:
         equilibrium = numbers_of(entries, "equilibrium", (*plant.states, *plant.inputs))
         Q = entries.symmetric("Q", n)
         R = entries.symmetric("R", m)
+        require(is_semidefinite(Q), "statement: Q: not positive semidefinite")
+        require(is_semidefinite(R), "statement: R: not positive semidefinite")
         pieces = tuple(_piece(fields, n) for fields in entries.items("pieces"))
         require(bool(pieces), "statement: pieces")
         entries.close()
@@ -108,6 +111,23 @@ class CostStatement:
         plant = self.plant
         offset = np.array([self.equilibrium[name] - plant.trim[name] for name in plant.states])
         return np.asarray(np.max([piece.bound(z - offset) for piece in self.pieces], axis=0))
+
+
+def is_semidefinite(S: np.ndarray) -> bool:
+    """Whether a symmetric matrix of doubles is positive semidefinite, by exact elimination."""
+    rows = [[Fraction(value) for value in row] for row in S.tolist()]
+    n = len(rows)
+    for k in range(n):
+        pivot = rows[k][k]
+        if pivot < 0 or (pivot == 0 and any(rows[k][k:])):
+            return False
+        if pivot == 0:
+            continue
+        for i in range(k + 1, n):
+            factor = rows[i][k] / pivot
+            for j in range(k + 1, n):
+                rows[i][j] -= factor * rows[k][j]
+    return True
 
 
 def _piece(entries: Fields, n: int) -> Piece:

@@ -81,6 +81,10 @@ class RefutedError(OpenBoxError):
     """At a place in the set a function is not positive, as computed in doubles."""
 
 
+class SmallestBoxError(OpenBoxError):
+    """A box that is not decided, and too small to be halved."""
+
+
 class Question(Protocol):
     """A property to decide on every box of the cube |y_i| <= 1."""
 
@@ -175,8 +179,9 @@ def cover(question: Question, most: int, progress: Progress | None = None) -> in
         wide = batch.part(open_boxes)
         if len(wide.centres) and count > most:
             raise OpenBoxError(f"more than {most} boxes", wide.centres[-1])
-        if np.any(wide.depths.sum(axis=1) >= _DEEPEST * n):
-            raise OpenBoxError("a box as small as any", wide.centres[-1])
+        smallest = np.flatnonzero(wide.depths.sum(axis=1) >= _DEEPEST * n)
+        if len(smallest):
+            raise SmallestBoxError("a box as small as any", wide.centres[smallest[0]])
         waiting = _joined(waiting, wide.halves())
         turn += 1
         if progress is not None and turn % _TOLD == 0:

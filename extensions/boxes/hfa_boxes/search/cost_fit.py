@@ -1,0 +1,340 @@
+"""Polynomials W whose inequality holds on samples, by linear programs.
+
+W = s (1 - margin) z'P z, s <= 1, and terms of higher degree. They are as large as grad W · f +
+x'Qx + u'Ru >= 0 allows on samples, with a part of the margin to spare. The best inputs at a sample
+depend on W: rows for those of the present W are added until none is violated (cutting planes)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations_with_replacement
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linprog
+
+from hfa_boxes.check.cost import Polynomial
+from hfa_boxes.check.cover import OpenBoxError
+from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.search.cost_flights import Inputs, flown_costs, running_cost
+
+#: The part of the margin that the rows of the linear programs keep.
+_KEPT = 0.6
+#: Samples of a turn, rows that a turn adds, and turns of one fit.
+_SAMPLES = 20_000
+_ADDED = 400
+_TURNS = 40
+_FIRST = 1500
+#: More rows than the first are reduced to the second: those far from active are left out.
+_MOST_ROWS = 6000
+_KEPT_ROWS = 4000
+#: Weight of the least ratio of W to the cost of a flight, beside the mean over samples.
+_LEAST = 2.0
+#: A box so near to a face of the cube is on it.
+_ON_FACE = 1e-6
+#: The least s.
+_LEAST_SQUARE = 0.01
+#: Coefficients are at most so many levels.
+_LARGEST = 30.0
+#: Bits of a coefficient, so that its products with powers are doubles.
+_BITS = 45
+
+
+@dataclass(frozen=True, eq=False)
+class CostProblem:
+    """Flights whose cost is to be bounded from below.
+
+    plant: limits of states are the envelope
+    equilibrium: of states and inputs
+    Q, R: (n, n), (m, m). P: (n, n), of the linear quadratic problem
+    degree: of W
+    margin: part of the cost that W gives away
+    """
+
+    plant: Plant
+    equilibrium: Equilibrium
+    Q: np.ndarray
+    R: np.ndarray
+    P: np.ndarray
+    degree: int
+    margin: float
+
+    @cached_property
+    def inputs(self) -> Inputs:
+        """The best inputs for the gradient of a cost."""
+        return Inputs(self.plant, self.equilibrium, self.R)
+
+    def linear_cost(self, z: np.ndarray) -> np.ndarray:
+        """(N,), z'P z."""
+        return np.asarray(np.einsum("ki,ij,kj->k", z, self.P, z))
+
+    def in_envelope(self, z: np.ndarray) -> np.ndarray:
+        """Which deviations (N, n) are within the limits of states."""
+        low, high = self.plant.ends(self.plant.states).T
+        x = z + self.equilibrium.x[: z.shape[1]]
+        return np.asarray(np.all((low <= x) & (x <= high), axis=1))
+
+    def flown(self, z: np.ndarray) -> np.ndarray:
+        """(N,), costs of flights with the clipped inputs of the linear quadratic problem, inf where
+        they do not converge within the envelope."""
+        return flown_costs(
+            self.inputs,
+            (self.Q, self.R, self.P),
+            lambda z: np.asarray(2.0 * z @ self.P),
+            self.in_envelope,
+            z,
+        )
+
+
+class Wanted(NamedTuple):
+    """Initial conditions z (N, n) at which W is to be large, and the costs (N,) of flights."""
+
+    z: np.ndarray
+    costs: np.ndarray
+
+
+class Fit:
+    """Linear programs of one level. Coordinates y = M z; z'P z = beyond c is the unit sphere,
+    turned and stretched to the envelope.
+
+    problem: what is bounded
+    c: level
+    wanted: where W is to be large
+    beyond: how far z'P z of samples goes, in levels; W > c where it is larger
+    tell: called before each linear program; may raise
+    """
+
+    def __init__(
+        self,
+        problem: CostProblem,
+        c: float,
+        wanted: Wanted,
+        beyond: float,
+        tell: Callable[[int], None],
+    ) -> None:
+        self._problem = problem
+        self.c = c
+        self._wanted = wanted
+        self._beyond = beyond
+        self._tell = tell
+        self._random = np.random.default_rng(1)
+        n = len(problem.P)
+        self.M = self._coordinates()
+        self.N = np.linalg.inv(self.M)
+        powers = []
+        for degree in range(2, problem.degree + 1):
+            for chosen in combinations_with_replacement(range(n), degree):
+                powers.append(tuple(chosen.count(i) for i in range(n)))
+        self._powers = np.array(powers)
+        square = (1.0 - problem.margin) * self.N.T @ problem.P @ self.N
+        self._fixed = np.array([_square_term(square, each) for each in powers])
+        self._free = self._powers.sum(axis=1) > 2
+        self._coefficients = self._fixed.copy()
+        self._rows: list[np.ndarray] = []
+        self._sides: list[np.ndarray] = []
+
+    def fitted(self) -> Polynomial:
+        """The polynomial of the last linear program, which no sample violates; OpenBoxError where
+        there is none."""
+        if not np.any(self._free):
+            return self._polynomial()
+        if not self._rows:
+            z = self._ball(_FIRST)
+            self._add(z, self._best_inputs(z))
+            self._add_walls(_FIRST, every=True)
+        for _ in range(_TURNS):
+            self._tell(len(self._sides))
+            self._solve()
+            z = self._ball(_SAMPLES)
+            z = z[self._values(z @ self.M.T) <= 1.05 * self.c]
+            rows, sides = self._row(z, self._best_inputs(z))
+            # in units of the running cost: 0 is the row itself, -_KEPT margin is g = 0
+            slack = rows @ self._coefficients - sides
+            worst = np.argsort(slack)[:_ADDED]
+            worst = worst[slack[worst] < -0.1 * self._problem.margin]
+            has_low_wall = self._add_walls(_FIRST // 3, every=False)
+            if not len(worst) and not has_low_wall:
+                break
+            self._rows.append(rows[worst])
+            self._sides.append(sides[worst])
+        return self._polynomial()
+
+    def places(self, count: int) -> np.ndarray:
+        """(N, n), coordinates of at most so many samples in the set, off the faces of the cube."""
+        y = self._ball(20 * count) @ self.M.T
+        inside = (self._values(y) <= self.c) & np.all(np.abs(y) < 0.8, axis=1)
+        return y[inside][:count]
+
+    def refuted(self, y: np.ndarray) -> None:
+        """Add rows at and about a place where g < 0."""
+        near = y + 0.02 * self._random.normal(size=(30, len(y)))
+        z = np.concatenate([y[None], near]) @ self.N.T
+        self._add(z, self._best_inputs(z))
+
+    def open_at(self, y: np.ndarray) -> None:
+        """Add rows W >= 1.02 c on the faces of the cube near a place, or at the place those of
+        `refuted`."""
+        on_face = np.abs(y) > 1.0 - _ON_FACE
+        if not np.any(on_face):
+            self.refuted(y)
+            return
+        near = y + 0.05 * self._random.normal(size=(30, len(y)))
+        near = np.where(on_face, np.sign(y), np.clip(near, -1.0, 1.0))
+        self._rows.append(self._monomials(np.concatenate([y[None], near])) / self.c)
+        self._sides.append(np.full(1 + len(near), 1.02))
+
+    def _coordinates(self) -> np.ndarray:
+        problem = self._problem
+        n = len(problem.P)
+        L = np.linalg.cholesky(problem.P)
+        # the least of g to second order, in ball coordinates
+        G = problem.P @ problem.inputs.linear()[:, n:]
+        price = problem.Q + G @ np.linalg.pinv(problem.R) @ G.T
+        inner = np.linalg.solve(L, np.linalg.solve(L, price).T)
+        turn = np.linalg.eigh(0.5 * (inner + inner.T))[1]
+        reach = np.abs(self._ball(4000) @ L @ turn).max(axis=0) * 1.02
+        return np.asarray((L @ turn / reach).T)
+
+    def _ball(self, count: int) -> np.ndarray:
+        """Deviations z (count, n) with z'P z <= beyond c, within the envelope; more near 0 than
+        uniformly."""
+        P = self._problem.P
+        n = len(P)
+        L = np.linalg.cholesky(P)
+        found = np.zeros((0, n))
+        for _ in range(200):
+            rays = self._random.normal(size=(4 * count, n))
+            rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+            radii = self._random.uniform(size=(len(rays), 1)) ** (1.5 / n)
+            z = np.sqrt(self._beyond * self.c) * np.linalg.solve(L.T, (radii * rays).T).T
+            found = np.concatenate([found, z[self._problem.in_envelope(z)]])
+            if len(found) >= count:
+                break
+        return found[:count]
+
+    def _polynomial(self) -> Polynomial:
+        """With coefficients of few bits."""
+        mantissa, exponent = np.frexp(self._coefficients)
+        rounded = np.ldexp(np.round(np.ldexp(mantissa, _BITS)), exponent - _BITS)
+        pairs = zip(rounded.tolist(), self._powers.tolist(), strict=True)
+        terms = tuple((value, tuple(powers)) for value, powers in pairs if value)
+        return Polynomial(len(self.M), terms)
+
+    def _solve(self) -> None:
+        """The coefficients of the largest W: its mean over samples, and the least ratio t of W to
+        the wanted costs."""
+        rows = np.concatenate(self._rows)
+        sides = np.concatenate(self._sides)
+        y = self._ball(4000) @ self.M.T
+        if self._begun:
+            y = y[self._values(y) <= self.c]
+        linear = self._problem.linear_cost(y @ self.N.T)
+        gain = np.mean(self._monomials(y) / linear[:, None], axis=0)
+        wanted = self._monomials(self._wanted.z @ self.M.T) / self._wanted.costs[:, None]
+        if len(wanted):
+            gain += np.mean(wanted, axis=0)
+        # W / c of order 1
+        free = self._free
+        unknowns = np.column_stack([self.c * np.eye(len(free))[:, free], self._fixed])
+        every = np.concatenate([rows, wanted]) @ unknowns
+        of_t = np.concatenate([np.zeros(len(rows)), np.ones(len(wanted))])
+        left = np.concatenate([sides, np.zeros(len(wanted))])
+        found = linprog(
+            -np.append(gain @ unknowns, _LEAST),
+            np.column_stack([-every, of_t]),
+            -left,
+            bounds=[(-_LARGEST, _LARGEST)] * int(free.sum()) + [(_LEAST_SQUARE, 1.0), (None, 1.0)],
+            method="highs",
+        )
+        if found.x is None:
+            raise OpenBoxError(
+                f"no polynomial of degree {self._problem.degree} fulfils the inequality on samples",
+                y[0],
+            )
+        self._coefficients = unknowns @ found.x[:-1]
+        slack = rows @ self._coefficients - sides
+        if len(rows) > _MOST_ROWS:
+            kept = np.argsort(slack)[:_KEPT_ROWS]
+            self._rows = [rows[kept]]
+            self._sides = [sides[kept]]
+        self._begun = True
+
+    _begun = False
+
+    def _monomials(self, y: np.ndarray) -> np.ndarray:
+        table = _power_table(y, self._problem.degree)
+        values = np.ones((len(y), len(self._powers)))
+        for i in range(y.shape[1]):
+            values *= table[self._powers[:, i], :, i].T
+        return values
+
+    def _values(self, y: np.ndarray) -> np.ndarray:
+        return np.asarray(self._monomials(y) @ self._coefficients)
+
+    def _slopes(self, y: np.ndarray) -> np.ndarray:
+        """(N, terms, n), of each monomial."""
+        table = _power_table(y, self._problem.degree)
+        n = y.shape[1]
+        slopes = np.empty((len(y), len(self._powers), n))
+        for j in range(n):
+            powers = self._powers.copy()
+            powers[:, j] = np.maximum(powers[:, j] - 1, 0)
+            values = np.broadcast_to(self._powers[:, j].astype(float), slopes.shape[:2]).copy()
+            for i in range(n):
+                values *= table[powers[:, i], :, i].T
+            slopes[:, :, j] = values
+        return slopes
+
+    def _row(self, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and sides of: grad W · f + (1 - kept margin) cost >= 0, in units of the cost."""
+        problem = self._problem
+        f = problem.inputs.rates(z, v) @ self.M.T
+        rows = np.einsum("ktj,kj->kt", self._slopes(z @ self.M.T), f)
+        scale = running_cost(problem.Q, problem.R, z, v) + 1e-12 * self.c
+        return rows / scale[:, None], np.full(len(z), -(1.0 - _KEPT * problem.margin))
+
+    def _add(self, z: np.ndarray, v: np.ndarray) -> None:
+        rows, sides = self._row(z, v)
+        self._rows.append(rows)
+        self._sides.append(sides)
+
+    def _add_walls(self, count: int, *, every: bool) -> bool:
+        """Rows W >= 1.02 c where z'P z > beyond c in the cube, all or those that are violated;
+        whether any was."""
+        inner = self._random.uniform(-1.0, 1.0, (4 * count, len(self.M)))
+        faces = inner[:count].copy()
+        rows = np.arange(count)
+        which = self._random.integers(0, len(self.M), count)
+        faces[rows, which] = np.sign(faces[rows, which])
+        far = inner[self._problem.linear_cost(inner @ self.N.T) > self._beyond * self.c]
+        y = np.concatenate([faces, far])
+        y = y[self._problem.in_envelope(y @ self.N.T)]
+        values = self._monomials(y) / self.c
+        is_low = values @ self._coefficients < 1.01
+        chosen = np.ones(len(y), dtype=bool) if every else is_low
+        self._rows.append(values[chosen])
+        self._sides.append(np.full(int(chosen.sum()), 1.02))
+        return bool(is_low.any())
+
+    def _best_inputs(self, z: np.ndarray) -> np.ndarray:
+        y = z @ self.M.T
+        p = np.einsum("ktj,t->kj", self._slopes(y), self._coefficients) @ self.M
+        return self._problem.inputs.best(z, p)
+
+
+def _square_term(S: np.ndarray, powers: tuple[int, ...]) -> float:
+    """The coefficient of a monomial of degree 2 in y'S y; 0 of a higher one."""
+    if sum(powers) != 2:
+        return 0.0
+    i, j = (i for i, power in enumerate(powers) for _ in range(power))
+    return float(S[i, i] if i == j else S[i, j] + S[j, i])
+
+
+def _power_table(y: np.ndarray, degree: int) -> np.ndarray:
+    """(degree + 1, N, n), y to each power."""
+    table = np.ones((degree + 1, *y.shape))
+    for power in range(1, degree + 1):
+        table[power] = table[power - 1] * y
+    return table

@@ -1,0 +1,131 @@
+"""Flights whose cost estimates from above what a lower bound can reach.
+
+Nothing that is proved depends on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from hfa_boxes.check.cost import solved_for
+from hfa_boxes.check.plant import Equilibrium, Plant
+
+#: Steps of Newton's method for the inputs of one sample, and of one step of a flight.
+_NEWTON = 8
+_NEWTON_IN_FLIGHT = 1
+#: Steps of a flight over the time constant of its fastest mode, time constants of its slowest mode
+#: that it lasts, and most steps.
+_PER_FASTEST = 4.0
+_OF_SLOWEST = 7.0
+_MOST_STEPS = 4000
+#: A flight has converged where z'P z is this part of its first value.
+_CONVERGED = 0.02
+
+
+class Inputs:
+    """The inputs of least p · f(z, v) + v'R v within their limits, p the gradient of a cost.
+
+    plant, equilibrium: of states and inputs
+    R: (m, m)
+    """
+
+    def __init__(self, plant: Plant, equilibrium: Equilibrium, R: np.ndarray) -> None:
+        n = len(plant.states)
+        m = len(R)
+        self.m = m
+        self.n = n
+        x = equilibrium.x
+        self._low, self._high = (plant.ends(tuple(plant.inputs)) - x[n:, None]).T
+        z, v, p = ca.SX.sym("z", n), ca.SX.sym("v", m), ca.SX.sym("p", n)
+        f, _ = plant.rates_at(ca.DM(x[:n]) + z, ca.DM(x[n:]) + v)
+        price = ca.dot(p, f) + ca.dot(ca.DM(R) @ v, v)
+        slope = ca.gradient(price, v)
+        second = ca.vec(ca.jacobian(slope, v))
+        self._f = ca.Function("f", [z, v], [ca.densify(f)])
+        self._slopes = ca.Function("h", [z, v, p], [ca.densify(slope), ca.densify(second)])
+
+    def rates(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """(N, n), z' at deviations z (N, n) with inputs v (N, m)."""
+        return np.array(self._f(z.T, v.T)).T
+
+    def linear(self) -> np.ndarray:
+        """(n, n + m), the Jacobian of the rates at the equilibrium."""
+        both = ca.SX.sym("both", self.n + self.m)
+        f = self._f(both[: self.n], both[self.n :])
+        J = ca.Function("J", [both], [ca.densify(ca.jacobian(f, both))])
+        return np.array(J(np.zeros(self.n + self.m)))
+
+    def best(
+        self, z: np.ndarray, p: np.ndarray, guess: np.ndarray | None = None, steps: int = _NEWTON
+    ) -> np.ndarray:
+        """(N, m), at z (N, n) with gradients p (N, n), by Newton's method from a guess or 0."""
+        v = np.zeros((len(z), self.m)) if guess is None else guess
+        if not self.m:
+            return v
+        for _ in range(steps):
+            b, H = (np.array(each).T for each in self._slopes(z.T, v.T, p.T))
+            held_low = (v <= self._low) & (b > 0.0)
+            held_high = (v >= self._high) & (b < 0.0)
+            free = ~(held_low | held_high)
+            right = np.where(free, -b, 0.0)[..., None]
+            step = solved_for(H.reshape(-1, self.m, self.m), right, free)[..., 0]
+            new = np.clip(v + step, self._low, self._high)
+            change = np.abs(new - v).max()
+            v = new
+            if change <= 1e-9:
+                break
+        return v
+
+
+def flown_costs(
+    inputs: Inputs,
+    weights: tuple[np.ndarray, np.ndarray, np.ndarray],
+    gradient: Callable[[np.ndarray], np.ndarray],
+    in_envelope: Callable[[np.ndarray], np.ndarray],
+    z: np.ndarray,
+) -> np.ndarray:
+    """(N,), the cost of flights from z (N, n), by Runge and Kutta's method; inf of those that leave
+    the envelope or have not converged.
+
+    weights: Q, R and P of the linear quadratic problem
+    gradient: z (N, n) -> gradients (N, n) of a cost, for which the inputs are the best
+    in_envelope: z (N, n) -> which are within the limits of states
+    """
+    Q, R, P = weights
+    n = len(Q)
+    J = inputs.linear()
+    K = np.linalg.pinv(R) @ J[:, n:].T @ P
+    poles = np.linalg.eigvals(J[:, :n] - J[:, n:] @ K)
+    step = 1.0 / (_PER_FASTEST * np.abs(poles).max())
+    count = int(min(_MOST_STEPS, _OF_SLOWEST / (step * np.abs(poles.real).min())))
+    cost = np.zeros(len(z))
+    flying = np.arange(len(z))
+    first = np.einsum("ki,ij,kj->k", z, P, z)
+    v = inputs.best(z, gradient(z))
+    with np.errstate(all="ignore"):
+        for _ in range(count):
+            v = inputs.best(z, gradient(z), v, _NEWTON_IN_FLIGHT)
+            before = running_cost(Q, R, z, v)
+            one = inputs.rates(z, v)
+            two = inputs.rates(z + 0.5 * step * one, v)
+            three = inputs.rates(z + 0.5 * step * two, v)
+            four = inputs.rates(z + step * three, v)
+            middle = running_cost(Q, R, z + 0.5 * step * two, v)
+            z = z + step / 6.0 * (one + 2.0 * two + 2.0 * three + four)
+            cost[flying] += step / 6.0 * (before + 4.0 * middle + running_cost(Q, R, z, v))
+            within = in_envelope(z) & np.isfinite(z).all(axis=1)
+            cost[flying[~within]] = np.inf
+            flying, z, v = flying[within], z[within], v[within]
+            if not len(flying):
+                return cost
+    left = np.einsum("ki,ij,kj->k", z, P, z)
+    cost[flying] += np.where(left <= _CONVERGED * first[flying], left, np.inf)
+    return cost
+
+
+def running_cost(Q: np.ndarray, R: np.ndarray, z: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(N,), the running cost."""
+    of_states = np.einsum("ki,ij,kj->k", z, Q, z)
+    return np.asarray(of_states + np.einsum("ki,ij,kj->k", v, R, v))
