@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
 from hfa_optimal.starts import drawn_starts, starts_table
 from hfa_policy.assessment import AssessedPoint
-from hfa_policy.best_costs import BestCosts, Ratios
+from hfa_policy.best_costs import BestCosts, Bracket, Ratios, ratios
 from hfa_policy.cost_lost import weights_at
 from hfa_policy.deployed import Deployed
 from hfa_policy.flown import flown_deployment, sampled_scenario
@@ -21,16 +22,29 @@ from hfa_support.progress import Progress
 
 
 def best_costs(
-    deployed: Deployed, assessed: AssessedPoint, count: int, seed: int, progress: Progress
+    deployed: Deployed,
+    assessed: AssessedPoint,
+    count: int,
+    seed: int,
+    progress: Progress,
+    certificate: Path | None = None,
 ) -> BestCosts:
     """The flights from `count` seeded starts in the box of an assessed trim, by the policy as it is
     deployed and by the linear optimum, over the best that were found.
 
-    deployed: with the cost that it was trained for"""
+    deployed: with the cost that it was trained for
+    certificate: of a lower bound of the cost of these flights
+
+    BadInputError and NoSolutionError as `hfa_optimal.bound.lower_bound` raises them."""
     point = assessed.point
     model = point.model
     Q, R = weights_at(deployed, point)
     problem = flight_problem(model, point, Q, R, inputs=deployed.commanded)
+    bound = None
+    if certificate is not None:
+        from hfa_optimal.bound import lower_bound
+
+        bound = lower_bound(certificate, problem, progress)
     search = BestFlights(problem, count)
     flights = search.flights
     policy = flown_deployment(deployed.deployment, point)
@@ -38,7 +52,7 @@ def best_costs(
     calm = Scenario(flights.tick, flights.step, flights.tick, initial=start)
     loop = flights.compiled(policy, sampled_scenario(policy, calm, point))
     starts = drawn_starts(problem, count, seed, assessed.place.box)
-    table = starts_table(search, starts, [Pilot("policy", loop)], progress)
+    table = starts_table(search, starts, [Pilot("policy", loop)], progress, bound)
     rows = [each.policies for each in table.flights if each.cost is not None]
     linear, flown = ([row[index] for row in rows] for index in range(2))
     offset = None
@@ -54,12 +68,14 @@ def best_costs(
         policy_over_best=_ratios(flown),
         lqr_over_best=_ratios(linear),
         offset_rate=offset,
+        brackets=[
+            Bracket(each.start, each.lower_bound, each.cost, each.policies[1].cost)
+            for each in table.flights
+            if each.lower_bound is not None
+        ],
     )
 
 
 def _ratios(flights: Sequence[PolicyFlight]) -> Ratios | None:
-    """Return the ratios of the flights that end at the trim; None where none does."""
-    over = [each.over_best for each in flights if each.over_best is not None]
-    if not over:
-        return None
-    return Ratios(min(over), float(np.median(over)), max(over))
+    """Of the flights that end at the trim; None where none does."""
+    return ratios([each.over_best for each in flights if each.over_best is not None])

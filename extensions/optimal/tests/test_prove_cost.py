@@ -86,3 +86,50 @@ def test_a_bound_of_other_weights_is_refused(
     words = ["optimize", *AIRCRAFT, "--start", "angle=10", "--Q", "1,2"]
     assert main([*words, "--bound", str(certificate)]) == 2
     assert "another Q than --Q gives" in capsys.readouterr().err
+
+
+def card_of(folder: Path, weight: float) -> str:
+    """A deployment file of u = -1.98 angle - 0.98 rate, trained for R = weight."""
+    np.savez(folder / "actor.npz", **{"0.weight": np.array([[-1.98, -0.98]]), "0.bias": [0.0]})
+    path = folder / "card.toml"
+    path.write_text(f"""
+[policy]
+file = "actor.npz"
+[observation]
+angle = {{}}
+rate = {{}}
+[action]
+torque = {{box = [-3.0, 3.0], map = "trim + a"}}
+[timing]
+dt = 0.01
+[cost]
+Q = {{angle = 1.0, rate = 1.0}}
+R = {{torque = {weight}}}
+""")
+    return str(path)
+
+
+def test_flights_of_a_deployed_policy_are_bracketed(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """From each start: bound, best flight, flight of the policy, in this order."""
+    content = json.loads(certificate.read_text())["statement"]
+    words = ["assess", card_of(tmp_path, content["R"][0][0]), *AIRCRAFT, "--samples", "0"]
+    words += ["--best", "3", "--bound", str(certificate), "--json"]
+    assert main(words) in (0, 1)
+    (point,) = json.loads(capsys.readouterr().out)["points"]
+    brackets = point["best"]["brackets"]
+    assert len(brackets) == 3
+    for each in brackets:
+        assert 0.0 < each["lower_bound"] < min(each["best"], each["policy"])
+        assert each["best"] < 1.01 * each["policy"]
+
+
+def test_a_deployed_policy_of_other_weights_is_refused(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["assess", card_of(tmp_path, 3.0), *AIRCRAFT, "--samples", "0", "--best", "1"]
+    assert main([*words, "--bound", str(certificate)]) == 2
+    assert "another R than --R gives" in capsys.readouterr().err
+    assert main([*words[:-2], "--bound", str(certificate)]) == 2
+    assert "add --best K" in capsys.readouterr().err

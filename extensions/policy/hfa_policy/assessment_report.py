@@ -126,7 +126,7 @@ class Assessment(Result, Reported):
             verdicts.reverse()
         bad = [*filter(None, [self._mistaken(), *verdicts, *self.unmet, self._changed()])]
         flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
-        costs = [self._flown_costs(), self._costing()]
+        costs = [self._flown_costs(), self._bounded_costs(), self._costing()]
         loop = [self._saturating(), self._delaying(), self._offset(), *costs]
         own = self._leaving_alone()
         flown += [sentence for rough in self._rough[:1] for sentence in rough.left_out]
@@ -346,6 +346,11 @@ class Assessment(Result, Reported):
         worst = max(flown, key=_median)
         rate = worst.offset_rate or 0.0
         return f"{worst.sentence()}; off the trim {rate:.2g} a second"
+
+    def _bounded_costs(self) -> str:
+        """How far above the least possible flights are; a bound is of one trim."""
+        best = self.points[0].best
+        return "" if best is None else best.bound_sentence()
 
     def _costing(self) -> str:
         """The linear cost where it holds; elsewhere that of the linear loop means nothing."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import statistics
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,6 +16,22 @@ class Ratios(NamedTuple):
     least: float
     median: float
     worst: float
+
+
+@dataclass(frozen=True, eq=False)
+class Bracket(Result):
+    """What the least cost from one start is between.
+
+    start: state -> its deviation from the trim.
+    lower_bound: no flight costs less, as a certificate proves.
+    best: cost of the best flight found; None where none was.
+    policy: cost of the flight of the policy; None where it does not end at the trim.
+    """
+
+    start: Mapping[str, float]
+    lower_bound: float
+    best: float | None
+    policy: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +48,7 @@ class BestCosts(Result):
     lqr_over_best: cost of the linear optimum, saturated, relative to the best; None where none ends
         at the trim.
     offset_rate: cost per second of the equilibrium off the trim; None without an equilibrium.
+    brackets: one a start; none without a certificate of a lower bound.
     """
 
     starts: int
@@ -39,6 +58,18 @@ class BestCosts(Result):
     policy_over_best: Ratios | None
     lqr_over_best: Ratios | None
     offset_rate: float | None
+    brackets: Sequence[Bracket] = ()
+
+    @property
+    def policy_over_bound(self) -> Ratios | None:
+        """Cost of the flights of the policy that end at the trim, over the positive lower bounds;
+        None without any."""
+        pairs = [
+            (each.policy, each.lower_bound)
+            for each in self.brackets
+            if each.policy is not None and each.lower_bound > 0.0
+        ]
+        return ratios([cost / bound for cost, bound in pairs])
 
     def sentence(self) -> str:
         """In words."""
@@ -51,3 +82,22 @@ class BestCosts(Result):
         if self.lost:
             text += f", {self.lost} of {self.found} lost"
         return text
+
+    def bound_sentence(self) -> str:
+        """How far above the least possible the flights of the policy are; "" without a bound."""
+        if not self.brackets:
+            return ""
+        over = self.policy_over_bound
+        if over is None:
+            return "no flight that ends at the trim has a positive lower bound"
+        return (
+            f"flights cost at most {over.worst:.4g} x the least possible (median "
+            f"{over.median:.4g}), by the proved bound"
+        )
+
+
+def ratios(values: Sequence[float]) -> Ratios | None:
+    """The least, the median and the largest; None of no values."""
+    if not values:
+        return None
+    return Ratios(min(values), statistics.median(values), max(values))

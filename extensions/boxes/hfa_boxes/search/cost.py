@@ -39,7 +39,10 @@ _QUARTERED = 4
 _GOOD = 1.5
 #: Levels are so much above the costs of flights that they are to contain.
 _ABOVE = 1.05
-#: How far beyond the level z'P z of samples goes: the factor of each further trial, the most.
+#: How far beyond the level z'P z of samples goes: with one or two states, with more, where boxes at
+#: the faces of the cube are many; the factor of each further trial, and the most.
+_BEYOND_FEW = 1.3
+_BEYOND_MANY = 1.6
 _FURTHER = 1.3
 _MOST_BEYOND = 2.5
 _ENDLESS = 10**9
@@ -235,11 +238,12 @@ class CostSearch:
                 beyond *= _FURTHER
 
     def _beyond(self, c: float) -> float:
-        """How far beyond the level z'P z goes where flights cost about as much as the level."""
+        """How far beyond the level z'P z goes, farther where flights cost less than z'P z."""
         z, costs = self._flights
         near = (costs > 0.3 * c) & (costs <= c)
         ratios = self._problem.linear_cost(z[near]) / costs[near]
-        return float(_ABOVE * np.max(ratios, initial=1.0))
+        least = _BEYOND_FEW if z.shape[1] <= 2 else _BEYOND_MANY
+        return least * float(np.max(ratios, initial=1.0))
 
     def _inequality(self, piece: Piece) -> CostInequality:
         problem = self._problem

@@ -139,6 +139,12 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         default=0,
     )
     draws: int | None = draws_option()
+    bound: Path | None = option(
+        "with --best: certificate of `hfa prove cost`; print how far the flights are from the "
+        "least possible cost",
+        "FILE",
+        input_file(".json"),
+    )
     picture: Path | None = picture_option("radius over delay, and the outcomes of the flights")
 
     def points(self) -> list[OperatingPoint]:
@@ -217,8 +223,12 @@ def assess(request: AssessRequest) -> int:
         if request.best and each.deployment.cost is None:
             origin = each.deployment.origin
             raise BadInputError(f"--best: {origin} has no [cost]; add the Q and R")
+    if request.bound is not None and not request.best:
+        raise BadInputError("--bound is of flights beside the best ones; add --best K")
     changes = [changes_of(each, request.vary) for each in deployed]
     points = tuple(request.points())
+    if request.bound is not None and len(points) > 1:
+        raise BadInputError("--bound is of one trim; assess at one")
     scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
     results = []
     for each, changes_of_each in zip(deployed, changes, strict=True):
@@ -226,7 +236,7 @@ def assess(request: AssessRequest) -> int:
         assessed = assessor.assessed(ProgressLine("fly"))
         if request.best:
             costs = part(PARTS, "assess.best", "--best")
-            asked = (request.best, request.seed, ProgressLine("optimize"))
+            asked = (request.best, request.seed, ProgressLine("optimize"), request.bound)
             assessed = [replace(at, best=costs(each, at, *asked)) for at in assessed]
         mistakes = tuple(mistakes_of(assessor, assessed))
         changed = variations(assessor, changes_of_each, ProgressLine("fly changed aircraft"))
