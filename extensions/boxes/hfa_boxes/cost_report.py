@@ -10,6 +10,7 @@ from hfa_boxes.check.cost_checker import VerifiedCost
 from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.cost_results import CheckedLowerBound, FoundLowerBound
 from hfa_boxes.search.cost import CostBound
+from hfa_proof.results import limits_in_words
 from hfa_proof.subject import taken_from_certificate
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
@@ -70,9 +71,7 @@ def limits_of(statement: CostStatement) -> Table:
     plant = statement.plant
     rows = []
     for name, value in {**plant.trim, **plant.inputs, **plant.held}.items():
-        ends = plant.ends([name])[0].tolist()
-        described = [plant.model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
-        rows.append((name, plant.model.describe(name, value), *described))
+        rows.append((name, plant.model.describe(name, value), *limits_in_words(plant, name)))
     return Table(("flights within", "trim", "lowest", "highest"), rows)
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfa_boxes.check.cost_statement import CostStatement
+from hfa_boxes.check.plant import Plant
+from hfa_proof.results import ProvedResult
 from hfa_support.reporting.results import Matrix, Result, Vector
 
 
@@ -31,7 +33,7 @@ class BoundPiece(Result):
 
 
 @dataclass(frozen=True, eq=False)
-class LowerBound(Result):
+class LowerBound(ProvedResult):
     """A lower bound of the cost of every flight that is proved.
 
     statement: the proved statement.
@@ -44,35 +46,14 @@ class LowerBound(Result):
     boxes: Sequence[int]
 
     @property
-    def proved(self) -> bool:
-        """True: a bound that is not proved is not printed."""
-        return True
-
-    @property
-    def states(self) -> Sequence[str]:
-        """Names of the entries of z."""
-        return self.statement.plant.states
-
-    @property
-    def state_units(self) -> Sequence[str]:
-        """Unit of each state."""
-        return self.statement.plant.model.units(self.states)
-
-    @property
-    def trim(self) -> Mapping[str, float]:
-        """State or input -> value at the trim."""
-        plant = self.statement.plant
-        return {**plant.trim, **plant.inputs, **plant.held}
+    def subject(self) -> Plant:
+        """The aircraft."""
+        return self.statement.plant
 
     @property
     def equilibrium(self) -> Mapping[str, float]:
         """State or input -> value at the equilibrium, which is enclosed near this."""
         return self.statement.equilibrium
-
-    @property
-    def limits(self) -> Mapping[str, Sequence[float]]:
-        """Signal -> lowest and highest value in flight."""
-        return self.statement.plant.limits
 
     @property
     def Q(self) -> Matrix:

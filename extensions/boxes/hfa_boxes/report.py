@@ -8,8 +8,10 @@ from hfa_boxes.check.checker import VerifiedBoxes
 from hfa_boxes.check.statement import BoxStatement
 from hfa_boxes.results import CheckedBoxes, FoundBoxes
 from hfa_boxes.search.region import BoxRegion
+from hfa_proof.outward import at_least, at_most
+from hfa_proof.results import limits_in_words, place_in_words
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table
+from hfa_support.reporting.text import Table, shown_unit, shown_values
 
 NOT_COVERED = "sampling, delay, actuators, disturbances not covered"
 
@@ -33,8 +35,8 @@ def found_report(
         fails = dict(zip(statement.loop.states, place.tolist(), strict=True))
         share = np.sqrt(statement.rho / level)
         lines.append(
-            f"V' >= 0 at V = {level:.6g}, {_described(statement, place)}: the proved set reaches "
-            f"{share:.3g} of that level, linearly."
+            f"V' >= 0 at V = {level:.6g}, {place_in_words(statement.loop, place)}: the proved set "
+            f"reaches {share:.3g} of that level, linearly."
         )
         if flight is not None:
             lines.append(f"A flight from that state {flight}.")
@@ -47,12 +49,13 @@ def found_report(
 def checked_report(verified: VerifiedBoxes, policy: str, not_covered: str = NOT_COVERED) -> Report:
     """Return the report of a checked certificate."""
     statement = verified.statement
+    loop = statement.loop
     checked = CheckedBoxes(statement, verified.boxes, verified.written)
     inputs = Table(
         ("input", "trim", "lowest", "highest"),
         [
-            (name, statement.loop.model.describe(name, value), *_limits(statement, name))
-            for name, value in {**statement.loop.inputs, **statement.loop.held}.items()
+            (name, loop.model.describe(name, value), *limits_in_words(loop, name))
+            for name, value in {**loop.inputs, **loop.held}.items()
         ],
     )
     parts: tuple[str | Table, ...] = (
@@ -73,9 +76,10 @@ def _sentence(statement: BoxStatement, policy: str) -> str:
     saturated = ", ".join(statement.loop.inputs) or "no input"
     held = statement.loop.held
     kept = f" {', '.join(held)} held at the trim's." if held else ""
+    level = at_least(statement.rho, 6)
     return (
-        f"Every trajectory that begins in V(z) = z'P z <= {statement.rho:.6g} stays there and "
-        "within all limits, and converges to the equilibrium of the loop; z: deviation from that. "
+        f"Every trajectory that begins in V(z) = z'P z <= {level} stays there and within all "
+        "limits, and converges to the equilibrium of the loop; z: deviation from that. "
         f"Policy: {policy}. Inputs saturated: {saturated}.{kept}"
     )
 
@@ -84,22 +88,10 @@ def _extents(statement: BoxStatement) -> Table:
     model = statement.loop.model
     rows = []
     for name, extent in statement.extents.items():
-        at = statement.equilibrium[name]
-        described = [model.describe(name, value) for value in (extent, at)]
+        unit = model.unit(name)
+        reach = f"{at_most(float(shown_values(extent, unit)), 6)} {shown_unit(unit)}"
+        at = model.describe(name, statement.equilibrium[name])
         trim = model.describe(name, statement.loop.trim[name])
-        rows.append((name, *described, trim, *_limits(statement, name)))
+        rows.append((name, reach, at, trim, *limits_in_words(statement.loop, name)))
     header = ("the set reaches", "by", "about", "trim", "lowest", "highest")
     return Table(header, rows)
-
-
-def _limits(statement: BoxStatement, name: str) -> list[str]:
-    """Lowest and highest value of a signal, in words."""
-    ends = statement.loop.limits.get(name, (-np.inf, np.inf))
-    model = statement.loop.model
-    return [model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
-
-
-def _described(statement: BoxStatement, place: np.ndarray) -> str:
-    model = statement.loop.model
-    pairs = zip(statement.loop.states, place.tolist(), strict=True)
-    return ", ".join(f"{name} {model.describe(name, value)}" for name, value in pairs)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.statement import BoxStatement
-from hfa_support.reporting.results import Matrix, Result
+from hfa_proof.results import ProvedResult
+from hfa_support.reporting.results import Matrix
 
 
 @dataclass(frozen=True, eq=False)
-class BoxSet(Result):
-    """A proved set.
+class BoxSet(ProvedResult):
+    """A set that is proved.
 
     statement: the proved statement.
     boxes: number of boxes on which V' < 0.
@@ -23,9 +25,9 @@ class BoxSet(Result):
     boxes: int
 
     @property
-    def proved(self) -> bool:
-        """True: a set that is not proved is not printed."""
-        return True
+    def subject(self) -> Loop:
+        """The model with its policy."""
+        return self.statement.loop
 
     @property
     def prover(self) -> str:
@@ -38,22 +40,6 @@ class BoxSet(Result):
         return self.statement.rho
 
     @property
-    def states(self) -> Sequence[str]:
-        """Names of the entries of z."""
-        return self.statement.loop.states
-
-    @property
-    def state_units(self) -> Sequence[str]:
-        """Unit of each state."""
-        return self.statement.loop.model.units(self.states)
-
-    @property
-    def trim(self) -> Mapping[str, float]:
-        """State or input -> value at the trim, which the policy is about."""
-        loop = self.statement.loop
-        return {**loop.trim, **loop.inputs, **loop.held}
-
-    @property
     def equilibrium(self) -> Mapping[str, float]:
         """State -> value at the equilibrium of the loop."""
         return self.statement.equilibrium
@@ -62,11 +48,6 @@ class BoxSet(Result):
     def policy(self) -> str:
         """SHA-256 of the policy."""
         return self.statement.digest
-
-    @property
-    def limits(self) -> Mapping[str, Sequence[float]]:
-        """Signal -> lowest and highest value."""
-        return self.statement.loop.limits
 
     @property
     def extents(self) -> Mapping[str, float]:

@@ -139,7 +139,9 @@ def constant(s: Any, w: Any) -> None:
 
 
 def inexact(s: Any, w: Any) -> None:
-    s["pieces"][0]["W"][0][0] = 0.1
+    """3 times 0.1 is rounded."""
+    cubic = next(term for term in s["pieces"][0]["W"] if 3 in term[1])
+    cubic[0] = 0.1
 
 
 def twice(s: Any, w: Any) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from hfa_proof.checker.riccati import SAME_GAIN
 from hfa_proof.outward import at_least, at_most
+from hfa_proof.results import limits_in_words, place_in_words
 from hfa_proof.subject import taken_from_certificate
 from hfa_region.check.certificate import VerifiedRegion
 from hfa_region.check.extents import extents_of
@@ -48,7 +49,7 @@ def region_report(region: Region) -> Report:
             rows.append((name, "none found", "", ""))
             continue
         share = np.sqrt(level / statement.rho)
-        rows.append((name, f"{level:.6g}", f"{share:.3g}", _described(statement, place)))
+        rows.append((name, f"{level:.6g}", f"{share:.3g}", place_in_words(statement.loop, place)))
     table = Table(("level", "V", "linearly", "at"), rows)
     binding = ", ".join(bounds.limits) or "none"
     parts: tuple[str | Table, ...] = (
@@ -84,7 +85,7 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
     trim = Table(
         ("trim", "value", "lowest", "highest"),
         [
-            (name, loop.model.describe(name, value), *_limits(statement, name))
+            (name, loop.model.describe(name, value), *limits_in_words(statement.loop, name))
             for name, value in {**loop.trim, **loop.inputs, **loop.held}.items()
         ],
     )
@@ -190,7 +191,7 @@ def _extents(
                 name,
                 *(f"{end} {shown_unit(unit)}" for end in ends),
                 model.describe(name, at),
-                *_limits(statement, name),
+                *limits_in_words(statement.loop, name),
             )
         )
     header = ("the set lies within", "from", "to", "about", "lowest", "highest")
@@ -223,19 +224,6 @@ def _parameters(statement: RegionStatement) -> str:
     file = model.extras.source[1]
     source = f", file of SHA-256 {file[:16]}" if file else ""
     return f"Of {model.name}{source}; parameters: {named or 'none'}."
-
-
-def _limits(statement: RegionStatement, name: str) -> list[str]:
-    """Lowest and highest value of a signal, in words."""
-    ends = statement.loop.limits.get(name, (-np.inf, np.inf))
-    model = statement.loop.model
-    return [model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
-
-
-def _described(statement: RegionStatement, place: Sequence[float] | np.ndarray) -> str:
-    model = statement.loop.model
-    pairs = zip(statement.loop.states, np.asarray(place).tolist(), strict=True)
-    return ", ".join(f"{name} {model.describe(name, value)}" for name, value in pairs)
 
 
 def _place(statement: RegionStatement, found: tuple[float, np.ndarray | None]) -> Place | None:

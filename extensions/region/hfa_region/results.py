@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa_proof.results import ProvedResult
+from hfa_region.check.loop import RegionLoop
 from hfa_region.check.statement import RegionStatement
-from hfa_support.reporting.results import Matrix, Result
+from hfa_support.reporting.results import Matrix
 
 
 class Place(NamedTuple):
@@ -20,8 +22,8 @@ class Place(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ProvedSet(Result):
-    """A proved set.
+class ProvedSet(ProvedResult):
+    """A set that is proved.
 
     statement: the proved statement.
     parts: number of parts of the set, or of its edge, on which V' < 0 is proved.
@@ -35,30 +37,14 @@ class ProvedSet(Result):
     reaches: Mapping[str, tuple[float, float]]
 
     @property
-    def proved(self) -> bool:
-        """True: a set that is not proved is not printed."""
-        return True
+    def subject(self) -> RegionLoop:
+        """The model with its policy."""
+        return self.statement.loop
 
     @property
     def rho(self) -> float:
         """Level of V: the set is V(z) <= rho, z the deviations from the trim."""
         return self.statement.rho
-
-    @property
-    def states(self) -> Sequence[str]:
-        """Names of the entries of z."""
-        return self.statement.loop.states
-
-    @property
-    def state_units(self) -> Sequence[str]:
-        """Unit of each state."""
-        return self.statement.loop.model.units(self.states)
-
-    @property
-    def trim(self) -> Mapping[str, float]:
-        """State or input -> value at the trim."""
-        loop = self.statement.loop
-        return {**loop.trim, **loop.inputs, **loop.held}
 
     @property
     def K(self) -> Matrix:
@@ -69,11 +55,6 @@ class ProvedSet(Result):
     def policy(self) -> Mapping[str, Sequence[Any]]:
         """Input -> q, a list of [coefficient, exponents]; inputs without have q = 0."""
         return self.statement.loop.policy
-
-    @property
-    def limits(self) -> Mapping[str, Sequence[float]]:
-        """Signal -> lowest and highest value."""
-        return self.statement.loop.limits
 
     @property
     def disturbances(self) -> Mapping[str, float]:

@@ -29,7 +29,7 @@ _DRAWN = 4000
 _FLOWN = 120
 _DEAREST = 80
 #: The first levels over that of all initial conditions.
-_SHARES = (0.1, 0.4, 1.0)
+_SHARES = (0.2, 1.0)
 #: Levels between, at most, and by how much each is lower than the one before at least.
 _BETWEEN = 4
 _LOWER = 0.75

@@ -1,0 +1,103 @@
+"""Certificates of a lower bound, changed at random: none that is false is accepted."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hfa_aircraft.model import Model, Signal
+from hfa_boxes.check.cost import Polynomial
+from hfa_boxes.check.cost_checker import check_cost, read_cost
+from hfa_boxes.check.cost_statement import CostStatement, Piece
+from hfa_boxes.check.plant import Plant
+from hfa_proof.checker.checker import SCHEMA
+from hfa_support.errors import BadInputError, NoSolutionError
+
+COUNT = 1000
+ONE = np.eye(1)
+
+
+def cart(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"position": u.speed}, {}
+
+
+CART = Model("cart", {"position": Signal("m")}, {"speed": Signal("m/s")}, cart, trim={})
+
+
+def content() -> dict[str, Any]:
+    """Two pieces of x' = u with Q = R = 1, whose least cost is x²."""
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
+    pieces = (
+        Piece(ONE, Polynomial(1, ((1.0 - 1e-13, (2,)),)), 0.5),
+        Piece(2.0 * ONE, Polynomial(1, ((0.125, (2,)), (0.0625, (4,)))), 0.125),
+    )
+    statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, pieces)
+    return {
+        **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
+        "kind": "cost-boxes",
+        "statement": statement.content(),
+        "witness": {"solved": ["speed"], "boxes": [2000, 2000]},
+    }
+
+
+def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Paths of all entries, those of lists and objects too."""
+    if path:
+        yield path
+    if isinstance(value, dict):
+        for key, entry in value.items():
+            yield from leaves(entry, (*path, key))
+    if isinstance(value, list):
+        for index, entry in enumerate(value):
+            yield from leaves(entry, (*path, index))
+
+
+def mutate(certificate: dict[str, Any], rng: np.random.Generator) -> None:
+    """Change, remove or repeat one entry of the statement or the witness."""
+    claims = {name: certificate[name] for name in ("statement", "witness")}
+    paths = list(leaves(claims))
+    *parents, last = paths[rng.integers(len(paths))]
+    holder: Any = claims
+    for key in parents:
+        holder = holder[key]
+    value = holder[last]
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        near = [value + 1e-6, value * (1 + 1e-12), value * (1 - 1e-12), value * 1.01, value * 0.99]
+        far = [0, -value, 0.5 * value, 2.0 * value, value + 1, value - 1, 1e300, None, "1"]
+        choices = [*near, *far]
+        holder[last] = choices[rng.integers(len(choices))]
+    elif rng.uniform() < 0.5 or not isinstance(holder, list):
+        del holder[last]
+    else:
+        holder.append(copy.deepcopy(value))
+
+
+def is_true(statement: CostStatement) -> bool:
+    """Whether no piece is above sqrt(Q R) x², the least cost, on a fine grid."""
+    x = np.linspace(-3.0, 3.0, 20_001)[:, None]
+    least = np.sqrt(statement.Q[0, 0] * statement.R[0, 0]) * x[:, 0] ** 2
+    return bool(np.all(statement.bound(x) <= least * (1.0 + 1e-15)))
+
+
+@pytest.mark.slow
+def test_no_false_bound_of_1000_is_accepted() -> None:
+    """What is accepted is a weaker claim, true by the least cost that is known."""
+    rng = np.random.default_rng(0)
+    original = content()
+    check_cost(*read_cost(copy.deepcopy(original), CART))
+    accepted = 0
+    for _ in range(COUNT):
+        certificate = copy.deepcopy(original)
+        mutate(certificate, rng)
+        try:
+            statement, witness = read_cost(certificate, CART)
+            check_cost(statement, witness)
+        except (BadInputError, NoSolutionError):
+            continue
+        accepted += 1
+        assert is_true(statement), certificate
+    assert accepted < COUNT / 3

@@ -1,0 +1,86 @@
+"""What results of proofs about an aircraft at a trim have in common, as data and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_support.reporting.results import Result
+
+
+class Subject(Protocol):
+    """An aircraft about a trim."""
+
+    @property
+    def model(self) -> Model:
+        """Its equations."""
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The moving states."""
+
+    @property
+    def trim(self) -> Mapping[str, float]:
+        """Moving state -> value."""
+
+    @property
+    def inputs(self) -> Mapping[str, float]:
+        """Input -> value at the trim."""
+
+    @property
+    def held(self) -> Mapping[str, float]:
+        """Each other state -> the value that it keeps."""
+
+    @property
+    def limits(self) -> Mapping[str, tuple[float, float]]:
+        """Signal -> lowest and highest value."""
+
+
+class ProvedResult(Result):
+    """A result that is proved of an aircraft about a trim."""
+
+    @property
+    def subject(self) -> Subject:
+        """The aircraft."""
+        raise NotImplementedError
+
+    @property
+    def proved(self) -> bool:
+        """True: what is not proved is not printed."""
+        return True
+
+    @property
+    def states(self) -> Sequence[str]:
+        """Names of the entries of z."""
+        return self.subject.states
+
+    @property
+    def state_units(self) -> Sequence[str]:
+        """Unit of each state."""
+        return self.subject.model.units(self.states)
+
+    @property
+    def trim(self) -> Mapping[str, float]:
+        """State or input -> value at the trim."""
+        return {**self.subject.trim, **self.subject.inputs, **self.subject.held}
+
+    @property
+    def limits(self) -> Mapping[str, Sequence[float]]:
+        """Signal -> lowest and highest value."""
+        return self.subject.limits
+
+
+def limits_in_words(subject: Subject, name: str) -> list[str]:
+    """Lowest and highest value of a signal; "-" where it has no limit."""
+    ends = subject.limits.get(name, (-np.inf, np.inf))
+    model = subject.model
+    return [model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
+
+
+def place_in_words(subject: Subject, place: Sequence[float] | np.ndarray) -> str:
+    """Deviations (n,) of the states."""
+    pairs = zip(subject.states, np.asarray(place).tolist(), strict=True)
+    return ", ".join(f"{name} {subject.model.describe(name, value)}" for name, value in pairs)
