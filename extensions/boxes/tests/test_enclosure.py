@@ -95,6 +95,20 @@ def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
     assert Fraction(float(highest(models, 1)[0, 0])) >= exact
 
 
+@pytest.mark.parametrize("margin", [1e-13, -1e-13])
+def test_folded_constants_are_the_function(margin: float) -> None:
+    """Of 5 (0.2 y) - y nothing is left, though the double 0.2 times 5 is not 1: the margin alone
+    decides."""
+    y = ca.SX.sym("y")
+    folded = 5 * (0.2 * y) - y + margin
+    assert Fraction(0.2) * 5 != 1
+    models = TaylorProgram(Program(ca.Function("f", [y], [folded]), "f")).over(
+        np.array([[0.5]]), np.array([[0.5]])
+    )
+    assert (lowest(models, 1)[0, 0] > 0.0) == (margin > 0.0)
+    assert (highest(models, 1)[0, 0] < 0.0) == (margin < 0.0)
+
+
 def test_rounding_of_a_long_sum_is_covered() -> None:
     """Σ 0.1 k y less its rational value: doubles lose digits that the radius holds."""
     y = ca.SX.sym("y", 2)

@@ -138,8 +138,6 @@ class Fit:
     def fitted(self) -> Polynomial:
         """The polynomial of the last linear program, which no sample violates; OpenBoxError where
         there is none."""
-        if not np.any(self._free):
-            return self._polynomial()
         if not self._rows:
             z = self._ball(_FIRST)
             self._add(z, self._best_inputs(z))
