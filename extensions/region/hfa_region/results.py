@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_proof.results import ProvedResult
-from hfa_region.check.loop import RegionLoop
-from hfa_region.check.statement import RegionStatement
+from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_support.reporting.results import Matrix
 
 
@@ -37,7 +36,7 @@ class ProvedSet(ProvedResult):
     reaches: Mapping[str, tuple[float, float]]
 
     @property
-    def subject(self) -> RegionLoop:
+    def subject(self) -> SaturatedLoop:
         """The model with its policy."""
         return self.statement.loop
 
