@@ -56,7 +56,7 @@ def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
     L = game.disturbance_gain(P)
     name = "cost_lyapunov"
     if not is_hurwitz(game.A - game.B @ K + game.E @ L):
-        reason = "the policies of P do not bring the state to rest: their cost is not finite"
+        reason = "the policies of P are not stabilizing: their cost is not finite"
         return at_most(name, math.inf, COST_TOLERANCE, reason)
     cost = float(initial @ cost_matrix(game, K, L) @ initial)
     claimed = float(initial @ P @ initial)

@@ -136,7 +136,7 @@ REFUSED_BY_EXTENSIONS = (
         "--design servo --dihedral 11 --units si",
         "in the units of the declaration; leave it out",
     ),
-    ("hfa_servo", "design", "given.npz", "given.npz: this is no controller file"),
+    ("hfa_servo", "design", "given.npz", "given.npz: this is not a controller file"),
     (
         "hfa_servo",
         "design",

@@ -43,10 +43,10 @@ def test_provenance_changes_with_every_file(tmp_path):
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("no xml", r"glider.xml:1: this is no XML \(syntax error\)"),
+        ("no xml", r"glider.xml:1: this is not XML \(syntax error\)"),
         (
             "<fdm_config><metrics></fdm_config>",
-            r"glider.xml:1: this is no XML \(mismatched tag\)",
+            r"glider.xml:1: this is not XML \(mismatched tag\)",
         ),
         (
             '<!DOCTYPE a [\n<!ENTITY b SYSTEM "file:///etc/passwd">]><fdm_config>&b;</fdm_config>',
