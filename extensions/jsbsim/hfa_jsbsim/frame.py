@@ -1,15 +1,16 @@
-"""One frame of JSBSim, and flights of such frames: its order of models and its integrators
-(`FGFDMExec::Run`, `FGPropagate`, `FGAccelerations`, `FGInertial`, `FGLocation`).
+"""Frames of JSBSim: its order of computations and its integrators (`FGFDMExec::Run`,
+`FGPropagate`, `FGAccelerations`, `FGInertial`, `FGLocation`).
 
-A frame moves the aircraft by the accelerations of the frame before; then control system, mass, air,
-engines and forces follow in this order, each from the values set so far.
+A frame first moves the aircraft by the accelerations of the frame before. Control system, mass,
+air, engines and forces follow in this order, each from the values set so far.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -30,7 +31,7 @@ _MOTION = {
     **{"last_acceleration": 3, "spin_up": 3, "last_velocity": 3, "older_velocity": 3, "body": 3},
 }
 _SIZE = sum(_MOTION.values())
-#: Engines and filters come to rest for at most so long, s, until nothing of them moves by more.
+#: Engines and filters settle for at most so long, s, until none of them moves by more in a frame.
 _LONGEST = 60.0
 _STEADY = 1e-13
 
@@ -79,7 +80,7 @@ class _FrameEquations(Equations):
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """They are those of the frame before."""
+        """Nothing: the rates of the angles are those of the frame before."""
 
     def _stop_clock(self) -> None:
         """The time is 0, as in the model."""
@@ -94,7 +95,6 @@ class Frames:
         parts: Parts,
         step: float,
         names: tuple[list[str], list[str], list[str]],
-        planet: Planet | None = None,
     ) -> None:
         """names: states, inputs and parameters of the model.
 
@@ -104,7 +104,7 @@ class Frames:
         own_parts.choices = replace(parts.choices, step=step, engines=True, filters=False)
         own_parts.notes = []
         self.step = step
-        self.planet = planet or Planet()
+        self.planet = Planet()
         self._states, self._inputs, self._parameters = names
         self._equations = _FrameEquations(own_parts)
         self._engines = list(self._equations.states)[len(STATES) :]
@@ -115,6 +115,10 @@ class Frames:
                     f"the state {shortened(name)} is a filter's, which JSBSim steps itself; leave"
                     " ?filters=states out"
                 )
+        for name in self._inputs:
+            refuse_surface(
+                name, self._equations.inputs[name], name in self._equations.cut_throttles
+            )
         self._memories = list(self._equations.properties.memories.values())
         self._frame = self._compiled(moving=True)
         self._still = self._compiled(moving=False)
@@ -124,8 +128,10 @@ class Frames:
         self._x = np.zeros(0)
 
     def begin(self, x: Any, p: Any, u: Any) -> None:
-        """Start a flight at a state, over the equator: what is no state of the model, lags of
-        engines and filters, comes to rest first.
+        """Start a flight at a state, over the equator.
+
+        Lags of engines and filters that are not states of the model settle first, for at most
+        `_LONGEST` s.
 
         x, p, u: (n,) states, parameters and inputs of the model
         """
@@ -159,7 +165,10 @@ class Frames:
         return x.copy()
 
     def _begun(self, values: dict[str, float], wind: np.ndarray) -> np.ndarray:
-        """The motion at a state, over the equator, accelerations 0."""
+        """The motion at a state, (_SIZE,), over the equator; accelerations are 0.
+
+        values: of the states, by name. wind: north, east and down, ft/s
+        """
         planet = self.planet
         turning = np.array([0.0, 0.0, planet.turning])
         position = np.array([planet.semimajor + values["altitude"], 0.0, 0.0])
@@ -181,7 +190,7 @@ class Frames:
         return motion
 
     def _compiled(self, moving: bool) -> ca.Function:
-        """(z, u, p) -> z and x after a frame; not moving: z alone, in place."""
+        """(z, u, p) -> z and x after a frame; not moving: z alone, with the aircraft in place."""
         z = ca.SX.sym("z", _SIZE + len(self._engines) + len(self._memories))
         u = ca.SX.sym("u", len(self._inputs))
         p = ca.SX.sym("p", len(self._parameters))
@@ -190,43 +199,22 @@ class Frames:
         memories = z[_SIZE + len(self._engines) :]
         if moving:
             parts |= _propagated(parts, self.step, self.planet.turning)
-        turning = ca.vertcat(0.0, 0.0, self.planet.turning)
-        to_earth = _turned(parts["earth"])
-        place = ca.mtimes(to_earth, parts["position"])
-        altitude, to_local = _local_axes(place, self.planet)
-        to_body = _matrix(parts["attitude"])
-        body_from_local = ca.mtimes([to_body, to_earth.T, to_local.T])
-        drift = ca.cross(turning, parts["position"])
-        velocity = ca.mtimes(to_body, parts["velocity"] - drift)
-        planet_rates = ca.mtimes(to_body, turning)
-        rates = parts["rotation"] - planet_rates
         by_name = dict(zip(self._parameters, ca.vertsplit(p), strict=True))
         wind = ca.vertcat(*(by_name.get(name, 0.0) for name in WINDS))
-        air = velocity - ca.mtimes(body_from_local, wind)
-        x = ca.vertcat(*_flow(air), rates, *_angles(body_from_local), altitude)
-        x = ca.vertcat(*(dict(zip(_ORDER, ca.vertsplit(x), strict=True))[name] for name in STATES))
-        angle_rates = ca.vertcat(*flow_rates(air, parts["body"])[1:])
+        view = _viewed(parts, wind, self.planet)
         loads, engines, memories = self._loads(
-            ca.vertcat(x, engines), u, p, angle_rates, planet_rates, memories
+            ca.vertcat(view.states, engines),
+            u,
+            p,
+            view.angle_rates,
+            view.planet_rates,
+            memories,
         )
-        force, moment, mass, inertia = ca.vertsplit(loads, [0, 3, 6, 7, 16])
-        inertia = ca.reshape(inertia, 3, 3)
-        pull = ca.mtimes(to_earth.T, _gravity(place, self.planet))
-        pushed = force / mass
-        parts["last_acceleration"] = parts["acceleration"]
-        parts["acceleration"] = ca.mtimes(to_body.T, pushed) + pull
-        spin = ca.cross(parts["rotation"], ca.mtimes(inertia, parts["rotation"]))
-        parts["spin_up"] = ca.mtimes(ca.inv(inertia), moment - spin)
-        parts["body"] = (
-            pushed
-            - ca.cross(rates + 2.0 * planet_rates, velocity)
-            - ca.mtimes(to_body, ca.cross(turning, drift))
-            + ca.mtimes(to_body, pull)
-        )
+        parts |= _accelerated(parts, view, loads, self.planet)
         after = ca.vertcat(*(parts[name] for name in _MOTION), engines, memories)
-        states = [*STATES, *self._engines]
-        every = ca.vertcat(x, engines)
-        shown = ca.vertcat(*(every[states.index(name)] for name in self._states))
+        names = [*STATES, *self._engines]
+        states = ca.vertcat(view.states, engines)
+        shown = ca.vertcat(*(states[names.index(name)] for name in self._states))
         results = [after, shown] if moving else [after]
         return ca.Function(
             "frame", [z, u, p], [ca.densify(each) for each in results], {"cse": True}
@@ -239,33 +227,7 @@ class Frames:
         of the earth in body axes, memories
         """
         equations = self._equations
-        step = self.step
-        symbols = {name: equations.states[name] for name in self._engines}
-        rates = ca.vertcat(*(equations.rates[name] for name in self._engines))
-        loads = ca.vertcat(*(equations.rates[name] for name in equations.loads))
-        kept = [f"memory {name}" for name in equations.properties.memories]
-        memories = ca.vertcat(ca.SX(0, 1), *(equations.rates[name] for name in kept))
-        # shafts and blades move before the thrust is worked out, propellers after it
-        before = [name for name in self._engines if not name.startswith("rpm")]
-        after = [name for name in self._engines if name.startswith("rpm")]
-        early = ca.vertcat(ca.SX(0, 1), *(symbols[name] for name in before))
-        moved = early + step * ca.vertcat(ca.SX(0, 1), *(equations.rates[name] for name in before))
-        loads, rates, memories = ca.substitute([loads, rates, memories], [early], [moved])
-        speeds = ca.vertcat(ca.SX(0, 1), *(symbols[name] for name in after))
-        places = [self._engines.index(name) for name in after]
-        turned = speeds + step * ca.vertcat(ca.SX(0, 1), *(rates[place] for place in places))
-        late = ca.substitute(memories, speeds, turned)
-        is_speed = [name.endswith("-rpm") for name in kept]
-        memories = ca.vertcat(
-            ca.SX(0, 1),
-            *(late[i] if is_speed[i] else memories[i] for i in range(len(kept))),
-        )
-        values = dict(zip(before, ca.vertsplit(moved), strict=True)) if before else {}
-        values |= dict(zip(after, ca.vertsplit(turned), strict=True)) if after else {}
-        engines = ca.vertcat(ca.SX(0, 1), *(values[name] for name in self._engines))
         inputs = {name: each.symbol for name, each in equations.inputs.items()}
-        for name in self._inputs:
-            refuse_surface(name, equations.inputs[name], name in equations.cut_throttles)
         parameters = dict(equations.parameters)
         given = [
             *equations.states.values(),
@@ -275,16 +237,42 @@ class Frames:
             equations.planet_rates,
             *(memory.symbol for memory in self._memories),
         ]
-        unused = [*inputs.values(), *parameters.values()]
-        zeros = [1.0 if name.startswith("engine") else 0.0 for name in (*inputs, *parameters)]
+        unused = {**inputs, **parameters}
+        at_rest = [1.0 if name.startswith("engine") else 0.0 for name in unused]  # engines run
         function = ca.Function(
-            "loads",
-            [ca.vertcat(*given), ca.vertcat(ca.SX(0, 1), *unused)],
-            [loads, engines, memories],
+            "loads", [ca.vertcat(*given), _column(unused.values())], [*self._end_of_frame()]
         )
-        values_given = ca.vertcat(x, u, p, *others)
-        at_end: Any = function(values_given, ca.SX(ca.DM(zeros)))
-        return at_end
+        values: Any = function(ca.vertcat(x, u, p, *others), ca.SX(ca.DM(at_rest)))
+        return values
+
+    def _end_of_frame(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Loads, engines and memories at the end of a frame, in the symbols of the equations.
+
+        Shafts and blades move before the thrust is computed, the speeds of propellers after it.
+        """
+        equations = self._equations
+        kept = [f"memory {name}" for name in equations.properties.memories]
+        speeds = [name for name in self._engines if name.startswith("rpm")]
+        others = [name for name in self._engines if name not in speeds]
+        before = _column(equations.states[name] for name in others)
+        moved = before + self.step * _column(equations.rates[name] for name in others)
+        groups = (equations.loads, speeds, kept)
+        loads, speed_rates, memories = ca.substitute(
+            [_column(equations.rates[name] for name in group) for group in groups],
+            [before],
+            [moved],
+        )
+        slow = _column(equations.states[name] for name in speeds)
+        turned = slow + self.step * speed_rates
+        late = ca.substitute(memories, slow, turned)
+        memories = _column(
+            late[place] if name.endswith("-rpm") else memories[place]
+            for place, name in enumerate(kept)
+        )
+        order = [*others, *speeds]
+        engines = ca.vertcat(moved, turned)
+        engines = _column(engines[order.index(name)] for name in self._engines)
+        return loads, engines, memories
 
 
 def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> None:
@@ -298,11 +286,94 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
         )
 
 
-#: The order in which `_compiled` finds the states.
-_ORDER = (
-    *("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate"),
-    *("roll", "pitch", "yaw", "altitude"),
-)
+class _View(NamedTuple):
+    """A motion as the rest of the frame reads it.
+
+    to_earth: (3, 3), axes of the earth from inertial ones. to_body: (3, 3), body axes from these.
+    place: position in axes of the earth, ft. drift: velocity of the earth there, inertial, ft/s.
+    velocity: over the ground, in body axes, ft/s. rates: over the ground, rad/s.
+    planet_rates: rotation of the earth in body axes, rad/s.
+    states: in the order of `STATES`. angle_rates: of alpha and beta, rad/s.
+    """
+
+    to_earth: Any
+    to_body: Any
+    place: Any
+    drift: Any
+    velocity: Any
+    rates: Any
+    planet_rates: Any
+    states: Any
+    angle_rates: Any
+
+
+def _viewed(parts: dict[str, Any], wind: Any, planet: Planet) -> _View:
+    """The view of a motion. wind: (3,) north, east and down, ft/s."""
+    turning = ca.vertcat(0.0, 0.0, planet.turning)
+    to_earth = _turned(parts["earth"])
+    to_body = _matrix(parts["attitude"])
+    place = ca.mtimes(to_earth, parts["position"])
+    altitude, to_local = _local_axes(place, planet)
+    body_from_local = ca.mtimes([to_body, to_earth.T, to_local.T])
+    drift = ca.cross(turning, parts["position"])
+    velocity = ca.mtimes(to_body, parts["velocity"] - drift)
+    planet_rates = ca.mtimes(to_body, turning)
+    rates = parts["rotation"] - planet_rates
+    air = velocity - ca.mtimes(body_from_local, wind)
+    speed, alpha, beta = _flow(air)
+    roll, pitch, yaw = _angles(body_from_local)
+    states = {
+        "speed": speed,
+        "alpha": alpha,
+        "beta": beta,
+        "roll_rate": rates[0],
+        "pitch_rate": rates[1],
+        "yaw_rate": rates[2],
+        "roll": roll,
+        "pitch": pitch,
+        "yaw": yaw,
+        "altitude": altitude,
+    }
+    return _View(
+        to_earth,
+        to_body,
+        place,
+        drift,
+        velocity,
+        rates,
+        planet_rates,
+        states=ca.vertcat(*(states[name] for name in STATES)),
+        angle_rates=ca.vertcat(*flow_rates(air, parts["body"])[1:]),
+    )
+
+
+def _accelerated(
+    parts: dict[str, Any], view: _View, loads: ca.SX, planet: Planet
+) -> dict[str, Any]:
+    """Return the accelerations after `FGAccelerations`.
+
+    loads: force, moment, mass and inertia, in one column of 16
+    """
+    force, moment, mass, inertia = ca.vertsplit(loads, [0, 3, 6, 7, 16])
+    inertia = ca.reshape(inertia, 3, 3)
+    turning = ca.vertcat(0.0, 0.0, planet.turning)
+    pull = ca.mtimes(view.to_earth.T, _gravity(view.place, planet))
+    specific_force = force / mass
+    spin = ca.cross(parts["rotation"], ca.mtimes(inertia, parts["rotation"]))
+    return {
+        "last_acceleration": parts["acceleration"],
+        "acceleration": ca.mtimes(view.to_body.T, specific_force) + pull,
+        "spin_up": ca.mtimes(ca.inv(inertia), moment - spin),
+        "body": specific_force
+        - ca.cross(view.rates + 2.0 * view.planet_rates, view.velocity)
+        - ca.mtimes(view.to_body, ca.cross(turning, view.drift))
+        + ca.mtimes(view.to_body, pull),
+    }
+
+
+def _column(values: Iterable[Any]) -> ca.SX:
+    """Expressions in one column, (0, 1) without any."""
+    return ca.vertcat(ca.SX(0, 1), *values)
 
 
 def _split(motion: Any) -> dict[str, Any]:
