@@ -91,8 +91,8 @@ def fly(
     scenario: what else happens during the flight; all of it drawn
     envelope: limits of the states, or those that differ from `flight_envelope(model, point)`
     predict: whether the linear model flies too
-    method: "runge-kutta", or "jsbsim": an aircraft of JSBSim in frames as JSBSim's own, over its
-        own earth, its engines and filters with their lags
+    method: "runge-kutta", or "jsbsim": an aircraft of JSBSim in JSBSim's frames, over JSBSim's
+        earth, with the lags of its engines and filters
     step: of these frames, s; 1/120 unless given
     progress: called during the nonlinear flight
 

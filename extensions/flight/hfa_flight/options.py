@@ -246,7 +246,7 @@ def _turbulence(text: str) -> Turbulence | tuple[float, float]:
     word, *rest = text.split(":")
     spectrum, _, level = word.rpartition("-")
     if level in LEVELS and spectrum in ("", *SPECTRA) and len(rest) <= 2:
-        altitude, span, *_ = [*(number(size) if size else None for size in rest), None, None]
+        altitude, span, *_ = [*(positive(size) if size else None for size in rest), None, None]
         return Turbulence(level, altitude, span, spectrum or SPECTRA[0])
     if word[:1].isalpha():
         raise BadInputError(f"is {text!r}; give {_TURBULENCE} with {', '.join(LEVELS)}")
@@ -419,14 +419,14 @@ class FlightOptions(ScenarioOptions):
     )
 
     method: str = option(
-        f"{JSBSIM}: an aircraft of JSBSim in frames as JSBSim's own",
+        f"{JSBSIM}: simulate an aircraft of JSBSim in JSBSim's frames",
         "NAME",
         one_of(*METHODS),
         default=RUNGE_KUTTA,
         rare=True,
     )
     frame: float | None = option(
-        f"of the frames of --method {JSBSIM}; 1/120",
+        f"step of the frames of --method {JSBSIM}; default 1/120",
         "S",
         fraction,
         names="--step",

@@ -1,9 +1,10 @@
-"""Flights in the steps of another program, which an aircraft's equations offer."""
+"""Flights in the steps of another program, of aircraft whose equations have them."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
@@ -29,8 +30,8 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
     """The loop of an aircraft of JSBSim, whose plant moves in JSBSim's frames of the scenario's
     step.
 
-    BadInputError for another aircraft, and for a scenario with what these frames have not:
-    actuators, policies with a memory, delays, disturbances.
+    BadInputError for another aircraft, and for a scenario that these frames do not support:
+    actuators, policies with states, gusts, delays, disturbances.
     """
     model: Model = loop.plant.point.model
     make = getattr(model.equations, "jsbsim_steps", None)
@@ -45,20 +46,20 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
         "a policy with states": sizes.memory,
         "a gust": sizes.gust,
         "a delay": loop.scenario.delayed_ticks,
-        "disturbances": len(loop.wind_names) + _disturbed(loop),
+        "disturbances": loop.wind_names or _is_disturbed(loop),
     }
-    for what, size in extra.items():
-        if size:
+    for what, is_present in extra.items():
+        if is_present:
             raise BadInputError(f"method {JSBSIM} flies without {what}; leave it out")
     return _SteppedLoop(loop, make(loop.scenario.step))
 
 
-def _disturbed(loop: ClosedLoop) -> int:
-    """How many states a disturbance pushes."""
+def _is_disturbed(loop: ClosedLoop) -> bool:
+    """Whether the disturbance of the states is not 0 at all times."""
     disturbance = loop.scenario.disturbance
     if disturbance is None:
-        return 0
-    return int(np.count_nonzero(np.array(disturbance.at(0.0))))
+        return False
+    return not ca.SX(disturbance.at(ca.SX.sym("t"))).is_zero()
 
 
 class _SteppedLoop(CompiledLoop):

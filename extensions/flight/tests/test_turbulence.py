@@ -231,7 +231,7 @@ def test_flight_meets_what_was_drawn() -> None:
     [
         ("fly --turbulence light", "40000 ft would be at the altitude that published dynamics has"),
         ("fly --turbulence calm:3", "give LEVEL[:ALTITUDE[:SPAN]] with light, moderate, severe"),
-        ("fly --turbulence light:-3", "the altitude of turbulence is -3"),
+        ("fly --turbulence light:-3", "is '-3'; give a finite number above 0"),
         ("fly --turbulence light:90000", "MIL-F-8785C defines it from 10 to 80000 ft"),
         ("fly --aircraft examples/gtm.py:GTM --turbulence severe", "GTM has no altitude"),
         ("fly --aircraft examples/pendulum.py:PENDULUM --turbulence light:9", "has no speed"),

@@ -1,4 +1,4 @@
-"""Flights in frames as JSBSim's own against JSBSim itself."""
+"""Flights in JSBSim's frames against JSBSim itself."""
 
 import importlib.util
 import json
@@ -8,6 +8,8 @@ import pytest
 
 import hfa
 from hfa.main import main
+from hfa_flight.scenario import Scenario
+from hfa_flight.signals import Harmonic, Waveform
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
 from studies.jsbsim import frames
@@ -64,6 +66,18 @@ def test_other_aircraft_are_refused(capsys):
     words = ["fly", "--aircraft", "jsbsim:737", "--method", "jsbsim", "--actuators", "0.05:60"]
     assert main(words) == 2
     assert "flies without actuators" in capsys.readouterr().err
+
+
+def test_disturbances_are_refused():
+    """A sine on the rate of a state, 0 at the begin, is refused and not left out."""
+    model = read_model("jsbsim:737")
+    point = hfa.find_operating_point(model, hold={"kcas": 250.0, "altitude": 10000.0})
+    amplitude = np.full(len(model.linear), 1e-3)
+    nothing = np.zeros(len(model.linear))
+    pushes = Waveform(nothing, nothing, (Harmonic(1.0, amplitude, nothing),))
+    scenario = Scenario(duration=1.0, disturbance=pushes)
+    with pytest.raises(BadInputError, match="flies without disturbances"):
+        hfa.fly(model, point, scenario=scenario, method="jsbsim")
 
 
 def test_surfaces_as_inputs_are_refused():

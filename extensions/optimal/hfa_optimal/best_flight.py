@@ -230,7 +230,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
                 "proved."
             )
         return (
-            f"No flight from this initial condition costs less than {self.lower_bound:.6g}(proved)."
+            f"No flight from this initial condition costs less than {self.lower_bound:.6g} (proved)."
         )
 
     def _checked(self) -> str:
