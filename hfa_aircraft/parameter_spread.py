@@ -24,9 +24,10 @@ class ParameterSpread:
     of_logarithms: bool = False
 
     def draws(self, count: int, seed: int) -> np.ndarray:
-        """(count, n) random samples; the seed decides them."""
+        """(count, n) random samples; equal for equal seeds."""
         center = np.array(list(self.values.values()))
         sizes = center if self.of_logarithms else np.sqrt(np.diag(self.covariance))
+        sizes = np.where(sizes == 0.0, 1.0, sizes)  # of a parameter that is known exactly
         variances, axes = np.linalg.eigh(self.covariance / np.outer(sizes, sizes))
         # The symmetric root, which does not depend on the signs and the order of the axes.
         root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T

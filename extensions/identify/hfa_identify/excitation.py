@@ -1,4 +1,5 @@
-"""Why records do not determine a parameter: what multiplies it did not move."""
+"""The state or input that multiplies a parameter and did not move in the records, which therefore
+do not determine the parameter."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import components
+from hfa_identify.response import Responses
 from hfa_identify.search import Search
 
 #: A quantity moves where its range is at least this part of its nominal size.
@@ -16,7 +18,7 @@ _MOVES = 0.02
 
 def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str]:
     """Parameter that the records do not determine -> the state or input that it multiplies and that
-    did not move, "" where that is not why."""
+    did not move; "" where that moved."""
     return {name: _still(search, name) for name in parameters}
 
 
@@ -39,16 +41,20 @@ def _still(search: Search, name: str) -> str:
 
 
 def _moves(search: Search, quantity: str, size: float) -> bool:
-    """Whether a state or input moved in a record; a state that is not measured is taken to be still
-    where all inputs that could be seen moving it are."""
+    """Whether a state or input moved in a record; a state without a sensor moved where the model at
+    the begin of the search moves it, or diverges."""
     model = search.responses.model
-    for record in search.records:
+    for record, start in zip(search.records, search.guesses, strict=True):
         if quantity in model.inputs:
             values = record.inputs[:, list(model.inputs).index(quantity)]
         elif quantity in record.measured:
             values = record.measured[quantity]
         else:
-            continue
+            simulated = Responses(model, search.responses.free, (quantity,))
+            try:
+                values = simulated.of(record, start, search.begin).y[:, 0]
+            except FloatingPointError:
+                return True
         if np.nanmax(values) - np.nanmin(values) > _MOVES * size:
             return True
     return False

@@ -14,7 +14,10 @@ import hfa
 from hfa.main import main
 from hfa_derivatives.aircraft import from_derivatives
 from hfa_identify.estimation import identify
+from hfa_identify.excitation import still_quantities
+from hfa_identify.records import Record
 from hfa_identify.response import Responses
+from hfa_identify.search import Search
 
 UAV = str(ROOT / "examples" / "uav.toml")
 FREE = ("CL_0", "CL_alpha", "CD_0", "Cm_0", "Cm_alpha", "Cm_q", "Cm_elevator")
@@ -150,6 +153,18 @@ def test_what_the_record_does_not_move_is_named():
     assert "not determined by the records: Cn_r" in result.first_line
     with pytest.raises(hfa.NoSolutionError, match="Cn_r not determined"):
         result.draws(2)
+
+
+def test_a_moving_state_without_sensor_moved():
+    """The elevator moves the pitch rate, which no sensor measures, and not the yaw rate."""
+    time, inputs, states = flown()
+    model = from_derivatives(UAV)
+    pitch = list(model.states).index("pitch")
+    measured = {"pitch": states[:, pitch]}
+    records = [Record("flight", time, inputs, measured)]
+    names = ("Cm_q", "Cn_r")
+    search = Search(Responses(model, names, ("pitch",)), records, {})
+    assert still_quantities(search, names) == {"Cm_q": "", "Cn_r": "yaw_rate"}
 
 
 def late(values, samples=2):
