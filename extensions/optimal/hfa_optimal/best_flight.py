@@ -229,8 +229,10 @@ class BestFlight(StatesAndInputs, Result, Reported):
                 "No cheaper flight from this initial condition was found; that none exists is not "
                 "proved."
             )
+        bound = f"{self.lower_bound:.6g}"
         return (
-            f"No flight from this initial condition costs less than {self.lower_bound:.6g} (proved)."
+            "It is proved that no flight within the limits from this initial condition to the trim"
+            f" costs less than {bound}."
         )
 
     def _checked(self) -> str:
