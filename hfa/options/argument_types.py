@@ -156,9 +156,8 @@ def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
             )
         store = path.is_dir() and path.suffix.lower() == ".zarr"
         if path.exists() and not path.is_file() and not store:
-            raise BadInputError(
-                f"{where}: it is {'a folder' if path.is_dir() else 'no regular file'}; name another"
-            )
+            kind = "a folder" if path.is_dir() else "not a regular file"
+            raise BadInputError(f"{where}: it is {kind}; name another")
         return path
 
     return convert

@@ -57,8 +57,12 @@ class TrimProblem:
         self.c = self.system.constants()
         self._last: tuple[bytes, Evaluation] | None = None
         if not self.free and (self.idle or not self.solved(self.system.start)):
-            free = " and ".join(self.idle) or "this is not an equilibrium: the free variables"
-            raise BadInputError(f"{free} moves no equation; free another variable")
+            if not self.idle:
+                raise BadInputError(
+                    "this is not an equilibrium, and no variable is free; free one that moves it"
+                )
+            idle = " and ".join(self.idle)
+            raise BadInputError(f"{idle} moves no equation; free another variable")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A pickle is of what was asked; its functions in memory are made again."""

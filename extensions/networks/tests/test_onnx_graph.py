@@ -206,7 +206,7 @@ def test_wrong_graphs_are_refused() -> None:
     for said, nodes, numbers, states in (
         ("has 10 inputs and is given 6 numbers", [("MatMul", "x P", "y")], ten, 10),
         ("Dropout is in training mode", [("Dropout", "x ratio training", "y")], TRAINING, 6),
-        ("operator Loop is not known", [("Loop", "x", "y")], constants, 6),
+        ("operator Loop is unknown", [("Loop", "x", "y")], constants, 6),
         ("is float16; give weights as float32", QUADRATIC, half, 6),
         ("not finite", QUADRATIC, constants | not_a_number, 6),
     ):

@@ -51,7 +51,7 @@ def test_a_search_shows_on_a_terminal_how_far_it_is(tmp_path: Path) -> None:
 def test_bad_input_of_a_printed_answer_is_one_line(tmp_path: Path) -> None:
     file = tmp_path / "printed.toml"
     file.write_text('time = "continuous"\n[plant]\nA = "0 1; 0 x"\n[printed]\nK = "1 2"\n')
-    assert_refused(hfa("printed", str(file)), BAD_INPUT, "A, row 2: 'x' is not known")
+    assert_refused(hfa("printed", str(file)), BAD_INPUT, "A, row 2: 'x' is unknown")
     assert_refused(
         hfa("printed", str(file), "--dihedral", "5"),
         BAD_INPUT,

@@ -200,5 +200,5 @@ def test_a_trim_that_states_everything_is_taken(model: Model) -> None:
     stated = {"angle": 0.0, "rate": 0.0, "torque": 0.0}
     point = hfa.find_operating_point(model, hold=stated)
     assert point.values == stated
-    with pytest.raises(BadInputError, match="no equilibrium"):
+    with pytest.raises(BadInputError, match="not an equilibrium"):
         hfa.find_operating_point(model, hold=stated | {"angle": 0.1})

@@ -155,7 +155,7 @@ def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Model
     controller = small_controller(published_aircraft)
     controller.refuse_other(published_aircraft, math.radians(5.0), math.radians(20.0))
     with pytest.raises(
-        BadInputError, match="covers dihedral 5 to 20 deg; 4 to 11 deg is asked for"
+        BadInputError, match="covers dihedral 5 to 20 deg; 4 to 11 deg is requested"
     ):
         controller.refuse_other(published_aircraft, math.radians(4.0), math.radians(11.0))
     with pytest.raises(

@@ -154,13 +154,13 @@ def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
             [[0.0, 1.0], [-1.0, 0.0]],
             [[0.0], [1.0]],
             0.0 * I2,
-            "not detectable: .* eigenvalue 0 ± 1i costs nothing",
+            "not detectable: .* eigenvalue 0 ± 1i has no cost",
         ),
         (
             np.diag([0.0, -1.0]),
             [[1.0], [1.0]],
             np.diag([0.0, 1.0]),
-            "not detectable: .* eigenvalue 0 costs nothing",
+            "not detectable: .* eigenvalue 0 has no cost",
         ),
     ],
 )
