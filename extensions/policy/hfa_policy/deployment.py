@@ -129,8 +129,8 @@ class Deployment(Shown):
         for name in entries:
             if name not in tables:
                 near = difflib.get_close_matches(name, tables, n=1)
-                advice = f"did you mean [{near[0]}]?" if near else f"it has {', '.join(tables)}"
-                raise BadInputError(f"{path}: unknown table [{name}]; {advice}")
+                advice = f"did you mean [{near[0]}]?" if near else f"tables are {', '.join(tables)}"
+                raise BadInputError(f"{path}: unknown entry {name}; {advice}")
         for name in tables[:-1]:
             if name not in entries:
                 raise BadInputError(f"{path}: the table [{name}] is missing; add it")

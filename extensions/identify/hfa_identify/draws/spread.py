@@ -72,9 +72,11 @@ class Draws(Result):
     def first_line(self) -> str:
         """How many aircraft, and what the gain costs at most."""
         aircraft = f"of {self.count} aircraft that the parameters allow"
-        if self.trimmed < self.count or self.stable is None:
+        if self.stable is None:
             return f"trimmed: {self.trimmed} {aircraft}"
-        line = f"stable for {self.stable} {aircraft}"
+        if self.trimmed < self.count:
+            return f"trimmed: {self.trimmed} {aircraft}; linear loop stable for {self.stable}"
+        line = f"linear loop stable for {self.stable} {aircraft}"
         if self.cost_lost_worst_percent is not None and np.isfinite(self.cost_lost_worst_percent):
             line += f"; linear cost lost at most {self.cost_lost_worst_percent:.2g} %"
         return line
