@@ -24,8 +24,18 @@ _CONDITION = 1e6
 
 
 def plant_of(problem: FlightProblem) -> Plant:
-    """The aircraft about the trim of a problem, its envelope and the limits of its inputs."""
+    """The aircraft about the trim of a problem, its envelope and the limits of its inputs.
+
+    BadInputError where rates depend on a state that the cost leaves out: a bound would hold it at
+    the trim, and flights do not.
+    """
     model = problem.model
+    if problem.carried:
+        names = " and ".join(problem.carried)
+        raise BadInputError(
+            f"the rates of {model.title} depend on {names}, which the cost leaves out: no bound "
+            "covers flights that change it"
+        )
     states = {name: float(value) for name, value in problem.point.states._asdict().items()}
     envelope = problem.envelope
     limits = dict(

@@ -55,6 +55,12 @@ def test_another_subject_is_named(
     assert reason in capsys.readouterr().err
 
 
+def test_a_state_that_flights_change_is_not_held(capsys: pytest.CaptureFixture[str]) -> None:
+    """The density at the flexible aircraft changes with its altitude, which the cost leaves out."""
+    assert main(["prove", "cost", "--dihedral", "10"]) == 2
+    assert "depend on altitude, which the cost leaves out" in capsys.readouterr().err
+
+
 def test_every_field_has_a_use(certificate: Path) -> None:
     content: dict[str, Any] = json.loads(certificate.read_text())["statement"]
     assert {name for name, _ in entries_of(content, COST_FIELDS)} == set(COST_FIELDS)
