@@ -95,11 +95,13 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 def _policy(flight: Mapping[str, Any]) -> Cell:
     """The cost of a policy's flight, and the state that leaves its limits."""
     left = flight["departure"]
-    says = [] if left is None else [f"{left['state']} out at {left['time']:.2g} s"]
+    findings = [] if left is None else [f"{left['state']} beyond its limit at {left['time']:.2g} s"]
     if flight["cost"] is None:
-        return Cell(", ".join(["does not return", *says]), "bad")
+        return Cell(", ".join(["does not converge", *findings]), "bad")
     ratio = f"{flight['over_best']:.1f}x"
-    return Cell(", ".join([f"{flight['cost']:,.0f} ({ratio})", *says]), "bad" if says else "near")
+    return Cell(
+        ", ".join([f"{flight['cost']:,.0f} ({ratio})", *findings]), "bad" if findings else "near"
+    )
 
 
 def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
