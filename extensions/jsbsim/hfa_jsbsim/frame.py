@@ -7,6 +7,7 @@ air, engines and forces follow in this order, each from the values set so far.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass, replace
@@ -34,6 +35,8 @@ _SIZE = sum(_MOTION.values())
 #: Engines and filters settle for at most so long, s, until none of them moves by more in a frame.
 _LONGEST = 60.0
 _STEADY = 1e-13
+#: A larger relative motion in a frame after that time is reported.
+_SETTLED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -131,7 +134,7 @@ class Frames:
         """Start a flight at a state, over the equator.
 
         Lags of engines and filters that are not states of the model settle first, for at most
-        `_LONGEST` s.
+        `_LONGEST` s. A warning tells where they still move then.
 
         x, p, u: (n,) states, parameters and inputs of the model
         """
@@ -149,6 +152,12 @@ class Frames:
             z = later
             if moved.max() < _STEADY:
                 break
+        if moved.max() > _SETTLED:
+            warnings.warn(
+                f"engines or filters still move after {_LONGEST:g} s with the inputs of the trim;"
+                " the flight begins with them in motion",
+                stacklevel=2,
+            )
         parts = _split(z)
         parts["last_acceleration"][:] = parts["acceleration"]
         self._z = z

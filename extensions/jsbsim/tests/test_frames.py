@@ -10,6 +10,7 @@ import hfa
 from hfa.main import main
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import Harmonic, Waveform
+from hfa_jsbsim import frame
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
 from studies.jsbsim import frames
@@ -66,6 +67,18 @@ def test_other_aircraft_are_refused(capsys):
     words = ["fly", "--aircraft", "jsbsim:737", "--method", "jsbsim", "--actuators", "0.05:60"]
     assert main(words) == 2
     assert "flies without actuators" in capsys.readouterr().err
+
+
+def test_unsettled_begin_is_reported(monkeypatch):
+    """The propeller and filters of a c172p do not settle in 0.1 s.
+
+    Patched: no aircraft of JSBSim needs longer than the 60 s of the product."""
+    monkeypatch.setattr(frame, "_LONGEST", 0.1)
+    model = read_model("jsbsim:c172p")
+    point = hfa.find_operating_point(model, hold={"kcas": 90.0, "altitude": 3000.0})
+    steps = model.equations.jsbsim_steps(1.0 / 120.0)
+    with pytest.warns(UserWarning, match="still move after 0.1 s"):
+        steps.begin(point.states, model.p, point.inputs)
 
 
 def test_disturbances_are_refused():
