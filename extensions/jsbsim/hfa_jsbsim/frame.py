@@ -91,7 +91,7 @@ class _FrameEquations(Equations):
 
 
 class Frames:
-    """Flights of an aircraft in frames of JSBSim."""
+    """Flights of an aircraft in frames of JSBSim: `begin`, then `advance` once a frame."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Frames:
         step: float,
         names: tuple[list[str], list[str], list[str]],
     ) -> None:
-        """names: states, inputs and parameters of the model.
+        """step: of a frame, s. names: states, inputs and parameters of the model.
 
         BadInputError where the model's inputs are not JSBSim's own, or filters are its states.
         """

@@ -10,14 +10,15 @@ from typing import NamedTuple
 FORCE = 0
 MOTION = 1
 IDLE = 2
-#: So many subjects of a file are named in a note.
+#: Largest number of subjects that a note names for a file.
 _MOST = 12
 
 
 class Note(NamedTuple):
-    """statement: what holds. subject: of what, "" if of all. where: file and line.
+    """A statement on a file.
 
-    rank: FORCE, MOTION or IDLE.
+    statement: the statement. subject: the part of the file it is about, "" for the whole file.
+    where: file and line. rank: FORCE, MOTION or IDLE.
     """
 
     statement: str
@@ -27,8 +28,8 @@ class Note(NamedTuple):
 
 
 def grouped(notes: Iterable[Note]) -> list[str]:
-    """A line for each statement, with its subjects by file and line: those first that change a
-    force."""
+    """Return a line for each statement, with its subjects by file and line; statements on forces
+    come first."""
     by_statement: dict[tuple[int, str], list[Note]] = {}
     for note in notes:
         by_statement.setdefault((note.rank, note.statement), []).append(note)
