@@ -1,0 +1,150 @@
+"""Trained policies compared with the best flights found and with the linear optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import hfa
+from hfa_flight.flight_cost import cost_of_flight
+from hfa_flight.scenario import Scenario
+from hfa_optimal.flights import Flights, Flown
+from hfa_optimal.pilots import Pilot, deployed_pilot, gain_pilot
+from hfa_optimal.problem import FlightProblem, flight_problem
+from hfa_optimal.search import AFTER, BestFlights
+from hfa_optimal.starts import drawn_starts
+from hfa_policy.flown import flown_deployment, sampled_scenario
+from hfa_policy.outcomes import start_box
+from hfa_support.errors import NoSolutionError
+from hfa_support.progress import Progress
+from studies.gap.tasks import Task, cost_of, deployment_of
+from studies.gap.training import Run
+from trim.point.operating_point import OperatingPoint
+
+#: Initial conditions of each aircraft.
+STARTS = 20
+#: Of the initial conditions; training draws others.
+SEED = 1000
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The flight of a policy from one initial condition.
+
+    stays: whether it stays within the flight envelope.
+    converges: whether it does so and ends at the trim.
+    cost: of its whole horizon, without what comes after it.
+    """
+
+    stays: bool
+    converges: bool
+    cost: float
+
+
+def judged(task: Task, runs: Sequence[Run], progress: Progress | None = None) -> dict[str, Any]:
+    """The policies of an aircraft, flown from the same initial conditions as the best flights."""
+    point = task.point()
+    problem = flight_problem(point.model, point, *cost_of(point))
+    search = BestFlights(problem, STARTS)
+    flights = search.flights
+    starts = drawn_starts(problem, STARTS, SEED, start_box(point.model, point))
+    pilots = [gain_pilot(flights, "LQR", problem.K), *(_pilot(flights, run, point) for run in runs)]
+    best: list[float | None] = []
+    refused: list[str] = []
+    rows: list[list[Outcome]] = []
+    for number, start in enumerate(starts, start=1):
+        seconds = search.horizon(start)
+        try:
+            found = search.found(start)
+            seconds = found.seconds
+            best.append(found.flown.cost)
+        except NoSolutionError as error:
+            best.append(None)
+            refused.append(str(error))
+        flown = [pilot.fly(flights, start, (1.0 + AFTER) * seconds) for pilot in pilots]
+        rows.append([_outcome(problem, each) for each in flown])
+        if progress is not None:
+            progress(number, STARTS)
+    columns = list(zip(*rows, strict=True))
+    lqr = columns[0]
+    return {
+        "aircraft": task.name,
+        "starts": STARTS,
+        "found": STARTS - len(refused),
+        "refused": {reason: refused.count(reason) for reason in dict.fromkeys(refused)},
+        "lqr": summary(lqr, best, lqr),
+        "policies": [
+            {
+                "algorithm": run.algorithm,
+                "seed": run.seed,
+                **summary(column, best, lqr),
+                **_delay(run, point),
+            }
+            for run, column in zip(runs, columns[1:], strict=True)
+        ],
+    }
+
+
+def _pilot(flights: Flights, run: Run, point: OperatingPoint) -> Pilot:
+    policy = flown_deployment(deployment_of(point, run.policy), point, run.name)
+    calm = Scenario(
+        flights.tick, flights.step, flights.tick, initial=np.zeros(len(point.model.states))
+    )
+    return deployed_pilot(flights, run.name, policy, sampled_scenario(policy, calm, point))
+
+
+def _outcome(problem: FlightProblem, flown: Flown) -> Outcome:
+    z = flown.states[:, problem.places] - np.array(problem.point.states)[problem.places]
+    v = flown.inputs[:, problem.moved] - np.array(problem.point.inputs)[problem.moved]
+    cost = cost_of_flight(flown.times, z, v, problem.Q, problem.R)
+    stays = flown.departure is None
+    return Outcome(stays, stays and flown.converges, cost)
+
+
+def summary(
+    column: Sequence[Outcome], best: Sequence[float | None], lqr: Sequence[Outcome]
+) -> dict[str, Any]:
+    """How many flights of a policy stay and end at the trim, and what those that stay cost.
+
+    best: cost of the best flight found from each initial condition; None where none was
+    lqr: flights of the linear optimum
+
+    `over_best` and `over_lqr` are the median and the worst ratio of costs over the same horizon;
+    None without one. A flight that does not end at the trim goes on to cost more."""
+    over_best = [
+        each.cost / least
+        for each, least in zip(column, best, strict=True)
+        if each.stays and least is not None
+    ]
+    over_lqr = [
+        each.cost / linear.cost
+        for each, linear in zip(column, lqr, strict=True)
+        if each.stays and linear.stays
+    ]
+    return {
+        "stay": sum(each.stays for each in column),
+        "end_at_trim": sum(each.converges for each in column),
+        "over_best": _median_and_worst(over_best),
+        "over_lqr": _median_and_worst(over_lqr),
+    }
+
+
+def _median_and_worst(ratios: Sequence[float]) -> dict[str, float] | None:
+    if not ratios:
+        return None
+    return {"median": float(np.median(ratios)), "worst": max(ratios)}
+
+
+def _delay(run: Run, point: OperatingPoint) -> dict[str, Any]:
+    """Of the sampled loop at its equilibrium: spectral radius, and the first delay with which it is
+    unstable, s; None where it is unstable without, or none was found."""
+    deployment = deployment_of(point, run.policy)
+    assessed = hfa.assess(point.model, deployment, [point], samples=0).points[0]
+    stable = assessed.radius < 1.0
+    return {
+        "radius": assessed.radius,
+        "first_unstable_delay": assessed.delays.limit if stable and assessed.delays else None,
+    }

@@ -1,0 +1,92 @@
+"""The aircraft of the study, and one rule that makes a deployment for each of them.
+
+Every state of the linear model is observed, in half-widths of its initial-condition box. Every
+input moves, as far as its nearer limit on either side of the trim. The cost is Bryson's: 1 for each
+state at its half-width and for each input at its limit. Nothing is chosen for one aircraft
+alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import hfa
+from hfa_policy.outcomes import start_box
+from trim.point.operating_point import OperatingPoint
+
+#: s between two samples.
+SAMPLE_TIME = 0.05
+
+
+@dataclass(frozen=True)
+class Task:
+    """An aircraft at a trim.
+
+    name: in the table.
+    aircraft: as `--aircraft` takes it; None for the flexible aircraft.
+    hold: what the trim holds, in the units of the model.
+    """
+
+    name: str
+    aircraft: str | None
+    hold: Mapping[str, float] = field(default_factory=dict)
+
+    def point(self) -> OperatingPoint:
+        """The trim."""
+        model = hfa.aircraft() if self.aircraft is None else hfa.load_model(self.aircraft)
+        return hfa.find_operating_point(model, hold=dict(self.hold))
+
+
+TASKS = (
+    Task("pendulum", "examples/pendulum.py:PENDULUM"),
+    Task("GTM 48 m/s", "examples/gtm.py:GTM", {"speed": 48.0}),
+    Task("HFA 10 deg", None, {"dihedral": float(np.radians(10.0))}),
+    Task("Navion", "examples/navion.py:NAVION"),
+    Task("F-16 10,000 ft", "examples/f16.py:F16", {"speed": 502.0, "altitude": 10_000.0}),
+    Task("c172p 100 kt", "jsbsim:c172p", {"kcas": 100.0, "altitude": 3000.0}),
+    Task("737 250 kt", "jsbsim:737", {"kcas": 250.0, "altitude": 15_000.0}),
+)
+
+
+def deployment_of(point: OperatingPoint, policy: Path | None = None) -> hfa.Deployment:
+    """The deployment of a policy about a trim.
+
+    policy: a zip of Stable-Baselines3, trained without a normalizer of observations; None where it
+        is still to be trained"""
+    reaches = _reaches(point)
+    action = {
+        name: {"box": [-1, 1], "map": f"trim + {reach!r} * a"} for name, reach in reaches.items()
+    }
+    Q, R = cost_of(point)
+    return hfa.Deployment(
+        policy={} if policy is None else {"file": str(policy), "normalizer": "none"},
+        observation={name: {"scale": width} for name, width in _widths(point).items()},
+        action=action,
+        timing={"dt": SAMPLE_TIME},
+        cost={"Q": Q, "R": R},
+    )
+
+
+def cost_of(point: OperatingPoint) -> tuple[dict[str, float], dict[str, float]]:
+    """Diagonals of Q and R: state or input -> its weight, by Bryson's rule."""
+    Q = {name: width**-2 for name, width in _widths(point).items()}
+    R = {name: reach**-2 for name, reach in _reaches(point).items()}
+    return Q, R
+
+
+def _widths(point: OperatingPoint) -> dict[str, float]:
+    """State of the linear model -> half-width of its box of initial conditions."""
+    model = point.model
+    return dict(zip(model.linear, start_box(model, point).tolist(), strict=True))
+
+
+def _reaches(point: OperatingPoint) -> dict[str, float]:
+    """Input -> distance from its nearer limit at the trim."""
+    reaches = {}
+    for name, signal in point.model.inputs.items():
+        value = float(getattr(point.inputs, name))
+        reaches[name] = min(value - signal.min, signal.max - value)
+    return reaches

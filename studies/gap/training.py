@@ -1,0 +1,110 @@
+"""Policies of Stable-Baselines3, trained with its default settings."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import hfa
+from studies.finished import finished, stamped
+from studies.gap.tasks import Task, deployment_of
+
+#: Algorithm -> steps of the environment, and how many episodes run at once.
+BUDGETS: Mapping[str, tuple[int, int]] = {
+    "PPO": (200_000, 8),
+    "A2C": (200_000, 8),
+    "SAC": (15_000, 1),
+    "TD3": (8_000, 1),
+}
+#: s, of an episode.
+SECONDS = 20.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """One policy.
+
+    task: the aircraft.
+    algorithm: of Stable-Baselines3.
+    seed: of the network, the noise and the initial conditions.
+    folder: where its files are stored.
+    """
+
+    task: Task
+    algorithm: str
+    seed: int
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """Its name, as files bear it."""
+        words = [*self.task.name.replace(",", "").replace("/", " ").split(), self.algorithm]
+        return "-".join([*words, str(self.seed)])
+
+    @property
+    def policy(self) -> Path:
+        """The zip of Stable-Baselines3."""
+        return self.folder / f"{self.name}.zip"
+
+    @property
+    def record(self) -> Path:
+        """What is known of the training."""
+        return self.folder / f"{self.name}.json"
+
+    def decides(self) -> dict[str, Any]:
+        """All that decides the policy, but the versions of the libraries."""
+        steps, episodes = BUDGETS[self.algorithm]
+        return {
+            "aircraft": self.task.aircraft,
+            "hold": dict(self.task.hold),
+            "algorithm": self.algorithm,
+            "seed": self.seed,
+            "steps": steps,
+            "episodes": episodes,
+            "seconds": SECONDS,
+        }
+
+    def trained(self) -> dict[str, Any] | None:
+        """The record of an earlier training with the same settings; None without one."""
+        if not self.policy.exists():
+            return None
+        return finished(self.record, self.decides())
+
+    def train(self) -> dict[str, Any]:
+        """Train the policy and store it; its record."""
+        import stable_baselines3
+        import torch
+        from stable_baselines3.common.vec_env import VecNormalize
+
+        from hfa_support.files import write_text
+        from hfa_support.jsonable import json_text
+
+        torch.set_num_threads(1)
+        steps, episodes = BUDGETS[self.algorithm]
+        point = self.task.point()
+        flights = hfa.vector_environment(
+            point.model, deployment_of(point), [point], count=episodes, seconds=SECONDS
+        )
+        normalized = VecNormalize(flights, norm_obs=False, norm_reward=True)
+        learner = getattr(stable_baselines3, self.algorithm)(
+            "MlpPolicy", normalized, seed=self.seed
+        )
+        began = time.process_time()
+        learner.learn(steps)
+        processor = time.process_time() - began
+        self.folder.mkdir(parents=True, exist_ok=True)
+        learner.save(self.policy)
+        content = {
+            **self.decides(),
+            "processor_seconds": round(processor, 1),
+            "policy_sha256": hashlib.sha256(self.policy.read_bytes()).hexdigest(),
+            "stable_baselines3": stable_baselines3.__version__,
+            "torch": torch.__version__,
+        }
+        record = stamped(content, self.decides())
+        write_text(self.record, json_text(record))
+        return record
