@@ -121,8 +121,8 @@ def test_a_deployed_policy_is_judged_on_drawn_aircraft(folder, capsys):
     weak = hfa.game(linear, np.ones(8), 1e4 * np.ones(4), delta=np.inf)
     np.savez("K.npz", K=hfa.solve_game(weak).K)
     words = ("assess", "K.npz", "--sample-time", "0.02", "--aircraft", "found.toml")
-    _, draws = answer(capsys, *words, "--samples", "0", "--draws", "10")
-    assert draws["stable"] == draws["trimmed"] == 10
+    _, draws = answer(capsys, *words, "--samples", "0", "--draws", "4")
+    assert draws["stable"] == draws["trimmed"] == 4
     band = draws["bands"]["spectral radius"]
     assert band["low"] <= band["value"] <= band["high"] < 1.0
 
