@@ -21,27 +21,19 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.atmosphere import FT_TO_M, SEA_LEVEL, air_at
 from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid_body import (
-    STATES,
-    acceleration,
-    angular_acceleration,
-    angular_velocity,
-    rotation,
-    state_rates,
-    turn_rate,
-    wind_axes,
-)
 from hfa_aircraft.signals import Signal
-from hfa_aircraft.tables import Interpolator
 from hfa_daveml import names
 from hfa_daveml.document import Document, Variable, read_document
 from hfa_daveml.functions import Expressions
+from hfa_rigid.aircraft import GRAVITY, Motion, rigid_aircraft
+from hfa_rigid.atmosphere import SEA_LEVEL
+from hfa_rigid.motion import STATES, inertia_matrix, wind_axes
+from hfa_rigid.tables import Interpolator
 from hfa_support.errors import BadInputError, shortened
 
-_GRAVITY = 9.80665 / FT_TO_M
+_GRAVITY = GRAVITY["english"]
 #: Angle of attack at which the aircraft carries its weight at the speed of its usual trim.
 _ALPHA = math.radians(5.0)
 #: Words in the name of an input that a pilot moves, although the file gives its initial value.
@@ -122,28 +114,19 @@ class _Files:
         parameters = {name: _start(*each) for name, each in self.parameters.items()}
         constants = self._values(_standing(), inputs, SimpleNamespace(**parameters))
         self._refuse_not_positive(constants)
-        speed = self._usual_speed(constants)
-        steady = tuple(name for name in STATES if name not in ("yaw", "altitude"))
-        imposed = {
-            **{"speed": speed, "altitude": 0.0, "yaw": 0.0, "gamma": 0.0, "turn_rate": 0.0},
-            "beta": 0.0,
-        }
-        return Model(
+        low, high = self._range("angleOfAttack", 0.6)
+        return rigid_aircraft(
             self._documents[0].title or Path(self._documents[0].path).stem,
-            self._states(speed),
-            {name: self._signal(*each) for name, each in self.inputs.items()},
             self._equations,
+            system="english",
+            speed=self._usual_speed(constants),
+            altitude=0.0,
+            alpha=(low, min(_ALPHA, high), high),
+            beta=self._range("angleOfSideslip", 0.5),
+            inputs={name: self._signal(*each) for name, each in self.inputs.items()},
             parameters={name: self._signal(*each) for name, each in self.parameters.items()},
-            outputs={
-                "gamma": Signal("rad", 0.1),
-                "turn_rate": Signal("rad/s", 0.1),
-                "load_factor": Signal(),
-                "mach": Signal(nominal=0.1),
-            },
-            trim=imposed,
-            steady=steady,
-            linear=steady,
-            schedule="speed",
+            outputs={},
+            holds_beta=True,
             extras=Extras(
                 source=source, notes=("read from DAVE-ML over a flat Earth in standard air",)
             ),
@@ -173,88 +156,54 @@ class _Files:
         area = _number(constants(names.AREA))
         return math.sqrt(2.0 * weight / (SEA_LEVEL.density * area * upward))
 
-    def _states(self, speed: float) -> dict[str, Signal]:
-        """Signals of the states; alpha and beta within the breakpoints of every table."""
-        angle = Signal("rad", 0.1, -3.1, 3.1)
-        rate = Signal("rad/s", 0.1, rate=1.0)
-        low, high = self._range("angleOfAttack", 0.6)
-        left, right = self._range("angleOfSideslip", 0.5)
-        signals = {
-            "speed": Signal("ft/s", speed, 0.3 * speed, 5.0 * speed, speed, rate=_GRAVITY),
-            "alpha": Signal("rad", 0.1, low, high, min(_ALPHA, high)),
-            "beta": Signal("rad", 0.1, left, right),
-            **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), rate),
-            "roll": angle,
-            "pitch": Signal("rad", 0.1, -1.5, 1.5, _ALPHA),
-            "yaw": Signal("rad", 0.1),
-            "altitude": Signal("ft", 10000.0, -1000.0, 150000.0),
-        }
-        return {name: signals[name] for name in STATES}
-
     def _range(self, name: str, widest: float) -> tuple[float, float]:
         """The narrowest range of the tables over a variable, rad; within ± widest."""
         low, high = -widest, widest
         for document in self._documents:
             variable = document.by_name(name)
-            if variable is None:
-                continue
-            _, factor = _unit(document, variable)
-            for function in document.functions.values():
-                for axis, points in zip(function.axes, function.table.breakpoints, strict=True):
-                    if axis.key == variable.key:
-                        low = max(low, factor * max(axis.least, points[0]))
-                        high = min(high, factor * min(axis.most, points[-1]))
-        return float(low), float(high)
+            if variable is not None:
+                _, factor = _unit(document, variable)
+                least, most = document.range_of_tables(variable)
+                low = max(low, factor * least)
+                high = min(high, factor * most)
+        return low, high
 
     def _signal(self, document: Document, variable: Variable) -> Signal:
         """Return its unit, the initial value of a search, and its limits: those of the file and of
         the tables over it."""
         unit, factor = _unit(document, variable)
-        low, high = variable.least, variable.most
-        for function in document.functions.values():
-            for axis, points in zip(function.axes, function.table.breakpoints, strict=True):
-                if axis.key == variable.key:
-                    low = max(low, axis.least, points[0])
-                    high = min(high, axis.most, points[-1])
+        least, most = document.range_of_tables(variable)
+        low = factor * max(variable.least, least)
+        high = factor * min(variable.most, most)
         start = _start(document, variable)
-        nominal = 0.1 if unit in ("rad", "1") else max(abs(start), 1.0)
-        low, high = factor * low, factor * high
-        return Signal("" if unit == "1" else unit, nominal, low, high, start)
+        nominal = 0.1 if unit in ("rad", "") else max(abs(start), 1.0)
+        return Signal(unit, nominal, low, high, start)
 
     def _equations(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Rates by state and outputs by name."""
-        air = air_at(x.altitude)
-        velocity = x.speed * wind_axes(x.alpha, x.beta)[:, 0]
-        to_body = rotation(x.roll, x.pitch, x.yaw).T
-        rates = angular_velocity(x)
-        pressure = 0.5 * air.density * x.speed**2
-        motion = {name: getattr(x, name) for name in STATES} | {
-            "mach": x.speed / air.sound,
-            "density": air.density,
-            "dynamic_pressure": pressure,
-            "equivalent_airspeed": x.speed * ca.sqrt(air.density / SEA_LEVEL.density),
+        motion = Motion(x, _GRAVITY, "english")
+        density = motion.air.density
+        given = {name: getattr(x, name) for name in STATES} | {
+            "mach": motion.mach,
+            "density": density,
+            "dynamic_pressure": motion.pressure,
+            "equivalent_airspeed": x.speed * ca.sqrt(density / SEA_LEVEL.density),
         }
-        value = self._values(motion, u, p)
-        mass = value(names.MASS)
-        air_force = pressure * value(names.AREA) * self._coefficients(value, x.alpha)
+        value = self._values(given, u, p)
+        force = motion.pressure * value(names.AREA)
+        air_force = force * self._coefficients(value, x.alpha)
         arms = ca.vertcat(value(names.SPAN), value(names.CHORD), value(names.SPAN))
-        about_reference = pressure * value(names.AREA) * arms * self._vector(value, names.MOMENTS)
+        about_reference = force * arms * self._vector(value, names.MOMENTS)
         center = self._vector(value, names.CENTER)
         moment = about_reference - ca.cross(center, air_force)
-        specific = (air_force + self._vector(value, names.THRUST)) / mass
-        turning = angular_acceleration(
-            rates, moment + self._vector(value, names.THRUST_MOMENT), self._inertia(value)
+        specific = (air_force + self._vector(value, names.THRUST)) / value(names.MASS)
+        inertia = inertia_matrix(
+            [value(name) for name in names.INERTIA],
+            ca.vertsplit(self._vector(value, names.PRODUCTS)),
         )
-        down = to_body[:, 2]
-        velocity_rate = acceleration(velocity, rates, specific, _GRAVITY * down)
-        climb = -ca.dot(down, velocity)
-        outputs = {
-            "gamma": ca.asin(climb / x.speed),
-            "turn_rate": turn_rate(x),
-            "load_factor": -specific[2] / _GRAVITY,
-            "mach": motion["mach"],
-        }
-        return state_rates(x, velocity, velocity_rate, turning, climb), outputs
+        return motion.rates_and_outputs(
+            specific, moment + self._vector(value, names.THRUST_MOMENT), inertia
+        )
 
     def _coefficients(self, value: Callable[[str], Any], alpha: Any) -> Any:
         """(3,) of the force of the air, body axes."""
@@ -267,14 +216,6 @@ class _Files:
     def _vector(self, value: Callable[[str], Any], three: Sequence[str]) -> Any:
         """Three outputs, 0 where no file gives one."""
         return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in three))
-
-    def _inertia(self, value: Callable[[str], Any]) -> Any:
-        """(3, 3), slug ft²; products of inertia are ∫ xy dm and so on."""
-        xx, yy, zz = (value(name) for name in names.INERTIA)
-        xy, zx, yz = ca.vertsplit(self._vector(value, names.PRODUCTS))
-        return ca.vertcat(
-            ca.horzcat(xx, -xy, -zx), ca.horzcat(-xy, yy, -yz), ca.horzcat(-zx, -yz, zz)
-        )
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
         """A function: name of an output -> its value in the units of the model."""
@@ -329,16 +270,16 @@ def _unit(document: Document, variable: Variable) -> tuple[str, float]:
     BadInputError for an unknown unit, and for one of another quantity: a mass in ft.
     """
     place = f"variable {variable.key}"
-    if variable.units not in names.UNITS:
+    known = names.model_unit(variable.units)
+    if known is None:
         raise document.error(
             place, f"its unit {shortened(variable.units)!r} is unknown; use one of S-119"
         )
-    unit, factor = names.UNITS[variable.units]
-    expected = names.UNIT_OF.get(variable.name, unit)
-    if unit != expected:
+    expected = names.UNIT_OF.get(variable.name, known[0])
+    if known[0] != expected:
         raise document.error(
             place,
             f"{variable.name} in {variable.units!r} cannot be converted to {expected!r};"
             " correct its unit",
         )
-    return unit, factor
+    return known

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from hfa_aircraft.tables import Interpolator
 from hfa_daveml.document import CheckCase, Document, Signal, Variable
 from hfa_daveml.functions import Expressions
+from hfa_daveml.names import spelled
+from hfa_rigid.tables import Interpolator
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -147,7 +148,8 @@ def _variable(document: Document, case: CheckCase, signal: Signal) -> Variable:
     variable = document.by_name(signal.name)
     if variable is None:
         raise document.error(place, f"{signal.name} is not defined; correct the name")
-    if signal.units and variable.units and signal.units != variable.units:
+    units = [spelled(each.units) for each in (signal, variable) if each.units]
+    if len(set(units)) > 1:
         raise document.error(
             place, f"{signal.name} is in {signal.units}, its variable in {variable.units}"
         )

@@ -125,6 +125,16 @@ class Document:
             return self.variables[name]
         return next((each for each in self.variables.values() if each.name == name), None)
 
+    def range_of_tables(self, variable: Variable) -> tuple[float, float]:
+        """The least and the largest value of a variable within all tables over it."""
+        low, high = -math.inf, math.inf
+        for function in self.functions.values():
+            for axis, points in zip(function.axes, function.table.breakpoints, strict=True):
+                if axis.key == variable.key:
+                    low = max(low, axis.least, float(points[0]))
+                    high = min(high, axis.most, float(points[-1]))
+        return low, high
+
 
 def read_document(path: str) -> Document:
     """The content of a DAVE-ML file, version 1 or 2.
@@ -180,6 +190,9 @@ class _Reader:
             for key in (function.result, *(axis.key for axis in function.axes)):
                 if key not in document.variables:
                     raise document.error(f"function of {function.result}", f"{key} is not defined")
+            if document.variables[function.result].formula is not None:
+                place = f"variable {function.result}"
+                raise document.error(place, "has a table and a formula; leave one out")
         return document
 
     def _by_key(self, kind: str, values: Iterable[tuple[str, _T]]) -> dict[str, _T]:

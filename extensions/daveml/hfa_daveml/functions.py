@@ -8,17 +8,17 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.tables import Interpolator
 from hfa_daveml.document import Document, Variable
 from hfa_daveml.mathml import expression
+from hfa_rigid.tables import Interpolator
 from hfa_support.errors import BadInputError
 
 
 class Expressions:
     """Values of the variables of a document, each made once when it is asked for.
 
-    A variable is the given value, else its table, else its formula, else its initial value, held
-    within its limits."""
+    A variable is the given value, else its table or formula, else its initial value, held within
+    its limits."""
 
     def __init__(self, document: Document, given: Mapping[str, Any], table: Interpolator) -> None:
         """given: value by varID, in the file's units. table: shared by the files of an aircraft."""

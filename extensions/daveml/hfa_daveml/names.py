@@ -5,43 +5,40 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-_FOOT = 0.3048
-_SLUG = 0.45359237 * 9.80665 / _FOOT
-_POUND_FORCE = 0.45359237 * 9.80665
-_KNOT = 1852.0 / 3600.0 / _FOOT
-_AXES = ("Roll", "Pitch", "Yaw")
+from hfa_support.units import conversion, si_unit
 
-#: Unit of the standard, or an older spelling -> (unit of the model, how many of these it is).
-UNITS: Mapping[str, tuple[str, float]] = {
-    "nd": ("1", 1.0),
-    "": ("1", 1.0),
-    "frac": ("1", 1.0),
-    "fracMAC": ("1", 1.0),
-    "pct": ("%", 1.0),
-    "rad": ("rad", 1.0),
+_AXES = ("Roll", "Pitch", "Yaw")
+#: Unit as the standard or an older file writes it -> as reports write it.
+_SPELLINGS: Mapping[str, str] = {
+    **dict.fromkeys(("nd", "frac", "fracMAC"), ""),
+    "pct": "%",
+    "rad_s": "rad/s",
+    "deg_s": "deg/s",
+    "f": "ft",
+    "ft_s": "ft/s",
+    "f_s": "ft/s",
+    "m_s": "m/s",
+    "nmi_h": "nmi/h",
+    "ft2": "ft^2",
+    "f2": "ft^2",
+    "m2": "m^2",
+    "slugft2": "slug ft^2",
+    "kgm2": "kg m^2",
+    "ftlbf": "ft lbf",
+    "Nm": "N m",
+    "lbf_ft2": "lbf/ft^2",
+    "slug_ft3": "slug/ft^3",
+}
+#: Units of the model.
+_UNITS = (
+    *("", "%", "rad", "rad/s", "ft", "ft/s", "ft^2", "slug", "slug ft^2", "lbf", "ft lbf"),
+    *("lbf/ft^2", "slug/ft^3"),
+)
+#: Units that are neither of the model nor SI -> the unit of the model, and how many of these.
+_OTHERS = {
     "deg": ("rad", math.pi / 180.0),
-    "rad_s": ("rad/s", 1.0),
-    "deg_s": ("rad/s", math.pi / 180.0),
-    "ft": ("ft", 1.0),
-    "f": ("ft", 1.0),
-    "m": ("ft", 1.0 / _FOOT),
-    "ft_s": ("ft/s", 1.0),
-    "f_s": ("ft/s", 1.0),
-    "m_s": ("ft/s", 1.0 / _FOOT),
-    "nmi_h": ("ft/s", _KNOT),
-    "ft2": ("ft^2", 1.0),
-    "f2": ("ft^2", 1.0),
-    "m2": ("ft^2", _FOOT**-2),
-    "slug": ("slug", 1.0),
-    "kg": ("slug", 1.0 / _SLUG),
-    "slugft2": ("slug ft^2", 1.0),
-    "kgm2": ("slug ft^2", 1.0 / (_SLUG * _FOOT**2)),
-    "lbf": ("lbf", 1.0),
-    "N": ("lbf", 1.0 / _POUND_FORCE),
-    "ftlbf": ("ft lbf", 1.0),
-    "Nm": ("ft lbf", 1.0 / (_POUND_FORCE * _FOOT)),
-    "lbf_ft2": ("lbf/ft^2", 1.0),
-    "slug_ft3": ("slug/ft^3", 1.0),
+    "deg/s": ("rad/s", math.pi / 180.0),
+    "nmi/h": ("ft/s", 1852.0 / 3600.0 / 0.3048),
 }
 
 #: Inputs of a file that the motion and the air give: name -> name of the value in `aircraft.py`.
@@ -84,7 +81,7 @@ CENTER = tuple(f"bodyPositionOfCmWrtMrc_{axis}" for axis in "XYZ")
 POSITIVE = (MASS, *INERTIA, AREA, SPAN, CHORD)
 
 _BY_UNIT = {
-    "1": ("mach", *MOMENTS, *FORCES, LIFT, DRAG),
+    "": ("mach", *MOMENTS, *FORCES, LIFT, DRAG),
     "rad": ("angleOfAttack", "angleOfSideslip", *(f"eulerAngle_{axis}" for axis in _AXES)),
     "rad/s": tuple(f"bodyAngularRate_{axis}" for axis in _AXES),
     "ft": ("altitudeMSL", "altitudeMsl", "heightOfCgWrtRwy", SPAN, CHORD, *CENTER),
@@ -99,3 +96,20 @@ _BY_UNIT = {
 }
 #: Variable that the equations of an aircraft use -> its unit in them.
 UNIT_OF: Mapping[str, str] = {name: unit for unit, group in _BY_UNIT.items() for name in group}
+
+
+def spelled(units: str) -> str:
+    """The units of a file as reports write them: ft/s of ft_s and of f_s."""
+    return _SPELLINGS.get(units, units)
+
+
+def model_unit(units: str) -> tuple[str, float] | None:
+    """The unit of the model for the units of a file, and how many of these one is; None where the
+    units are unknown."""
+    written = spelled(units)
+    if written in _OTHERS:
+        return _OTHERS[written]
+    for unit in _UNITS:
+        if written in (unit, si_unit(unit)):
+            return unit, conversion(written, unit) or 1.0
+    return None

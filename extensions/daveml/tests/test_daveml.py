@@ -12,10 +12,10 @@ from cli import hfa as run
 from project import ROOT
 
 import hfa
-from hfa_aircraft.tables import Interpolator
 from hfa_daveml.check_cases import checked_document
 from hfa_daveml.document import read_document
 from hfa_daveml.functions import Expressions
+from hfa_rigid.tables import Interpolator
 from hfa_support.errors import BadInputError
 
 UAV = ROOT / "examples" / "uav.dml"
@@ -62,6 +62,12 @@ def test_a_wrong_number_fails_a_check_case(wrong: str, tmp_path: Path) -> None:
     result = run("daveml", path)
     assert result.code == 1
     assert result.out.startswith("FAIL: ")
+
+
+def test_spellings_of_a_unit_are_equal(tmp_path: Path) -> None:
+    """A check case may write m/s for the m_s of its variable."""
+    path = changed(tmp_path, "<signalValue>35.0", "<signalUnits>m/s</signalUnits><signalValue>35.0")
+    assert checked_document(read_document(path)).ok
 
 
 def test_a_file_without_cases_verifies_nothing(tmp_path: Path) -> None:
@@ -166,6 +172,13 @@ def checked_and_loaded(path: str) -> None:
         ('initialValue="0.55"', 'initialValue="0"', "referenceWingArea is 0; give a positive"),
         ('varID="b"', 'varID="S"', "variable S: is defined twice"),
         ("<DAVEfunc", "<!DOCTYPE a [<!ENTITY b 'c'>]><DAVEfunc", "entities"),
+        (
+            "</function>",
+            '</function><function name="b"><independentVarRef varID="alpha"/>'
+            '<dependentVarRef varID="CL"/><functionDefn><griddedTableRef gtID="wing"/>'
+            "</functionDefn></function>",
+            "variable CL: has a table and a formula",
+        ),
         ("<signalValue>35.0", "<signalUnits>ft_s</signalUnits><signalValue>35.0", "in ft_s"),
     ],
 )

@@ -18,37 +18,19 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.atmosphere import FT_TO_M, Air, air_at
 from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid_body import (
-    STATES,
-    acceleration,
-    angular_acceleration,
-    angular_velocity,
-    rotation,
-    state_rates,
-    turn_rate,
-    wind_axes,
-)
 from hfa_aircraft.signals import Signal
 from hfa_derivatives.changed import changed_aircraft
 from hfa_derivatives.names import INDUCED, THRUST_INPUT
 from hfa_derivatives.table import Table, read_table, table_of
+from hfa_rigid.aircraft import FORCE, GRAVITY, LENGTH, Motion, rigid_aircraft
+from hfa_rigid.atmosphere import air_at
+from hfa_rigid.motion import inertia_matrix, wind_axes
 from hfa_support.errors import BadInputError
-from hfa_support.units import si_factor
 
-#: Standard gravity by system of units.
-_GRAVITY = {"english": 9.80665 / FT_TO_M, "si": 9.80665}
-_FORCE = {"english": "lbf", "si": "N"}
-_LENGTH = {"english": "ft", "si": "m"}
-_MODES = {
-    "short period": ("alpha", "pitch_rate"),
-    "phugoid": ("speed", "pitch"),
-    "dutch roll": ("beta", "yaw_rate"),
-    "roll": ("roll_rate",),
-    "spiral": ("roll",),
-}
+#: Widest deviation of alpha from that of the condition, and of beta from 0, rad.
+_WIDEST = 0.3
 
 
 def read_model(text: str) -> Model:
@@ -90,36 +72,23 @@ def from_derivatives(table: str | Mapping[str, Any]) -> Model:
 def _model(table: Table) -> Model:
     """The declaration of an aircraft with this table."""
     surfaces = {name: Signal("rad", 0.1, *limits) for name, limits in table.surfaces.items()}
-    weight = _mass(table) * _GRAVITY[table.system]
-    force = Signal(_FORCE[table.system], 0.1 * weight, *table.thrust, start=0.1 * weight)
-    imposed = {
-        "speed": table.values["speed"],
-        "altitude": table.values.get("altitude", 0.0),
-        "yaw": 0.0,
-        "gamma": 0.0,
-        "turn_rate": 0.0,
-    }
-    if _turns_both_ways(table):
-        imposed["beta"] = 0.0
-    steady = tuple(name for name in STATES if name not in ("yaw", "altitude"))
-    return Model(
+    usual = 0.1 * _mass(table) * GRAVITY[table.system]
+    alpha = table.values.get("alpha", 0.0)
+    return rigid_aircraft(
         table.name,
-        _states(table),
-        {THRUST_INPUT: force, **surfaces},
         _Equations(table),
-        parameters=_parameters(table),
-        outputs={
-            "gamma": Signal("rad", 0.1),
-            "turn_rate": Signal("rad/s", 0.1),
-            "load_factor": Signal(),
-            "lift_coefficient": Signal(),
-            "drag_coefficient": Signal(),
+        system=table.system,
+        speed=table.values["speed"],
+        altitude=table.values.get("altitude", 0.0),
+        alpha=(alpha - _WIDEST, alpha, alpha + _WIDEST),
+        beta=(-_WIDEST, _WIDEST),
+        inputs={
+            THRUST_INPUT: Signal(FORCE[table.system], usual, *table.thrust, start=usual),
+            **surfaces,
         },
-        trim=imposed,
-        steady=steady,
-        linear=steady,
-        schedule="speed",
-        modes=_MODES,
+        parameters=_parameters(table),
+        outputs={"lift_coefficient": Signal(), "drag_coefficient": Signal()},
+        holds_beta=_turns_both_ways(table),
         extras=Extras(source=table.source),
     )
 
@@ -138,29 +107,7 @@ def _mass(table: Table) -> float:
     """The mass, of the weight where that is given."""
     if "mass" in table.values:
         return table.values["mass"]
-    return table.values["weight"] / _GRAVITY[table.system]
-
-
-def _states(table: Table) -> dict[str, Signal]:
-    """Signals of the states."""
-    speed = table.values["speed"]
-    length = _LENGTH[table.system]
-    gravity = _GRAVITY[table.system]
-    angle = Signal("rad", 0.1, -3.1, 3.1)
-    rate = Signal("rad/s", 0.1, rate=1.0)
-    foot = 1.0 if table.system == "english" else FT_TO_M
-    start = table.values.get("alpha", 0.0)
-    signals = {
-        "speed": Signal(f"{length}/s", speed, 0.3 * speed, 3.0 * speed, speed, rate=gravity),
-        "alpha": Signal("rad", 0.1, start - 0.3, start + 0.3, start),
-        "beta": Signal("rad", 0.1, -0.3, 0.3),
-        **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), rate),
-        "roll": angle,
-        "pitch": Signal("rad", 0.1, -1.5, 1.5, start),
-        "yaw": Signal("rad", 0.1),
-        "altitude": Signal(length, 10000.0 * foot, -1000.0 * foot, 150000.0 * foot),
-    }
-    return {name: signals[name] for name in STATES}
+    return table.values["weight"] / GRAVITY[table.system]
 
 
 def _parameters(table: Table) -> dict[str, Signal]:
@@ -171,8 +118,8 @@ def _parameters(table: Table) -> dict[str, Signal]:
     for name in ("Ixx", "Iyy", "Izz", "Ixz"):
         value = table.values.get(name, 0.0)
         signals[name] = Signal(table.unit(name), abs(value) or table.values["Ixx"], start=value)
-    gravity = _GRAVITY[table.system]
-    signals["gravity"] = Signal(f"{_LENGTH[table.system]}/s^2", gravity, 0.0, start=gravity)
+    gravity = GRAVITY[table.system]
+    signals["gravity"] = Signal(f"{LENGTH[table.system]}/s^2", gravity, 0.0, start=gravity)
     for name, value in table.derivatives.items():
         signals[name] = Signal(nominal=abs(value) or 1.0, start=value)
     return signals
@@ -187,57 +134,36 @@ class _Equations:
         self._angle = values.get("thrust_angle", 0.0)
         self._height = values.get("thrust_height", 0.0)
         self._alpha = values.get("alpha", 0.0)
-        self._mach = values["speed"] / float(self._air(values.get("altitude", 0.0)).sound)
-
-    def _air(self, altitude: Any) -> Air:
-        """Standard air in the table's units: its density and speed of sound."""
-        if self._table.system == "english":
-            return air_at(altitude)
-        air = air_at(altitude / FT_TO_M)
-        density = air.density * si_factor("slug/ft^3")
-        pressure = air.pressure * si_factor("lbf/ft^2")
-        return Air(air.temperature / 1.8, pressure, density, air.sound * FT_TO_M)
+        sound = float(air_at(values.get("altitude", 0.0), table.system).sound)
+        self._mach = values["speed"] / sound
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Rates and outputs."""
         sizes = SimpleNamespace(**self._table.values)
-        air = self._air(x.altitude)
-        pressure = 0.5 * air.density * x.speed**2
-        velocity = x.speed * wind_axes(x.alpha, x.beta)[:, 0]
-        to_body = rotation(x.roll, x.pitch, x.yaw).T
-        gravity = p.gravity * to_body[:, 2]
-        rates = angular_velocity(x)
-        arguments = self._arguments(x, u, x.speed / air.sound - self._mach)
+        motion = Motion(x, p.gravity, self._table.system)
+        arguments = self._arguments(x, u, motion.mach - self._mach)
         lift = self._coefficient("CL", p, arguments)
         drag = self._coefficient("CD", p, arguments) + self._value(p, INDUCED) * lift**2
         side = self._coefficient("CY", p, arguments)
-        force = pressure * sizes.wing_area
+        force = motion.pressure * sizes.wing_area
         stability = wind_axes(x.alpha, 0.0)
         air_force = force * ca.mtimes(stability, ca.vertcat(-drag, side, -lift))
         thrust = u.thrust * ca.vertcat(ca.cos(self._angle), 0.0, -ca.sin(self._angle))
         specific = (air_force + thrust) / p.mass
-        free = acceleration(velocity, rates, specific, gravity)
-        alpha_rate = self._alpha_rate(x, p, velocity, free, pressure)
+        alpha_rate = self._alpha_rate(x, p, motion, specific)
         lag = {"alphadot": alpha_rate * sizes.chord / (2.0 * x.speed)}
         lift_lag = self._coefficient("CL", p, lag)
         drag_lag = self._coefficient("CD", p, lag)
         lag_force = force * ca.mtimes(stability, ca.vertcat(-drag_lag, 0.0, -lift_lag))
-        velocity_rate = free + lag_force / p.mass
         arguments |= lag
         moments = [self._coefficient(name, p, arguments) for name in ("Cl", "Cm", "Cn")]
         arms = ca.vertcat(sizes.span, sizes.chord, sizes.span)
         pitching = ca.vertcat(0.0, self._height * u.thrust * ca.cos(self._angle), 0.0)
         moment = force * arms * ca.vertcat(*moments) - pitching
-        turning = angular_acceleration(rates, moment, _inertia(p))
-        climb = -ca.dot(to_body[:, 2], velocity)
-        outputs = {
-            "gamma": ca.asin(climb / x.speed),
-            "turn_rate": turn_rate(x),
-            "load_factor": -(specific + lag_force / p.mass)[2] / p.gravity,
-            "lift_coefficient": lift + lift_lag,
-            "drag_coefficient": drag + drag_lag,
-        }
-        return state_rates(x, velocity, velocity_rate, turning, climb), outputs
+        inertia = inertia_matrix((p.Ixx, p.Iyy, p.Izz), (0.0, p.Ixz, 0.0))
+        rates, outputs = motion.rates_and_outputs(specific + lag_force / p.mass, moment, inertia)
+        coefficients = {"lift_coefficient": lift + lift_lag, "drag_coefficient": drag + drag_lag}
+        return rates, outputs | coefficients
 
     def _arguments(self, x: Any, u: Any, mach: Any) -> dict[str, Any]:
         """Return the variables in which the coefficients are linear, except alphadot, by the suffix
@@ -269,24 +195,16 @@ class _Equations:
         """A derivative, 0 where the table has none."""
         return getattr(p, name) if name in self._table.derivatives else 0.0
 
-    def _alpha_rate(self, x: Any, p: Any, velocity: Any, free: Any, pressure: Any) -> Any:
+    def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:
         """The rate of alpha, rad/s, on which the lift depends: the solution of a linear equation.
 
         The drag that depends on it lies along the flight and does not turn it.
-        free: (3,) acceleration without the forces that depend on this rate.
+        specific: (3,) force over mass without the forces that depend on this rate.
         """
         sizes = self._table.values
-        in_plane = velocity[0] ** 2 + velocity[2] ** 2
-        rate = (velocity[0] * free[2] - velocity[2] * free[0]) / in_plane
-        lag = pressure * sizes["wing_area"] * sizes["chord"] / (2.0 * x.speed * p.mass)
+        forward, _, down = ca.vertsplit(motion.velocity)
+        free = motion.acceleration(specific)
+        rate = (forward * free[2] - down * free[0]) / (forward**2 + down**2)
+        lag = motion.pressure * sizes["wing_area"] * sizes["chord"] / (2.0 * x.speed * p.mass)
         slope = self._value(p, "CL_alphadot") * lag / (x.speed * ca.cos(x.beta))
         return rate / (1.0 + slope)
-
-
-def _inertia(p: Any) -> Any:
-    """(3, 3) of the parameters; Ixz is the product of inertia, ∫ x z dm."""
-    return ca.vertcat(
-        ca.horzcat(p.Ixx, 0.0, -p.Ixz),
-        ca.horzcat(0.0, p.Iyy, 0.0),
-        ca.horzcat(-p.Ixz, 0.0, p.Izz),
-    )

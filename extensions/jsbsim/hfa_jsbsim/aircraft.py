@@ -10,14 +10,6 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.rigid_body import (
-    STATES,
-    acceleration,
-    angular_acceleration,
-    flow_rates,
-    state_rates,
-    turn_rate,
-)
 from hfa_jsbsim import engines as jets
 from hfa_jsbsim.aerodynamics import Aerodynamics
 from hfa_jsbsim.air import (
@@ -46,6 +38,14 @@ from hfa_jsbsim.surfaces import (
     reach_throttles,
 )
 from hfa_jsbsim.xml_file import Element
+from hfa_rigid.motion import (
+    STATES,
+    acceleration,
+    angular_acceleration,
+    flow_rates,
+    state_rates,
+    turn_rate,
+)
 from hfa_support.errors import BadInputError, shortened
 
 #: Parameters that are a steady wind, to north, east and down, ft/s; the states are relative to it.

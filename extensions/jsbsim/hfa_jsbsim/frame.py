@@ -17,10 +17,10 @@ import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hfa_aircraft.rigid_body import STATES, flow_rates, rotation, wind_axes
 from hfa_jsbsim.aircraft import WINDS, Equations
 from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.surfaces import PilotInput
+from hfa_rigid.motion import STATES, flow_rates, rotation, wind_axes
 from hfa_support.errors import BadInputError, shortened
 
 #: Parts of the motion in an array, in their order, and their sizes: quaternion of the attitude,

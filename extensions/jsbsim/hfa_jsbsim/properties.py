@@ -12,9 +12,9 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_aircraft.tables import Interpolator
 from hfa_jsbsim.notes import Note
 from hfa_jsbsim.xml_file import Element, number_of
+from hfa_rigid.tables import Interpolator
 from hfa_support.errors import BadInputError, shortened
 
 #: Names of a model that no state of the control system may have.

@@ -13,10 +13,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.atmosphere import SEA_LEVEL
 from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model
-from hfa_aircraft.rigid_body import STATES
 from hfa_aircraft.signals import Signal
 from hfa_jsbsim.accounting import account
 from hfa_jsbsim.aircraft import GUSTS, WINDS, Equations
@@ -29,6 +27,8 @@ from hfa_jsbsim.reasons import explain, of_files
 from hfa_jsbsim.speeds import speed_and_density
 from hfa_jsbsim.surfaces import PilotInput
 from hfa_jsbsim.xml_file import Folders
+from hfa_rigid.atmosphere import SEA_LEVEL
+from hfa_rigid.motion import STATES
 from hfa_support.errors import BadInputError, choice_of, shortened
 
 #: Outputs that are the positions of surfaces: name -> property, in rad.

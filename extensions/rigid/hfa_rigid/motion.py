@@ -10,6 +10,7 @@ Section 1.7.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -84,6 +85,14 @@ def angular_acceleration(rates: Any, moment: Any, inertia: Any) -> Any:
     """
     spin = ca.cross(rates, ca.mtimes(inertia, rates))
     return ca.mtimes(_inverse(inertia), moment - spin)
+
+
+def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
+    """(3, 3) matrix of inertia of the moments xx, yy, zz and the products xy, zx, yz, which are
+    ∫ x y dm and so on."""
+    xx, yy, zz = moments
+    xy, zx, yz = products
+    return ca.vertcat(ca.horzcat(xx, -xy, -zx), ca.horzcat(-xy, yy, -yz), ca.horzcat(-zx, -yz, zz))
 
 
 def flow_rates(velocity: Any, acceleration: Any) -> tuple[Any, Any, Any]:

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hfa_aircraft.rigid_body import (
+from hfa_rigid.motion import (
     STATES,
     acceleration,
     angular_acceleration,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from hfa_aircraft.tables import Interpolator
+from hfa_rigid.tables import Interpolator
 
 
 @pytest.mark.parametrize("shape", [(2,), (7,), (3, 5), (4, 2, 3), (2, 3, 2, 4)])

@@ -10,6 +10,8 @@ from typing import Any
 
 import casadi as ca
 
+from hfa_support.units import si_factor
+
 FT_TO_M = 0.3048
 HEAT_RATIO = 1.4
 _STANDARD_GRAVITY = 9.80665 / FT_TO_M
@@ -31,7 +33,9 @@ _LAYERS = (
 
 @dataclass(frozen=True)
 class Air:
-    """temperature: R. pressure: psf. density: slug/ft^3. sound: its speed, ft/s."""
+    """Air in ft, slug, lbf and degrees Rankine, or in SI units.
+
+    temperature. pressure. density. sound: its speed."""
 
     temperature: Any
     pressure: Any
@@ -39,8 +43,18 @@ class Air:
     sound: Any
 
 
-def air_at(altitude: Any) -> Air:
-    """Standard air at a geometric altitude, ft; up to 154,000 ft."""
+def air_at(altitude: Any, system: str = "english") -> Air:
+    """Standard air at a geometric altitude, up to 154,000 ft.
+
+    system: of units, english or si."""
+    if system == "si":
+        english = air_at(altitude / FT_TO_M)
+        return Air(
+            english.temperature / 1.8,
+            english.pressure * si_factor("lbf/ft^2"),
+            english.density * si_factor("slug/ft^3"),
+            english.sound * FT_TO_M,
+        )
     height = altitude * _EARTH_RADIUS / (_EARTH_RADIUS + altitude)
     base_pressure = SEA_LEVEL_PRESSURE
     temperature: Any = 0.0

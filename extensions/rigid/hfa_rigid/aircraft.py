@@ -1,0 +1,139 @@
+"""The `Model` of a rigid aircraft in standard air over a flat Earth, from its forces and moments.
+
+Equations of an aircraft make a `Motion` of the state, compute forces and moments from it, and
+return `Motion.rates_and_outputs` of these."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi as ca
+
+from hfa_aircraft.extras import Extras
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
+from hfa_rigid.atmosphere import FT_TO_M, air_at
+from hfa_rigid.motion import (
+    STATES,
+    acceleration,
+    angular_acceleration,
+    angular_velocity,
+    rotation,
+    state_rates,
+    turn_rate,
+    wind_axes,
+)
+
+#: Standard gravity and the units of length and force by system of units.
+GRAVITY = {"english": 9.80665 / FT_TO_M, "si": 9.80665}
+LENGTH = {"english": "ft", "si": "m"}
+FORCE = {"english": "lbf", "si": "N"}
+#: Limits of the speed relative to that of the usual trim.
+_SLOWEST = 0.3
+_FASTEST = 5.0
+
+
+class Motion:
+    """The motion of a rigid aircraft at a state with the fields of `STATES`.
+
+    air: at its altitude. pressure: dynamic pressure. mach: Mach number.
+    velocity, rates: (3,) through the air and about the body axes, in body axes.
+    """
+
+    def __init__(self, x: Any, gravity: Any, system: str) -> None:
+        """x: numbers or expressions. gravity: acceleration. system: english or si."""
+        self.air = air_at(x.altitude, system)
+        self.pressure = 0.5 * self.air.density * x.speed**2
+        self.mach = x.speed / self.air.sound
+        self.velocity = x.speed * wind_axes(x.alpha, x.beta)[:, 0]
+        self.rates = angular_velocity(x)
+        self._x = x
+        self._gravity = gravity
+        self._down = rotation(x.roll, x.pitch, x.yaw)[2, :].T
+
+    def acceleration(self, specific_force: Any) -> Any:
+        """(3,) rate of the velocity. specific_force: (3,) force without weight over mass."""
+        weight = self._gravity * self._down
+        return acceleration(self.velocity, self.rates, specific_force, weight)
+
+    def rates_and_outputs(
+        self, specific_force: Any, moment: Any, inertia: Any
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Rates of `STATES` and the outputs of every rigid aircraft, by name.
+
+        specific_force: (3,) force without weight over mass. moment: (3,) about the center of
+        gravity. inertia: (3, 3)."""
+        turning = angular_acceleration(self.rates, moment, inertia)
+        climb = -ca.dot(self._down, self.velocity)
+        velocity_rate = self.acceleration(specific_force)
+        outputs = {
+            "gamma": ca.asin(climb / self._x.speed),
+            "turn_rate": turn_rate(self._x),
+            "load_factor": -specific_force[2] / self._gravity,
+            "mach": self.mach,
+        }
+        return state_rates(self._x, self.velocity, velocity_rate, turning, climb), outputs
+
+
+def rigid_aircraft(
+    name: str,
+    equations: Callable[[Any, Any, Any, Any], tuple[dict[str, Any], dict[str, Any]]],
+    *,
+    system: str,
+    speed: float,
+    altitude: float,
+    alpha: tuple[float, float, float],
+    beta: tuple[float, float],
+    inputs: Mapping[str, Signal],
+    parameters: Mapping[str, Signal],
+    outputs: Mapping[str, Signal],
+    holds_beta: bool,
+    extras: Extras,
+) -> Model:
+    """The declaration of a rigid aircraft, whose usual trim is straight and level.
+
+    system: of units, english or si. speed, altitude: of the usual trim.
+    alpha: lowest, initial and highest angle of attack. beta: lowest and highest sideslip, rad.
+    outputs: those beside the outputs of `Motion`. holds_beta: whether a trim imposes the sideslip.
+    """
+    length = LENGTH[system]
+    foot = 1.0 if system == "english" else FT_TO_M
+    low, start, high = alpha
+    angle = Signal("rad", 0.1, -3.1, 3.1)
+    rate = Signal("rad/s", 0.1, rate=1.0)
+    states = {
+        "speed": Signal(
+            f"{length}/s", speed, _SLOWEST * speed, _FASTEST * speed, speed, rate=GRAVITY[system]
+        ),
+        "alpha": Signal("rad", 0.1, low, high, start),
+        "beta": Signal("rad", 0.1, *beta),
+        **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), rate),
+        "roll": angle,
+        "pitch": Signal("rad", 0.1, -1.5, 1.5, start),
+        "yaw": Signal("rad", 0.1),
+        "altitude": Signal(length, 10000.0 * foot, -1000.0 * foot, 150000.0 * foot),
+    }
+    trim = {"speed": speed, "altitude": altitude, "yaw": 0.0, "gamma": 0.0, "turn_rate": 0.0}
+    if holds_beta:
+        trim["beta"] = 0.0
+    steady = tuple(name for name in STATES if name not in ("yaw", "altitude"))
+    return Model(
+        name,
+        {name: states[name] for name in STATES},
+        inputs,
+        equations,
+        parameters=parameters,
+        outputs={
+            "gamma": Signal("rad", 0.1),
+            "turn_rate": Signal("rad/s", 0.1),
+            "load_factor": Signal(),
+            "mach": Signal(nominal=0.1),
+            **outputs,
+        },
+        trim=trim,
+        steady=steady,
+        linear=steady,
+        schedule="speed",
+        extras=extras,
+    )

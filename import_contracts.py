@@ -1,0 +1,75 @@
+"""Types of import contracts that name what is allowed; `make lint` checks them.
+
+Imports by other modules count too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+from grimp import ImportGraph
+from importlinter import Contract, ContractCheck, fields, output
+from importlinter.domain.helpers import module_expressions_to_modules
+
+#: Modules of which each imports the next one.
+Chain = tuple[str, ...]
+
+
+class ImportsNothingBut(Contract):
+    """Contract: modules and what they import, directly or not, are among the allowed packages."""
+
+    modules = fields.ListField(subfield=fields.ModuleExpressionField())
+    allowed = fields.ListField(subfield=fields.ModuleExpressionField())
+
+    def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:
+        """Find the chains of imports that leave the allowed packages at their end."""
+        allowed = _within(graph, self.allowed)
+        found = {
+            chain
+            for module in sorted(_within(graph, self.modules))
+            for chain in self._chains(graph, module, allowed)
+        }
+        # One chain for each import that leaves the allowed packages.
+        shortest = {self._crossing(chain): chain for chain in sorted(found, key=len, reverse=True)}
+        chains = sorted(shortest.values())
+        return ContractCheck(kept=not chains, metadata={"chains": chains, "graph": graph})
+
+    def _chains(self, graph: ImportGraph, module: str, allowed: set[str]) -> Iterable[Chain]:
+        for other in graph.find_upstream_modules(module) - allowed:
+            chain = graph.find_shortest_chain(importer=module, imported=other)
+            if chain and allowed.issuperset(chain[:-1]):
+                yield chain
+
+    def _crossing(self, chain: Chain) -> Chain:
+        return chain[-2:]
+
+    def render_broken_contract(self, check: ContractCheck) -> None:
+        """Print the chains with line numbers."""
+        for chain in check.metadata["chains"]:
+            for importer, imported in pairwise(chain):
+                details = check.metadata["graph"].get_import_details(
+                    importer=importer, imported=imported
+                )
+                lines = ", ".join(f"l.{each['line_number']}" for each in details)
+                output.print_error(f"- {importer} -> {imported} ({lines})", bold=False)
+            output.new_line()
+
+
+class ImportedByNothingBut(ImportsNothingBut):
+    """Contract: what imports the modules, directly or not, is among the allowed packages."""
+
+    def _chains(self, graph: ImportGraph, module: str, allowed: set[str]) -> Iterable[Chain]:
+        inside = allowed | _within(graph, self.modules)
+        for other in graph.find_downstream_modules(module) - inside:
+            chain = graph.find_shortest_chain(importer=other, imported=module)
+            if chain and inside.issuperset(chain[1:]):
+                yield chain
+
+    def _crossing(self, chain: Chain) -> Chain:
+        return chain[:2]
+
+
+def _within(graph: ImportGraph, packages: Iterable[object]) -> set[str]:
+    """The names of packages and of all modules in them."""
+    found = module_expressions_to_modules(graph, packages, as_packages=True)
+    return {module.name for module in found}
