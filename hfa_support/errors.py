@@ -142,7 +142,8 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
     if array.dtype.kind not in "iuf":
         rule = f"{what} does not consist of rows of real numbers, all of one length"
         raise BadInputError(rule + _faulty_row(values))
-    if np.any(getattr(values, "_mask", False)):  # numpy.ma takes 10 ms to load
+    mask = getattr(values, "_mask", None)  # numpy.ma takes 10 ms to load
+    if mask is not None and np.any(mask):
         raise BadInputError(f"{what} has masked entries; fill them or leave them out")
     return array.astype(float)
 

@@ -3,14 +3,18 @@ describes, with its cost as the reward."""
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from functools import reduce
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.layout import components
 from hfa_flight.envelope import flight_envelope
 from hfa_flight.turbulence import AirFilter, Turbulence
 from hfa_policy.departures import departure_at, refuse_edges
@@ -18,7 +22,7 @@ from hfa_policy.deployed import Deployed
 from hfa_policy.flights import SampledFlight, Steered, symbols_of_a_sample
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.outcomes import start_box
-from hfa_policy.row_code import RowCode, row_code
+from hfa_policy.row_code import bound_rows, row_code
 from hfa_support.errors import BadInputError, is_finite, shown
 from trim.point.operating_point import OperatingPoint
 
@@ -54,6 +58,14 @@ class Episodes:
     at the sample, u the commanded inputs minus the trim. Without a cost Q and R are 1/nominal²
     of the linear states and the moved inputs. An episode that leaves the limits pays
     the rest of its time at the rate of that sample, so that leaving is never an advantage.
+
+    states: (N, n), X of each episode.
+    inputs: (N, m), the input that acts just before the sample.
+    frames: (N, k), observations of all samples of the history, the oldest first.
+    outcomes: (N, 3), of the last sample: reward; 1.0 where the aircraft left its limits; 1.0 where
+        the time of the episode is over.
+
+    These four arrays are written anew by each sample, in place.
     """
 
     def __init__(
@@ -79,7 +91,6 @@ class Episodes:
         middle_of_box = 0.5 * self.low + 0.5 * self.high
         deployed.refuse_undefined_at(points, middle_of_box)
         self.samples = round(seconds / deployed.deployment.dt)
-        actions = len(deployed.commanded)
         self._air = None
         if turbulence is not None:
             self._air = EpisodeAir(turbulence, points, count, deployed.deployment.dt)
@@ -88,40 +99,39 @@ class Episodes:
             deployed.deployment.dt,
             deployed.deployment.delay,
             parts_of_a_sample(list(points), deployed.deployment.dt),
-            extra=actions,
+            extra=len(deployed.commanded),
             other=_moved_by_actions(deployed, self.low, self.high),
             winds=() if self._air is None else self._air.names,
         )
-        self._step = row_code(self._sample(), together=1 if count == 1 else None)
-        self._threads = ThreadPoolExecutor() if count >= _MANY else None
-        self._observe = row_code(self._observation())
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
-        self._least = np.array([envelope.least for envelope in self._envelopes])
-        self._most = np.array([envelope.most for envelope in self._envelopes])
         self._boxes = np.array([start_box(deployed.model, point) for point in points])
         self._trims = np.array([deployed.trim_vector(point) for point in points])
         self._linear = [list(deployed.model.states).index(name) for name in deployed.model.linear]
-        self._rows = np.zeros((count, sum(self._flight.sizes)))
-        self._bound = self._step.bound(self._rows) if isinstance(self._step, RowCode) else None
-        slices = self._flight.slices
-        self._X, self._extra = slices[0], slices[-1]
-        self._winds = slice(slices[-1].start - len(self._flight.winds), slices[-1].start)
-        self._U = slice(slices[1].stop - len(deployed.model.inputs), slices[1].stop)
-        self._inside = self._least[np.zeros(count, dtype=int)], self._most[[0] * count]
-        self._frames = np.zeros((count, deployed.deployment.width))
-        self._has_past = deployed.past > 0
-        self.done = np.zeros(count, dtype=int)
         self.owners = np.zeros(count, dtype=int)
 
-    @property
-    def states(self) -> np.ndarray:
-        """X of each episode, (N, n)."""
-        return self._rows[:, self._X].copy()
+        flown = sum(self._flight.sizes)
+        self._rows = np.zeros((count, flown + _ends_size(self._flight)))
+        self._flown, self._ends = self._rows[:, :flown], self._rows[:, flown:]
+        X, memory, *_, pushes, extra = self._flight.slices
+        winds = slice(pushes.stop - len(self._flight.winds), pushes.stop)
+        inputs = slice(memory.stop - len(deployed.model.inputs), memory.stop)
+        self.states = self._rows[:, X]
+        self.inputs = self._rows[:, inputs]
+        self._winds, self._actions = self._rows[:, winds], self._rows[:, extra]
+
+        self._observe = row_code(self._observation())
+        self._observed = np.zeros((count, deployed.observe.numel_out(0)))
+        self._has_past = deployed.past > 0
+        self.frames = self._observed
+        if self._has_past:
+            self.frames = np.zeros((count, deployed.deployment.width))
+        self.outcomes = np.zeros((count, 3))
+        self._fly = self._compiled()
 
     @property
-    def inputs(self) -> np.ndarray:
-        """The input that acts just before the sample, of each episode, (N, m)."""
-        return self._rows[:, self._U].copy()
+    def done(self) -> np.ndarray:
+        """Samples of each episode so far, (N,)."""
+        return self.samples - self._ends[:, -1].astype(int)
 
     def begin(self, numbers: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """Begin these episodes anew, at a random trim and from a random start in the box about it;
@@ -131,7 +141,7 @@ class Episodes:
         trims = self._trims[owners]
         starts = trims[:, : len(self.deployed.model.states)].copy()
         starts[:, self._linear] += share * self._boxes[owners]
-        if self._air is not None and len(numbers) == len(self.done):
+        if self._air is not None and len(numbers) == len(self.owners):
             self._air.seed(int(random.integers(2**63)))
         return self.begin_at(numbers, owners, starts)
 
@@ -143,91 +153,129 @@ class Episodes:
         if self._air is not None:
             self._air.begin(numbers, owners)
         actions = np.zeros((count, len(self.low)))
-        self._rows[numbers] = self._flight.rows(starts, self._trims[owners], pushes, actions)
+        self._flown[numbers] = self._flight.rows(starts, self._trims[owners], pushes, actions)
+        within = [self._envelopes[owner] for owner in owners]
+        least = np.array([envelope.least for envelope in within])
+        most = np.array([envelope.most for envelope in within])
+        self._ends[numbers] = np.column_stack([least, most, np.full(count, self.samples)])
         self.owners[numbers] = owners
-        self._inside = self._least[self.owners], self._most[self.owners]
-        self.done[numbers] = 0
-        first = self.observations(numbers)
-        self._frames[numbers] = np.tile(first, (1, self.deployed.deployment.history))
-        return self._frames[numbers]
-
-    def observations(self, numbers: np.ndarray) -> np.ndarray:
-        """Observations of these episodes at this sample, (N, k)."""
-        return np.asarray(self._observe(self._rows[numbers])[0])
+        first = np.asarray(self._observe(self._flown[numbers])[0])
+        self.frames[numbers] = np.tile(first, (1, self.deployed.deployment.history))
+        return self.frames[numbers]
 
     def step(self, actions: np.ndarray) -> Stepped:
+        """One sample of all episodes, as `advance`."""
+        self.advance(actions)
+        rewards, lost, over = self.outcomes.T.copy()
+        left = {each: self.left(each) for each in np.flatnonzero(lost).tolist()}
+        return Stepped(self.frames.copy(), rewards, lost > 0.0, over > 0.0, left)
+
+    def advance(self, actions: np.ndarray) -> None:
         """One sample of all episodes with these actions, (N, m), beyond the box as at its end.
 
         BadInputError where they are of another shape, or one of them is not a number.
         """
-        wanted = (len(self.done), len(self.low))
-        if actions.shape != wanted or np.isnan(actions).any():
+        wanted = self._actions.shape
+        # The sum of squares is not a number where an action is none.
+        if actions.shape != wanted or math.isnan(np.vdot(actions, actions)):
             raise BadInputError(
                 f"an action is {shown(actions.tolist())}; give {wanted[0]} x {wanted[1]} numbers"
             )
-        self._rows[:, self._extra] = actions
+        self._actions[:] = actions
         if self._air is not None:
-            self._rows[:, self._winds] = self._air.step()
-        after, costs, observed = self._stepped()
-        observations = observed.copy()
-        X = after[:, self._X]
-        least, most = self._inside
-        is_inside = (least <= X) & (most >= X)
-        lost = np.asarray(~is_inside.all(axis=1))
-        moved = self._rows[:, : after.shape[1]]
-        rewards = -costs[:, 0]
-        if np.isfinite(after).all():
-            moved[:] = after
-        else:  # what is no number is shown where the flight was last
-            finite = np.isfinite(after).all(axis=1)
-            lost |= ~finite
-            moved[finite] = after[finite]
-            observations[~finite] = self.observations(np.flatnonzero(~finite))
-            rewards = np.nan_to_num(rewards, nan=0.0, neginf=-_DEAREST)
-        self.done += 1
-        left: dict[int, str] = {}
-        if lost.any():
-            rewards[lost] *= 1 + self.samples - self.done[lost]
-            left = {each: self._left(each, X[each]) for each in np.flatnonzero(lost).tolist()}
+            self._winds[:] = self._air.step()
+        self._fly()
         if self._has_past:
-            kept = self._frames[:, observations.shape[1] :]
-            self._frames = np.hstack([kept, observations])
-            observations = self._frames.copy()
-        return Stepped(observations, rewards, lost, self.done >= self.samples, left)
+            newest = self._observed.shape[1]
+            self.frames[:, :-newest] = self.frames[:, newest:]
+            self.frames[:, -newest:] = self._observed
 
-    def _left(self, number: int, states: np.ndarray) -> str:
-        """How an episode has left the envelope with these states (n,)."""
+    def left(self, number: int) -> str:
+        """How a lost episode has left its envelope: the state, its limit and the time."""
         time = float(self.done[number] * self.deployed.deployment.dt)
-        return departure_at(self._envelopes[self.owners[number]], states, time)
+        envelope = self._envelopes[self.owners[number]]
+        if not envelope.within(self.states[number]).all():
+            return departure_at(envelope, self.states[number], time)
+        # A row stays where it was when what follows is no number.
+        moved, _ = self._flight.moved()(self._flown[number], self._actions[number])
+        after = np.array(moved).ravel()[: self.states.shape[1]]
+        if np.isfinite(after).all():
+            return f"the command is no number at {time:.4g} s"
+        return departure_at(envelope, after, time)
 
-    def _stepped(self) -> Sequence[np.ndarray]:
-        """Return states, memories, costs and observations of all rows after a sample, in as many
-        threads as there are processors."""
-        if self._bound is not None and self._threads is None:
-            return self._bound()
-        if self._threads is None:
-            return self._step(self._rows)
-        parts = np.array_split(self._rows, os.cpu_count() or 1)
-        done = self._threads.map(self._step, parts)
-        return [np.concatenate(tables) for tables in zip(*done, strict=True)]
+    def _compiled(self) -> Callable[[], Any]:
+        """One sample of all rows, in as many threads as there are processors where that pays."""
+        count = len(self.owners)
+        code = row_code(self._sample(), together=1 if count == 1 else None)
+        tables = (self._rows, self.outcomes, self._observed)
+        if count < _MANY:
+            return bound_rows(code, self._rows, tables)
+        parts = os.cpu_count() or 1
+        split = zip(*(np.array_split(table, parts) for table in tables), strict=True)
+        bound = [bound_rows(code, rows, (rows, *others)) for rows, *others in split]
+        threads = ThreadPoolExecutor(parts)
+        return lambda: list(threads.map(lambda fly: fly(), bound))
 
     def _sample(self) -> ca.Function:
-        """row -> ([X; memory] a sample later, cost of the sample, o a sample later)."""
+        """row -> (row a sample later, outcome, o a sample later)."""
         flight = self._flight
-        row = ca.MX.sym("row", sum(flight.sizes))
-        X, before, trim, actions = flight.observed(row)
+        flown, n = sum(flight.sizes), len(flight.deployed.model.states)
+        row = ca.MX.sym("row", flown + _ends_size(flight))
+        now, ends = ca.vertsplit(row, [0, flown, row.numel()])
+        X, before, trim, actions = flight.observed(now)
         U = flight.steered.moves(actions, X, before, trim, actions)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
-        moved, _ = flight.moved()(row, actions)
-        X_later, memory = ca.vertsplit(moved, [0, X.numel(), moved.numel()])
-        o = self.deployed.observe(X_later, memory[-before.numel() :], trim)
-        return ca.Function("episode", [row], [moved, ca.densify(cost), o])
+        moved, _ = flight.moved()(now, actions)
+        here, still = ca.vertsplit(now, [0, moved.numel(), flown])
+        kept, ends, outcome = _outcome(moved.numel(), n)(here, moved, cost, ends)
+        o = self.deployed.observe(kept[:n], kept[-before.numel() :], trim)
+        return ca.Function("episode", [row], [ca.vertcat(kept, still, ends), outcome, o])
 
     def _observation(self) -> ca.Function:
-        """row -> o."""
+        """row of the flight -> o."""
         row = ca.MX.sym("row", sum(self._flight.sizes))
         X, before, trim, _ = self._flight.observed(row)
         return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])
+
+
+def _ends_size(flight: SampledFlight) -> int:
+    """Numbers of a row that say when its episode ends: lowest X, highest X, samples left."""
+    return 2 * len(flight.deployed.model.states) + 1
+
+
+def _outcome(changing: int, n: int) -> ca.Function:
+    """(numbers of a row that a sample changes, the same after it, cost of the sample, ends) ->
+    (numbers kept, ends after the sample, outcome).
+
+    Where a number after the sample is none, the numbers before it are kept and the episode is lost.
+
+    changing: how many numbers change, the first n of them X
+    """
+    before, after, cost = (ca.SX.sym(name, size) for name, size in _changed_sizes(changing))
+    least, most, left = ca.SX.sym("least", n), ca.SX.sym("most", n), ca.SX.sym("left")
+    numbers = _all(ca.fabs(value) <= sys.float_info.max for value in components(after))
+    kept = ca.if_else(numbers, after, before)
+    limits = zip(components(least), components(kept), components(most), strict=False)
+    inside = _all(ca.logic_and(low <= x, x <= high) for low, x, high in limits)
+    lost = ca.logic_not(ca.logic_and(numbers, inside))
+    later = ca.fmax(left - 1.0, 0.0)
+    paid = ca.if_else(ca.fabs(cost) <= sys.float_info.max, cost, _DEAREST)
+    reward = -paid * ca.if_else(lost, 1.0 + later, 1.0)
+    ends = ca.vertcat(least, most, left)
+    return ca.Function(
+        "outcome",
+        [before, after, cost, ends],
+        [kept, ca.vertcat(least, most, later), ca.vertcat(reward, lost, later <= 0.0)],
+    )
+
+
+def _changed_sizes(changing: int) -> tuple[tuple[str, int], ...]:
+    return ("before", changing), ("after", changing), ("cost", 1)
+
+
+def _all(conditions: Iterable[ca.SX]) -> ca.SX:
+    """Whether all of them hold."""
+    return reduce(ca.logic_and, conditions)
 
 
 class EpisodeAir:

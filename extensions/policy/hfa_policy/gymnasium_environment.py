@@ -34,6 +34,9 @@ class AircraftEnvironment(gymnasium.Env):
         self.observation_space = observation_space(episodes.deployed.deployment.width)
         self.action_space = action_space(episodes)
         self._flown: list[tuple[np.ndarray, np.ndarray]] = []
+        self._trim = 0
+        self._X, self._U = episodes.states[0], episodes.inputs[0]
+        self._frame, self._outcome = episodes.frames[0], episodes.outcomes[0]
 
     @checks_arguments
     def reset(
@@ -48,9 +51,10 @@ class AircraftEnvironment(gymnasium.Env):
             observations = self.episodes.begin_at(_FIRST, owners, starts)
         else:
             observations = self.episodes.begin(_FIRST, self.np_random)
-        self._flown = []
-        self._remember()
-        return observations[0].astype(np.float32), self._info()
+        self._trim = int(self.episodes.owners[0])
+        info = self._info()
+        self._flown = [(info["X"], info["U"])]
+        return observations[0].astype(np.float32), info
 
     def _trim_number(self, number: Any) -> int:
         """The number of a trim of the episodes; BadInputError where there is none."""
@@ -70,18 +74,14 @@ class AircraftEnvironment(gymnasium.Env):
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One sample."""
-        stepped = self.episodes.step(numbers_in("an action", action)[None])
-        self._remember()
+        self.episodes.advance(numbers_in("an action", action)[None])
+        reward, lost, over = self._outcome.tolist()
         info = self._info()
-        if stepped.lost[0]:
-            info["left"] = stepped.left[0]
-        return (
-            stepped.observations[0].astype(np.float32),
-            float(stepped.rewards[0]),
-            bool(stepped.lost[0]),
-            bool(stepped.over[0]),
-            info,
-        )
+        if self.render_mode is not None:
+            self._flown.append((info["X"], info["U"]))
+        if lost:
+            info["left"] = self.episodes.left(0)
+        return self._frame.astype(np.float32), reward, lost > 0.0, over > 0.0, info
 
     def render(self) -> np.ndarray | None:
         """The picture of the episode so far, (height, width, 3)."""
@@ -89,19 +89,10 @@ class AircraftEnvironment(gymnasium.Env):
             return None
         from hfa_policy.episode_figure import episode_picture
 
-        owner = int(self.episodes.owners[0])
-        return episode_picture(self.episodes, owner, self._flown)
-
-    def _remember(self) -> None:
-        if self.render_mode is not None:
-            self._flown.append((self.episodes.states[0], self.episodes.inputs[0]))
+        return episode_picture(self.episodes, self._trim, self._flown)
 
     def _info(self) -> dict[str, Any]:
-        return {
-            "X": self.episodes.states[0],
-            "U": self.episodes.inputs[0],
-            "trim": int(self.episodes.owners[0]),
-        }
+        return {"X": self._X.copy(), "U": self._U.copy(), "trim": self._trim}
 
 
 def observation_space(observed: int) -> spaces.Box:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -105,20 +106,28 @@ class RowCode:
         self._call(ctypes.c_longlong(count), _addresses(given), _addresses(results))
         return results
 
-    def bound(self, table: np.ndarray) -> Callable[[], list[np.ndarray]]:
-        """The function of one table whose memory stays where it is; it returns the same memory at
-        every call."""
-        if table.dtype != float or not table.flags.c_contiguous:
-            raise ValueError("a table that is bound is contiguous, of doubles")
-        results = [np.empty((len(table), size)) for size in self._sizes]
-        arguments = (ctypes.c_longlong(len(table)), _addresses([table]), _addresses(results))
-        call = self._call
+    def bound(self, table: np.ndarray, results: Sequence[np.ndarray]) -> Callable[[], Any]:
+        """The function of one table that writes its results into these; a result may be the table
+        itself, since each row is read before it is written."""
+        for each, width in zip((table, *results), (*self._widths, *self._sizes), strict=True):
+            if each.shape != (len(table), width) or each.dtype != float or not each.data.contiguous:
+                raise ValueError("tables that are bound are contiguous, of doubles, with all rows")
+        count = ctypes.c_longlong(len(table))
+        return partial(self._call, count, _addresses([table]), _addresses(results))
 
-        def evaluate() -> list[np.ndarray]:
-            call(*arguments)
-            return results
 
-        return evaluate
+def bound_rows(
+    code: RowCode | RowFunction, table: np.ndarray, results: Sequence[np.ndarray]
+) -> Callable[[], Any]:
+    """A function of one table that writes its results into these, which may be the table itself."""
+    if isinstance(code, RowCode):
+        return code.bound(table, results)
+
+    def evaluate() -> None:
+        for result, values in zip(results, code(table), strict=True):
+            result[:] = values
+
+    return evaluate
 
 
 def row_code(function: ca.Function, together: int | None = None) -> RowCode | RowFunction:
@@ -180,5 +189,5 @@ def _registers() -> tuple[str, int]:
     return "", _LANES
 
 
-def _addresses(arrays: list[np.ndarray]) -> Any:
+def _addresses(arrays: Sequence[np.ndarray]) -> Any:
     return (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))

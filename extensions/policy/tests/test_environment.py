@@ -116,6 +116,23 @@ def test_a_sample_pays_its_cost_and_who_leaves_pays_the_rest() -> None:
     assert reward == pytest.approx(-50 * 0.02 * 8.0 * 5.0**2, rel=1e-9)
 
 
+def test_an_episode_ends_where_numbers_end() -> None:
+    """An action whose map has no value there ends the episode, at once or where it acts only after
+    a delay, and pays as the last number did."""
+    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
+    action = {"elevator": {"box": [-1, 1], "map": "trim + 0.1 * log(a + 0.5)"}}
+    for delay, said in ((0.0, "speed is no number at 0.04 s"), (0.02, "the command is no number")):
+        timing = {"dt": 0.02, "delay": delay}
+        env = environment(model, gtm_card({}, action=action, timing=timing), points, seconds=1.0)
+        env.reset(seed=1)
+        before, *_ = env.step(np.array([1.0]))
+        after, reward, lost, over, info = env.step(np.array([-0.8]))
+        assert (lost, over) == (True, False)
+        assert said in info["left"]
+        assert reward < -1e6
+        np.testing.assert_array_equal(after, before)
+
+
 def test_the_seed_decides_the_start_and_time_truncates() -> None:
     env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm"), seconds=0.1)
     first, info = env.reset(seed=3)
@@ -158,7 +175,7 @@ def test_many_episodes_at_once_are_those_of_one() -> None:
     several = vector_environment(model, card("ppo_gtm"), points, count=5, seconds=0.06)
     several.seed(1)
     several.reset()
-    starts = several.episodes.states
+    starts = several.episodes.states.copy()
     owners = several.episodes.owners.copy()
     one = environment(model, card("ppo_gtm"), points, seconds=0.06)
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 5, 2))
