@@ -24,12 +24,16 @@ LARGEST = 2**28
 #: Suffixes of the files that `controller/game/array_file.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
-#: How often a folder is removed into which threads may still write.
+#: On Windows a file is opened as text without it.
+_BINARY = getattr(os, "O_BINARY", 0)
+#: How often a folder is removed into which a compiler may still write.
 _REMOVALS = 20
 
 
 #: Temporary files and folders of this process that are still there.
 _UNFINISHED = set[Path]()
+#: Folders that `all_or_none` made and that have no file yet.
+_MADE = set[Path]()
 #: Inside of `all_or_none`: written files that wait for their names, (temporary, target).
 _WAITING: list[tuple[Path, Path]] | None = None
 #: Inside of `inputs_kept`: (device, inode) of each file and folder that was read.
@@ -91,6 +95,7 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
         raise RuntimeError("all_or_none within all_or_none")
     is_new = folder is not None and not folder.exists()
     if folder is not None and is_new:
+        _MADE.add(folder.absolute())
         folder.mkdir()
     _WAITING = []
     try:
@@ -105,14 +110,14 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
         if folder is not None and is_new:
             with suppress(OSError):  # it stays where there is a file in it
                 folder.rmdir()
+            _MADE.discard(folder.absolute())
 
 
 @contextmanager
 def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
     """A new private folder in `parent` (default: where temporary files go), removed after the block
     unless renamed."""
-    path = Path(parent or tempfile.gettempdir()) / f".hfa-{os.urandom(8).hex()}"
-    _UNFINISHED.add(path)  # first: a signal may end the process as soon as the folder is there
+    path = _temporary_path(Path(parent or tempfile.gettempdir()))
     try:
         path.mkdir(mode=0o700)
         yield path
@@ -121,24 +126,41 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
         _UNFINISHED.discard(path)
 
 
+def _temporary_path(folder: Path) -> Path:
+    """Return a new name in the folder, which is counted as unfinished before anything has it: a
+    signal may end the process as soon as the file is there."""
+    path = (folder / f".hfa-{os.urandom(8).hex()}").absolute()
+    _UNFINISHED.add(path)
+    return path
+
+
+def _new_file(path: Path, target: Path) -> IO[bytes]:
+    """Open a new file that only its owner may read and write, and that becomes the target."""
+    try:
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, mode=0o600)
+    except OSError as error:
+        raise BadInputError(
+            f"cannot write {target}: {error.strerror}; choose a folder that exists"
+        ) from error
+    return open(handle, "wb")
+
+
 def remove_unfinished() -> None:
     """Remove the temporary files and folders of this process, for a process that ends inside their
     blocks, at once after this.
 
-    Threads may still write: an empty file takes the place of each folder, so that none is made
-    again, until the end."""
-    for path in tuple(_UNFINISHED):
-        for _ in range(_REMOVALS):
-            shutil.rmtree(path, ignore_errors=True)
-            with suppress(OSError):
-                path.unlink()
-            with suppress(OSError):
-                path.touch(exist_ok=False)
-                break
-            time.sleep(0.02)
+    A compiler may still write: a folder that is not empty in the end is removed again."""
     for path in tuple(_UNFINISHED):
         with suppress(OSError):
             path.unlink()
+        for _ in range(_REMOVALS):
+            shutil.rmtree(path, ignore_errors=True)
+            if not path.exists():
+                break
+            time.sleep(0.02)
+    for folder in tuple(_MADE):
+        with suppress(OSError):  # it stays where there is a file in it
+            folder.rmdir()
 
 
 @contextmanager
@@ -155,17 +177,10 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
     if target.exists() and not target.is_file():
         raise BadInputError(f"cannot write {target}: it is not a regular file; name another")
     refuse_read(target)
-    try:
-        handle, name = tempfile.mkstemp(prefix=".hfa-", suffix=".part", dir=target.parent)
-    except OSError as error:
-        raise BadInputError(
-            f"cannot write {target}: {error.strerror}; choose a folder that exists"
-        ) from error
-    temporary = Path(name).absolute()
-    _UNFINISHED.add(temporary)
+    temporary = _temporary_path(target.parent)
     waits = False
     try:
-        with open(handle, "wb") as stream:
+        with _new_file(temporary, target) as stream:
             yield stream
         umask = os.umask(0)
         os.umask(umask)
@@ -177,7 +192,8 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
             temporary.replace(target)
     finally:
         if not waits:
-            temporary.unlink(missing_ok=True)
+            with suppress(OSError):
+                temporary.unlink()
             _UNFINISHED.discard(temporary)
 
 

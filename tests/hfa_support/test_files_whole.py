@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,13 @@ import numpy as np
 import pytest
 
 from hfa import BadInputError
-from hfa_support.files import remove_unfinished, temporary_folder, write_text, written_whole
+from hfa_support.files import (
+    all_or_none,
+    remove_unfinished,
+    temporary_folder,
+    write_text,
+    written_whole,
+)
 
 
 def save(path: Path, x: np.ndarray) -> None:
@@ -69,10 +76,29 @@ def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
         (folder / "kept").rename(tmp_path / "kept")
     around = ExitStack()
     around.enter_context(temporary_folder(tmp_path))
+    around.enter_context(all_or_none(tmp_path / "report"))
     around.enter_context(written_whole(tmp_path / "a.json"))
-    assert len(set(tmp_path.iterdir()) - theirs) == 3
+    assert len(set(tmp_path.iterdir()) - theirs) == 4
     remove_unfinished()  # as where a signal ends the process
     assert set(tmp_path.iterdir()) == {*theirs, tmp_path / "kept"}
     with pytest.raises(FileNotFoundError):
         around.close()
     assert set(tmp_path.iterdir()) == {*theirs, tmp_path / "kept"}
+
+
+def test_a_file_is_registered_before_it_exists(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A signal directly after the file was made left it behind."""
+    made = os.open
+
+    def interrupted(path: Any, *arguments: Any, **options: Any) -> int:
+        handle = made(path, *arguments, **options)
+        assert list(tmp_path.iterdir())
+        remove_unfinished()  # as a signal does at this moment
+        return handle
+
+    monkeypatch.setattr(os, "open", interrupted)
+    with pytest.raises(FileNotFoundError):
+        write_text(tmp_path / "a.json", "1")
+    assert not list(tmp_path.iterdir())

@@ -257,8 +257,12 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
 
 
 def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
-    """The store of a job without results: metadata, names and units."""
+    """Write the store of a job without results: metadata, names and units.
+
+    Zarr makes it in memory and this thread writes its files: a signal that ends the process stops
+    this thread, but not the threads of Zarr, which would make a removed folder again."""
     from zarr.codecs import Crc32cCodec, ZstdCodec
+    from zarr.storage import MemoryStore
 
     meaning = "first 8 bytes of a SHA-256 of the request, the array, the chunk's number and values"
     checksums = array_of_rows(
@@ -275,7 +279,13 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
         template = template.assign_attrs(provenance=dict(provenance))
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
     encoding = {name: variable.encoding | codecs for name, variable in template.variables.items()}
-    template.to_zarr(path, encoding=encoding, compute=False, consolidated=False, zarr_format=3)
+    files: dict[str, Any] = {}
+    store = MemoryStore(files)
+    template.to_zarr(store, encoding=encoding, compute=False, consolidated=False, zarr_format=3)
+    for name, content in files.items():
+        file = path / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content.to_bytes())
 
 
 def _refuse_another(path: Path, job: RowJob) -> None:

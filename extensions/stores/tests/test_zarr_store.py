@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -242,6 +243,24 @@ def test_a_store_appears_whole_and_takes_no_folder_beside_it(
     assert [path.name for path in tmp_path.iterdir()] == [".a.zarr.my-backup-202612"]
     fill_store(row_job(), tmp_path / "a.zarr")
     assert {path.name for path in tmp_path.iterdir()} == {".a.zarr.my-backup-202612", "a.zarr"}
+
+
+def test_one_thread_writes_an_unfinished_store(tmp_path: Path) -> None:
+    """Threads of Zarr went on after a signal and made the removed temporary folder again."""
+    writers: dict[str, set[str]] = {"open": set(), "os.mkdir": set()}
+    is_watched = True
+
+    def watch(event: str, arguments: tuple[Any, ...]) -> None:
+        if is_watched and event in writers and ".hfa-" in str(arguments[0]):
+            writers[event].add(threading.current_thread().name)
+
+    sys.addaudithook(watch)  # nothing removes it
+    try:
+        zarr_store._create(tmp_path / "a.zarr", row_job(), None)
+    finally:
+        is_watched = False
+    here = {threading.current_thread().name}
+    assert writers == {"open": here, "os.mkdir": here}
 
 
 # Stores from strangers.
