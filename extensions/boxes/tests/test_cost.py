@@ -228,3 +228,25 @@ def test_no_inputs_lose_more_than_the_bound() -> None:
     for guess in ([-0.78, 0.22], [0.4, -0.5], [0.6, 0.6], [-0.9, -0.9], [-0.28, -0.28]):
         about = Guess(np.array([guess]), np.zeros((1, 2, 1)))
         assert g(*guess) - inequality._loss(box, about)[0] <= least + 1e-6
+
+
+def sled(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"position": u.speed + u.speed**3}, {}
+
+
+SLED = Model(
+    "sled",
+    {"position": Signal("m")},
+    {"speed": Signal("m/s", 1.0, -10.0, 10.0)},
+    sled,
+    trim={"position": 0.0},
+)
+
+
+def test_the_best_input_may_be_far_from_the_equilibrium() -> None:
+    """About the equilibrium g = y (u + u^3) + y^2 + u^2 is convex for small u, not for u = -10."""
+    plant = Plant(SLED, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-10.0, 10.0)})
+    piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 0.1)
+    statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
+    with pytest.raises(NoSolutionError):
+        check_cost(statement, CostWitness(("speed",), (1000,)))
