@@ -37,7 +37,7 @@ from hfa_flight.flight_history import Deviations
 from hfa_flight.flown_policy import flown_policy
 from hfa_flight.gust_equations import in_gusts
 from hfa_flight.limit_cycle import Decay, LimitCycle, oscillation
-from hfa_flight.own_steps import JSBSIM, RUNGE_KUTTA, USUAL_STEP, in_own_steps, refuse_method
+from hfa_flight.own_steps import JSBSIM, RUNGE_KUTTA, in_own_steps, timed_by
 from hfa_flight.policies import GainPolicy, OpenLoop
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
@@ -110,12 +110,7 @@ def fly(
     (1001, 7)
     """
     happens = _happening(model, Scenario() if scenario is None else scenario, seconds, initial)
-    refuse_method(method)
-    if method == JSBSIM:
-        frame = USUAL_STEP if step is None else float(step)
-        happens = replace(happens, step=frame, tick=frame)
-    elif step is not None:
-        raise BadInputError(f"step belongs to method {JSBSIM}; leave it out")
+    happens = timed_by(method, step, happens)
     flown, happens = flown_policy(policy, point, happens)
     plant = NonlinearPlant(with_errors(model, happens), point)
     loop = ClosedLoop(plant, flown, happens)

@@ -2,28 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.closed_loop import ClosedLoop
+from hfa_flight.closed_loop import ClosedLoop, NonlinearPlant
+from hfa_flight.scenario import Scenario
 from hfa_flight.simulation import CompiledLoop
-from hfa_support.errors import BadInputError, choice_of, shortened
+from hfa_support.errors import BadInputError, choice_of, refuse_unless_positive, shortened
 
 #: The method that flies unless another one is named.
 RUNGE_KUTTA = "runge-kutta"
 JSBSIM = "jsbsim"
 METHODS = (RUNGE_KUTTA, JSBSIM)
 #: JSBSim's own step, s.
-USUAL_STEP = 1.0 / 120.0
+_USUAL_STEP = 1.0 / 120.0
+#: A count of frames that differs from a whole one by less than this part is that one.
+_WHOLE = 1e-6
 
 
-def refuse_method(method: str) -> None:
-    """BadInputError for a method that does not exist."""
+def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
+    """The scenario in the steps of a method.
+
+    step: of the frames of JSBSim, s; 1/120 unless given
+
+    BadInputError for a method that does not exist, a step of another method, and a duration that is
+    not a whole number of frames.
+    """
     if method not in METHODS:
         raise BadInputError(f"no method {shortened(method)}; {choice_of(method, METHODS)}")
+    if method != JSBSIM:
+        if step is not None:
+            raise BadInputError(
+                f"--step (step= in Python) belongs to --method {JSBSIM}; leave it out, or fly by"
+                " that method"
+            )
+        return scenario
+    frame = _USUAL_STEP if step is None else float(step)
+    refuse_unless_positive("step", frame, " s")
+    frames = scenario.duration / frame
+    if round(frames) < 1 or abs(frames - round(frames)) > _WHOLE * frames:
+        raise BadInputError(
+            f"--duration is {scenario.duration:g} s; --method {JSBSIM} flies whole frames of --step"
+            f" {frame:.6g} s: change one of them"
+        )
+    return replace(scenario, step=frame, tick=frame)
 
 
 def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
@@ -37,21 +64,21 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
     make = getattr(model.equations, "jsbsim_steps", None)
     if make is None:
         raise BadInputError(
-            f"{model.name}: method {JSBSIM} is for aircraft of JSBSim in their own units; take"
-            f" {RUNGE_KUTTA}"
+            f"{model.name}: --method {JSBSIM} is for aircraft of JSBSim in their own units; take"
+            f" --method {RUNGE_KUTTA}"
         )
-    sizes = loop.state_sizes
+    scenario = loop.scenario
     extra = {
-        "actuators": sizes.actuators,
-        "a policy with states": sizes.memory,
-        "a gust": sizes.gust,
-        "a delay": loop.scenario.delayed_ticks,
-        "disturbances": loop.wind_names or _is_disturbed(loop),
+        "--actuators": scenario.actuators is not None,
+        "a policy with states": loop.state_sizes.memory,
+        "--gust or --turbulence": scenario.gust is not None,
+        "--delay": scenario.delayed_ticks,
+        "--disturbance": loop.wind_names or _is_disturbed(loop),
     }
     for what, is_present in extra.items():
         if is_present:
-            raise BadInputError(f"method {JSBSIM} flies without {what}; leave it out")
-    return _SteppedLoop(loop, make(loop.scenario.step))
+            raise BadInputError(f"--method {JSBSIM} flies without {what}; leave it out")
+    return CompiledLoop(loop, tick=lambda compiled: _OwnTick(compiled, make))
 
 
 def _is_disturbed(loop: ClosedLoop) -> bool:
@@ -62,42 +89,29 @@ def _is_disturbed(loop: ClosedLoop) -> bool:
     return not ca.SX(disturbance.at(ca.SX.sym("t"))).is_zero()
 
 
-class _SteppedLoop(CompiledLoop):
-    """A loop whose ticks are frames of another program."""
-
-    def __init__(self, loop: ClosedLoop, steps: Any) -> None:
-        super().__init__(loop)
-        self._tick = _OwnTick(self, steps)  # type: ignore[assignment]
-
-    def observed_at(self, time: float, x: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return the observations at a time."""
-        return np.array(self._observed(time, x, held)).ravel()
-
-    def inputs_in(self, observed: np.ndarray) -> np.ndarray:
-        """The deviation of the inputs, (m,)."""
-        begin, end = self._ends[0], self._ends[1]
-        return observed[begin:end]
-
-
 class _OwnTick:
-    """The frames of a tick, called as the compiled one: arguments and results in place."""
+    """The frames of a tick of a loop."""
 
-    def __init__(self, loop: _SteppedLoop, steps: Any) -> None:
+    def __init__(self, loop: CompiledLoop, make: Callable[[float], Any]) -> None:
+        """make: step in s -> the steps of the aircraft, with `begin` and `advance`."""
         plant = loop.loop.plant
-        point = plant.point
-        self._loop = loop
-        self._steps = steps
-        self._trim = np.array(point.states)
-        self._inputs = np.array(point.inputs)
-        self._parameters = plant.model.p  # type: ignore[attr-defined]
+        assert isinstance(plant, NonlinearPlant)
         scenario = loop.loop.scenario
+        self._loop = loop
+        self._steps = make(scenario.step)
+        self._trim = np.array(plant.point.states)
+        self._inputs = np.array(plant.point.inputs)
+        self._parameters = plant.model.p
         self._step = scenario.step
         self._count = scenario.steps_per_tick
-        held = sum(loop.loop.held_sizes)
-        size = self._trim.size
-        observed = loop.observed_at(0.0, np.zeros(size), np.zeros(held)).size
-        self.inputs = (np.zeros(1 + size), np.zeros(held))
-        self.results = (np.zeros(self._count * (1 + size)), np.zeros(self._count * observed))
+        held = np.zeros(sum(loop.loop.held_sizes))
+        states = self._trim.size
+        observed = loop.observed_at(0.0, np.zeros(states), held).size
+        self.inputs: tuple[np.ndarray, ...] = (np.zeros(1 + states), held)
+        self.results: tuple[np.ndarray, ...] = (
+            np.zeros(self._count * (1 + states)),
+            np.zeros(self._count * observed),
+        )
 
     def __call__(self) -> None:
         """Fly a tick; the first one begins a flight."""

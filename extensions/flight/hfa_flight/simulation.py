@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -28,18 +29,38 @@ _ROWS = 1000
 _MOST_PARTS = 10_000
 
 
-class CompiledLoop:
-    """A loop compiled once and simulated many times by the classical Runge-Kutta method of order 4.
+class Tick(Protocol):
+    """Advances a loop by a tick.
 
-    The fastest mode of the policy divides each step into as many parts as it needs; BadInputError
-    when these are too many. flights: how many are to come, which decides whether machine code pays.
+    inputs: [t; y] at its begin, and the held inputs.
+    results: [t; y] after each step, and what is observed before each, one step after the other.
+    """
+
+    inputs: tuple[np.ndarray, ...]
+    results: tuple[np.ndarray, ...]
+
+    def __call__(self) -> None:
+        """Write the results that follow from the inputs."""
+
+
+class CompiledLoop:
+    """A loop compiled once and simulated many times.
+
+    flights: how many are to come, which decides whether machine code pays.
+    tick: what advances the loop by a tick; the classical Runge-Kutta method of order 4 unless
+        given. The fastest mode of the policy then divides each step into as many parts as it needs;
+        BadInputError when these are too many.
+
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
     """
 
-    def __init__(self, loop: ClosedLoop, flights: int = 1) -> None:
+    def __init__(
+        self,
+        loop: ClosedLoop,
+        flights: int = 1,
+        tick: Callable[[CompiledLoop], Tick] | None = None,
+    ) -> None:
         self.loop = loop
-        scenario = loop.scenario
-        parts = _parts_of_a_step(loop)
         arguments = loop.symbols()
         now = loop.at(*arguments)
         observed = (now.error, now.inputs, now.winds, now.angle)
@@ -53,9 +74,23 @@ class CompiledLoop:
         self._alpha = -1
         if now.angle.numel():
             self._alpha = list(loop.plant.point.model.states).index(ALPHA)
+        self._tick = self._runge_kutta(flights) if tick is None else tick(self)
+
+    def _runge_kutta(self, flights: int) -> Tick:
+        """The tick of the Runge-Kutta method."""
+        scenario = self.loop.scenario
+        parts = _parts_of_a_step(self.loop)
         tick = _tick(self.rate, self._observed, scenario.step, scenario.steps_per_tick, parts)
         steps = flights * scenario.ticks * scenario.steps_per_tick * parts
-        self._tick = BoundFunction(machine_code(tick) if steps >= COMPILE_FROM_STEPS else tick)
+        return BoundFunction(machine_code(tick) if steps >= COMPILE_FROM_STEPS else tick)
+
+    def observed_at(self, time: float, y: np.ndarray, held: np.ndarray) -> np.ndarray:
+        """Return what is observed at a time: error, inputs, winds, angle through the air."""
+        return np.array(self._observed(time, y, held)).ravel()
+
+    def inputs_in(self, observed: np.ndarray) -> np.ndarray:
+        """The deviation of the inputs, (m,)."""
+        return observed[self._ends[0] : self._ends[1]]
 
     def fly(
         self,
@@ -118,7 +153,7 @@ class CompiledLoop:
                 progress(last_tick if done >= end else done // steps, last_tick)
         if end == done:  # what is observed at the end is still to be asked
             time = end * loop.scenario.step
-            columns[end] = np.array(self._observed(time, rows[end], held)).ravel()
+            columns[end] = self.observed_at(time, rows[end], held)
         return self._flight(rows, columns, 0, end + 1)
 
     def _over(

@@ -63,10 +63,12 @@ def test_command_flies_frames(capsys):
 def test_other_aircraft_are_refused(capsys):
     """Frames are of JSBSim's aircraft alone, in their own units, without actuators."""
     assert main(["fly", "--method", "jsbsim"]) == 2
-    assert "take runge-kutta" in capsys.readouterr().err
+    assert "take --method runge-kutta" in capsys.readouterr().err
+    assert main(["fly", "--step", "0.01"]) == 2
+    assert "--step (step= in Python) belongs to --method jsbsim" in capsys.readouterr().err
     words = ["fly", "--aircraft", "jsbsim:737", "--method", "jsbsim", "--actuators", "0.05:60"]
     assert main(words) == 2
-    assert "flies without actuators" in capsys.readouterr().err
+    assert "flies without --actuators" in capsys.readouterr().err
 
 
 def test_unsettled_begin_is_reported(monkeypatch):
@@ -89,7 +91,7 @@ def test_disturbances_are_refused():
     nothing = np.zeros(len(model.linear))
     pushes = Waveform(nothing, nothing, (Harmonic(1.0, amplitude, nothing),))
     scenario = Scenario(duration=1.0, disturbance=pushes)
-    with pytest.raises(BadInputError, match="flies without disturbances"):
+    with pytest.raises(BadInputError, match="flies without --disturbance"):
         hfa.fly(model, point, scenario=scenario, method="jsbsim")
 
 
