@@ -24,7 +24,8 @@ class CommandEntry(NamedTuple):
     example: the last line of its help.
     install: extra to install where a package is missing, ".[proof]".
     results: for each written result its class and those added to it, with ? if optional,
-        "module:Class module:Class?"."""
+        "module:Class module:Class?". "hfa.trim/1 module:Class": what the package adds to the
+        results of other commands, always optional."""
 
     group: str
     about: str

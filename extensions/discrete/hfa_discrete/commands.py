@@ -26,6 +26,8 @@ RESULTS = (
     "hfa_discrete.critic_check:DiscreteVerdict verification.critic.verdict:Details"
     " hfa.options.games:Weights hfa.options.games:NamedGame",
 )
+#: Why an option is refused.
+_CONTINUOUS = "belongs to continuous time; leave it out of a plant with time = discrete"
 
 
 def question_of_time(game: Game) -> str:
@@ -43,6 +45,7 @@ def solve(request: GameRequest, named: NamedGame) -> int:
     """`hfa solve`; the exit code."""
     from hfa_discrete.report import analyse_discrete, discrete_report
 
+    request.refuse(("draws",), _CONTINUOUS)
     analysed = analyse_discrete(named.discrete, ProgressLine("solve"))
     report = discrete_report(analysed)
     show(report.with_data(**named.as_data()), request, notes=named.warnings)
@@ -57,7 +60,7 @@ def learn(request: LearnRequest, named: NamedGame) -> int:
     from hfa_discrete.q_learning import learn_steps
 
     problem: DiscreteGame = named.discrete
-    request.refuse(("law", "set"), "belongs to continuous time; leave it out of time = discrete")
+    request.refuse(("law", "set"), _CONTINUOUS)
     run, H = learn_steps(problem, request.seed, progress=ProgressLine("learn"))
     critic = from_parts(problem.step, {"P": run.P, "K": run.K})
     verdict = check_discrete(problem, critic, more={"H": H})
@@ -73,8 +76,7 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
 
     if len(paths) != 1:
         raise BadInputError("a plant in discrete time needs one file of --weights")
-    why = "belongs to continuous time; leave it out of a plant with time = discrete"
-    request.refuse(("discount", "dt", "region", "picture"), why)
+    request.refuse(("discount", "dt", "region", "flights", "draws", "picture"), _CONTINUOUS)
     (path,) = paths
     problem: DiscreteGame = named.discrete
     critic, more = critic_of_steps(path, problem, request.reading())

@@ -26,8 +26,8 @@ class Stamp(Result):
 
 
 def written() -> tuple[str, ...]:
-    """Return the results that commands write, each as in `CommandEntry.results`; one without a
-    schema of its own is a part of others."""
+    """Return the results that commands write, and what options add to them, each as in
+    `CommandEntry.results`."""
     import_module("verification.critic.error_table")  # verdicts name it for type checkers alone
     of_commands = [text for entry in commands().values() for text in entry.results]
     of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("results.")]
@@ -35,16 +35,20 @@ def written() -> tuple[str, ...]:
 
 
 def classes_of(text: str) -> list[type[Result]]:
-    """The classes of "module:Class module:Class?"."""
-    places = (place.removesuffix("?").split(":") for place in text.split())
+    """The classes of "module:Class module:Class?", without the format that they are added to."""
+    places = (place.removesuffix("?").split(":") for place in text.split() if ":" in place)
     return [getattr(import_module(module), name) for module, name in places]
 
 
 @cache
 def formats() -> dict[str, Any]:
     """The schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
-    whole = [text for text in written() if classes_of(text)[0].schema]
-    results = {_name(classes_of(text)[0]): _joined(text) for text in whole}
+    results = {_name(classes_of(text)[0]): _joined(text) for text in written() if _is_whole(text)}
+    for text in written():
+        if not _is_whole(text):
+            name = text.removeprefix("hfa.").partition("/")[0]
+            for kind in classes_of(text):
+                results[name]["properties"] |= json_schema(kind)["properties"]
     kinds: set[type[Result]] = {Stamp, *(kind for text in written() for kind in classes_of(text))}
     parts = {part.__name__: _part(part) for kind in kinds for part in parts_of(kind)}
     return {
@@ -58,6 +62,11 @@ def formats() -> dict[str, Any]:
         "oneOf": [{"$ref": f"#/$defs/{name}"} for name in results],
         "$defs": results | dict(sorted(parts.items())),
     }
+
+
+def _is_whole(text: str) -> bool:
+    """Whether a text declares a result, not what is added to one."""
+    return ":" in text.split()[0]
 
 
 def _name(result: type[Result]) -> str:

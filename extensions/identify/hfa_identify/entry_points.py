@@ -2,10 +2,15 @@
 
 from hfa.entry_points import CommandEntry
 
+#: Formats to which `--draws N` adds.
+_WITH_DRAWS = ("trim", "linear-model", "game-solution", "critic-check", "assessment")
 IDENTIFY = CommandEntry(
     "model",
     "parameters of an aircraft from flight records, with 95 % bands",
     "hfa_identify.commands.identify:identify",
     example="hfa identify examples/uav_record.csv --aircraft examples/uav.toml --free Cm_q",
-    results=("hfa_identify.identified:Identified", "hfa_identify.draws.spread:Draws"),
+    results=(
+        "hfa_identify.identified:Identified",
+        *(f"hfa.{name}/1 hfa_identify.draws.spread:WithDraws" for name in _WITH_DRAWS),
+    ),
 )

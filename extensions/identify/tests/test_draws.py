@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli import complaints_about
 from project import ROOT
 
 import hfa
@@ -30,9 +31,11 @@ def written(deviation=0.02, name="found.toml"):
 
 
 def answer(capsys, *words):
-    """The exit code, and the entry `draws` of the JSON."""
+    """The exit code, and the entry `draws` of the JSON, which the published format declares."""
     code = main([*words, "--json"])
-    return code, json.loads(capsys.readouterr().out)["draws"]
+    data = json.loads(capsys.readouterr().out)
+    assert complaints_about(data) == []
+    return code, data["draws"]
 
 
 def test_drawn_values_have_the_covariance():

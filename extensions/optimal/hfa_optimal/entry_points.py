@@ -11,6 +11,7 @@ OPTIMIZE = CommandEntry(
         "hfa_optimal.best_flight:BestFlight",
         "hfa_optimal.quickest:QuickestFlight",
         "hfa_optimal.starts:StartsTable",
+        "hfa.critic-check/1 hfa_optimal.starts:WithFlights",
     ),
 )
 

@@ -171,6 +171,16 @@ class StartsTable(Result, Reported):
         return Table((*states, "best", "linear_model", *policies), rows)
 
 
+@dataclass(frozen=True, eq=False)
+class WithFlights(Result):
+    """What `--flights N` adds to a result.
+
+    flights: of the nonlinear aircraft, compared with the best found.
+    """
+
+    flights: StartsTable | None = None
+
+
 def _summary(column: Sequence[PolicyFlight]) -> PolicySummary:
     ratios = [each.over_best for each in column if each.over_best is not None]
     lost = sum(each.departure is not None or not each.converges for each in column)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli import complaints_about
 
 import hfa
 from hfa.main import main
@@ -98,7 +99,9 @@ def test_verify_flies_the_critic(tmp_path: Path, capsys: pytest.CaptureFixture[s
     np.savez(K, K=2.0 * hfa.solve_game(game).K)
     words = ["verify", "--aircraft", GTM, "--weights", str(K), "--flights", "1", "--json"]
     assert main(words) == 1
-    linear, critic = json.loads(capsys.readouterr().out)["flights"]["policies"]
+    data = json.loads(capsys.readouterr().out)
+    assert complaints_about(data) == []
+    linear, critic = data["flights"]["policies"]
     assert critic["policy"] == "this critic, clipped"
     assert critic["median"] > linear["median"] > 0.999
 

@@ -13,5 +13,6 @@ REGION = CommandEntry(
         "hfa_region.results:CheckedSet",
         "hfa_boxes.results:FoundBoxes",
         "hfa_boxes.results:CheckedBoxes",
+        "hfa.critic-check/1 hfa_region.results:WithRegion",
     ),
 )

@@ -10,7 +10,7 @@ import numpy as np
 
 from hfa_proof.results import ProvedResult
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
-from hfa_support.reporting.results import Matrix
+from hfa_support.reporting.results import Matrix, Result
 
 
 class Place(NamedTuple):
@@ -112,6 +112,26 @@ class FoundSet(ProvedSet):
     leaves_limits_at: Place | None
     lost_at: Place | None
     limits_that_bind: Sequence[str]
+
+
+@dataclass(frozen=True)
+class NothingProved(Result):
+    """A search that proved no set.
+
+    proved: False.
+    """
+
+    proved: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class WithRegion(Result):
+    """What `--region S` adds to a result.
+
+    region: of attraction of the saturated loop.
+    """
+
+    region: FoundSet | NothingProved | None = None
 
 
 @dataclass(frozen=True, eq=False)

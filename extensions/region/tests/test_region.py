@@ -8,6 +8,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from cli import complaints_about
 from flint import arb
 from forged_regions import KINDS
 from pendulum_regions import (
@@ -224,7 +225,9 @@ def test_a_verdict_has_a_section_on_the_region(
     capsys.readouterr()
     words = ["verify", "--aircraft", PENDULUM, "--weights", weights, "--region", "0.1"]
     assert main([*words, "--json"]) == 0
-    region = json.loads(capsys.readouterr().out)["region"]
+    data = json.loads(capsys.readouterr().out)
+    assert complaints_about(data) == []
+    region = data["region"]
     assert region["proved"] is True
     assert region["rho"] < region["decrease_fails_at"]["V"]
     assert region["rho"] < region["lost_at"]["V"]

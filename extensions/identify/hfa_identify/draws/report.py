@@ -7,7 +7,7 @@ from typing import Any
 
 from hfa.output import ProgressLine
 from hfa_identify.draws.parameters import spread_of
-from hfa_identify.draws.spread import DrawnAircraft, Draws
+from hfa_identify.draws.spread import DrawnAircraft, Draws, WithDraws
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_value
@@ -52,7 +52,7 @@ def reported(report: Report, draws: Draws) -> Report:
     table = Table((about, "itself", "low", "high", "unit"), tuple(rows))
     title = f"{report.title}\n{draws.first_line}"
     parts = (*report.parts, table)
-    return replace(report, title=title, parts=parts).with_data(draws=draws.as_data())
+    return replace(report, title=title, parts=parts).with_data(**WithDraws(draws).as_data())
 
 
 def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:

@@ -83,6 +83,16 @@ class Draws(Result):
 
 
 @dataclass(frozen=True, eq=False)
+class WithDraws(Result):
+    """What `--draws N` adds to a result.
+
+    draws: the result on drawn aircraft.
+    """
+
+    draws: Draws | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class DrawnAircraft:
     """Aircraft with drawn parameters, trimmed like the aircraft itself.
 

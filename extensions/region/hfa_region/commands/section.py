@@ -31,6 +31,7 @@ def with_region(
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_region.commands.policy import policy_terms
     from hfa_region.report import region_report
+    from hfa_region.results import NothingProved
     from hfa_region.search.plant import saturated_loop
     from hfa_region.search.region import RegionSearch
 
@@ -49,7 +50,7 @@ def with_region(
         section = region_report(search.found())
     except NoSolutionError as error:
         section = Report(
-            f"{_TITLE}: nothing proved", (f"Because {error}.",), data={"proved": False}
+            f"{_TITLE}: nothing proved", (f"Because {error}.",), data=NothingProved().as_data()
         )
     parts = (*report.parts, section)
     return replace(report, parts=parts).with_data(region=section.data)
