@@ -10,6 +10,7 @@ import numpy as np
 from hfa_flight.envelope import Departure, departure, flight_envelope
 from hfa_policy.flights import SampledFlight
 from hfa_support.errors import BadInputError
+from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.text import short_number, shown_unit
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
@@ -32,27 +33,27 @@ def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
     return departure_text(left)
 
 
-def flown_departure(
-    flight: SampledFlight, row: np.ndarray, envelope: Limits, seconds: float, pushed: float
-) -> Departure | None:
-    """Return the state that first leaves the envelope and its time, in the flight of a row.
+def first_departure(
+    flight: SampledFlight, rows: np.ndarray, envelope: Limits, seconds: float, pushed: float
+) -> tuple[int, Departure | None]:
+    """Return the number of the flight that first leaves the envelope, among those of rows (N, ...)
+    that begin there, and how; (0, None) where none does within so many seconds.
 
-    seconds: length of the flight; pushed: end of its disturbance, s.
+    pushed: end of the disturbance pulse, s
     """
     X, *_, push, _ = flight.slices
-    one = flight.sample()
-    steps = [min(round(pushed / flight.dt), round(seconds / flight.dt))]
-    steps.append(round(seconds / flight.dt) - steps[0])
-    rows = [row]
-    for number, count in enumerate(steps):
-        if count < 1:
-            continue
-        last = rows[-1].copy()
-        if number:
-            last[push] = 0.0
-        rows += list(np.array(one.mapaccum(count)(last)).T)
-    states = np.array(rows)[:, X]
-    return departure(envelope, flight.dt * np.arange(len(states)), states, False)
+    advance = RowFunction(flight.sample())
+    moving = rows.copy()
+    for number in range(round(seconds / flight.dt)):
+        if number == round(pushed / flight.dt):
+            moving[:, push] = 0.0
+        moving = advance(moving)[0]
+        left = ~envelope.within(moving[:, X]).all(axis=1)
+        if left.any():
+            first = int(np.argmax(left))
+            times = np.array([(number + 1) * flight.dt])
+            return first, departure(envelope, times, moving[first, X][None], False)
+    return 0, None
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:

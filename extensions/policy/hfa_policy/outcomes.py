@@ -12,7 +12,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.envelope import Departure, flight_envelope
 from hfa_flight.flight_history import Deviations
 from hfa_flight.limit_cycle import LimitCycle, limit_cycle
-from hfa_policy.departures import flown_departure
+from hfa_policy.departures import first_departure
 from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch
 from hfa_policy.flights import SampledFlight, Window, in_threads
 from hfa_policy.reach import HORIZON, Reach
@@ -114,8 +114,8 @@ class Outcome(Result):
     elsewhere_at: linear state -> value at the first other equilibrium.
     moving: number that neither converge nor leave the limits within `seconds`.
     seconds: of a flight.
-    departure: the state of the worst flight that first leaves its limit, and its time; None where
-        none does.
+    departure: the state that first leaves its limit in the flights that leave first, and its time;
+        None where none does.
     """
 
     keys = (
@@ -230,7 +230,7 @@ class FlownRows:
         rows = self.rows[flying]
         seconds = self.flight.samples_in_window * self.flight.dt
         self.flight.forget_extremes(rows)
-        if number * seconds >= PUSHED - 1e-9:
+        if number == round(PUSHED / seconds):
             rows[:, push] = 0.0
         rows = window(rows)
         self.rows[flying] = rows
@@ -294,7 +294,11 @@ class FlownRows:
         lost = mine[status == _LOST]
         neither = mine[status == _FLYING]
         returned = mine[status == _RETURNED]
-        worst, ends = self._worst(lost, neither, returned)
+        worst, ends = self._worst(neither, returned)
+        left = None
+        if lost.size:
+            worst, left = self._first_lost(lost, place)
+            ends = "lost"
         X = self.flight.slices[0]
         at_start = self.first[worst, X][self.linear]
         cycle = None
@@ -320,14 +324,16 @@ class FlownRows:
             elsewhere_at=elsewhere_at,
             moving=len(neither) - elsewhere,
             seconds=self.seconds,
-            departure=self._departure(worst, place) if lost.size else None,
+            departure=left,
         )
 
-    def _departure(self, number: int, place: Place) -> Departure | None:
-        """How one flight leaves the envelope."""
+    def _first_lost(self, lost: np.ndarray, place: Place) -> tuple[int, Departure | None]:
+        """The number of the flight that first leaves the envelope, and how."""
+        soonest = lost[self.times[lost] == self.times[lost].min()]
         envelope = flight_envelope(place.point.model, place.point)
-        seconds = float(self.times[number])
-        return flown_departure(self.flight, self.first[number], envelope, seconds, PUSHED)
+        seconds = float(self.times[soonest[0]])
+        first, left = first_departure(self.flight, self.first[soonest], envelope, seconds, PUSHED)
+        return int(soonest[first]), left
 
     def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
         """How many of the flights that hardly move are at another equilibrium, and the linear
@@ -355,13 +361,14 @@ class FlownRows:
             settled = settled[~at]
         return count, first
 
-    def _worst(self, lost: Any, neither: Any, returned: Any) -> tuple[int, str]:
-        """The number of the worst flight: lost first, else that swings most, else the slowest."""
-        if lost.size:
-            return int(lost[np.argmin(self.times[lost])]), "lost"
+    def _worst(self, neither: np.ndarray, returned: np.ndarray) -> tuple[int, str]:
+        """The number of the worst flight of those that stay inside: that swings most, else the
+        slowest; 0 without one."""
         if neither.size:
             return int(neither[np.argmax(self.nearest[neither])]), "is not back"
-        return int(returned[np.argmax(self.times[returned])]), "returns"
+        if returned.size:
+            return int(returned[np.argmax(self.times[returned])]), "returns"
+        return 0, ""
 
 
 def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:

@@ -9,17 +9,19 @@ import numpy as np
 import pytest
 from cli import complaints_about
 from policy_cases import FOLDER, GTM, ROOT, aircraft, card, gtm_card, trims
+from scipy.integrate import solve_ivp
 
 import hfa
 from hfa.main import main
 from hfa_aircraft.loading import load_model
+from hfa_flight.envelope import flight_envelope
 from hfa_policy.assess import assess
 from hfa_policy.assessment import Assessor
 from hfa_policy.assessment_report import Assessment
 from hfa_policy.deployment import Deployment
 from hfa_policy.flights import SampledFlight
 from hfa_policy.held_step import parts_of_a_sample
-from hfa_policy.outcomes import ends_from_trim
+from hfa_policy.outcomes import ends_from_trim, seeded_starts
 from hfa_policy.trims import trims_of
 
 KEYS = {
@@ -341,6 +343,44 @@ def test_a_lost_flight_names_state_limit_and_time():
     while not lost:
         *_, lost, _, info = env.step(np.array([10.0]))
     assert info["left"].startswith("altitude below -3 ft at ")
+
+
+def test_the_first_lost_flight_is_the_first():
+    """Of flights that leave within the same second, compared with SciPy; a second of the pulse is
+    33 samples."""
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
+    wrong = np.array([[0.0, 2.0, 0.2, 2.0], [0.0, 0.0, 0.0, 0.0]])
+    o, action = ca.SX.sym("o", 4), {"elevator": {"box": [-1, 1]}, "throttle": {"box": [-1, 1]}}
+    policy = {"file": ca.Function("policy", [o], [-ca.mtimes(ca.DM(wrong), o)])}
+    deployment = gtm_card(policy, action=action, timing={"dt": 0.03})
+    deployed = deployment.on(model)
+    (found,) = Assessor(deployed, (point,), 12, seed=3).assessed()
+    for flights, pushed in ((found.flights, False), (found.disturbed, True)):
+        starts, pushes = seeded_starts(found.place, 12, 3, pushed)
+        times = [
+            _leaves_after(deployed, found.place, *row) for row in zip(starts, pushes, strict=True)
+        ]
+        assert flights.lost == 12
+        assert flights.departure.time == pytest.approx(min(times))
+        first = starts[int(np.argmin(times))]
+        assert list(flights.worst_start.values()) == pytest.approx(first.tolist())
+
+
+def _leaves_after(deployed, place, start, push):
+    """When a flight leaves the limits of its states, by SciPy from sample to sample, s."""
+    model, point = place.point.model, place.point
+    trim, X, U = deployed.trim_vector(point), start, np.array(point.inputs)
+    for number in range(2000):
+        U = np.array(deployed.command(X, U, trim)).ravel()
+        d = push if number < 33 else 0.0 * push
+        X = solve_ivp(_rate, (0.0, 0.03), X, rtol=1e-8, args=(model, U, d)).y[:, -1]
+        if not flight_envelope(model, point).within(X).all():
+            return 0.03 * (number + 1)
+    return np.inf
+
+
+def _rate(_, x, model, u, d):
+    return model.at(x, u).f + d
 
 
 def test_changed_aircraft_are_flown_with_frozen_trim_values():
