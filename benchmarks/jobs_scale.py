@@ -27,6 +27,7 @@ from hfa_flight.monte_carlo import MonteCarlo, fly_member
 from hfa_flight.monte_carlo_store import stream_members
 from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import Scenario, Uncertainty
+from hfa_flight.turbulence import Turbulence
 from hfa_model.vectors import STATES
 from hfa_stores.sweep_store import stream_sweep
 from trim.hfa.level_flight import level_flight
@@ -50,7 +51,7 @@ _THRICE = 10_000
 _UNCERTAIN = Uncertainty(
     errors={"panel_mass": 0.02, "lift_slope": 0.02, "hinge_damping": 0.05},
     noise={"alpha": 0.001, "pitch_rate": 0.001},
-    turbulence=(1.0, 1750.0),
+    turbulence=Turbulence((1.0, 1750.0)),
 )
 
 

@@ -62,7 +62,7 @@ LINES = (
     "verify --dihedral 15 --law certified --seed 3 --limit-error 0.1 --limit-cost 5",
     "learn --dihedral 15 --law certified --set predefined_time=2 -o a.npz",
     (
-        "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence 1:500"
+        "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence own:1:500"
         " --noise alpha=0.1"
     ),
     "fly --dihedral 15 --duration 0.02 --actuators 0.1:60:2 --fault 0.5:1:0 --error panel_mass=1.1",

@@ -5,7 +5,7 @@ from .along import models_along as models_along
 from .envelope import flight_envelope as flight_envelope
 from .export.interpolated import InterpolatedModel as InterpolatedModel
 from .gain_schedule import GainSchedule as GainSchedule
-from .gusts import Dryden as Dryden, OneMinusCosine as OneMinusCosine
+from .gusts import OneMinusCosine as OneMinusCosine
 from .monte_carlo import MonteCarlo as MonteCarlo
 from .monte_carlo_store import run_monte_carlo as run_monte_carlo
 from .policies import GainPolicy as GainPolicy, Policy as Policy

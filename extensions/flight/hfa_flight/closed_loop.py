@@ -189,7 +189,6 @@ class StateParts(NamedTuple):
     plant: Any
     actuators: Any
     memory: Any
-    gust: Any
 
 
 class HeldParts(NamedTuple):
@@ -242,12 +241,10 @@ class ClosedLoop:
     def state_sizes(self) -> StateParts:
         """Sizes of the parts of y."""
         actuators = self.scenario.actuators
-        gust = self.scenario.gust
         return StateParts(
             plant=self.plant.chosen.shape[1],
             actuators=0 if actuators is None else actuators.size,
             memory=self.policy.start.size,
-            gust=0 if gust is None else gust.memory_size,
         )
 
     @cached_property
@@ -275,7 +272,7 @@ class ClosedLoop:
         plant = self.plant
         state = StateParts(*ca.vertsplit(y, _offsets(self.state_sizes)))
         inputs = HeldParts(*ca.vertsplit(held, _offsets(self.held_sizes)))
-        winds = self._winds(t, state, inputs)
+        winds = self._winds(t, inputs)
         measurements = self._measurements(t, state, inputs, winds)
         command = self.policy.control(t, measurements, state.memory, inputs.policy)
         arriving = command
@@ -293,12 +290,9 @@ class ClosedLoop:
             u = measurements.positions
             actuators_rate = actuators.states_rate(state.actuators, applied, inputs.actuators)
         memory_rate = self.policy.memory_rate(t, measurements, state.memory, inputs.policy, applied)
-        gust_rate = ca.SX(0, 1)
-        if scenario.gust is not None:
-            gust_rate = scenario.gust.memory_rate(t, state.gust, inputs.gust)
         disturbance = scenario.disturbance or zero(len(plant.chosen))
         plant_rate = plant.rate(state.plant, u, disturbance.at(t), winds, inputs.parameters)
-        rates = StateParts(plant_rate, actuators_rate, memory_rate, gust_rate)
+        rates = StateParts(plant_rate, actuators_rate, memory_rate)
         return Expressions(
             rate=ca.vertcat(*rates),
             error=ca.mtimes(ca.DM(plant.chosen), state.plant) - self._reference(t),
@@ -313,11 +307,11 @@ class ClosedLoop:
         """x_d(t), (k,)."""
         return (self.scenario.reference or zero(len(self.plant.chosen))).at(t)
 
-    def _winds(self, t: ca.SX, state: StateParts, inputs: HeldParts) -> dict[str, Any]:
+    def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
         """Disturbance of the model -> its value, where it is not 0."""
         winds: dict[str, Any] = {}
         if self.scenario.gust is not None:
-            winds = self.scenario.gust.winds(t, state.gust, inputs.gust)
+            winds = self.scenario.gust.winds(t, inputs.gust)
         for name, waveform in self.scenario.air.items():
             winds[name] = winds.get(name, 0.0) + waveform.at(t)
         return winds
@@ -357,12 +351,10 @@ class ClosedLoop:
 
         BadInputError when the start of the scenario has another size than the plant.
         """
-        gust = self.scenario.gust
         parts = StateParts(
             plant=self.scenario.initial,
             actuators=np.zeros(self.state_sizes.actuators),
             memory=self.policy.start,
-            gust=np.zeros(0) if gust is None else gust.start(),
         )
         if parts.plant.size != self.state_sizes.plant:
             raise BadInputError(

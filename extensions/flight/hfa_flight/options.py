@@ -32,7 +32,7 @@ from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_flight.gust_equations import in_gusts
 from hfa_flight.gusts import Gust, OneMinusCosine
 from hfa_flight.own_steps import JSBSIM, METHODS, RUNGE_KUTTA
-from hfa_flight.scenario import Scenario, Uncertainty, drawn_turbulence
+from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
 from hfa_flight.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_support.entry_points import PARTS, part
@@ -51,6 +51,7 @@ NONE = "none"
 _COMMAND = "NAME=TIME:VALUE[,TIME:VALUE...]"
 _GUST = "LENGTH:PEAK[:BEGIN]"
 _TURBULENCE = "LEVEL[:ALTITUDE[:SPAN]]"
+_OWN = "own:SIGMA:SCALE[:SPAN]"
 _ACTUATORS = "LAG:RATE[:ORDER]"
 _FAULT = "EFFECTIVENESS:BANDWIDTH[:BEGIN]"
 #: What flies in place of a law -> options that then would change nothing.
@@ -117,7 +118,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
     weights: Path | None = None
     controller: Path | None = None
     policy: Path | None = None
-    turbulence: Turbulence | tuple[float, float] | None = None
+    turbulence: Turbulence | None = None
     samples: int | None = None
 
     @property
@@ -230,8 +231,7 @@ def _about_turbulence(model: Model) -> str:
     length = _length_of(model)
     return (
         f"{', '.join(LEVELS)}: of MIL-F-8785C at an ALTITUDE, {length} (p, q, r with a wing SPAN);"
-        f" karman-LEVEL: von Karman; SIGMA:SCALE, {length}/s and {length}: vertical Dryden;"
-        " from --seed"
+        f" {_OWN}: your own intensity, {length}/s, and scale; karman-LEVEL: von Karman; from --seed"
     )
 
 
@@ -241,17 +241,22 @@ def _length_of(model: Model) -> str:
     return gusty.unit(UPDRAFT).removesuffix("/s") if UPDRAFT in gusty.disturbances else "ft"
 
 
-def _turbulence(text: str) -> Turbulence | tuple[float, float]:
-    """A level with its altitude and span, or an intensity and a scale."""
-    word, *rest = text.split(":")
+def _turbulence(text: str) -> Turbulence:
+    """A level with its altitude and span, or an own intensity and scale with a span."""
+    word, *typed = text.split(":")
+    if not word[:1].isalpha() and len(typed) == 1:  # the form of 0.3
+        raise BadInputError(f"is {text!r}; give own:{text}, which moves u, v and w")
     spectrum, _, level = word.rpartition("-")
-    if level in LEVELS and spectrum in ("", *SPECTRA) and len(rest) <= 2:
-        altitude, span, *_ = [*(positive(size) if size else None for size in rest), None, None]
-        return Turbulence(level, altitude, span, spectrum or SPECTRA[0])
-    if word[:1].isalpha():
-        raise BadInputError(f"is {text!r}; give {_TURBULENCE} with {', '.join(LEVELS)}")
-    sigma, scale = numbers("SIGMA:SCALE", 2)(text)
-    return sigma, scale
+    least, most = (2, 3) if level == "own" else (0, 2)
+    known = level in (*LEVELS, "own") and spectrum in ("", *SPECTRA)
+    if not known or not least <= len(typed) <= most:
+        raise BadInputError(f"is {text!r}; give {_TURBULENCE} with {', '.join(LEVELS)}, or {_OWN}")
+    spectrum = spectrum or SPECTRA[0]
+    if level == "own":
+        intensity, scale, *spans = map(positive, typed)
+        return Turbulence((intensity, scale), None, spans[0] if spans else None, spectrum)
+    altitude, span, *_ = [*(positive(size) if size else None for size in typed), None, None]
+    return Turbulence(level, altitude, span, spectrum)
 
 
 def _linear_state(model: Model, name: str, text: str) -> float:
@@ -263,13 +268,11 @@ def turbulence_option() -> Any:
     return option(_about_turbulence, _TURBULENCE, _turbulence, rare=True)
 
 
-def at_held_altitude(
-    typed: Turbulence | tuple[float, float] | None, hold: Mapping[str, Any]
-) -> Turbulence | tuple[float, float] | None:
-    """Return the typed turbulence, at the altitude of --hold unless it states its own."""
-    if isinstance(typed, Turbulence) and typed.altitude is None and "altitude" in hold:
-        return replace(typed, altitude=hold["altitude"])
-    return typed
+def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbulence | None:
+    """Return the typed turbulence, at the altitude of --hold where a level states none."""
+    if typed is None or typed.level not in LEVELS or typed.altitude is not None:
+        return typed
+    return replace(typed, altitude=hold.get("altitude"))
 
 
 def noise_option(about: str) -> Any:
@@ -337,7 +340,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         default=0.0,
         rare=True,
     )
-    turbulence: Turbulence | tuple[float, float] | None = turbulence_option()
+    turbulence: Turbulence | None = turbulence_option()
     error: Mapping[str, float] = option(
         "factor on a parameter of the simulated aircraft alone; with --samples its relative "
         "standard deviation",
@@ -399,7 +402,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         if self.turbulence is not None and self.samples is None:
             turbulence = at_held_altitude(self.turbulence, self.hold)
             assert turbulence is not None
-            return drawn_turbulence(turbulence, point, happens.tick, happens.ticks, self.seed)
+            return turbulence.air(point, happens.tick, happens.ticks, self.seed)
         return None
 
 

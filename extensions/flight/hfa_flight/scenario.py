@@ -12,9 +12,8 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.actuators import ActuatorBank
-from hfa_flight.air import UPDRAFT, gust_speed
 from hfa_flight.gust_equations import in_gusts
-from hfa_flight.gusts import Dryden, Gust
+from hfa_flight.gusts import Gust
 from hfa_flight.signals import TimeVector, Waveform, zero
 from hfa_flight.turbulence import Turbulence
 from hfa_support.errors import (
@@ -43,10 +42,10 @@ class Uncertainty:
     errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value
     noise: state of the linear model -> standard deviation of its sensor's noise, drawn every tick
         and held
-    turbulence: `Turbulence` of MIL-F-8785C, (intensity, scale) of vertical Dryden turbulence in the
-        units of the model, or None
+    turbulence: `Turbulence`, or None
 
-    BadInputError when a deviation is negative; `Scenario.on` checks the names.
+    BadInputError when a deviation is negative or the turbulence is another object; `Scenario.on`
+    checks the names.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's
     `SeedSequence`: adding one kind of randomness does not change the draws of the others.
@@ -54,10 +53,13 @@ class Uncertainty:
 
     errors: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
-    turbulence: Turbulence | tuple[float, float] | None = None
+    turbulence: Turbulence | None = None
 
     def __post_init__(self) -> None:
         """BadInputError unless every standard deviation is a finite number from 0 on."""
+        if not isinstance(self.turbulence, Turbulence | None):
+            given = shown(self.turbulence)
+            raise BadInputError(f"turbulence is {given}; give hfa.Turbulence({given})")
         for name, value in (*self.errors.items(), *self.noise.items()):
             if not (is_finite(value) and value >= 0.0):
                 raise BadInputError(
@@ -191,8 +193,8 @@ class Scenario(Shown):
         """This scenario for a model: where no start or signal is given, zeros of the model's sizes.
 
         BadInputError when it names a parameter, state or disturbance that the model does not have,
-        when it has a gust or turbulence and the model no disturbance `updraft`, and when `initial`
-        has not one number for each state.
+        when it has a gust and the model no disturbance `updraft`, and when `initial` has not one
+        number for each state.
         """
         for name in (*self.errors, *self.uncertainty.errors):
             refuse_unknown("unknown parameter", name, tuple(model.parameters))
@@ -201,8 +203,6 @@ class Scenario(Shown):
         for name in self.air:
             refuse_unknown("unknown disturbance", name, tuple(model.disturbances))
         gusts = () if self.gust is None else self.gust.names
-        if isinstance(self.uncertainty.turbulence, tuple):
-            gusts = (UPDRAFT,)
         for name in gusts:
             if name not in in_gusts(model).disturbances:
                 raise BadInputError(
@@ -239,7 +239,7 @@ class Scenario(Shown):
         gust = self.gust
         if uncertain.turbulence is not None:
             air = int(_sequence(seed, member, _AIR).generate_state(1, np.uint64)[0])
-            gust = drawn_turbulence(uncertain.turbulence, point, self.tick, self.ticks, air)
+            gust = uncertain.turbulence.air(point, self.tick, self.ticks, air)
         return replace(
             self,
             errors=errors,
@@ -264,19 +264,6 @@ class Scenario(Shown):
         if self.delay:
             data["delay"] = self.delay
         return data
-
-
-def drawn_turbulence(
-    turbulence: Turbulence | tuple[float, float],
-    point: OperatingPoint,
-    tick: float,
-    ticks: int,
-    seed: int,
-) -> Gust:
-    """The turbulence of a flight from a trim. tick: s. ticks: how many the flight has."""
-    if isinstance(turbulence, Turbulence):
-        return turbulence.air(point, tick, ticks, seed)
-    return Dryden(*turbulence, gust_speed(point), tick, ticks, seed)
 
 
 def with_errors(model: Model, scenario: Scenario) -> Model:

@@ -1,4 +1,5 @@
-"""Turbulence of MIL-F-8785C, Section 3.7: six components, by level and altitude.
+"""Turbulence of MIL-F-8785C, Section 3.7: six components, by level and altitude or by intensity and
+scale.
 
 Source: MIL-F-8785C, *Flying Qualities of Piloted Airplanes*, 1980, Section 3.7: spectra of Dryden
 and von Karman and of the rates, scale lengths and intensities (Figure 7; at low altitude Figures 10
@@ -68,39 +69,48 @@ FILTERS = {
 
 @dataclass(frozen=True)
 class Turbulence:
-    """Turbulence of a level, as MIL-F-8785C has it.
+    """Turbulence with the spectra of MIL-F-8785C.
 
-    level: light, moderate or severe.
-    altitude: in the model's unit of length; that of the trim unless given.
+    level: light, moderate or severe, with the intensities and scales of the specification; or your
+        own intensity and scale of u, v and w, in the model's units.
+    altitude: of a level, in the model's unit of length; that of the trim unless given.
     span: of the wing, in that unit; without it p, q and r are 0.
     spectrum: dryden or karman.
 
-    BadInputError for another level or spectrum, and numbers that are not positive.
+    BadInputError for another level or spectrum, numbers that are not positive, and an altitude
+    beside your own intensity.
 
     >>> import hfa
     >>> hfa.Turbulence("light", 500.0, span=36.0).level
     'light'
     """
 
-    level: str
+    level: str | tuple[float, float]
     altitude: float | None = None
     span: float | None = None
     spectrum: str = "dryden"
 
     def __post_init__(self) -> None:
         """Check the words and numbers."""
-        for name, known in (("level", LEVELS), ("spectrum", SPECTRA)):
-            if getattr(self, name) not in known:
-                raise BadInputError(
-                    f"the {name} of turbulence is {shown(getattr(self, name))};"
-                    f" give {', '.join(known[:-1])} or {known[-1]}"
-                )
-        for name in ("altitude", "span"):
-            value = getattr(self, name)
+        numbers = {"altitude": self.altitude, "span": self.span}
+        if isinstance(self.level, tuple) and len(self.level) == 2:
+            numbers["intensity"], numbers["scale"] = self.level
+        elif self.level not in LEVELS:
+            raise BadInputError(
+                f"the level of turbulence is {shown(self.level)}; give light, moderate, severe, or"
+                " your own (intensity, scale)"
+            )
+        if self.spectrum not in SPECTRA:
+            raise BadInputError(
+                f"the spectrum of turbulence is {shown(self.spectrum)}; give {' or '.join(SPECTRA)}"
+            )
+        for name, value in numbers.items():
             if value is not None and not (is_finite(value) and value > 0.0):
                 raise BadInputError(
                     f"the {name} of turbulence is {shown(value)}; give a positive number"
                 )
+        if "scale" in numbers and self.altitude is not None:
+            raise BadInputError("turbulence of your own intensity has no altitude; leave it out")
 
     def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
         """The turbulence of a flight from a trim.
@@ -112,7 +122,13 @@ class Turbulence:
         """
         model = point.model
         feet = _feet(model)
-        altitude = self._altitude(point) / feet
+        if isinstance(self.level, str):
+            altitude = self._altitude(point) / feet
+            scales = scales_and_intensities(self.level, altitude, self.spectrum)
+        else:
+            altitude = None
+            intensity, scale = self.level
+            scales = Scales((scale / feet,) * 3, (intensity / feet,) * 3)
         trimmed_at = None
         if "altitude" in model.states:
             trimmed_at = float(point.values["altitude"]) / feet
@@ -128,7 +144,7 @@ class Turbulence:
             )
         return TurbulentAir(
             self,
-            *scales_and_intensities(self.level, altitude, self.spectrum),
+            *scales,
             altitude=altitude,
             feet=feet,
             speed=gust_speed(point) / feet,
@@ -216,7 +232,8 @@ class TurbulentAir(Gust):
         w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s), of the frozen gust along the
         body.
 
-    turbulence: its parameters. lengths, intensities: as of `Scales`. altitude: ft.
+    turbulence: its parameters. lengths, intensities: as of `Scales`.
+    altitude: ft; None for an own intensity.
     feet: length of a foot in the model's unit. speed: V, ft/s. interval: s, of a tick.
     ticks: of the flight. seed: of the noise.
     taken: component -> disturbance of the model -> factor. trimmed_at: altitude of the trim, ft.
@@ -225,7 +242,7 @@ class TurbulentAir(Gust):
     turbulence: Turbulence
     lengths: tuple[float, float, float]
     intensities: tuple[float, float, float]
-    altitude: float
+    altitude: float | None
     feet: float
     speed: float
     interval: float
@@ -249,7 +266,7 @@ class TurbulentAir(Gust):
         now, later = self.values[tick : tick + 2]
         return np.concatenate([[tick * self.interval], now, (later - now) / self.interval])
 
-    def winds(self, t: Any, memory: ca.SX, held: ca.SX) -> dict[str, Any]:
+    def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
         """Disturbance of the model -> its value at t."""
         count = len(self.names)
         now = held[1 : 1 + count] + (t - held[0]) * held[1 + count :]
@@ -278,16 +295,17 @@ class TurbulentAir(Gust):
             " ".join(f"{value * self.feet:.4g}" for value in dict.fromkeys(values))
             for values in (self.intensities, self.lengths)
         ]
-        trimmed = ""
-        if self.trimmed_at is not None and abs(self.trimmed_at - self.altitude) > 1.0:
-            trimmed = f" (the trim is at {self.trimmed_at * self.feet:,.0f} {unit})"
         spectrum = {"dryden": "Dryden", "karman": "von Karman"}[self.turbulence.spectrum]
-        line = (
-            f"{self.turbulence.level} turbulence of MIL-F-8785C ({spectrum}) at"
-            f" {self.altitude * self.feet:,.0f} {unit}{trimmed}: {', '.join(self.taken)};"
-            f" intensity {numbers[0]} {unit}/s, scale {numbers[1]} {unit}"
+        which = f"turbulence of your own intensity ({spectrum})"
+        if self.altitude is not None:
+            altitude = f"{self.altitude * self.feet:,.0f} {unit}"
+            which = f"{self.turbulence.level} turbulence of MIL-F-8785C ({spectrum}) at {altitude}"
+            if self.trimmed_at is not None and abs(self.trimmed_at - self.altitude) > 1.0:
+                which += f" (the trim is at {self.trimmed_at * self.feet:,.0f} {unit})"
+        return (
+            f"{which}: {', '.join(self.taken)}; intensity {numbers[0]} {unit}/s, scale {numbers[1]}"
+            f" {unit}"
         )
-        return line
 
     def left_out(self, model: Model) -> list[str]:
         """The components that are not flown, and why, in a sentence each."""
@@ -295,7 +313,7 @@ class TurbulentAir(Gust):
         for name in ADDED:
             if name in self.taken:
                 continue
-            reason = "needs the wing span (LEVEL:ALTITUDE:SPAN)"
+            reason = "needs the wing span (the last number of --turbulence)"
             if missing_states(model, name):
                 reason = "the equations have no such motion"
             reasons.setdefault(reason, []).append(name)

@@ -201,7 +201,14 @@ def test_controllers_that_do_not_fit_are_refused() -> None:
 @pytest.mark.usefixtures("_there")
 def test_members_follow_commands_behind_failing_actuators() -> None:
     words = ("fly", *BEHIND, "--duration", "2", "--samples", "3")
-    noisy = ("--noise", "dihedral=0.01", "--turbulence", "0.01:1750", "--command", "dihedral=0:1")
+    noisy = (
+        "--noise",
+        "dihedral=0.01",
+        "--turbulence",
+        "own:0.01:1750",
+        "--command",
+        "dihedral=0:1",
+    )
     data = [
         json.loads(hfa(*words, *noisy, "--controller", "slow.npz", *more, "--json").out)
         for more in ((), ("--fault", "0.2:0.5"))
@@ -274,7 +281,7 @@ def test_a_network_is_exported_as_c_and_as_an_fmu(game: Game) -> None:
 
 def test_the_command_flies_and_sums_up(tmp_path: Path) -> None:
     store = str(tmp_path / "a.zarr")
-    uncertain = ("--error", "panel_mass=0.05", "--noise", "alpha=0.1", "--turbulence", "3:1750")
+    uncertain = ("--error", "panel_mass=0.05", "--noise", "alpha=0.1", "--turbulence", "own:3:1750")
     words = (
         "fly",
         "--dihedral",

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from member_plans import EVERYTHING, PARAMETERS, with_scenario
-from random_points import rates, rising
+from random_points import rates
 
 import hfa
 from hfa import BadInputError, find_operating_point, fly
@@ -30,6 +30,7 @@ from hfa_flight.monte_carlo_store import MEMBER_STEPS, chunk_of, run_monte_carlo
 from hfa_flight.scenario import with_errors
 from hfa_flight.signals import zero
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
+from hfa_model.kinematics import Wind, Winds
 from hfa_model.variants import variant_named
 from hfa_support.native import machine_code as generated
 
@@ -50,35 +51,32 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
     air = member.gust
     variant = variant_named(plan.model.name)
     x = member.initial
-    filter_ = np.zeros(0) if air is None else air.start()
     errors = []
     inputs = []
     angles = []
     left = -1
     flown = member.duration
 
-    def slope(t: float, x: np.ndarray, f: np.ndarray, tick: int) -> tuple[np.ndarray, np.ndarray]:
-        u = -K @ (x[SEEN] - member.reference.at(t) + member.samples[tick])
-        w = 0.0
-        filter_rate = np.zeros(0)
-        if air is not None:
-            held = air.held_inputs(tick)
-            w = float(air.updraft(t, f, held))
-            filter_rate = np.array(air.memory_rate(t, f, held)).ravel() if len(f) else f
-        rate = np.array(
-            [float(row) for row in rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, rising(w))]
-        )
-        rate[SEEN] += member.disturbance.at(t)
-        return rate, filter_rate
+    def winds(t: float, tick: int) -> dict[str, float]:
+        moving = {} if air is None else air.winds(t, air.held_inputs(tick))
+        return {name: float(value) for name, value in moving.items()}
 
-    def limited(t: float, x: np.ndarray, f: np.ndarray, tick: int) -> np.ndarray:
+    def slope(t: float, x: np.ndarray, tick: int) -> np.ndarray:
+        u = -K @ (x[SEEN] - member.reference.at(t) + member.samples[tick])
+        wind = Wind(**winds(t, tick))
+        rows = rates(State(*(X0 + x)), Input(*(U0 + u)), p, variant, Winds(wind, wind))
+        rate = np.array([float(row) for row in rows])
+        rate[SEEN] += member.disturbance.at(t)
+        return rate
+
+    def limited(t: float, x: np.ndarray, tick: int) -> np.ndarray:
         """X with the angle of attack through the air, from the velocity of the air in north and
         down, for alpha."""
         X = State(*(x + X0))
-        w = 0.0 if air is None else float(air.updraft(t, f, air.held_inputs(tick)))
+        wind = winds(t, tick)
         path = X.pitch - X.alpha
-        north = X.speed * np.cos(path)
-        down = w - X.speed * np.sin(path)
+        north = X.speed * np.cos(path) + wind.get("headwind", 0.0)
+        down = wind.get("updraft", 0.0) - X.speed * np.sin(path)
         return np.array(X._replace(alpha=X.pitch + np.arctan2(down, north)))
 
     for step in range(member.ticks * member.steps_per_tick):
@@ -87,14 +85,13 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
         z = x[SEEN] - member.reference.at(t)
         errors.append(z)
         inputs.append(-K @ (z + member.samples[tick]))
-        angles.append(limited(t, x, filter_, tick)[ALPHA] - plan.point.states.alpha)
-        k1 = slope(t, x, filter_, tick)
-        k2 = slope(t + h / 2, x + h / 2 * k1[0], filter_ + h / 2 * k1[1], tick)
-        k3 = slope(t + h / 2, x + h / 2 * k2[0], filter_ + h / 2 * k2[1], tick)
-        k4 = slope(t + h, x + h * k3[0], filter_ + h * k3[1], tick)
-        x = x + h / 6 * (k1[0] + 2 * k2[0] + 2 * k3[0] + k4[0])
-        filter_ = filter_ + h / 6 * (k1[1] + 2 * k2[1] + 2 * k3[1] + k4[1])
-        X = limited(t + h, x, filter_, tick)
+        angles.append(limited(t, x, tick)[ALPHA] - plan.point.states.alpha)
+        k1 = slope(t, x, tick)
+        k2 = slope(t + h / 2, x + h / 2 * k1, tick)
+        k3 = slope(t + h / 2, x + h / 2 * k2, tick)
+        k4 = slope(t + h, x + h * k3, tick)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        X = limited(t + h, x, tick)
         outside = np.maximum(X - highest, lowest - X) / (highest - lowest)
         if outside.max() > 0.0:
             left = int(np.argmax(outside))

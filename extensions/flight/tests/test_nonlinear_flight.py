@@ -15,7 +15,6 @@ from hfa import BadInputError, find_operating_point
 from hfa.paper import level_flight
 from hfa_flight import (
     ActuatorBank,
-    Dryden,
     GainPolicy,
     OneMinusCosine,
     Policy,
@@ -27,6 +26,7 @@ from hfa_flight.closed_loop import ClosedLoop, LinearPlant, NonlinearPlant
 from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.signals import Harmonic
 from hfa_flight.simulation import CompiledLoop
+from hfa_flight.turbulence import Turbulence, TurbulentAir
 from hfa_model import LINEAR_STATES, STATES, Input, State
 from hfa_model.vectors import CONTROL_LIMITS
 
@@ -166,7 +166,18 @@ EVERYTHING = Scenario(
         *(Input(*ends) for ends in zip(*CONTROL_LIMITS, strict=True)),
         Input(*[np.inf] * 5),
     ),
-    gust=Dryden(1.0, 1750.0, 68.0, 0.01, 50, seed=3),
+    gust=TurbulentAir(
+        Turbulence((1.0, 1750.0)),
+        lengths=(1750.0, 1750.0, 1750.0),
+        intensities=(1.0, 1.0, 1.0),
+        altitude=None,
+        feet=1.0,
+        speed=68.0,
+        interval=0.01,
+        ticks=50,
+        seed=3,
+        taken={"w": {"updraft": 1.0}},
+    ),
 )
 
 

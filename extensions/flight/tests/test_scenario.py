@@ -15,7 +15,6 @@ from hfa_flight import (
     ActuatorBank,
     ActuatorFault,
     CommandSteps,
-    Dryden,
     GainPolicy,
     MonteCarlo,
     OneMinusCosine,
@@ -24,11 +23,7 @@ from hfa_flight import (
     Waveform,
     scenario,
 )
-from hfa_flight.air import UPDRAFT
-from hfa_flight.closed_loop import ClosedLoop, LinearPlant
-from hfa_flight.policies import OpenLoop
 from hfa_flight.scenario import with_errors
-from hfa_flight.simulation import CompiledLoop
 from hfa_model import LINEAR_STATES, Input, Parameters
 
 ACTUATORS = ActuatorBank(*(Input(*[each] * 5) for each in (0.1, -0.5, 0.4, 1.0)))
@@ -131,8 +126,9 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
     assert deviation[LINEAR_STATES.index("pitch_rate")] == pytest.approx(0.004, rel=0.03)
     assert np.count_nonzero(deviation) == 2
     assert abs(np.corrcoef(noise[0, :, 1], noise[1, :, 1])[0, 1]) < 0.5
-    updrafts = [float(each.gust.updraft(0.0, each.gust.start(), np.zeros(1))) for each in members]
-    assert np.std(updrafts) == pytest.approx(3.0, rel=0.15)
+    winds = [each.gust.winds(0.0, each.gust.held_inputs(0)) for each in members]
+    for name in ("updraft", "headwind"):
+        assert np.std([float(wind[name]) for wind in winds]) == pytest.approx(3.0, rel=0.15)
     assert members[0].gust.speed == plan.point.states.speed
 
 
@@ -146,10 +142,7 @@ def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
         (lambda: Scenario(step=0.003), "whole number of steps"),
         (lambda: Scenario(duration=np.inf), "duration is inf"),
         (lambda: OneMinusCosine(10.0, np.nan, 68.0), "peak is nan"),
-        (
-            lambda: Dryden(1.0, 1e-6, 68.0, 0.01, 10, 0),
-            r"scale is 1e-06 ft; .* between 0\.68 and 6\.8e\+05 ft",
-        ),
+        (lambda: Uncertainty(turbulence=(3.0, 1750.0)), "give hfa.Turbulence"),
         (
             lambda: replace(ACTUATORS, lag=Input(0.1, 0.0, 0.1, 0.1, 0.1)),
             "lag of aileron_center is 0.0",
@@ -184,51 +177,8 @@ def test_what_cannot_be_flown_is_refused(make: Callable[[], object], said: str) 
 def test_one_minus_cosine_has_its_length_and_its_peak() -> None:
     gust = OneMinusCosine(length=400.0, peak=-10.0, speed=80.0, begin=2.0)
     times = np.linspace(0.0, 10.0, 1001)
-    values = np.array([float(gust.updraft(t, None, None)) for t in times])
+    values = np.array([float(gust.updraft(t)) for t in times])
     passing = (times > 2.0) & (times < 7.0)
     wave = -5.0 * (1.0 - np.cos(2 * np.pi * (times - 2.0) / 5.0))
     np.testing.assert_allclose(values, np.where(passing, wave, 0.0), atol=1e-12)
     assert np.all(values[~passing] == 0.0)
-
-
-def sampled(gust: Dryden, interval: float, ticks: int) -> np.ndarray:
-    """w at the ticks of a flight, by the integrator of the loop."""
-    plant = LinearPlant(np.zeros((1, 1)), np.zeros((1, 1)), {UPDRAFT: np.zeros(1)})
-    scenario = Scenario(ticks * interval, interval / 2, interval, np.zeros(1), gust=gust)
-    loop = ClosedLoop(plant, OpenLoop("none", held=np.zeros((1, 1))), scenario)
-    return np.asarray(CompiledLoop(loop).fly().updrafts[::2])
-
-
-def turbulence(interval: float, ticks: int, seed: int = 0) -> Dryden:
-    return Dryden(intensity=5.0, scale=34.0, speed=68.0, interval=interval, ticks=ticks, seed=seed)
-
-
-def test_turbulence_has_the_variance_that_was_asked_for_at_long_ticks_too() -> None:
-    """Some 4,000 independent samples: the standard error of the variance is 2 percent."""
-    gust = turbulence(0.5, 10_000)
-    w = sampled(gust, 0.5, 10_000)
-    assert np.var(w) == pytest.approx(gust.intensity**2, rel=0.08)
-    assert abs(w.mean()) < 5 * gust.intensity / np.sqrt(4000)
-
-
-def test_turbulence_has_the_dryden_spectrum() -> None:
-    from scipy.signal import welch
-
-    gust = turbulence(0.05, 160_000)
-    frequencies, found = welch(sampled(gust, 0.05, gust.ticks), fs=20.0, nperseg=4096)
-    reduced = gust.scale * 2 * np.pi * frequencies / gust.speed
-    # One-sided in Hz: Φ(Ω) dΩ with Ω = 2π f / V. A first-order lag of the same variance and scale:
-    # the test can tell.
-    dryden = (
-        gust.intensity**2
-        * 2
-        * gust.scale
-        / gust.speed
-        * (1 + 3 * reduced**2)
-        / (1 + reduced**2) ** 2
-    )
-    lag = gust.intensity**2 * 4 * gust.scale / gust.speed / (1 + reduced**2)
-    for low, high in ((0.02, 0.1), (0.1, 0.3), (0.3, 1.0), (1.0, 2.0)):
-        band = (frequencies >= low) & (frequencies < high)
-        assert found[band].mean() == pytest.approx(dryden[band].mean(), rel=0.12)
-        assert found[band].mean() != pytest.approx(lag[band].mean(), rel=0.12)

@@ -231,6 +231,8 @@ def test_flight_meets_what_was_drawn() -> None:
     [
         ("fly --turbulence light", "40000 ft would be at the altitude that published dynamics has"),
         ("fly --turbulence calm:3", "give LEVEL[:ALTITUDE[:SPAN]] with light, moderate, severe"),
+        ("fly --turbulence 3:1750", "is '3:1750'; give own:3:1750, which moves u, v and w"),
+        ("fly --turbulence own:3", "or own:SIGMA:SCALE[:SPAN]"),
         ("fly --turbulence light:-3", "is '-3'; give a finite number above 0"),
         ("fly --turbulence light:90000", "MIL-F-8785C defines it from 10 to 80000 ft"),
         ("fly --aircraft examples/gtm.py:GTM --turbulence severe", "GTM has no altitude"),
@@ -240,6 +242,21 @@ def test_flight_meets_what_was_drawn() -> None:
 def test_turbulence_without_meaning_is_refused(typed, said, capsys) -> None:
     assert main(typed.split()) == 2
     assert said in capsys.readouterr().err
+
+
+def test_an_own_intensity_is_that_of_u_v_and_w(capsys) -> None:
+    """In the units of an aircraft in meters; p, q and r follow from the span."""
+    typed = "fly --aircraft examples/uav.toml --turbulence own:2:300:2.9 --duration 0.1"
+    main(typed.split())
+    said = capsys.readouterr().out
+    assert "of your own intensity (Dryden): u, v, w, p, q, r; intensity 2 m/s, scale 300 m" in said
+    model = load_model("examples/uav.toml")
+    air = Turbulence((2.0, 300.0), span=2.9).air(hfa.find_operating_point(model), 0.02, 10, 0)
+    found = AirFilter.of(air)
+    spread = np.sqrt(np.diag(found.C @ found.covariance @ found.C.T))
+    np.testing.assert_allclose(0.3048 * spread[:3], 2.0, rtol=1e-9)
+    with pytest.raises(BadInputError, match="has no altitude; leave it out"):
+        Turbulence((2.0, 300.0), 100.0)
 
 
 def test_a_held_altitude_is_that_of_the_turbulence(capsys) -> None:

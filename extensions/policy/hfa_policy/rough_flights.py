@@ -137,9 +137,11 @@ def _disturbed_by(scenario: Scenario) -> str:
     return " and ".join(name for name, is_there in named.items() if is_there)
 
 
-def _turbulence_text(turbulence: Turbulence | tuple[float, float] | None) -> str:
-    """Return "light turbulence"."""
-    return f"{turbulence.level} turbulence" if isinstance(turbulence, Turbulence) else "turbulence"
+def _turbulence_text(turbulence: Turbulence | None) -> str:
+    """Return "light turbulence", or "turbulence" of an own intensity."""
+    if turbulence is None or not isinstance(turbulence.level, str):
+        return "turbulence"
+    return f"{turbulence.level} turbulence"
 
 
 def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequence[str]) -> Table:

@@ -13,12 +13,13 @@ from hfa import OperatingPoint
 from hfa.paper import default_parameters
 from hfa_flight import GainPolicy, MonteCarlo, Scenario, Uncertainty, Waveform, flight_envelope
 from hfa_flight.signals import Harmonic
+from hfa_flight.turbulence import Turbulence
 
 PARAMETERS = default_parameters().values
 EVERYTHING = Uncertainty(
     errors={"panel_mass": 0.05, "lift_slope": 0.03, "hinge_stiffness": 0.1},
     noise={"alpha": 0.002, "pitch_rate": 0.004},
-    turbulence=(3.0, 1750.0),
+    turbulence=Turbulence((3.0, 1750.0)),
 )
 
 

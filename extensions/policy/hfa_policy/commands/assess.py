@@ -130,7 +130,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     noise: Mapping[str, float] = noise_option(
         "standard deviation of the sensor noise of a state, degrees for angles; repeatable"
     )
-    turbulence: Turbulence | tuple[float, float] | None = turbulence_option()
+    turbulence: Turbulence | None = turbulence_option()
     gust: tuple[float, ...] | None = gust_option()
     best: int = option(
         "compare K flights at each trim with the best flights found; default 0",
