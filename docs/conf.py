@@ -22,6 +22,7 @@ sys.path.insert(0, str(DOCS))
 import docstrings  # noqa: E402
 from names_page import PACKAGES, names_page  # noqa: E402
 from notebook_page import notebook_page  # noqa: E402
+from parts_page import parts_page  # noqa: E402
 
 GENERATED = DOCS / "generated"
 MATHJAX = Path(
@@ -71,6 +72,7 @@ def generate() -> None:
     GENERATED.mkdir()
     pages = {
         "commands": commands_page(),
+        "parts": parts_page(),
         "formats": runpy.run_path(str(DOCS / "formats_page.py"))["formats_page"](),
     }
     pages |= {package: names_page(package) for package in PACKAGES}

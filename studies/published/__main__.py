@@ -12,7 +12,6 @@ from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-import hfa
 from hfa.output import ProgressLine
 from hfa_printed.printed_file import PrintedFile, load_printed
 from hfa_printed.printed_verdict import check_printed
@@ -20,7 +19,6 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
-from verification import regenerate_all
 
 SOURCES = Path(__file__).parent / "sources"
 RESULTS = Path(__file__).with_name("results.csv")
@@ -39,16 +37,10 @@ as printed: all 20 entries
 ...
 ```
 
-[Each verdict](critics.md#a-printed-answer) concerns digits. "The answer belongs to another plant"
-does not state the cause. [The table of results](../studies/published/results.csv) lists every
-answer with its whole verdict. [Its folder](../studies/published/sources) has a file for each, with
-the source that was opened (repository, path and commit, or address and date) and the numbers, digit
-by digit. `python -m studies.published` judges all of them and writes the table and this page.
-"""
-_PAPER = """
-## The aircraft of the paper
-
-The paper prints no P, K or W. `hfa regenerate` reproduces A and B:
+[Each verdict](critics.md#a-printed-answer) concerns digits, not causes. [The table of
+results](../studies/published/results.csv) lists every answer with its whole verdict. [Its
+folder](../studies/published/sources) has a file for each, with the source that was opened and the
+numbers, digit by digit. `python -m studies.published` judges all of them.
 """
 
 
@@ -106,23 +98,8 @@ def page_of(rows: list[Row]) -> str:
         markdown_table(Table(("verdict", "files"), counts.most_common())),
         "\n## Mistakes that are named\n",
         markdown_table(Table(HEADER, mistakes)),
-        _PAPER,
-        *_lines_of_the_paper(),
     ]
     return "\n".join(parts) + "\n"
-
-
-def _lines_of_the_paper() -> list[str]:
-    """How many printed entries of A and B are regenerated at each printed angle."""
-    lines = []
-    for pair in regenerate_all(hfa.aircraft()).pairs:
-        errors = [abs(entry.half_units) for entry in pair.entries if not entry.is_zero]
-        right = sum(error <= 1.0 for error in errors)
-        lines.append(
-            f"- {pair.published.dihedral_deg:g} deg: {right} of {len(errors)} entries, at most"
-            f" {max(errors):.2f} half units"
-        )
-    return lines
 
 
 def _plant_text(file: PrintedFile) -> str:

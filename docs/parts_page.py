@@ -1,0 +1,69 @@
+"""The page of the parts of commands, from the installed entry points of `hfa.parts`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from hfa_support.entry_points import CRITICS, PARTS, loaded, offered
+
+_HEAD = """# Parts of commands
+
+A part of `hfa.parts` is a function with the signature below. The types are those of the package that
+uses the part. `controllers` and `policies` are modules with these functions, and `results.NAME` is a
+tuple of texts. `nonlinear` and `nonlinear.steps` are entry points of `hfa.critics`.
+"""
+#: Part that is a module -> the functions that the core calls.
+MODULES = {
+    "controllers": (
+        "c_controller_texts",
+        "controller_steering",
+        "load_controller",
+        "load_controller_or_gains",
+        "servo_policy",
+    ),
+    "policies": (
+        "exported_loop",
+        "exported_texts",
+        "flown_card",
+        "flown_deployment",
+        "sampled_scenario",
+    ),
+}
+
+
+def parts_page() -> str:
+    """Return a Markdown page: the signature of every installed part, in the order of names."""
+    lines = [f"{name}{signature_of(part)}" for name, part in sorted(functions().items())]
+    return "\n".join([_HEAD, "```text", *lines, "```", ""])
+
+
+def functions() -> dict[str, Callable[..., Any]]:
+    """Return name -> function of every installed part."""
+    parts = {name: loaded(offer) for name, offer in offered(PARTS).items()}
+    judges = {name: loaded(offered(CRITICS)[name]) for name in ("nonlinear", "nonlinear.steps")}
+    of_modules = {
+        f"{module}.{name}": getattr(parts[module], name)
+        for module, names in MODULES.items()
+        for name in names
+    }
+    return {name: part for name, part in (parts | judges).items() if callable(part)} | of_modules
+
+
+def signature_of(function: Callable[..., Any]) -> str:
+    """Return the signature of a function, with annotations as they are written."""
+    signature = inspect.signature(function)
+    parameters = [
+        parameter.replace(annotation=_Written(parameter.annotation))
+        for parameter in signature.parameters.values()
+    ]
+    returned = _Written(signature.return_annotation)
+    return str(signature.replace(parameters=parameters, return_annotation=returned))
+
+
+class _Written(str):
+    """An annotation that is shown without quotes."""
+
+    def __repr__(self) -> str:
+        return str(self)
