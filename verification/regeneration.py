@@ -104,7 +104,7 @@ class Regeneration(ByValue, Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """Whether every check of every pair holds."""
+        """True if every check of every pair holds."""
         return all(pair.ok for pair in self.pairs)
 
     def picture(self) -> Picture:
@@ -132,7 +132,7 @@ class Regeneration(ByValue, Result, Reported):
 
     @property
     def verdict(self) -> str:
-        """Whether both pairs were regenerated, in words."""
+        """ "yes" if both pairs were regenerated, in words."""
         return f"Both printed pairs regenerated: {'yes' if self.ok else 'NO'}"
 
     def report(self) -> Report:

@@ -120,7 +120,7 @@ def drawn(flights: Sequence[BestFlight]) -> Figure:
     for name, axes in zip(_DRAWN, panels[:, 0], strict=True):
         axes.set_ylabel(f"{name}, {shown_unit(flights[0].model.unit(name))}")
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -135,8 +135,8 @@ def _draw(axes: Axes, best: BestFlight, name: str) -> None:
     of_exact = np.column_stack([exact.states, exact.inputs])[rows, names.index(name)]
     axes.plot(best.time, shown_values(of_best, unit), label="best flight found")
     axes.plot(exact.times[rows], shown_values(of_exact, unit), "--", label=exact.name)
-    for limit in limits:
-        axes.axhline(float(limit), color="black", linestyle=":", linewidth=0.8)
+    axes.axhline(float(limits[0]), color="black", linestyle=":", linewidth=0.8, label="limits")
+    axes.axhline(float(limits[1]), color="black", linestyle=":", linewidth=0.8)
     room = 0.1 * (limits[1] - limits[0])
     axes.set_ylim(limits[0] - room, limits[1] + room)
     axes.set_xlim(0.0, _SECONDS)

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: Colors of the drawing, here and on the page of `hfa report` (Okabe, Ito 2008).
+PANEL_COLOR = "#888888"
+LIFT_COLOR = "#0072B2"
+WEIGHT_COLOR = "#D55E00"
+HINGE_COLOR = "#009E73"
 #: Length of the longest arrow, of the span of a panel.
 _LONGEST = 0.55
 #: Width of the picture; its height follows from what is drawn, so that no side is empty.
@@ -89,16 +94,16 @@ def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
     figure = new_figure(_WIDTH, 4.6)
     axes = figure.subplots()
     for panel in panels:
-        axes.plot(*panel.ends.T, color="black", linewidth=3.0, solid_capstyle="butt", zorder=2)
+        axes.plot(*panel.ends.T, color=PANEL_COLOR, linewidth=4.0, solid_capstyle="butt")
         lift = np.copysign(np.linalg.norm(panel.lift), panel.lift[1])
         weight = np.linalg.norm(panel.weight)
-        _draw_force(axes, panel.middle, panel.lift * scale, f"{lift:.1f} {unit}", "C0")
-        _draw_force(axes, panel.middle, panel.weight * scale, f"{weight:.1f} {unit}", "0.35")
+        _draw_force(axes, panel.middle, panel.lift * scale, f"{lift:.1f} {unit}", LIFT_COLOR)
+        _draw_force(axes, panel.middle, panel.weight * scale, f"{weight:.1f} {unit}", WEIGHT_COLOR)
     _draw_hinges(axes, aircraft, point)
     for color, name in (
-        ("C0", "lift"),
-        ("0.35", "weight"),
-        ("C3", "moment of loads and weight about the hinge"),
+        (LIFT_COLOR, "lift"),
+        (WEIGHT_COLOR, "weight"),
+        (HINGE_COLOR, "moment of loads and weight about the hinge"),
     ):
         axes.plot([], [], color=color, linewidth=2.0, label=name)
     axes.set_aspect("equal")
@@ -147,8 +152,8 @@ def _draw_hinges(axes: Axes, aircraft: Model, point: OperatingPoint) -> None:
         text += f", {sense}"
     for side in (-1, 1):
         hinge = np.array([side * span / 2, 0.0])
-        axes.plot(*hinge, "o", color="C3", markersize=7, markerfacecolor="white", zorder=3)
-        _label(axes, hinge, text, "C3", above=point.states.dihedral < 0)
+        axes.plot(*hinge, "o", color=HINGE_COLOR, markersize=7, zorder=3)
+        _label(axes, hinge, text, HINGE_COLOR, above=point.states.dihedral < 0)
 
 
 def _label(axes: Axes, place: np.ndarray, text: str, color: str, above: bool) -> None:

@@ -111,7 +111,7 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
         above.grid(alpha=0.3)
         below.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 1.8, 3.6, 9, 10]))
         below.tick_params(labelbottom=True)
-        below.set_xlabel("rad/s")
+        below.set_xlabel("frequency, rad/s")
         below.grid(alpha=0.3)
         if column == 0:
             above.set_ylabel("magnitude, dB")

@@ -58,6 +58,8 @@ _SHOWN = 20
 #: Of the size of the picture: a longer line of the root locus has an arrow, and values along it.
 _DIRECTED = 0.05
 _LABELLED = 0.2
+#: Place of the arrow along a line, between two of its labels, as a share of its length.
+_ARROW_AT = 0.4
 #: So many points that were trimmed one by one are told.
 _MANY_SLOW = 20
 
@@ -264,6 +266,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 label=f"{self.variables[-1]} {value} {shown_unit(unit)}",
             )
         axes.axvline(0.0, color="gray", linewidth=0.8)
+        axes.margins(0.05, 0.12)
         axes.locator_params(axis="x", nbins=6)
         axes.set_xlabel(f"real part, 1/{self.model.time_unit}")
         axes.set_ylabel(f"imaginary part, 1/{self.model.time_unit}")
@@ -284,11 +287,13 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             if length < _DIRECTED:
                 continue
             color = f"C{names.index(self.mode_names[column])}"
-            middle = len(roots) // 2
+            steps = np.hypot(np.diff(roots.real) / width, np.diff(roots.imag) / height)
+            walked = np.cumsum(steps) / max(float(steps.sum()), 1e-300)
+            tip = int(np.searchsorted(walked, _ARROW_AT)) + 1
             axes.annotate(
                 "",
-                xy=(roots[middle].real, roots[middle].imag),
-                xytext=(roots[middle - 1].real, roots[middle - 1].imag),
+                xy=(roots[tip].real, roots[tip].imag),
+                xytext=(roots[tip - 1].real, roots[tip - 1].imag),
                 arrowprops={"arrowstyle": "-|>", "color": color, "shrinkA": 0, "shrinkB": 0},
             )
             if length < _LABELLED:

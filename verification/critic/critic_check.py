@@ -130,7 +130,7 @@ def _flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
 
 
 def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
-    """Whether A - B K is stable, and its L2 gain below delta."""
+    """Return the checks that A - B K is stable and its L2 gain below delta."""
     abscissa = math.inf
     if critic.finite:
         abscissa = spectrum(game.A - game.B @ critic.K).abscissa
@@ -143,7 +143,8 @@ def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
 
 
 def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) -> list[Check]:
-    """Whether P is a value: stabilizing, not indefinite, a root of the Riccati equation.
+    """Return the checks that P is a value: stabilizing, not indefinite, a root of the Riccati
+    equation.
 
     The value of a state that costs nothing may be 0, which rounding makes negative; the certificate
     allows the same. A limit above the default allows |P - P*| <= limit |P*|, which moves

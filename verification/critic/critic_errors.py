@@ -1,4 +1,4 @@
-"""How far a critic is from the exact one: in norms, entry by entry, and over a box of states.
+"""Errors of a critic: in norms, entry by entry, and over a box of states.
 
 V - V* is a polynomial with the coefficients c = W - W*. In y_i = z_i / b_i, b the half widths of
 the box, it is Σ_m c_m ψ_m(b) ψ_m(y) with |ψ_m(y)| <= 1: the sum of |c_m ψ_m(b)| bounds the error at

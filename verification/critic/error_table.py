@@ -1,4 +1,4 @@
-"""Errors of a critic over time, and what a training run shows of itself."""
+"""Errors of a critic over time, and the checks of a training run."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class ErrorTable(Result):
 
     @property
     def predefined_time_kept(self) -> bool | None:
-        """Whether it settles in the time that is promised."""
+        """True if it settles in the time that is promised."""
         if self.predefined_time is None:
             return None
         return self.settling_time <= self.predefined_time
@@ -71,7 +71,7 @@ class ErrorTable(Result):
 
     @property
     def sentence(self) -> str:
-        """When it settles, in words."""
+        """Settling time, in words."""
         what = f"the {COLUMNS[self.decides]}"
         if math.isfinite(self.settling_time):
             return f"{what} stays within {self.limit:g} from {self.settling_time:.4g} s on"
@@ -94,7 +94,7 @@ def run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
 
 
 def rank_check(run: TrainingRun) -> Check:
-    """Whether the data of a run determine its weights."""
+    """Return the check that the data of a run determine its weights."""
     rank = run.excitation
     poor = (
         f"the data have rank {rank.rank} of {rank.size}: whatever their residual, they do not "

@@ -31,11 +31,9 @@ def verdict_figure(verdict: Verdict) -> Figure:
     where there is no P; where there is a table also its errors over time."""
     table = verdict.table
     names = verdict.exact.names
-    figure = new_figure(12.0, 4.2 if table is None else 7.6)
-    figure.suptitle(
-        f"Critic on {names.origin}, against the exact {verdict.problem}: {verdict_text(verdict.ok)}"
+    title = (
+        f"Critic on {names.origin}\nagainst the exact {verdict.problem}: {verdict_text(verdict.ok)}"
     )
-    grid = figure.add_gridspec(1 if table is None else 2, 3)
     if verdict.critic.P is not None:
         name = "P"
         rows = names.states
@@ -50,20 +48,21 @@ def verdict_figure(verdict: Verdict) -> Figure:
     with np.errstate(divide="ignore", invalid="ignore"):  # none where the exact entry is 0
         relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))
     relative[np.abs(relative) < _ROUNDED] = 0.0
-    maps = (
+    difference = float(np.ma.filled(np.abs(relative), 0.0).max())
+    maps: list[tuple[str, np.ndarray, float | None]] = [
         (f"{name} learned", learned, largest),
         (f"{name} exact", exact, largest),
-        ("(learned - exact) / |exact|", relative, None),
-    )
-    for index, (title, entries, size) in enumerate(maps):
+    ]
+    if difference < _LEAST_DIFFERENCE:
+        title += f"; relative differences below {max(difference, _ROUNDED):.1g} in every entry"
+    else:
+        maps.append(("(learned - exact) / |exact|", relative, None))
+    figure = new_figure(4.0 * len(maps) + 0.5, 4.2 if table is None else 7.6)
+    figure.suptitle(title, fontsize=11)
+    grid = figure.add_gridspec(1 if table is None else 2, len(maps))
+    for index, (map_title, entries, size) in enumerate(maps):
         axes = figure.add_subplot(grid[0, index])
-        difference = float(np.ma.filled(np.abs(relative), 0.0).max())
-        if size is None and difference < _LEAST_DIFFERENCE:
-            axes.set_title(title)
-            axes.set_axis_off()
-            axes.text(0.5, 0.5, f"below {max(difference, _ROUNDED):.1g} everywhere", ha="center")
-            continue
-        _heat_map(figure, axes, title, entries, size)
+        _heat_map(figure, axes, map_title, entries, size)
         axes.set_xticks(range(len(names.states)), names.states, rotation=60, ha="right", fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
         if any(names.state_units) and size is not None:
@@ -112,7 +111,7 @@ def _draw_errors(
         axes.set_ylim(bottom=_ROUNDED)
         axes.text(0.0, 0.0, " rounding", transform=axes.transAxes, va="bottom", fontsize=7)
     axes.set_xlabel("time, s")
-    axes.set_ylabel("relative size")
+    axes.set_ylabel("relative error")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
 

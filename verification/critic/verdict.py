@@ -152,11 +152,12 @@ class Verdict(Checked, Result, Reported):
 
     @property
     def stabilizing(self) -> bool:
-        """Whether A - B K is stable."""
+        """True if A - B K is stable."""
         return all(check.ok for check in self.checks if check.kind == "stability")
 
     def holds(self, limit_cost: float | None = None) -> bool:
-        """Whether every check holds; with a limit, percent, whether the critic costs no more."""
+        """Return whether every check holds; with a limit, percent, whether the critic costs no
+        more."""
         return self.ok if limit_cost is None else self.cost_lost <= limit_cost
 
     @property

@@ -36,10 +36,10 @@ def identified_figure(identified: Identified) -> Figure:
             left.plot(time, measured, ".", color="0.6", markersize=2.0)
             left.plot(time, fitted, color="C0", linewidth=1.2)
             right.plot(time, measured - fitted, color="C3", linewidth=0.6)
-        left.set_ylabel(f"{name}\n{shown_unit(unit)}")
+        left.set_ylabel(f"{name},\n{shown_unit(unit)}")
     axes[0][0].set_title("measured (dots) and fitted")
     axes[0][1].set_title("residual")
     for bottom in axes[-1]:
-        bottom.set_xlabel("time s")
+        bottom.set_xlabel("time, s")
     figure.suptitle(f"{identified.model.title}: {', '.join(identified.records)}")
     return figure

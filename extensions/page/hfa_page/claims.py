@@ -37,19 +37,19 @@ class Claims(NamedTuple):
 
     @property
     def not_confirmed(self) -> str:
-        """How many of all claims are not confirmed, in words."""
+        """Number of claims that are not confirmed, in words."""
         counts = self.data["verdicts"]
         return f"{counts.get('not confirmed', 0)} of {sum(counts.values())} claims not confirmed"
 
     @property
     def others(self) -> str:
-        """How many claims have each of the other verdicts, in words."""
+        """Numbers of claims with each of the other verdicts, in words."""
         counts = self.data["verdicts"].items()
         words = [f"{count} {verdict}" for verdict, count in counts if verdict != "not confirmed"]
         return ", ".join(words)
 
     def flew(self, regeneration: Regeneration) -> bool:
-        """Whether the stored flights were those of the linear models regenerated here."""
+        """Return whether the stored flights were those of the linear models regenerated here."""
         regenerated = {pair.published.dihedral_deg: pair.model for pair in regeneration.pairs}
         return bool(self.models) and all(
             angle in regenerated

@@ -32,8 +32,8 @@ class StoredFlights(NamedTuple):
     models: list[tuple[float, np.ndarray, np.ndarray]]
 
     def flew(self, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
-        """Whether the linear models of the page, by their dihedral angle in deg, are those of the
-        aircraft that flew; at least one angle is compared."""
+        """Return whether the linear models of the page, by their dihedral angle in deg, are those
+        of the aircraft that flew; at least one angle is compared."""
         shared = [model for model in self.models if model[0] in A_and_B]
         return bool(shared) and all(
             np.allclose(mine, theirs, rtol=_SAME, atol=_SAME)

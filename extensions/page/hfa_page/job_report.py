@@ -115,7 +115,7 @@ def verdicts(job: MainJob) -> Table:
         (f"{trimmed} of {len(job.points)} angles of the sweep trimmed", verdict_text(trimmed > 0))
     )
     if job.claims is not None:
-        rows.append(("claims of Section 5 of the paper", Cell(job.claims.not_confirmed, "near")))
+        rows.append(("claims of Section 5 of the paper", Cell(job.claims.not_confirmed, "bad")))
     return Table(("check", "verdict"), rows)
 
 
@@ -215,25 +215,26 @@ def page(job: MainJob, report: Report, origin: Provenance) -> str:
 
 
 def verdict_sentence(job: MainJob) -> str:
-    """The checks with their results and the errors found in the paper, as HTML."""
+    """Return the verdicts on this program and on the paper's claims, then the checks, as HTML."""
     regenerated = _toned(job.regeneration.ok, "regenerated", "NOT regenerated")
     agrees = _toned(job.learned, "agrees", "DOES NOT agree")
     asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
-    sentence = (
-        f"{_toned(job.ok, 'PASS', 'FAIL')}: both pairs of matrices (A, B) that the paper prints "
-        f"are {regenerated} from one set of parameters ({html.escape(job.sweep.model.name)} "
-        f"dynamics), and the critic that hfa learns by its own law {agrees} with the exact solution "
-        "of the game"
-    )
-    if job.angles:
-        sentence += f" at {asked} deg"
+    sentences = [f"hfa: {_toned(job.ok, 'PASS', 'FAIL')}."]
     if job.claims is not None:
         not_confirmed = html.escape(job.claims.not_confirmed)
-        sentence += (
-            f'; of the paper\'s Section 5, <strong class="bad">{not_confirmed}</strong> '
-            f"({html.escape(job.claims.others)})"
+        sentences.append(
+            f'Section 5 of the paper: <strong class="bad">{not_confirmed}</strong> '
+            f"({html.escape(job.claims.others)})."
         )
-    return f"{sentence}."
+    sentences.append(
+        f"Both pairs of matrices (A, B) that the paper prints are {regenerated} from one set of "
+        f"parameters ({html.escape(job.sweep.model.name)} dynamics)."
+    )
+    at = f" at {asked} deg" if job.angles else ""
+    sentences.append(
+        f"The critic that hfa learns by its own law {agrees} with the exact solution of the game{at}."
+    )
+    return " ".join(sentences)
 
 
 def _link(section: str, title: str) -> str:

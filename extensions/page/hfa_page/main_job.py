@@ -64,7 +64,7 @@ class Angle:
 
     @property
     def ok(self) -> bool:
-        """Whether there is a trim, a certified solution, and a critic that agrees with it."""
+        """True if there is a trim, a certified solution, and a critic that agrees with it."""
         return self.check is not None and self.check.ok
 
 
@@ -120,12 +120,12 @@ class MainJob:
 
     @property
     def learned(self) -> bool:
-        """Whether every learned critic agrees with the exact game solution."""
+        """True if every learned critic agrees with the exact game solution."""
         return all(angle.ok for angle in self.angles)
 
     @property
     def ok(self) -> bool:
-        """Whether everything holds; what became of the paper's claims is a finding and not
+        """True if everything holds; what became of the paper's claims is a finding and not
         counted."""
         return self.regeneration.ok and self.learned
 

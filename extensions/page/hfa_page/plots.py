@@ -19,7 +19,15 @@ from hfa_aircraft.native_units import in_units_of, unit_of
 from hfa_page.main_job import Angle
 from hfa_support.jsonable import jsonable
 from hfa_support.reporting.report import Picture
-from trim.hfa.front_view import panels_from_the_front, scale_text, trim_figure
+from trim.hfa.front_view import (
+    HINGE_COLOR,
+    LIFT_COLOR,
+    PANEL_COLOR,
+    WEIGHT_COLOR,
+    panels_from_the_front,
+    scale_text,
+    trim_figure,
+)
 from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep
 
@@ -34,23 +42,23 @@ _LONGEST = 0.7
 _ARROW = {"symbol": "arrow", "size": 13, "angleref": "previous"}
 #: What does not move, trace by trace as in `_drawing`.
 _FIXED: tuple[dict[str, Any], ...] = (
-    {"name": "panels", "mode": "lines", "line": {"color": NEUTRAL, "width": 7}},
+    {"name": "panels", "mode": "lines", "line": {"color": PANEL_COLOR, "width": 7}},
     {
         "name": "lift",
         "mode": "lines+markers",
-        "line": {"color": COLORS[0], "width": 3},
+        "line": {"color": LIFT_COLOR, "width": 3},
         "marker": _ARROW,
     },
     {
         "name": "weight",
         "mode": "lines+markers",
-        "line": {"color": COLORS[1], "width": 3},
+        "line": {"color": WEIGHT_COLOR, "width": 3},
         "marker": _ARROW,
     },
     {
         "name": "hinges (moment of loads and weight)",
         "mode": "markers",
-        "marker": {"size": 10, "color": COLORS[2]},
+        "marker": {"size": 10, "color": HINGE_COLOR},
     },
     {"name": "sizes", "mode": "text", "showlegend": False},
 )
@@ -152,8 +160,8 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
     y = _axis(length, range=[low, high], scaleanchor="x", scaleratio=1, constrain="domain")
     text = (
         "The trimmed aircraft at the chosen angle, seen from the front: lift (blue), weight "
-        "(orange), and at the hinges (green) the moment of loads and weight; "
-        f"{scale_text(aircraft, scale)}"
+        "(orange), and at the hinges (green) the moment of loads and weight, positive "
+        f"where it lifts the tips; {scale_text(aircraft, scale)}"
     )
     figure = _figure(_FIXED, moving, x, y, legend=False)
     return InteractivePlot("trim.png", text, lambda: trim_figure(aircraft, trimmed[0]), (figure,))

@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 def assessment_figure(assessment: Assessment) -> Figure:
     """Draw the spectral radius over the delay, a line a trim, and the outcomes of the flights, a
     bar a trim; where every flight converges, the disk margins in their place."""
+    from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     left, right = figure.subplots(1, 2)
     labels = []
     for number, point in enumerate(assessment.points):
@@ -33,7 +34,7 @@ def assessment_figure(assessment: Assessment) -> Figure:
             continue
         radii = point.delays.radii[:12]
         delays = 1e3 * assessment.deployed.deployment.dt * np.arange(len(radii))
-        shade = str(0.75 - 0.65 * number / max(len(assessment.points) - 1, 1))
+        shade = colormaps["viridis"](0.75 * number / max(len(assessment.points) - 1, 1))
         left.plot(delays, radii, "o-", color=shade, markersize=3, label=labels[-1])
     left.axhline(1.0, color="C3", linewidth=0.8, label="limit of stability")
     model = assessment.deployed.model
@@ -42,7 +43,15 @@ def assessment_figure(assessment: Assessment) -> Figure:
     left.set_ylabel("spectral radius of the sampled loop")
     left.grid(alpha=0.3)
     if len(labels) <= 8:
-        left.legend(fontsize=8, title=schedule, title_fontsize=8)
+        left.legend(
+            fontsize=8,
+            title=schedule,
+            title_fontsize=8,
+            ncols=4,
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.0),
+            frameon=False,
+        )
     places = np.arange(len(labels))
     outcomes = [point.flights for point in assessment.points]
     if all(outcome is None or outcome.returned == outcome.starts for outcome in outcomes):

@@ -47,10 +47,9 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     pairs = [(i, j) for i in range(len(states)) for j in range(i + 1, len(states))][:_MOST_PAIRS]
     columns = min(3, len(pairs))
     rows = -(-len(pairs) // columns)
-    figure = Figure(figsize=(4.2 * columns, 3.8 * rows + 1.0), layout="constrained")
+    figure = Figure(figsize=(1.0 + 4.2 * columns, 3.8 * rows + 1.4), layout="constrained")
     name = region.plant.loop.model.title
     others = ", all other deviations 0" if len(states) > 2 else ""
-    figure.suptitle(f"{name}: sections of the proved set{others}", fontsize=10)
     for index, (i, j) in enumerate(pairs):
         axes = figure.add_subplot(rows, columns, index + 1)
         _draw(axes, region, i, j)
@@ -63,7 +62,14 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
         if index == 0:
             first = axes
     handles, labels = first.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", fontsize=8, ncols=2)
+    figure.legend(
+        handles,
+        labels,
+        title=f"{name}: sections of the proved set{others}",
+        loc="outside upper center",
+        fontsize=8,
+        ncols=1 if len(pairs) == 1 else 3,
+    )
     return figure
 
 
