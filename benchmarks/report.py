@@ -112,7 +112,7 @@ class Row(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Whether ours is at least `target` times as fast (or small) as the peer."""
+        """Return "yes" if ours is at least `target` times as fast (or small) as the peer."""
         return "yes" if self.timing.ratio >= self.target else "NO"
 
 

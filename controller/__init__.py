@@ -1,5 +1,4 @@
-"""How the aircraft is controlled: the game, the critics that learn its value, and the simulated
-closed loop."""
+"""Control of the aircraft: the game, the critics that learn its value, and the closed loop."""
 
 from hfa_support.public_names import public_names
 

@@ -33,7 +33,7 @@ def plant_names(linear: LinearModel) -> PlantNames:
 
 
 def _is_flexible(model: Model) -> bool:
-    """Whether a model has the states and the inputs of the paper's aircraft."""
+    """Return whether a model has the states and the inputs of the paper's aircraft."""
     return set(LINEAR_STATES) <= set(model.linear) and tuple(model.inputs) == INPUTS
 
 

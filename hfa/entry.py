@@ -1,4 +1,4 @@
-"""Where the process of `hfa` begins: Ctrl-C, SIGTERM and SIGHUP end it in one line, from here to
+"""Begin of the process of `hfa`: Ctrl-C, SIGTERM and SIGHUP end it in one line, from here to
 its end."""
 
 from __future__ import annotations

@@ -118,7 +118,7 @@ def _on_terminal() -> bool:
 
 
 def _in_color() -> bool:
-    """Whether output is a terminal whose user does not refuse colors (no-color.org)."""
+    """Return whether output is a terminal whose user does not refuse colors (no-color.org)."""
     plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
     return _on_terminal() and not plain
 

@@ -1,4 +1,4 @@
-"""Why the equations of a model fail, in one line; loaded when they do."""
+"""Reasons why the equations of a model fail, in one line; loaded when they do."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputE
 
 
 def _takes_four(equations: Callable[..., Any]) -> bool:
-    """Whether a function can be called with four arguments."""
+    """Return whether a function can be called with four arguments."""
     try:
         inspect.signature(equations).bind(*VECTORS)
     except TypeError:

@@ -1,4 +1,4 @@
-"""What a reader of files, or the paper's aircraft, adds to the declaration of a model."""
+"""Additions of a reader of files, or of the paper's aircraft, to a model's declaration."""
 
 from __future__ import annotations
 

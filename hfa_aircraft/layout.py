@@ -49,7 +49,7 @@ class Layout(NamedTuple):
 
     @property
     def has_nan(self) -> bool:
-        """Whether a constant of the equations is not a number: math.sin makes one of a symbol."""
+        """True if a constant of the equations is not a number: math.sin makes one of a symbol."""
         vectors = self.symbols("x", "u", "p")
         rates, _ = self.expressions([components(vector) for vector in vectors], ())
         function = ca.Function("f", vectors, [rates])

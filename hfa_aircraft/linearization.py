@@ -76,7 +76,7 @@ def linearized_rows(
 
 @lru_cache(maxsize=64)
 def places_of_parts(n: int, m: int, k: int, d: int) -> list[tuple[slice, tuple[int, ...]]]:
-    """Where the parts of a `Linearization` lie in a row of `linearized_rows`, and their shapes.
+    """Return the slices and shapes of the parts of a `Linearization` in a row of `linearized_rows`.
 
     n, m, k, d: numbers of states, inputs, outputs and disturbances
     """

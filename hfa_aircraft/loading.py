@@ -93,7 +93,7 @@ def forms_of_packages() -> list[str]:
 
 
 def _format_of(text: str) -> EntryPoint | None:
-    """Who reads an aircraft of this scheme, or of the longest suffix; None for Python.
+    """Return the reader of this scheme, or of the longest suffix; None for Python.
 
     What stands behind a "?" is the reader's."""
     scheme = text.partition(":")[0]

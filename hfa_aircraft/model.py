@@ -150,7 +150,7 @@ class Model:
         return signals_report(self)._repr_html_()
 
     def __reduce__(self) -> Any:
-        """How another process makes it again: what was loaded from a file is loaded there."""
+        """Return the arguments for a pickle: a model loaded from a file is loaded again."""
         extras = self.extras
         if extras.made_by is None:
             return super().__reduce__()
@@ -163,7 +163,7 @@ class Model:
 
     @property
     def title(self) -> str:
-        """How reports name it."""
+        """Name of the model in reports."""
         return self.extras.called or self.name
 
     @property
@@ -202,7 +202,7 @@ class Model:
 
     @cached_property
     def measurable(self) -> tuple[str, ...]:
-        """What a controller can measure: states, outputs and the parts of outputs."""
+        """Signals that a controller can measure: states, outputs and the parts of outputs."""
         parts = [f"{output}_{ending}" for ending in self.extras.parts for output in self.outputs]
         return (*self.states, *self.outputs, *parts)
 
@@ -359,7 +359,7 @@ class Model:
     def not_finite(
         self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]
     ) -> str:
-        """Which rate is not a number, and where.
+        """Return the rate that is not a number, and the place.
 
         rates: of the states `names`.
         values: of states and inputs there.
@@ -404,7 +404,7 @@ class Model:
 
 
 def _is_identifier(name: Any) -> bool:
-    """Whether a name can be a field, in Python and in C."""
+    """Return whether a name can be a field, in Python and in C."""
     if not isinstance(name, str) or keyword.iskeyword(name):
         return False
     return name.isidentifier() and name.isascii() and name[0] != "_"

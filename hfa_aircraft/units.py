@@ -150,7 +150,7 @@ class _Check:
 
 @dataclass(frozen=True)
 class _Begin:
-    """Where the searches of a converted model begin.
+    """Begin of the searches of a converted model.
 
     factors: (name, factor to SI) of every signal.
     """

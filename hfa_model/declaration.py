@@ -183,7 +183,7 @@ def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
 
 
 def is_hfa(model: Model) -> bool:
-    """Whether a model is this aircraft with the `published` or the `newton` dynamics."""
+    """Return whether a model is this aircraft with the `published` or the `newton` dynamics."""
     return isinstance(native_of(model).equations, Equations)
 
 

@@ -1,4 +1,4 @@
-"""Where each panel is and how the air meets it.
+"""Position of each panel and its velocity through the air.
 
 Axes: x forward, y to the right, z down, at the center of mass of the whole aircraft. A panel's
 reference point is its own center of mass, at mid-span on the quarter chord. Wings bend up: with
@@ -182,7 +182,7 @@ def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
 
 
 def _is_still(wind: Wind) -> bool:
-    """Whether the wind is the number 0; an expression may be another one."""
+    """Return whether the wind is the number 0; an expression may be another one."""
     return all(isinstance(part, float) and part == 0.0 for part in wind)
 
 

@@ -218,7 +218,7 @@ _packaged = cache(_read)  # once: nothing changes it while the program runs
 
 
 def _is_covariance(matrix: np.ndarray, size: int) -> bool:
-    """Whether a matrix is (size, size) and symmetric, and its correlations have no negative
+    """Return whether a matrix is (size, size) and symmetric, and its correlations have no negative
     eigenvalue beyond rounding."""
     if matrix.shape != (size, size) or not np.array_equal(matrix, matrix.T):
         return False

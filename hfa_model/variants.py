@@ -1,4 +1,4 @@
-"""Where the two variants of the equations differ, side by side.
+"""Differences of the two variants of the equations, side by side.
 
 `published` regenerates the matrices that the paper prints. `newton` has the exact mechanics of
 three rigid panels (`lagrangian.py` derives it independently). They differ in six terms, all here;

@@ -185,7 +185,7 @@ def _is_none(value: Any) -> bool:
 
 
 def _is_array(value: Any) -> bool:
-    """Whether NumPy makes an array of real numbers of it."""
+    """Return whether NumPy makes an array of real numbers of it."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
         return True
     try:

@@ -93,7 +93,7 @@ _MOST_MEANT = 4
 
 
 def is_finite(value: object) -> bool:
-    """Whether it is a number, and a finite one."""
+    """Return whether it is a number, and a finite one."""
     try:
         return math.isfinite(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError, RuntimeError):  # CasADi raises the last
@@ -149,7 +149,8 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
 
 
 def _faulty_row(rows: Any) -> str:
-    """Where a list of lists is no matrix of numbers: "; row 2 has 1 numbers and row 1 has 2"."""
+    """Return the place where a list of lists is not a matrix of numbers: "; row 2 has 1 numbers and
+    row 1 has 2"."""
     if not (isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows)):
         return ""
     for number, row in enumerate(rows, 1):

@@ -1,5 +1,4 @@
-"""Where an output comes from: which program, equations, aircraft and flight condition, by which
-command, and when."""
+"""Provenance of an output: program, equations, aircraft, flight condition, command and date."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def si_unit(unit: str) -> str:
 
 
 def si_factor(unit: str) -> float:
-    """How many SI units one English unit is: 0.3048 for ft/s.
+    """Return the SI units in one English unit: 0.3048 for ft/s.
 
     What follows "/" divides, up to the end of a bracket.
     """

@@ -48,17 +48,17 @@ class Limits:
         return _limits(model, tuple(names), tuple(pairs))
 
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Which of the values (..., k) lie between their limits, give or take `SLACK`; nan does
-        not."""
+        """Return the mask of the values (..., k) between their limits, within `SLACK`; False for
+        nan."""
         array = np.asarray(values)
         return np.asarray((array >= self.least) & (array <= self.most))
 
     def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Which of the values (..., k) lie at their lowest limit or below, give or take `NEAR`."""
+        """Return the mask of the values (..., k) at their lowest limit or below, within `NEAR`."""
         return np.asarray(np.asarray(values) <= self.lowest + NEAR * self._measure(self.lowest))
 
     def at_highest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Which of the values (..., k) lie at their highest limit or above, give or take `NEAR`."""
+        """Return the mask of the values (..., k) at their highest limit or above, within `NEAR`."""
         return np.asarray(np.asarray(values) >= self.highest - NEAR * self._measure(self.highest))
 
     def between(self, name: str) -> str:

@@ -74,7 +74,7 @@ class Critic(Shown):
 
     @property
     def is_quadratic(self) -> bool:
-        """Whether V is z'Pz + constant and nothing else."""
+        """True if V is z'Pz + constant and nothing else."""
         if self.network:
             return False
         if self.weights is None or self.basis is None:
@@ -83,13 +83,13 @@ class Critic(Shown):
 
     @property
     def finite(self) -> bool:
-        """Whether K and P are numbers small enough to compute with: P S P may not overflow."""
+        """True if K and P are numbers small enough to compute with: P S P may not overflow."""
         matrices = [matrix for matrix in (self.K, self.P) if matrix is not None]
         return all(bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY)) for matrix in matrices)
 
     @property
     def linear(self) -> bool:
-        """Whether the policy is u = -K z and nothing else."""
+        """True if the policy is u = -K z and nothing else."""
         if self.network:
             return False
         if self.feedback is None or self.basis is None:
@@ -98,7 +98,7 @@ class Critic(Shown):
 
     @property
     def wide(self) -> bool:
-        """Whether it is a network whose V, else slopes, else policy is a graph of matrices."""
+        """True if it is a network whose V, else slopes, else policy is a graph of matrices."""
         first = next((self.network[name] for name in FUNCTIONS if name in self.network), None)
         return first is not None and not first.is_a("SXFunction")
 

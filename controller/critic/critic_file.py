@@ -47,7 +47,7 @@ class Reading:
 
     @property
     def lists_functions(self) -> bool:
-        """Whether the basis is a list of functions and not a name."""
+        """True if the basis is a list of functions and not a name."""
         return self.basis is not None and re.search(r"[^a-z+]", self.basis) is not None
 
     def functions(self, states: int, names: tuple[str, ...]) -> Basis | ca.Function:
@@ -151,8 +151,8 @@ def critic_suffixes() -> tuple[str, ...]:
 
 
 def is_network(path: Path) -> bool:
-    """Whether a package reads a file: by its suffix, or an .npz or .json by how its arrays are
-    named, like layers of a network."""
+    """Return whether a package reads a file: by its suffix, or an .npz or .json by how its arrays
+    are named, like layers of a network."""
     if path.suffix.lower() not in MATRIX_FILES:
         return path.suffix.lower() in offered(CRITICS)
     return _format_of(path) != ""

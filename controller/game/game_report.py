@@ -1,4 +1,4 @@
-"""How a game reads."""
+"""Report of a game."""
 
 from __future__ import annotations
 

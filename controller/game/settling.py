@@ -1,4 +1,4 @@
-"""When what changes with time has settled."""
+"""Settling time of a series."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ class TrainingRun(Result, Reported):
 
     @property
     def settled(self) -> bool:
-        """Whether the data determine the weights and the residual has settled.
+        """True if the data determine the weights and the residual has settled.
 
         That is not yet a right critic: only the judge, who knows A, can tell.
         """

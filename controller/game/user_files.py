@@ -111,7 +111,7 @@ def stored_game(
 
 
 def has_all(found: dict[str, Any], *names: str) -> bool:
-    """Whether a file, or a structure in it, has these entries."""
+    """Return whether a file, or a structure in it, has these entries."""
     structures = [found, *(value for value in found.values() if isinstance(value, dict))]
     return any(set(names) <= set(structure) for structure in structures)
 
@@ -148,7 +148,7 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
 
 
 def is_discrete(stored: Mapping[str, Any]) -> bool:
-    """Whether a plant says time = "discrete". BadInputError for another word."""
+    """Return whether a plant says time = "discrete". BadInputError for another word."""
     time = words(stored, "time")
     if time and time not in (("discrete",), ("continuous",)):
         raise BadInputError(f'time is {shortened(time[0])}; it must be "continuous" or "discrete"')

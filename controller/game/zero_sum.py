@@ -194,7 +194,8 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
 
 
 def is_semidefinite(matrix: np.ndarray) -> bool:
-    """Whether a symmetric matrix, (n, n), is positive semidefinite but for rounding, in any units.
+    """Return whether a symmetric matrix, (n, n), is positive semidefinite but for rounding, in any
+    units.
 
     Decided in units in which the diagonal is 1, where rounding of a sum of squares C'C is that of
     numbers of size 1: weights of very different size are no reason to overlook a negative one."""
@@ -202,7 +203,7 @@ def is_semidefinite(matrix: np.ndarray) -> bool:
 
 
 def is_definite(matrix: np.ndarray) -> bool:
-    """Whether a symmetric matrix, (n, n), is positive definite by more than rounding, in any
+    """Return whether a symmetric matrix, (n, n), is positive definite by more than rounding, in any
     units."""
     smallest_diagonal = np.diag(matrix).min(initial=np.inf)
     rounding = 10 * len(matrix) * np.finfo(float).eps

@@ -19,7 +19,7 @@ MOST_REFINEMENTS = 20
 
 
 class PartialGame(NamedTuple):
-    """Which game is being solved: discount β >= 0 [1/s] and the share s in [0, 1] of the final
+    """Game that is being solved: discount β >= 0 [1/s] and the share s in [0, 1] of the final
     1/δ²."""
 
     discount: float

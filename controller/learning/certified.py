@@ -110,7 +110,7 @@ NO_STEP = 1e-30
 
 
 class Point(NamedTuple):
-    """Where the learning is. weights: (M,), scaled coordinates."""
+    """Current point of the learning. weights: (M,), scaled coordinates."""
 
     weights: np.ndarray
     problem: PartialGame
@@ -268,7 +268,7 @@ MOST_SAMPLES = 100_000
 
 
 def enough_for(weights: int, least: int) -> int:
-    """How many samples are taken for M weights where no number is given: `least`, or half as many
+    """Return the default number of samples for M weights: `least`, or half as many
     again as weights."""
     return max(least, weights + (weights + 1) // 2)
 

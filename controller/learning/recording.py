@@ -119,7 +119,8 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
 
 
 def natural_spread(game: Game) -> np.ndarray:
-    """How far white inputs and disturbances spread each state, (n,): sqrt of the diagonal of X with
+    """Return the standard deviation of each state under white inputs and disturbances, (n,): sqrt
+    of the diagonal of X with
 
     (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0, β = max(abscissa of A, 0) + a tenth of its
     spectral radius.

@@ -87,7 +87,7 @@ def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
 
 
 def is_moderate(matrix: np.ndarray) -> bool:
-    """Whether every entry is a number no larger than `LARGEST_CRITIC_ENTRY`."""
+    """Return whether every entry is a number no larger than `LARGEST_CRITIC_ENTRY`."""
     return bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY))
 
 

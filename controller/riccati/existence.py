@@ -1,4 +1,4 @@
-"""Whether a game has a value: shown, shown not to be, or left open by rounding."""
+"""Existence of the value of a game: shown, refuted, or left open by rounding."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Found(NamedTuple):
 
 
 def existence(form: NormalForm) -> Answer:
-    """Whether a game has a value.
+    """Return whether a game has a value.
 
     Yes where the Hamiltonian splits and X1'X2 > 0 for the basis [X1; X2] of its stable subspace, or
     every test of P holds. Where X1 is regular P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 =
@@ -226,6 +226,6 @@ def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
 
 
 def is_surely_stable(matrix: np.ndarray) -> bool:
-    """Whether every eigenvalue lies left of the imaginary axis by more than rounding."""
+    """Return whether every eigenvalue lies left of the imaginary axis by more than rounding."""
     found = spectrum(matrix)
     return found.abscissa < 0.0 and found.axis_distance() >= AXIS_DISTANCE

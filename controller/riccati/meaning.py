@@ -1,4 +1,4 @@
-"""What the policies of a solution mean in flight: their cost, and their L2 gain by two methods."""
+"""Cost of the policies of a solution, and their L2 gain by two methods."""
 
 from __future__ import annotations
 

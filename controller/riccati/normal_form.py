@@ -152,7 +152,7 @@ class NormalForm:
 
     @property
     def is_finite(self) -> np.ndarray:
-        """Whether every number of a game is finite in these units, (...)."""
+        """True if every number of a game is finite in these units, (...)."""
         with np.errstate(all="ignore"):
             return np.isfinite(self.hamiltonian).all(axis=(-2, -1))
 

@@ -1,4 +1,4 @@
-"""How far a plant is from one with a mode that no input reaches."""
+"""Distance of a plant from one with a mode that no input reaches."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ def loses_rank(
     value: complex,
     nearest: Callable[[np.ndarray], np.ndarray],
 ) -> bool:
-    """Whether `rank_distance` of one matrix (n, n), rows (p, n) and eigenvalue is within `RANK`."""
+    """Return whether `rank_distance` of one matrix (n, n), rows (p, n) and eigenvalue is within
+    `RANK`."""
     return bool(rank_distance(A[None], rows[None], np.array([value]), nearest)[0] <= RANK)
 
 

@@ -55,11 +55,12 @@ class DeltaMin(NamedTuple):
 
     @property
     def uncertain(self) -> bool:
-        """Whether rounding leaves delta_min open by more than the tolerance of the search."""
+        """True if rounding leaves delta_min open by more than the tolerance of the search."""
         return self.value > self.refused * (1.0 + 2.0 * TOLERANCE)
 
     def advice(self, delta: float) -> str:
-        """Where delta stands and what to change when a solution at this delta fails a test."""
+        """Return delta relative to delta_min, and the change to make, where a solution fails a
+        test."""
         what = "ask for a larger delta"
         excess = self.margin(delta) - 1.0
         if self.refused < delta < self.value:  # there a value may exist or not
@@ -188,7 +189,7 @@ class Obstacle(NamedTuple):
     undamped: str
 
     def faint(self, reach: str, show: str) -> str:
-        """Which mode is reached or shown least, where that is too little; "" where none is.
+        """Return the mode that is reached or shown too little, in words; "" if there is none.
 
         reach, show: "the inputs reach" and "Q shows", or others.
         """

@@ -95,7 +95,7 @@ def learn(request: LearnRequest) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Judged(Result):
-    """How what was learned was judged.
+    """Judgement of a learned critic.
 
     certificates: the checks of the judge.
     converged: whether every check of the judge holds.

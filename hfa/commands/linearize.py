@@ -163,8 +163,8 @@ def _of_the_hfa(request: LinearizeRequest, condition: TrimCondition, model: Line
 
 
 def _is_printed(model: LinearModel) -> bool:
-    """Whether bands and print are of its states and inputs: the six states and all inputs of the
-    HFA."""
+    """Return whether bands and print are of its states and inputs: the six states and all inputs of
+    the HFA."""
     return model.point.model.name in VARIANTS and (model.states, model.inputs) == (
         LINEAR_STATES,
         INPUTS,

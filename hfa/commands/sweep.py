@@ -69,7 +69,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 
     @property
     def stored(self) -> bool:
-        """Whether the points go to a store."""
+        """True if the points go to a store."""
         return self.output is not None and self.output.suffix.lower() == STORE
 
     def common_condition(self) -> TrimCondition:

@@ -46,5 +46,5 @@ class ReadingOptions(Request):
     set: Mapping[str, Any]
 
     def reading(self) -> Reading:
-        """How the file is to be read."""
+        """Settings for reading the file."""
         return Reading(self.basis, self.network, self.set.get("activation"), self.set.get("scale"))

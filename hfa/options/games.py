@@ -74,7 +74,7 @@ class WeightOptions(Request):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeedOption(Request):
-    """Where random numbers begin."""
+    """Seed of random numbers."""
 
     seed: int = option(
         "seed of all random numbers; default 0",
@@ -289,7 +289,7 @@ class NamedGame(Result):
         return Weights(self.game.Q, self.game.R, self.weights_from)
 
     def weights_line(self) -> str:
-        """Which Q, R and delta the game has, and whose they are."""
+        """Return the line of Q, R and delta of the game, with their source."""
         game = self.game
         return weights_line(game.Q, game.R, game.delta, self.weights_from)
 

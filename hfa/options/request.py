@@ -134,7 +134,7 @@ class Request:
 
     @cached_property
     def provenance(self) -> Provenance:
-        """Where the outputs of this run come from."""
+        """Provenance of the outputs of this run."""
         from hfa_support.provenance import Provenance
 
         return Provenance(self.line, date=self.date, **self.origin())

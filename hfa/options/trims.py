@@ -73,7 +73,7 @@ def _dynamics_help(_: Model | None) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HfaOptions(Request):
-    """Which of the HFA's equations, with which parameters."""
+    """Equations and parameters of the HFA."""
 
     dynamics: str = option(_dynamics_help, "VARIANT", default="published")
     parameters: ParameterSet | None = option(
@@ -85,7 +85,7 @@ class HfaOptions(Request):
 
     @property
     def own(self) -> bool:
-        """Whether the model is the user's own, and not the HFA."""
+        """True if the model is the user's own, and not the HFA."""
         return self.model.extras.source[0] != ""
 
     @property
@@ -251,7 +251,7 @@ CONDITION_FILE = f"file, or {', '.join(CONDITIONS)}; trim condition in place of 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimOptions(HfaOptions):
-    """Where the aircraft is trimmed."""
+    """Condition of the trim."""
 
     at: Any = scheduled(breakpoint_value)
     condition: TrimCondition | Path | None = option(
@@ -343,8 +343,8 @@ class TrimOptions(HfaOptions):
             )
 
     def is_constant(self, name: str) -> bool:
-        """Whether --hold of a sweep imposes one value on a trim variable; a parameter is always one
-        of its axes."""
+        """Return whether --hold of a sweep imposes one value on a trim variable; a parameter is
+        always one of its axes."""
         values = self.hold[name]
         one_value = isinstance(values, tuple) and len(values) == 1
         return one_value and name not in self.model.parameters
@@ -411,7 +411,7 @@ class OneTrimOptions(UnitsOption, AircraftOptions, TrimOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JsonOption(Request):
-    """Whether data are printed in place of text."""
+    """Output of data in place of text."""
 
     json: bool = option("print JSON (angles in radians) instead of text")
 
@@ -431,7 +431,7 @@ def output_option(*more: str, purpose: str = "") -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OutputOptions(JsonOption):
-    """Where the report goes."""
+    """Files of the report."""
 
     output: Path | None = output_option()
     picture: Path | None = None

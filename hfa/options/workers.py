@@ -17,7 +17,7 @@ def _workers(text: str) -> int | str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WorkersOptions(Request):
-    """Who works at many points."""
+    """Workers for many points."""
 
     workers: int | str = option(
         "processes, or a Dask scheduler, tcp://host:port; default 1",

@@ -73,7 +73,7 @@ def compiled(
 
 
 def cache_folder() -> Path:
-    """Where compiled functions are kept: `$XDG_CACHE_HOME/hfa-toolchain`, by default under
+    """Return the folder of compiled functions: `$XDG_CACHE_HOME/hfa-toolchain`, by default under
     `~/.cache`.
 
     RuntimeError when there is no home folder.
@@ -115,7 +115,8 @@ def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
 
 
 def _is_own(file: Path, symbol: str) -> bool:
-    """Whether a library is this user's file, and was made of the C text that the symbol names."""
+    """Return whether a library is this user's file, and was made of the C text that the symbol
+    names."""
     status = file.lstat()
     if not stat.S_ISREG(status.st_mode):
         return False

@@ -1,1 +1,1 @@
-"""How results are shown: numbers as text, units, checks, tables, pictures, files of numbers."""
+"""Presentation of results: numbers as text, units, checks, tables, pictures, files."""

@@ -61,7 +61,7 @@ class Checked:
 
     @property
     def ok(self) -> bool:
-        """Whether every check holds."""
+        """True if every check holds."""
         return all(check.ok for check in self.checks)
 
 
@@ -101,5 +101,5 @@ def checks_block(checks: Iterable[Check]) -> Part:
 
 
 def verdict_text(ok: bool) -> str:
-    """How a table says whether a check holds."""
+    """Return the verdict of a check for a table."""
     return Cell("PASS", "good") if ok else Cell("FAIL", "bad")

@@ -40,7 +40,7 @@ def fields_report(result: Any) -> Report:
 
 
 def _is_small_matrix(value: Any) -> bool:
-    """Whether its entries are shown."""
+    """Return whether its entries are shown."""
     if not isinstance(value, np.ndarray) or value.ndim != 2:
         return False
     return value.size > 0 and max(value.shape) <= _MOST

@@ -93,7 +93,7 @@ def plain(value: Any) -> Any:
 
 
 def _is_empty(value: Any) -> bool:
-    """Whether there is nothing: None, or an array without elements."""
+    """Return whether there is nothing: None, or an array without elements."""
     if isinstance(value, np.ndarray):
         return value.size == 0
     return value is None or value in ([], ())

@@ -135,7 +135,7 @@ def reproduce(
 
 
 def _has_pictures(place: Path, names: Sequence[str]) -> bool:
-    """Whether the picture and the numbers of each name can be read to their end."""
+    """Return whether the picture and the numbers of each name can be read to their end."""
     try:
         for name in names:
             imread(place / f"{name}.png")

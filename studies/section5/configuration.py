@@ -61,7 +61,7 @@ class Configuration(SimpleNamespace):
         return float(self.learning.predefined_time[SECTIONS.index(section)])
 
     def frozen(self, section: str) -> bool:
-        """Whether a section stops learning at T_w."""
+        """Return whether a section stops learning at T_w."""
         return bool(self.learning.frozen_at_predefined_time[SECTIONS.index(section)])
 
     def to_dict(self) -> dict[str, Any]:

@@ -218,7 +218,7 @@ class FlightRecord:
 
     @property
     def held(self) -> bool:
-        """Whether the flight came to its end."""
+        """True if the flight came to its end."""
         return bool(np.isinf(self.lost_at))
 
     def learned_value(self, row: int) -> np.ndarray:

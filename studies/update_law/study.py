@@ -271,8 +271,8 @@ def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def by_rounding(one: dict[str, Any]) -> bool:
-    """Whether starts that differ in the ninth digit end elsewhere: then P_error is one of several,
-    not a number."""
+    """Return whether starts that differ in the ninth digit end elsewhere: then P_error is one of
+    several, not a number."""
     return any(
         abs(other - one["P_error"]) > SAME_END * one["P_error"] for other in one["P_errors_nearby"]
     )

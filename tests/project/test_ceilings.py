@@ -41,7 +41,7 @@ def size(path: Path) -> int:
 
 
 def own(path: Path) -> bool:
-    """Whether a file is a module of one of our packages."""
+    """Return whether a file is a module of one of our packages."""
     return path.suffix == ".py" and any(path.is_relative_to(folder) for folder in FOLDERS.values())
 
 

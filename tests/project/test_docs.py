@@ -216,7 +216,7 @@ def test_the_readme_names_every_command() -> None:
 
 
 def looks_like(picture: Path, other: Path) -> bool:
-    """Whether two pictures differ at most by the date and the edges of letters."""
+    """Return whether two pictures differ at most by the date and the edges of letters."""
     from matplotlib.image import imread
 
     pixels = imread(picture)

@@ -69,7 +69,8 @@ def words(text: str) -> str:
 
 
 def is_drawn_as(figure: Figure, png: str) -> bool:
-    """Whether a figure looks as in a picture (base64) but for the date and the edges of letters."""
+    """Return whether a figure looks as in a picture (base64) but for the date and the edges of
+    letters."""
     if not png:
         return False
     picture = imread(io.BytesIO(base64.b64decode(png)))

@@ -77,7 +77,7 @@ class EntryRow(Result):
 
     @property
     def is_zero(self) -> bool:
-        """Whether the entry is printed 0 and is 0 but for rounding: nothing to compare."""
+        """True if the entry is printed 0 and is 0 but for rounding: nothing to compare."""
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property
@@ -286,8 +286,9 @@ def with_bands(
 def trust_in(
     bands: Bands | None, model: LinearModel | None = None, other: LinearModel | None = None
 ) -> str:
-    """How far the entries of a six-state model may be off: by the rounding of the print, and by the
-    choice of the dynamics, `other` being the model of the other ones at the same condition."""
+    """Return the possible errors of the entries of a six-state model: by the rounding of the print,
+    and by the choice of the dynamics (`other`: the model of the other dynamics at the same
+    condition)."""
     sentences = []
     if bands is not None:
         largest = _largest(bands.A, bands.B)
@@ -313,7 +314,8 @@ def _largest(A: np.ndarray, B: np.ndarray) -> str:
 
 
 def bands_known(parameters: ParameterSet) -> bool:
-    """Whether these parameters have bands: the identified values (to 1e-7), with their covariance.
+    """Return whether these parameters have bands: the identified values (to 1e-7), with their
+    covariance.
 
     The covariance is that of the parameters that the print gives. Beside an edited value it is the
     uncertainty of another aircraft."""

@@ -1,4 +1,4 @@
-"""Where a derivative does not describe the equations: at a knot of a table, at the switch of |x|,
+"""Kinks, where a derivative does not describe the equations: a knot of a table, the switch of |x|,
 min, max, sign or a comparison. A and B take the mean of the slopes to both sides there."""
 
 from __future__ import annotations

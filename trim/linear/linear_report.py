@@ -1,4 +1,4 @@
-"""How a linear model reads: its matrices with names and units, its offsets and modes."""
+"""Report of a linear model: its matrices with names and units, its offsets and modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where names stand among those of a linear model."""
+"""Indices of names among those of a linear model."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from hfa_support.errors import BadInputError, refuse_unknown
 
 
 def positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
-    """Where the names stand among the known ones; None names all."""
+    """Return the indices of names among the known ones; None names all."""
     chosen = known if names is None else names
     positions = {name: index for index, name in enumerate(known)}
     for index, name in enumerate(chosen):

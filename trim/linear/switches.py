@@ -1,4 +1,4 @@
-"""Where the equations switch: at a knot of a table, at the 0 of |x|, min, max, sign, a comparison
+"""Switches of the equations: a knot of a table, the 0 of |x|, min, max, sign, a comparison
 or a rounding."""
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ def rates_of(layout: Layout) -> ca.Function:
 
 @lru_cache(maxsize=16)
 def _calls_functions(layout: Layout) -> bool:
-    """Whether the equations call functions: tables of `casadi.interpolant`, functions that are not
-    inlined."""
+    """Return whether the equations call functions: tables of `casadi.interpolant`, functions that
+    are not inlined."""
     rates = rates_of(layout)
     return ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}
 

@@ -268,8 +268,8 @@ def release(
 
 
 def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
-    """What is imposed, numbers or arrays, with the first name of each group of the model's
-    `alternatives` in place of the others, where these give its value."""
+    """Return the imposed values, numbers or arrays, with the first name of each group of the
+    model's `alternatives` in place of the others, where these give its value."""
     if model.extras.begin is None:
         return dict(imposed)
     begun = model.extras.begin(imposed)

@@ -1,4 +1,4 @@
-"""Why a condition has no trim, in one line; loaded when a trim fails."""
+"""Diagnosis of a condition without a trim, in one line; loaded when a trim fails."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Which free variables move the equations as others do, where fewer directions are left than
-    equations: a column of the Jacobian that is a sum of multiples of those before it adds
+    """Return the free variables that move the equations as others do, where fewer directions are
+    left than equations: a column of the Jacobian that is a sum of multiples of those before it adds
     nothing."""
     jacobian = problem.at(z).jacobian
     sentences: list[str] = []

@@ -1,4 +1,4 @@
-"""How far each variable of a trim lies from its limits."""
+"""Distance of each variable of a trim from its limits."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Margin(Result):
 
     @property
     def at_limit(self) -> bool:
-        """Whether the variable is at its nearer limit or beyond it."""
+        """True if the variable is at its nearer limit or beyond it."""
         return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
 
     def row(self) -> tuple[str, ...]:

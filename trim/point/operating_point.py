@@ -120,7 +120,7 @@ class OperatingPoint(Result, Reported):
 
     @property
     def scheduled(self) -> dict[str, float] | None:
-        """Of other models the scheduling variable."""
+        """Scheduling variable of models without a dihedral angle."""
         if self.model.extras.names_schedule:
             return None
         name = self.model.schedule
@@ -128,12 +128,12 @@ class OperatingPoint(Result, Reported):
 
     @property
     def called(self) -> str:
-        """How reports name the model."""
+        """Name of the model in reports."""
         return self.model.title
 
     @property
     def warnings(self) -> list[str]:
-        """What a user should know before trusting a model at this point."""
+        """Warnings about a model at this point."""
         notes = [*self.model.extras.notes]
         declared = self.model.extras.native or self.model
         if any(signal.unit == "deg" for signal in declared.signals.values()):
@@ -181,7 +181,8 @@ class OperatingPoint(Result, Reported):
 
     @property
     def title(self) -> str:
-        """Which model, what became of the point, and where it is not where the search began."""
+        """Return the model, the verdict on the point, and the initial guess if it is not the usual
+        one."""
         words = [f"Trim, {self.called}: {self.status}"]
         if self.far_out:
             words.append(f"far out, {self.far_out[0]}")

@@ -93,7 +93,7 @@ class TrimProblem:
         return np.minimum(np.maximum(z, self.system.lowest), self.system.highest)
 
     def solved(self, z: np.ndarray) -> bool:
-        """Whether the equations balance within all limits."""
+        """Return whether the equations balance within all limits."""
         if not self.balanced(z):
             return False
         system = self.system
@@ -112,8 +112,8 @@ class TrimProblem:
         return [f"{name} {self.model.describe(name, values[name])}" for name in names]
 
     def balanced(self, z: np.ndarray) -> bool:
-        """Whether every residual is within `BALANCE`, whatever the limits say; no where the model
-        has no values."""
+        """Return whether every residual is within `BALANCE`, whatever the limits say; no where the
+        model has no values."""
         try:
             return bool(np.abs(self.at(z).residual).max() <= BALANCE)
         except (BadInputError, FloatingPointError):
@@ -154,8 +154,7 @@ class TrimProblem:
                 yield start
 
     def ends_within(self, starts: list[np.ndarray]) -> np.ndarray:
-        """Where Newton's method within the limits ends from each of the starts, (number of them,
-        k)."""
+        """Return the ends of Newton's method within the limits, from each of the starts, (N, k)."""
         c = np.repeat(self.c, len(starts), axis=0)
         begin = np.reshape(starts, (len(starts), len(self.free)))
         with np.errstate(over="ignore"):

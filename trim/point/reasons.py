@@ -1,4 +1,4 @@
-"""Why there is no trim, in the words of the model."""
+"""Reasons why there is no trim, in the words of the model."""
 
 from __future__ import annotations
 

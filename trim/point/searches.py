@@ -30,8 +30,8 @@ _INSIDE = 1e-9
 
 
 def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Where Newton's method ends, with the number of the start: from the least squares within the
-    limits, along the path from the model's own trim, from other starts; and these least
+    """Return the end of Newton's method, with the number of the start: from the least squares
+    within the limits, along the path from the model's own trim, from other starts; and these least
     squares."""
     problem.at(guess)  # where the equations have no value there, that is the answer
     nearest = _bounded_least_squares(problem, guess)

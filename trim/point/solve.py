@@ -132,8 +132,8 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
 
 
 def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Where a search for a trim ends, with the number of its start: Newton's method from the guess
-    unless unknowns outnumber equations, then those of `searches.py`."""
+    """Return the end of a search for a trim, with the number of its start: Newton's method from the
+    guess unless unknowns outnumber equations, then those of `searches.py`."""
     equations, unknowns = problem.count
     if unknowns <= equations:
         yield 0, problem.newton(guess)

@@ -312,12 +312,13 @@ class TrimSystem:
 
     @property
     def only_inputs(self) -> bool:
-        """Whether all unknowns are inputs: the equations are then nearly affine, with one
+        """True if all unknowns are inputs: the equations are then nearly affine, with one
         solution."""
         return set(self.equations.unknowns) <= set(self.model.inputs)
 
     def far_out(self, z: np.ndarray) -> np.ndarray:
-        """Which of the unknowns z (..., k) are angles without limits beyond 90 deg."""
+        """Return the mask of the unknowns z (..., k) that are angles without limits beyond 90
+        deg."""
         return np.asarray(np.abs(z) > self.usual)
 
     def wrapped(self, z: np.ndarray) -> np.ndarray:

@@ -212,7 +212,7 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
 def _search(
     model: Model, condition: TrimCondition, point: OperatingPoint
 ) -> tuple[dict[str, Any], list[str]]:
-    """How the point was found, as data and in sentences: none about the usual case."""
+    """Return the search for the point, as data and in sentences: none about the usual case."""
     problem = TrimProblem.of(condition, point)
     equations, unknowns = problem.count
     sentences = []
@@ -269,7 +269,7 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
-    """Where another trim of the same condition lies, and how to select it."""
+    """Return another trim of the same condition, and the option that selects it."""
     model = problem.model
     apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values)) > 1e-3
     names = [problem.free[i] for i in np.flatnonzero(apart)]

@@ -145,7 +145,7 @@ def _along_tree(
 def _pairings(
     values: np.ndarray, shapes: np.ndarray, pairs: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How the eigenvalues of the two points of each pair match, and the gain of that matching.
+    """Return the matching of the eigenvalues of the two points of each pair, and its gain.
 
     values: (N, n), eigenvalues of each point
     shapes: (N, n, n), their eigenvectors, columns of unit length

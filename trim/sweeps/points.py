@@ -165,8 +165,8 @@ def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) 
 
 
 def is_square(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> bool:
-    """Whether the points have as many equations as unknowns, so that Newton's method settles many
-    at once."""
+    """Return whether the points have as many equations as unknowns, so that Newton's method settles
+    many at once."""
     return TrimSystem(model, condition.freed_for(variables), variables).equations.square
 
 

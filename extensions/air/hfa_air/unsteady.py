@@ -86,7 +86,7 @@ EFFECTS = ("local_motion", "apparent_mass", "lift_lag", "gust_lag", "finite_span
 
 
 class _PanelMotion(NamedTuple):
-    """How a panel moves through its air.
+    """Motion of a panel through its air.
 
     panel: "center" or "outer"
     wind: of the air at the panel
@@ -204,7 +204,7 @@ class UnsteadyEquations:
 
 
 def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
-    """How the panel "center" or "outer" moves through its air."""
+    """Return the motion of the panel "center" or "outer" through its air."""
     # Air that rises or moves outward is a gust; the air from ahead is part of the motion.
     calm = Winds(
         winds.center._replace(updraft=0.0, outward=0.0),

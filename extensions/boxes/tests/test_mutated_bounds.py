@@ -77,7 +77,7 @@ def mutate(certificate: dict[str, Any], rng: np.random.Generator) -> None:
 
 
 def is_true(statement: CostStatement) -> bool:
-    """Whether no piece is above sqrt(Q R) x², the least cost, on a fine grid."""
+    """Return whether no piece is above sqrt(Q R) x², the least cost, on a fine grid."""
     x = np.linspace(-3.0, 3.0, 20_001)[:, None]
     least = np.sqrt(statement.Q[0, 0] * statement.R[0, 0]) * x[:, 0] ** 2
     return bool(np.all(statement.bound(x) <= least * (1.0 + 1e-15)))

@@ -37,7 +37,7 @@ class CheckedOutput(Result):
 
     @property
     def ok(self) -> bool:
-        """Whether the difference is within the tolerance."""
+        """True if the difference is within the tolerance."""
         return abs(self.computed - self.printed) <= self.tolerance
 
 
@@ -68,12 +68,12 @@ class CheckedDocument(Result, Reported):
 
     @property
     def cases(self) -> int:
-        """How many cases it has."""
+        """Number of check cases."""
         return len(self.document.cases)
 
     @property
     def ok(self) -> bool:
-        """Whether every output agrees; False without one."""
+        """True if every output agrees; False without one."""
         return bool(self.outputs) and all(output.ok for output in self.outputs)
 
     @property
@@ -87,7 +87,8 @@ class CheckedDocument(Result, Reported):
         ]
 
     def report(self) -> Report:
-        """How many outputs agree, those that do not, and the inputs and outputs of the file."""
+        """Return the number of outputs that agree, those that differ, and the signals of the
+        file."""
         agreeing = sum(output.ok for output in self.outputs)
         verdict = "PASS" if self.ok else "FAIL"
         first = f"{verdict}: {agreeing} of {len(self.outputs)} outputs of {self.cases} check cases"

@@ -94,7 +94,8 @@ def _model(table: Table) -> Model:
 
 
 def _turns_both_ways(table: Table) -> bool:
-    """Whether two surfaces roll and yaw the aircraft, so that a trim can impose the sideslip."""
+    """Return whether two surfaces roll and yaw the aircraft, so that a trim can impose the
+    sideslip."""
     lateral = {
         meaning.argument
         for meaning in table.meanings.values()

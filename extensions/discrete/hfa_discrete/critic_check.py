@@ -181,7 +181,7 @@ def _judged(
 
 
 def _loop_checks(problem: DiscreteGame, K: np.ndarray, is_exact: bool) -> list[Check]:
-    """Whether A - B K is stable, and √α (A - B K), on which the cost depends."""
+    """Return the checks of the radii of A - B K and of √α (A - B K), which decides the cost."""
     step = problem.step
     radius = math.inf
     if np.isfinite(K).all():

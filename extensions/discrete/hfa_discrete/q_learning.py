@@ -231,7 +231,7 @@ class _QLearner:
         return self._H(np.linalg.solve(equations, self._of_costs))
 
     def has_saddle(self, H: np.ndarray) -> bool:
-        """Whether Q has a minimum over u and a maximum over w."""
+        """Return whether Q has a minimum over u and a maximum over w."""
         n, m = self.problem.step.B.shape
         scaled = H * np.outer(self.scales, self.scales)
         of_inputs = np.linalg.eigvalsh(scaled[n : n + m, n : n + m])
@@ -252,8 +252,8 @@ class _QLearner:
         )
 
     def is_settled(self, before: np.ndarray, after: np.ndarray) -> bool:
-        """Whether a policy iteration changes nothing in the block of the states, and its policies
-        stabilize the linear fit of the steps.
+        """Return whether a policy iteration changes nothing in the block of the states, and its
+        policies stabilize the linear fit of the steps.
 
         before, after: H of Q = [x; u; w]'H [x; u; w], of one iteration and of the next
         """

@@ -235,7 +235,7 @@ def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
 
 
 def _gain_check(radius: float) -> Check:
-    """Whether the K that is handed out, in the user's coordinates, stabilizes; radius: of
+    """Return the check that the returned K stabilizes, in the user's coordinates; radius: of
     sqrt(discount) (A - B K)."""
     reason = f"sqrt(discount) (A - B K) of the K that is handed out has radius {radius:.6g}"
     return below("gain_radius", radius, 1.0, reason)
@@ -297,7 +297,7 @@ def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
 
 
 def _existence(form: StepForm) -> Answer:
-    """Whether a step has a value: where its equivalent has one and δ² I - E'P E > 0."""
+    """Return whether a step has a value: where its equivalent has one and δ² I - E'P E > 0."""
     try:
         answer = existence(form.equivalent)
         if not answer.exists:

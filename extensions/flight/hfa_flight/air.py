@@ -20,7 +20,7 @@ LIMITED_OVER_GROUND = "speed and flow angles are over ground, and so are their l
 
 
 def flown_through_air(model: Model) -> bool:
-    """Whether a model has an alpha over ground and an angle of attack through the air."""
+    """Return whether a model has an alpha over ground and an angle of attack through the air."""
     return ALPHA in model.states and ANGLE_OF_ATTACK in model.outputs
 
 

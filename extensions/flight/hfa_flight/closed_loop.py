@@ -365,7 +365,7 @@ class ClosedLoop:
 
     @cached_property
     def held_slices(self) -> HeldParts:
-        """Where the parts of the held inputs lie."""
+        """Slices of the parts of the held inputs."""
         offsets = _offsets(self.held_sizes)
         return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
 
@@ -388,5 +388,5 @@ class ClosedLoop:
 
 
 def _offsets(sizes: Sequence[int]) -> list[int]:
-    """Where each part begins, and where the last one ends."""
+    """Begin of each part, and the end of the last one."""
     return [0, *np.cumsum(sizes).tolist()]

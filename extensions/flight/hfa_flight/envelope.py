@@ -107,7 +107,7 @@ def envelope_data(envelope: Limits, moving_air: bool) -> dict[str, list[float]]:
 
 
 def outside(envelope: Limits, limited: np.ndarray) -> np.ndarray:
-    """Which rows of the absolute states (N, n) are not within all limits, (N,)."""
+    """Return the mask of the rows of absolute states (N, n) beyond a limit, (N,)."""
     return np.asarray(~envelope.within(limited).all(axis=-1))
 
 

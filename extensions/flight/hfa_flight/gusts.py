@@ -78,7 +78,7 @@ class OneMinusCosine(Gust):
 
     @property
     def until(self) -> float:
-        """When it ends, s."""
+        """End of the gust, s."""
         return self.begin + self.length / self.speed
 
     def updraft(self, t: Any) -> Any:

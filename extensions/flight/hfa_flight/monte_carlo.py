@@ -139,8 +139,7 @@ class MonteCarlo(StatesAndInputs, Shown):
 
 
 def _equations_identity(model: Model) -> tuple[str, ...]:
-    """What decides a model's equations: the file that it comes from and its hash, else a hash of
-    the expressions."""
+    """Return the file of a model and its hash, else a hash of its expressions."""
     if model.extras.source[0]:
         return model.extras.source
     vectors = model.layout.symbols(*VECTORS)

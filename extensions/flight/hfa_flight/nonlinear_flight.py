@@ -240,7 +240,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def model(self) -> Model:
-        """Which aircraft flies."""
+        """Name of the aircraft."""
         return self.point.model
 
     @property
@@ -282,13 +282,13 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def within_limits(self) -> bool:
-        """Whether every state stayed inside the envelope, every input within its limits, and no
+        """True if every state stayed inside the envelope, every input within its limits, and no
         limit cycle is left."""
         return self.departure is None and not self.exceeded and self.cycle is None
 
     @property
     def held(self) -> bool:
-        """Whether it stayed inside the envelope, without a limit cycle."""
+        """True if it stayed inside the envelope, without a limit cycle."""
         return self.departure is None and self.cycle is None
 
     @property
@@ -380,7 +380,7 @@ class Flight(StatesAndInputs, Result, Reported):
         ]
 
     def title(self) -> str:
-        """Which flight, and whether it stayed within its limits."""
+        """Return the flight's conditions and verdict, the first lines of its report."""
         flight = f"Flight, {self.point.called}"
         scheduled = at_scheduled(self.point).removeprefix("at ")
         if scheduled:

@@ -82,7 +82,7 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
 
 
 def _is_disturbed(loop: ClosedLoop) -> bool:
-    """Whether the disturbance of the states is not 0 at all times."""
+    """Return whether the disturbance of the states is not 0 at all times."""
     disturbance = loop.scenario.disturbance
     if disturbance is None:
         return False

@@ -175,13 +175,13 @@ class Scenario(Shown):
 
     @property
     def moving_air(self) -> bool:
-        """Whether the air moves: a gust, another disturbance of the model, or turbulence that is
+        """True if the air moves: a gust, another disturbance of the model, or turbulence that is
         still to be drawn."""
         return self.gust is not None or self.uncertainty.turbulence is not None or bool(self.air)
 
     @property
     def driven_until(self) -> float:
-        """When the last signal, gust or noise comes to rest, s; inf: never. What is left then is
+        """Time at which the last signal, gust or noise ends, s; inf: never. What is left then is
         the loop's own."""
         if self.samples is not None:
             return math.inf

@@ -49,7 +49,7 @@ class TrimPath(Result):
 
     @property
     def until(self) -> float:
-        """When the last step is commanded, s."""
+        """Time of the last step, s."""
         return float(self.commands.times[-1])
 
     def commanded(self, t: ca.SX) -> ca.SX:

@@ -68,7 +68,7 @@ class Waveform(Result, Shown):
 
     @property
     def until(self) -> float:
-        """When it comes to rest, s: never where it has a wave."""
+        """Time at which it ends, s; inf with a wave."""
         return math.inf if self.harmonics else 0.0
 
     # NumPy's answer to a number and CasADi's to an expression have no type in common.
@@ -206,7 +206,7 @@ class CommandedStates(Result):
 
     @property
     def until(self) -> float:
-        """When the last step is commanded, s."""
+        """Time of the last step, s."""
         return float(self.commands.times[-1]) if len(self.commands.times) else 0.0
 
     def at(self, t: Any) -> ca.SX:

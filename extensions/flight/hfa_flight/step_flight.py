@@ -53,11 +53,11 @@ class StepFlight(Result, Reported):
 
     @property
     def decays(self) -> bool:
-        """Whether the spectral radius is below 1; exit code 0."""
+        """True if the spectral radius is below 1; exit code 0."""
         return self.radius < 1.0
 
     def report(self) -> Report:
-        """Whether it decays, its cost, and some steps; files have all."""
+        """Return the verdict, the cost and some steps; files have all steps."""
         names = self.problem.step.names
         count = len(self.inputs)
         verdict = "decays" if self.decays else "does NOT decay"

@@ -1,4 +1,4 @@
-"""How well records determine parameters: covariance, correlation, whiteness of residuals."""
+"""Accuracy of identified parameters: covariance, correlation, whiteness of residuals."""
 
 from __future__ import annotations
 

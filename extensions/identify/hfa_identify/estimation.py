@@ -272,7 +272,7 @@ def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str,
 
 
 def _quantity(responses: Responses, fit: Fit, place: int, theil: float | None) -> FittedQuantity:
-    """How well a measured quantity is explained."""
+    """Return the fit of a measured quantity."""
     explained = 0.0
     varied = 0.0
     whites = []

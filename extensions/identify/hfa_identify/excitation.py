@@ -41,8 +41,8 @@ def _still(search: Search, name: str) -> str:
 
 
 def _moves(search: Search, quantity: str, size: float) -> bool:
-    """Whether a state or input moved in a record; a state without a sensor moved where the model at
-    the begin of the search moves it, or diverges."""
+    """Return whether a state or input moved in a record; a state without a sensor moved where the
+    model at the begin of the search moves it, or diverges."""
     model = search.responses.model
     for record, start in zip(search.records, search.guesses, strict=True):
         if quantity in model.inputs:

@@ -118,8 +118,8 @@ def sensor_fault(search: Search, fit: Fit, half: np.ndarray) -> str:
 
 
 def _is_plausible(search: Search, name: str, value: float) -> bool:
-    """Whether an error is smaller than what its column reaches: a bias beyond it, or a scale that
-    more than halves or doubles, stands for motion that the model lacks."""
+    """Return whether an error is smaller than what its column reaches: a bias beyond it, or a scale
+    that more than halves or doubles, stands for motion that the model lacks."""
     error = sensor_errors(search.responses.model, (name.partition("_")[2],))[name]
     if error.kind == "scale":
         return -0.5 < value < 1.0
@@ -136,8 +136,8 @@ def _is_plausible(search: Search, name: str, value: float) -> bool:
 
 
 def _is_within_a_sample(search: Search, name: str, delay: float) -> bool:
-    """Whether an input seems to come early by a part of a sample: linear in the record, and a step
-    in truth."""
+    """Return whether an input seems to come early by a part of a sample: linear in the record, and
+    a step in truth."""
     is_input = name.removeprefix("delay_") in search.responses.model.inputs
     record = search.records[0]
     step = float(np.median(np.diff(record.time)))
@@ -269,7 +269,7 @@ def fault_of_columns(
 
 
 def _suspicious(search: Search, fit: Fit) -> bool:
-    """Whether a fit is poor, or moved parameters far from their values before."""
+    """Return whether a fit is poor, or moved parameters far from their values before."""
     far = _change(search, fit.theta) > _LARGE_CHANGE**2
     return far or not fit.converged or bool(unexplained(fit).any())
 

@@ -53,7 +53,7 @@ class Normal:
 
     @property
     def information(self) -> np.ndarray:
-        """(p, p) of the parameters, with an unknown start."""
+        """Return the Fisher information (p, p) of the parameters, with an unknown start."""
         part = self.M - self.B @ np.linalg.solve(self.A, self.B.T)
         return np.asarray(0.5 * (part + part.T))
 
@@ -87,7 +87,7 @@ class Fit:
 
     @cached_property
     def information(self) -> np.ndarray:
-        """(p, p) of the parameters, with unknown starts."""
+        """Return the Fisher information (p, p) of the parameters, with unknown starts."""
         return np.sum([each.information for each in self.normals], axis=0)
 
     @cached_property
@@ -260,7 +260,7 @@ class OutputError:
         )
 
     def information(self, slopes: np.ndarray, noise: np.ndarray, number: int) -> np.ndarray:
-        """(p, p) what a record with these slopes would tell of the parameters, its start unknown.
+        """Return the Fisher information (p, p) of a record with these slopes and an unknown start.
 
         number: of the record"""
         nothing = np.zeros(slopes.shape[:2])

@@ -44,7 +44,7 @@ class Estimate(Result):
 
 @dataclass(frozen=True)
 class FittedQuantity(Result):
-    """How well a measured quantity is explained.
+    """Fit of a measured quantity.
 
     fit: 1 - (variance of its residuals) / (its variance).
     noise: standard deviation of its residuals.
@@ -113,7 +113,7 @@ class Identified(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """Whether nothing speaks against the estimates."""
+        """True if nothing speaks against the estimates."""
         return not list(self.findings)
 
     @property

@@ -1,4 +1,4 @@
-"""Whether the records determine one aircraft: a second minimum, and parts that disagree."""
+"""Uniqueness of the identified aircraft: second minima, and parts of records that disagree."""
 
 from __future__ import annotations
 

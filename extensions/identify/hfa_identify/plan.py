@@ -86,7 +86,7 @@ def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[
 
 
 def _relative_bands(search: Search, fit: Fit, information: np.ndarray) -> np.ndarray:
-    """(p,) half-widths of the bands as parts of the values; 0 of errors of sensors."""
+    """Return the half-widths of the bands relative to the values, (p,); 0 of errors of sensors."""
     variances = np.diag(inverse(information)).copy()
     variances[np.diag(information) <= 0.0] = np.inf
     parameters = search.responses.model.parameters
@@ -135,7 +135,7 @@ def _candidates(
 
 
 def _within(model: Model, responses: Responses, y: np.ndarray) -> bool:
-    """Whether every state stays within the limits of the model."""
+    """Return whether every state stays within the limits of the model."""
     columns = [responses.measured.index(name) for name in model.states]
     states = y[:, columns]
     low = np.array([signal.min for signal in model.states.values()])

@@ -28,7 +28,7 @@ class SensorError:
 
     @property
     def name(self) -> str:
-        """How `free` and reports call it."""
+        """Name of the error in `free` and in reports."""
         return f"{self.kind}_{self.column}"
 
     def signal(self, model: Model) -> Signal:

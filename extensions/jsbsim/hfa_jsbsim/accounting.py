@@ -98,7 +98,7 @@ def _left_out(root: Element) -> Iterator[tuple[Element, str]]:
 
 
 def _reason(parent: Element, child: Element) -> str:
-    """Why a child may be left out; "" for text. BadInputError where it may not."""
+    """Return the reason why a child may be omitted; "" for text. BadInputError where it may not."""
     name = child.name
     if name in _TEXT:
         return ""

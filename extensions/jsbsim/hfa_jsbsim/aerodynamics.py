@@ -158,7 +158,7 @@ class Aerodynamics:
 
 
 def _acts_at_center(function: Element) -> bool:
-    """Whether a function acts at the center of gravity, in place of the reference point."""
+    """Return whether a function acts at the center of gravity, in place of the reference point."""
     return bool(function.attributes.get("apply_at_cg") == "true")
 
 

@@ -185,7 +185,7 @@ class Equations:
         return mass_of(self.parts.empty, bodies)
 
     def reference_point(self, where: str) -> ca.SX:
-        """Where the forces of the air act, inches."""
+        """Point where the aerodynamic forces act, inches."""
         point = []
         for axis, own in zip("xyz", self.parts.wings.reference_point, strict=True):
             point.append(self.properties.read_or(f"metrics/aero-rp-{axis}-in", own, where))
@@ -298,7 +298,7 @@ class Equations:
                 self._follow(name, total)
 
     def _reach_throttles(self) -> None:
-        """Where a throttle's position does not follow its command, make the position the input."""
+        """Make the position of a throttle the input if it does not follow its command."""
         for file in self.parts.engines:
             own_name = f"throttle{file.number}"
             name = own_name if own_name in self.inputs else "throttle"
@@ -320,8 +320,8 @@ class Equations:
                 self._define_function(part, number, self._order_of(section, part))
 
     def _order_of(self, section: Element, function: Element) -> int:
-        """When a function runs: of the control system before its components, of the air outside
-        the axes before these."""
+        """Return the place of a function in the order of evaluation: of the control system before
+        its components, of the air outside the axes before these."""
         if not self.properties.step:
             return AFTER_ALL
         if section.name in SYSTEMS:

@@ -90,11 +90,11 @@ class Tank:
 
     @property
     def usable(self) -> bool:
-        """Whether it holds more than what cannot be used."""
+        """True if it holds more than what cannot be used."""
         return self.contents > self.unusable
 
     def place(self, contents: Any) -> list[Any]:
-        """Where its contents are, inches."""
+        """Location of its contents, inches."""
         share = contents / self.capacity
         return [low + share * (high - low) for low, high in zip(self.drain, self.full, strict=True)]
 

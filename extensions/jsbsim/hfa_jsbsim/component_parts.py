@@ -34,7 +34,7 @@ def ends_of(element: Element) -> tuple[float, float]:
 
 
 def travels(component: Element) -> bool:
-    """Whether a <kinematic> takes time from one detent to another."""
+    """Return whether a <kinematic> takes time from one detent to another."""
     settings = component.need("traverse").all("setting")
     return any(setting.value_of("time", 0.0) > 0.0 for setting in settings)
 

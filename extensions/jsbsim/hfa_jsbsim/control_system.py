@@ -353,7 +353,7 @@ _WORDS |= {word.upper(): sign for word, sign in _WORDS.items()}
 
 
 def _holds(test: Element, properties: Properties) -> ca.SX:
-    """Whether the conditions of a <test> hold: all of them, or one of them (logic="OR")."""
+    """Return whether the conditions of a <test> hold: all of them, or one of them (logic="OR")."""
     conditions = []
     for line, text in test.lines:
         if "\t" in text:

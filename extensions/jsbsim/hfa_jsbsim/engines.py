@@ -67,12 +67,12 @@ class EngineFile:
 
     @property
     def has_propeller(self) -> bool:
-        """Whether its thruster is a propeller."""
+        """True if its thruster is a propeller."""
         return self.thruster.name == "propeller"
 
     @property
     def governed(self) -> bool:
-        """Whether a governor moves the blades."""
+        """True if a governor moves the blades."""
         if not self.has_propeller:
             return False
         lowest = self.thruster.value_of("minpitch", 0.0)
@@ -207,7 +207,7 @@ def running(file: EngineFile, around: Surroundings) -> ca.SX:
 
 
 def _fed(file: EngineFile, around: Surroundings, kind: str) -> ca.SX:
-    """Whether one of its tanks of a kind is open and not empty."""
+    """Return whether one of its tanks of a kind is open and not empty."""
     fed = ca.SX(0.0)
     for number in file.feeds:
         tank = around.tanks[number]
@@ -239,7 +239,7 @@ def orientation(file: EngineFile, properties: Properties) -> ca.SX:
 
 
 def placed(file: EngineFile, around: Surroundings) -> ca.SX:
-    """Where the thruster is, inches."""
+    """Location of the thruster, inches."""
     names = [file.full_name(f"{axis}-position") for axis in "xyz"]
     return ca.vertcat(*(ca.SX(around.properties.read(name, file.mount.where)) for name in names))
 
@@ -560,7 +560,7 @@ def _add_shafts(file: EngineFile, around: Surroundings) -> None:
 
 
 def refusal(element: Element) -> str:
-    """Why an engine or a thruster is not read."""
+    """Return the reason why an engine or a thruster is not supported."""
     engines = ", ".join(KINDS)
     name = shortened(element.name)
     return f"<{name}> is not read; engines: {engines}, with propeller, direct, nozzle"

@@ -100,7 +100,7 @@ def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], An
 
 
 def _is_true(value: Any) -> Any:
-    """Whether a value counts as true: JSBSim takes less than 1e-9 for false."""
+    """Return whether a value counts as true: JSBSim takes less than 1e-9 for false."""
     return ca.fabs(value) >= _SMALLEST_TRUE
 
 
@@ -231,7 +231,7 @@ class Table:
 
     @property
     def dimensions(self) -> int:
-        """How many arguments it takes."""
+        """Number of arguments."""
         return len(self.breakpoints) + (self.parts[0].dimensions if self.parts else 0)
 
     def at(self, properties: Properties, arguments: list[Any]) -> Any:

@@ -137,7 +137,7 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
 def _acting_location(
     file: EngineFile, location: ca.SX, local: Any, induced: Any, sense: float
 ) -> Any:
-    """Where the thrust acts, inches: the P-factor moves it with the angle of the flow."""
+    """Return the point where the thrust acts, inches; the P-factor moves it with the flow angle."""
     factor = file.thruster_mount.value_of("p_factor", 0.0)
     if factor <= 0.0001:
         return location

@@ -152,11 +152,11 @@ class Properties:
                     self._initial.setdefault(name, 0.0)
 
     def is_known(self, name: str) -> bool:
-        """Whether something sets a property, or it has a value from the beginning."""
+        """Return whether something sets a property, or it has a value from the beginning."""
         return bool(self._writers.get(plain(name))) or plain(name) in self._initial
 
     def writers(self) -> dict[str, list[Writer]]:
-        """Who sets each property, in order."""
+        """Components that set each property, in order."""
         return self._writers
 
     def add_state(self, component: Element) -> ca.SX:
@@ -206,7 +206,7 @@ class Properties:
         self._writers[plain(name)] = [Writer(lambda: value, "", order=-1)]
 
     def writer(self, name: str) -> Writer | None:
-        """Who sets a property last."""
+        """Return the component that sets a property last."""
         writers = self._writers.get(plain(name))
         return writers[-1] if writers else None
 
@@ -347,5 +347,5 @@ def lower_dashes(name: str) -> str:
 
 
 def is_constant(value: Any) -> bool:
-    """Whether a value is a number whatever the symbols are."""
+    """Return whether a value is a number whatever the symbols are."""
     return not isinstance(value, ca.SX) or value.is_constant()

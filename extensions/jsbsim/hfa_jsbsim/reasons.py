@@ -1,4 +1,4 @@
-"""Why an aircraft has no trim at a condition, in the words of its pilot."""
+"""Reasons why an aircraft has no trim at a condition, in a pilot's words."""
 
 from __future__ import annotations
 

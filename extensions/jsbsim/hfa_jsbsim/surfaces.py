@@ -110,7 +110,7 @@ def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) 
 
 
 def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca.SX) -> list[Note]:
-    """Where a throttle's position does not follow its command, make the position the input."""
+    """Make the position of a throttle the input if it does not follow its command."""
     notes = []
     for number in engines:
         name = f"fcs/throttle-pos-norm[{number}]"

@@ -248,7 +248,7 @@ def _strip(element: Element) -> None:
 
 
 class Folders:
-    """Where the files of one aircraft may come from; what was read is kept for the provenance.
+    """Folders of the files of one aircraft, and the files read, for the provenance.
 
     aircraft: the aircraft's own folder.
     shared: folders that hold the folders engine and systems, searched in this order.
@@ -286,7 +286,7 @@ class Folders:
         return self._files[path][0]
 
     def _shown(self, path: Path) -> str:
-        """How messages name a file."""
+        """Return the name of a file in messages."""
         if self.data is not None and path.is_relative_to(self.data):
             return str(path.relative_to(self.data))
         return str(path)

@@ -95,7 +95,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
 
     @property
     def model(self) -> Model:
-        """Which aircraft flies."""
+        """Name of the aircraft."""
         return self.problem.model
 
     @property
@@ -223,7 +223,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
         return "\n".join([*lines, f"from {deviations_in_words(self.model, self.start)}"])
 
     def _bracket(self) -> str:
-        """How far the cost is from the least one, as far as that is known."""
+        """Return the known distance of the cost from the least one."""
         if self.lower_bound is None:
             return (
                 "No cheaper flight from this initial condition was found; that none exists is not "

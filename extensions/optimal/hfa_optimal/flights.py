@@ -58,12 +58,12 @@ class Flown(NamedTuple):
 
     @property
     def converges(self) -> bool:
-        """Whether it ends in the trim, within the envelope or not."""
+        """True if it ends in the trim, within the envelope or not."""
         return math.isfinite(self.cost)
 
     @property
     def lost(self) -> bool:
-        """Whether it left the envelope, or does not end in the trim."""
+        """True if it left the envelope, or does not end in the trim."""
         return self.departure is not None or not self.converges
 
     def outcome(self) -> str:

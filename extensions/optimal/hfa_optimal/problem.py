@@ -58,7 +58,7 @@ class FlightProblem:
 
     @property
     def model(self) -> Model:
-        """Which aircraft flies."""
+        """Name of the aircraft."""
         return self.point.model
 
     @property
@@ -73,7 +73,7 @@ class FlightProblem:
 
     @cached_property
     def places(self) -> list[int]:
-        """Where the states of z are among all."""
+        """Indices of the states of z among all."""
         names = list(self.model.states)
         return [names.index(name) for name in self.states]
 
@@ -100,7 +100,7 @@ class FlightProblem:
 
     @cached_property
     def followed_places(self) -> list[int]:
-        """Where the followed states are among all."""
+        """Indices of the followed states among all."""
         names = list(self.model.states)
         return [names.index(name) for name in self.followed]
 
@@ -111,7 +111,7 @@ class FlightProblem:
 
     @cached_property
     def moved(self) -> list[int]:
-        """Where the inputs of v are among all."""
+        """Indices of the inputs of v among all."""
         names = list(self.model.inputs)
         return [names.index(name) for name in self.inputs]
 
@@ -164,7 +164,7 @@ class FlightProblem:
 
     @cached_property
     def has_kinks(self) -> bool:
-        """Whether the equations have tables or kinks, so that the optimizer has a smooth copy."""
+        """True if the equations have tables or kinks, so that the optimizer has a smooth copy."""
         return self.smooth_rates is not self.rates
 
     @cached_property

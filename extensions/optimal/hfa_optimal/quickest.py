@@ -83,7 +83,7 @@ class QuickestFlight(StatesAndInputs, Result, Reported):
 
     @property
     def model(self) -> Model:
-        """Which aircraft flies."""
+        """Name of the aircraft."""
         return self.problem.model
 
     @property
@@ -210,7 +210,7 @@ def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.nd
 
 
 def not_arrived(problem: FlightProblem, flown: Flown, proposal: Proposal) -> str:
-    """Why the simulation refutes a proposal; "" where it does not."""
+    """Return the reason why the simulation refutes a proposal; "" if it does not."""
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"
     box = arrival_box(proposal)

@@ -285,7 +285,7 @@ class BestFlights:
 
     @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
-        """What a unit of z and v counts in a mesh: the roots of its cost."""
+        """Return the weights of z and v in a mesh: the roots of their cost."""
         problem = self.problem
         return np.sqrt(np.abs(np.diag(problem.P))), np.sqrt(np.diag(problem.R))
 
@@ -362,7 +362,7 @@ def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def refutation(flown: Flown, proposal: Proposal) -> str:
-    """Why the simulation refutes a proposal; "" where it does not."""
+    """Return the reason why the simulation refutes a proposal; "" if it does not."""
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"
     if not flown.converges:

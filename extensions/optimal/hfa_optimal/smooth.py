@@ -40,7 +40,7 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
 
 @dataclass(frozen=True)
 class _Kink:
-    """How a kink at argument 0 is smoothed.
+    """Smoothing of a kink at argument 0.
 
     width: half-width; 0 where it stays sharp.
     levels: the two values of an argument that has no others; None of one that varies.
@@ -51,7 +51,7 @@ class _Kink:
 
     @staticmethod
     def of(values: np.ndarray, part: float) -> _Kink:
-        """Of an argument with these values, (N,)."""
+        """Return the smoothing for an argument with these values, (N,)."""
         finite = values[np.isfinite(values)]
         size = np.abs(finite).max(initial=0.0)
         if len(finite) < len(values) or np.ptp(finite) <= _VARIES * size:
@@ -130,7 +130,7 @@ class _Replay:
         return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
 
     def _value(self, number: int, code: int, places: list[int]) -> tuple[ca.SX, bool]:
-        """What an instruction gives, and whether it is a smooth number between 0 and 1."""
+        """Return the value of an instruction, and whether it is a smooth number between 0 and 1."""
         if code == ca.OP_CONST:
             return ca.SX(self.function.instruction_constant(number)), False
         if code == ca.OP_INPUT:

@@ -103,7 +103,7 @@ class StartsTable(Result, Reported):
 
     @property
     def starts(self) -> int:
-        """How many starts were flown."""
+        """Number of initial conditions flown."""
         return len(self.flights)
 
     @property
@@ -132,7 +132,8 @@ class StartsTable(Result, Reported):
         ]
 
     def report(self) -> Report:
-        """How many were found, each policy over the best, and why flights were refused."""
+        """Return the number found, each policy over the best, and the reasons of refused
+        flights."""
         place = at_scheduled(self.point)
         title = (
             f"Best flights found, {self.problem.model.title} {place}".rstrip()

@@ -111,7 +111,7 @@ class AssessedPoint(Result):
 
     @property
     def holds(self) -> bool:
-        """Whether the sampled loop is stable at its equilibrium, no action or input is saturated
+        """True if the sampled loop is stable at its equilibrium, no action or input is saturated
         there, and at least half of the flights converge."""
         if self.equilibrium is None or self.equilibrium.clips or not self.radius < 1.0:
             return False
@@ -121,7 +121,7 @@ class AssessedPoint(Result):
 
     @property
     def chatters(self) -> bool:
-        """Whether every flight stays in a small ball about an unstable equilibrium, as at a kink of
+        """True if every flight stays in a small ball about an unstable equilibrium, as at a kink of
         a network."""
         if self.equilibrium is None or self.flights is None or not self.radius >= 1.0:
             return False

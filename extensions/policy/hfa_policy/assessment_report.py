@@ -81,7 +81,7 @@ class Assessment(Result, Reported):
 
     @property
     def holds(self) -> bool:
-        """Whether it holds at every trim, and no mistake of its deployment is proved."""
+        """True if it holds at every trim, and no mistake of its deployment is proved."""
         wrong = any(mistake.proved for mistake in self.mistakes)
         return all(point.holds for point in self.points) and not wrong
 
@@ -112,7 +112,7 @@ class Assessment(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """Whether it holds at every trim and on every changed aircraft, meets every need, and stays
+        """True if it holds at every trim and on every changed aircraft, meets every need, and stays
         inside the envelope with the noise and the moving air that were asked for."""
         changed = all(variation.holds for variation in self.variations)
         return self.holds and changed and not self.unmet and not self._leaving_roughly()
@@ -154,7 +154,7 @@ class Assessment(Result, Reported):
         return [headline for headline in self.headlines if headline not in line]
 
     def _mistaken(self) -> str:
-        """Which mistakes of the deployment file are proved."""
+        """Return the proved mistakes of the deployment file."""
         wrong = [mistake.kind for mistake in self.mistakes if mistake.proved]
         return f"the deployment file is wrong ({', '.join(wrong)})" if wrong else ""
 
@@ -175,7 +175,7 @@ class Assessment(Result, Reported):
 
     @property
     def _flown(self) -> bool:
-        """Whether flights were made."""
+        """True if flights were made."""
         return any(point.flights is not None for point in self.points)
 
     def _changed(self) -> str:
@@ -193,7 +193,8 @@ class Assessment(Result, Reported):
         return [point.rough for point in self.points if point.rough is not None]
 
     def _leaving_roughly(self) -> str:
-        """How many flights with noise or in moving air leave the envelope, and the first."""
+        """Return the number of flights with noise or in moving air that leave the envelope, and the
+        first."""
         departures = [flown.departure for flown in self._rough if flown.departure is not None]
         if not departures:
             return ""
@@ -204,8 +205,8 @@ class Assessment(Result, Reported):
         return f"{flights} leave the envelope ({departure_text(first)})"
 
     def _leaving_alone(self) -> str:
-        """Which slow mode of the aircraft the policy leaves as it is; not one that decays where it
-        holds."""
+        """Return the slow mode of the aircraft that the policy does not change, unless it decays
+        where the policy holds."""
         found = [(point.own_mode, point) for point in self.points]
         modes = [(mode, point) for mode, point in found if mode is not None]
         if not modes:
@@ -218,7 +219,8 @@ class Assessment(Result, Reported):
         return f"leaves {mode.name} as it is"
 
     def _departing(self) -> str:
-        """How many flights leave the envelope, and the state and limit of the first."""
+        """Return the number of flights that leave the envelope, and the state and limit of the
+        first."""
         left = [point for point in self.points if point.flights is not None and point.flights.lost]
         outcomes = [point.flights for point in left if point.flights is not None]
         if not outcomes:
@@ -232,7 +234,7 @@ class Assessment(Result, Reported):
         return f"{text} ({departure_text(first)})"
 
     def _chattering(self) -> str:
-        """Where it chatters about an unstable equilibrium."""
+        """Return the trims at which it chatters about an unstable equilibrium."""
         chattering = [point for point in self.points if point.chatters]
         if not chattering:
             return ""
@@ -312,7 +314,7 @@ class Assessment(Result, Reported):
         return f"steady-state {name} error {many}{size}"
 
     def _saturating(self) -> str:
-        """Which action or input is at its limit at the equilibrium, and where."""
+        """Return the action or input at its limit at the equilibrium, and the trims."""
         saturated: list[AssessedPoint] = []
         clips: dict[str, None] = {}
         for point in self.points:
@@ -325,7 +327,7 @@ class Assessment(Result, Reported):
         return f"saturated at the equilibrium{where}: {' and '.join(clips)}"
 
     def _flying(self) -> str:
-        """Which part of the flights does not converge."""
+        """Return the share of flights that do not converge."""
         flown = [point.flights for point in self.points if point.flights is not None]
         if not flown:
             return "no flight was made"
@@ -348,7 +350,8 @@ class Assessment(Result, Reported):
         return f"{worst.sentence()}; off the trim {rate:.2g} a second"
 
     def _bounded_costs(self) -> str:
-        """How far above the least possible flights are; a bound is of one trim."""
+        """Return the distance of the flights from the least possible cost; a bound is of one
+        trim."""
         best = self.points[0].best
         return "" if best is None else best.bound_sentence()
 
@@ -464,7 +467,7 @@ class Assessment(Result, Reported):
 
 
 def _meets(point: AssessedPoint, name: str, need: float) -> bool:
-    """Whether a trim meets one need."""
+    """Return whether a trim meets one need."""
     if name == "delay":
         if point.delays is None or not point.holds:
             return False

@@ -20,7 +20,7 @@ class Ratios(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Bracket(Result):
-    """What the least cost from one start is between.
+    """Bounds of the least cost from one initial condition.
 
     start: state -> its deviation from the trim.
     lower_bound: no flight costs less, as a certificate proves.
@@ -84,7 +84,8 @@ class BestCosts(Result):
         return text
 
     def bound_sentence(self) -> str:
-        """How far above the least possible the flights of the policy are; "" without a bound."""
+        """Return the distance of the policy's flights from the least possible cost; "" without a
+        bound."""
         if not self.brackets:
             return ""
         over = self.policy_over_bound

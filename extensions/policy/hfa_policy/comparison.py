@@ -29,12 +29,12 @@ class Comparison(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """Whether every deployment holds and meets every need."""
+        """True if every deployment holds and meets every need."""
         return all(assessment.ok for assessment in self.assessments)
 
     @property
     def first_line(self) -> str:
-        """How many deployments pass."""
+        """Return the number of deployments that pass, in one line."""
         count = sum(assessment.ok for assessment in self.assessments)
         return f"{verdict_text(self.ok)}: {count} of {len(self.assessments)} deployments pass"
 

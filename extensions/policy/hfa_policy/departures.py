@@ -1,4 +1,4 @@
-"""How a flight leaves the envelope, and trims about which every flight does."""
+"""Departures of flights from the envelope, and trims about which every flight departs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def departure_text(left: Departure) -> str:
 
 
 def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
-    """How a state (n,) outside an envelope has left it."""
+    """Return the departure of a state (n,) outside an envelope."""
     left = departure(envelope, np.array([time]), states[None], False)
     assert left is not None
     return departure_text(left)

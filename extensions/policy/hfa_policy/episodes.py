@@ -191,7 +191,7 @@ class Episodes:
             self.frames[:, -newest:] = self._observed
 
     def left(self, number: int) -> str:
-        """How a lost episode has left its envelope: the state, its limit and the time."""
+        """Return the departure of a lost episode: the state, its limit and the time."""
         time = float(self.done[number] * self.deployed.deployment.dt)
         envelope = self._envelopes[self.owners[number]]
         if not envelope.within(self.states[number]).all():

@@ -126,7 +126,7 @@ class EquilibriumSearch:
         return self._by_newton(z) or self._by_newton(self._least(z))
 
     def _least(self, z: np.ndarray) -> np.ndarray:
-        """Where the residual is least near z, by the method of Levenberg and Marquardt."""
+        """Return the z with the least residual nearby, by the method of Levenberg and Marquardt."""
         from scipy.optimize import least_squares
 
         def at(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -314,7 +314,7 @@ class EquilibriumSearch:
 
 
 def _reaches(value: float, lowest: float, highest: float) -> bool:
-    """Whether a value lies at the end of an interval or beyond it."""
+    """Return whether a value lies at the end of an interval or beyond it."""
     width = highest - lowest
     slack = _AT_CLIP * width if np.isfinite(width) else 0.0
     return bool(value <= lowest + slack or value >= highest - slack)

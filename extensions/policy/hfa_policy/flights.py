@@ -132,7 +132,7 @@ class SampledFlight:
 
     @property
     def slices(self) -> tuple[slice, ...]:
-        """Where the parts of a row lie."""
+        """Slices of the parts of a row."""
         ends = np.cumsum([0, *self.sizes]).tolist()
         return tuple(slice(begin, end) for begin, end in pairwise(ends))
 
@@ -143,7 +143,7 @@ class SampledFlight:
 
     @property
     def changing(self) -> int:
-        """How many numbers of a row change from sample to sample: the first."""
+        """Number of the first entries of a row, which change from sample to sample."""
         return sum(self.sizes[:7])
 
     def entering(self) -> ca.Function:

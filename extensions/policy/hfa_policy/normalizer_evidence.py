@@ -29,7 +29,7 @@ _COUNT_AT_FIRST = 1e-4
 def mistakes_of_normalizer(
     deployed: Deployed, stored: Zip, normalizer: Normalizer | None
 ) -> Iterator[Mistake]:
-    """None where there was one, one where there was none, and that of another checkpoint."""
+    """Return the mistakes of the normalizer: omitted, superfluous, or of another checkpoint."""
     given = deployed.deployment.policy.get("normalizer")
     if given is None:
         training = _normalizer_in_training(deployed, stored)
@@ -93,7 +93,8 @@ def unknown_normalizer(deployed: Deployed) -> str:
 
 
 def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
-    """Whether the training had a VecNormalize. PPO and A2C store an original observation only then.
+    """Return whether the training had a VecNormalize. PPO and A2C store an original observation
+    only then.
 
     SAC and TD3 always store one: behind a VecNormalize that which the last one was made of, column
     by column on a line, else the one a sample before. The records of one or two environments show
@@ -127,7 +128,8 @@ def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
 
 
 def _jumps(deployed: Deployed, stored: Zip) -> bool:
-    """Whether the states change between the two observations as no aircraft does in a sample."""
+    """Return whether the states change between the two observations as no aircraft does in a
+    sample."""
     assert stored.last is not None
     assert stored.last_original is not None
     changes = np.abs(stored.last - stored.last_original).max(axis=0)

@@ -64,23 +64,24 @@ class _Observed(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """Whether the card takes absolute values."""
+        """True if the card takes absolute values."""
         return bool(self.about != "trim")
 
     def contradicts(self, record: _Record, is_absolute: bool) -> bool:
-        """Whether the training cannot have seen it."""
+        """Return whether the training cannot have seen it."""
         if record.is_of_many:
             return self._deviations(record, is_absolute) > _FAR
         return self._leaves_limits(record, is_absolute)
 
     def fits(self, record: _Record, is_absolute: bool) -> bool:
-        """Whether the training may have seen it."""
+        """Return whether the training may have seen it."""
         if record.is_of_many:
             return self._deviations(record, is_absolute) < _FITS
         return not self._leaves_limits(record, is_absolute)
 
     def is_of_any_scale_as_it_is(self, record: _Record) -> bool:
-        """Whether the training may have seen it with the about of the card and another scale.
+        """Return whether the training may have seen it with the about of the card and another
+        scale.
 
         Deviations of any scale are seen about 0. So are absolute values of a state that may be 0,
         and not those of another: no speed spreads by half of its mean."""
@@ -91,11 +92,11 @@ class _Observed(NamedTuple):
         return low <= 0.0 <= high or not is_seen_about_0
 
     def agrees(self, record: _Record) -> bool:
-        """Whether the training may have seen it as the card has it."""
+        """Return whether the training may have seen it as the card has it."""
         return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
 
     def _deviations(self, record: _Record, is_absolute: bool) -> float:
-        """How many standard deviations the nearest trim lies from the mean."""
+        """Return the distance of the nearest trim from the mean, in standard deviations."""
         if record.spread == 0.0:
             return 0.5 * (_FITS + _FAR)
         return float(np.abs(self.given(is_absolute) - record.centre).min() / record.spread)
@@ -109,7 +110,7 @@ class _Observed(NamedTuple):
         return _outside(seen, *self.model.limits[self.state])
 
     def wrong_scale(self, record: _Record) -> str:
-        """Why its scale cannot be that of the training; "" where it can."""
+        """Return the reason why its scale is not that of the training; "" if it may be."""
         if not record.is_of_many:
             return ""
         return _wrong_scale(self.model, self.state, self.scale, record.spread)
@@ -253,7 +254,7 @@ def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:
 
 
 def _outside(values: np.ndarray, low: float, high: float) -> bool:
-    """Whether all lie clearly outside of the limits of a state."""
+    """Return whether all lie clearly outside of the limits of a state."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return False
     room = 0.25 * (high - low)
@@ -261,7 +262,8 @@ def _outside(values: np.ndarray, low: float, high: float) -> bool:
 
 
 def _wrong_scale(model: Model, name: str, scale: float, spread: float) -> str:
-    """Why the scale of an observation cannot be that of the training; "" where it can."""
+    """Return the reason why the scale of an observation is not that of the training; "" if it may
+    be."""
     if name not in model.states:
         return ""
     low, high = model.limits[name]

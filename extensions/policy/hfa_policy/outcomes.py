@@ -95,7 +95,7 @@ class Place:
 
     @property
     def judged(self) -> np.ndarray:
-        """Which linear states decide whether a flight converges, (k,)."""
+        """Indices of the linear states that decide whether a flight converges, (k,)."""
         return np.ones(len(self.box), dtype=bool) if self.reach is None else self.reach.judged
 
 
@@ -250,21 +250,22 @@ class FlownRows:
         return distance, np.where(judged, (highest - lowest) / 2.0 / self.balls[flying], 0.0)
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """Which of the flights about a stable equilibrium were in the ball for two windows and
-        did not go away from it."""
+        """Return the mask of the flights about a stable equilibrium that stayed in the ball for two
+        windows."""
         before = self.nearest[flying]
         in_ball = (distance <= 1.0) & (before <= 1.0)
         return np.asarray(self.stable[flying] & in_ball & (distance <= before))
 
     def _standing(self, flying: np.ndarray, distance: np.ndarray, swings: np.ndarray) -> np.ndarray:
-        """Which of the flights have rested elsewhere for long enough."""
+        """Return the mask of the flights that have been at another equilibrium for long enough."""
         is_away = np.isfinite(distance) & (distance > _ELSEWHERE)
         stands = is_away & (swings.max(axis=1) <= _STANDS * distance)
         self.standing[flying] = np.where(stands, self.standing[flying] + 1, 0)
         return np.asarray(self.standing[flying] >= _STANDING)
 
     def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
-        """Which of the flights cycle, which swing so many balls in this window."""
+        """Return the mask of the flights in a limit cycle, whose swings in this window are so many
+        balls."""
         blocks = self.swings_of_blocks[:, flying]
         blocks[0] = np.minimum(blocks[0], swings)
         cycling = np.zeros(len(flying), dtype=bool)
@@ -328,7 +329,7 @@ class FlownRows:
         )
 
     def _first_lost(self, lost: np.ndarray, place: Place) -> tuple[int, Departure | None]:
-        """The number of the flight that first leaves the envelope, and how."""
+        """Return the number of the flight that first leaves the envelope, and its departure."""
         soonest = lost[self.times[lost] == self.times[lost].min()]
         envelope = flight_envelope(place.point.model, place.point)
         seconds = float(self.times[soonest[0]])
@@ -336,8 +337,8 @@ class FlownRows:
         return int(soonest[first]), left
 
     def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
-        """How many of the flights that hardly move are at another equilibrium, and the linear
-        states at the first such. The others still move."""
+        """Return the number of flights at another equilibrium, and the linear states at the first.
+        The others still move."""
         search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
         X, memory, *_ = self.flight.slices
         m = len(place.point.model.inputs)
@@ -372,7 +373,7 @@ class FlownRows:
 
 
 def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
-    """Whether an equilibrium is that of the place."""
+    """Return whether an equilibrium is that of the place."""
     if place.equilibrium is None:
         return False
     apart = np.abs(other.states - place.equilibrium.states)[linear]
@@ -428,7 +429,7 @@ def fly_places(
 def ends_from_trim(
     flight: SampledFlight, points: list[OperatingPoint], window: Window, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where flights that begin in their trims are after so many seconds: X (N, n) and the inputs
+    """Return the ends of flights from their trims after so many seconds: X (N, n) and the inputs
     that act, (N, m). A flight in which a window changes no state by more than `_STILL` of its
     nominal value is over."""
     model = points[0].model

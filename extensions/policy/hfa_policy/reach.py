@@ -1,4 +1,4 @@
-"""Which modes of an aircraft a deployment moves and observes about an equilibrium."""
+"""Modes of an aircraft that a deployment moves and observes about an equilibrium."""
 
 from __future__ import annotations
 
@@ -155,8 +155,9 @@ def _own_modes(deployed: Deployed, A: np.ndarray, value: complex) -> list[OwnMod
 
 
 def seconds_to_converge(radius: float, dt: float) -> float:
-    """How long flights are flown about an equilibrium: four time constants of the slowest mode of
-    the sampled loop, whose spectral radius this is; `HORIZON` at least, `LONGEST` at most."""
+    """Return the duration of flights about an equilibrium, s: four time constants of the slowest
+    mode of the sampled loop, whose spectral radius this is; `HORIZON` at least, `LONGEST` at
+    most."""
     if not 0.0 < radius < 1.0:
         return HORIZON
     return min(max(HORIZON, -_SETTLES * dt / math.log(radius)), LONGEST)

@@ -98,13 +98,13 @@ def _brings_most_back(flown: Flown) -> bool:
 
 
 def _harms(flown: Flown) -> bool:
-    """Whether a card loses many of the starts."""
+    """Return whether a card loses many of the starts."""
     return flown.kept <= _KEEPS * len(flown.costs)
 
 
 def _is_better(flown: Flown, card: Flown) -> bool:
-    """Whether a change loses no more starts than the card as it is, and brings clearly more of them
-    back at clearly less cost, or no fewer at a third."""
+    """Return whether a change loses no more starts than the card as it is, and brings clearly more
+    of them back at clearly less cost, or no fewer at a third."""
     if flown.kept < card.kept or flown.back < card.back:
         return False
     least = max(_CLEARLY * card.back, card.back + _MORE_STARTS * len(flown.costs))
@@ -114,7 +114,7 @@ def _is_better(flown: Flown, card: Flown) -> bool:
 
 
 def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
-    """Whether another gain, one that helps, brings about as many back at about the cost."""
+    """Return whether another gain, one that helps, brings about as many back at about the cost."""
     return any(
         none.times(other) >= _CLEARLY
         and _CLEARLY * other.back >= flown.back
@@ -175,7 +175,7 @@ class _Trial:
         ]
 
     def _is_only_late(self) -> bool:
-        """Whether the delay alone keeps the policy from flying well."""
+        """Return whether the delay alone keeps the policy from flying well."""
         if self.card.delay == 0.0:
             return False
         (on_time,) = self.flights.flown(self.gains[:1], _WHOLE, delay=0.0)
@@ -213,8 +213,8 @@ class _Trial:
         return not is_none and not _is_a_gain(flown, none, others)
 
     def _is_weaker_action(self, repair: Repair, flown: Flown) -> bool:
-        """Whether the actions that a change makes smaller fly about as well a little smaller, or
-        left out."""
+        """Return whether the actions that a change makes smaller fly about as well a little
+        smaller, or left out."""
         smaller = repair.gain < 1.0
         gains = [np.where(smaller, part, 1.0) for part in _WEAKER]
         weaker = self.flights.flown([repair._replace(gain=gain) for gain in gains], _WHOLE)

@@ -89,7 +89,7 @@ class Zip:
 
     @property
     def on_policy(self) -> bool:
-        """Whether it is PPO or A2C."""
+        """True if it is PPO or A2C."""
         return self.algorithm == "PPO or A2C"
 
 
@@ -263,7 +263,7 @@ def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
 
 
 def is_stable_baselines(path: Path) -> bool:
-    """Whether the file is a zip that `model.save` of Stable-Baselines3 has written."""
+    """Return whether the file is a zip that `model.save` of Stable-Baselines3 has written."""
     try:
         with zipfile.ZipFile(regular_file(path)) as archive:
             return {"data", "policy.pth"} <= set(archive.namelist())

@@ -44,7 +44,7 @@ class Variation(Result):
 
     @property
     def holds(self) -> bool:
-        """Whether the policy holds the changed aircraft."""
+        """True if the policy holds the changed aircraft."""
         return self.assessed.holds
 
     @property

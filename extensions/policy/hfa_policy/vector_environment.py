@@ -91,7 +91,7 @@ class AircraftVectorEnvironment(VecEnv):
         return [getattr(self, method_name)(*arguments, **options) for _ in self._of(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """None is."""
+        """Return False for each environment."""
         return [False for _ in self._of(indices)]
 
     def _of(self, indices: Any) -> Iterable[int]:

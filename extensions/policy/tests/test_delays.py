@@ -17,8 +17,8 @@ SMALL = 1e-6
 
 
 def is_lost(name, point, equilibrium, delay):
-    """Whether a small deviation of a flight grows: in its last half, or a hundred times at any
-    time. It is the difference of two flights, one of which begins in the point of rest."""
+    """Return whether a small deviation of a flight grows: in its last half, or a hundred times at
+    any time. It is the difference of two flights, one of which begins in the point of rest."""
     deployment = card(name)
     deployed = deployment.on(aircraft(name))
     parts = parts_of_a_sample([point], deployment.dt)

@@ -52,7 +52,7 @@ class ChangedEntry(Result):
 
     @property
     def entry(self) -> str:
-        """Where it stands."""
+        """Position of the entry."""
         return str(self.position)
 
     def __str__(self) -> str:
@@ -94,7 +94,8 @@ def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list
 
 @lru_cache(maxsize=1)
 def not_searched(file: PrintedFile) -> str:
-    """Why `changed_entries` does not search a plant of this size, in words; "" where it does."""
+    """Return the reason why `changed_entries` does not search a plant of this size; "" if it
+    does."""
     states = len(file.plant.A)
     count = edits_tried(file)
     if count * states**3 <= _MOST:
@@ -106,7 +107,7 @@ def not_searched(file: PrintedFile) -> str:
 
 
 def edits_tried(file: PrintedFile) -> int:
-    """How many values of entries the search tries."""
+    """Return the number of values that the search tries."""
     return sum(len(_edits(text)) for _, text in _positions(file))
 
 
@@ -244,7 +245,7 @@ def _with_the_point_elsewhere(digits: str) -> Iterator[str]:
 
 
 def _places(digits: str) -> list[int]:
-    """Where the digits are, without the point."""
+    """Return the positions of the digits, without the point."""
     return [index for index, digit in enumerate(digits) if digit != "."]
 
 

@@ -138,7 +138,8 @@ def _by_digits(
 
 
 def _stands_out(comparison: Comparison) -> bool:
-    """Whether the deviation beyond the digits is too large for the noise of a learned answer.
+    """Return whether the deviation beyond the digits is too large for the noise of a learned
+    answer.
 
     Noise as large in the other entries, absolute or relative, would show there: it is beyond
     `_STANDS_OUT` times the half unit of each of them.
@@ -180,8 +181,8 @@ def _by_search(
 
 
 def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress | None) -> str:
-    """Why the plant as typed has no certified answer, with the other time that every digit fits, or
-    entries of the plant one of which, changed, makes every digit right."""
+    """Return the reason why the plant as typed has no certified answer: the other time, or changed
+    entries, with which every digit is right."""
     other_time = fitting_time(file)
     if other_time:
         return f"{failure}; {other_time}"
@@ -196,7 +197,8 @@ def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress |
 
 
 def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
-    """Whether the entries outside their digits are enough to name a changed entry of the plant.
+    """Return whether the entries outside their digits are enough to name a changed entry of the
+    plant.
 
     An error of r half units is met by chance once in r. A learned answer and a rounded plant
     explain such errors, so that there a tenth of a chance among all edits tried is the most."""
@@ -252,7 +254,7 @@ def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> f
 
 
 def _is_cut_off(comparison: Comparison) -> bool:
-    """Whether every entry outside is less than one unit from the exact one, toward zero."""
+    """Return whether every entry outside is less than one unit from the exact one, toward zero."""
     outside = comparison.outside
     exact = comparison.exact[outside]
     short = np.sign(exact) * (exact - comparison.printed[outside])

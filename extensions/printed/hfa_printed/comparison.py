@@ -18,7 +18,7 @@ _SYMMETRIC = ("P", "H")
 
 
 class Position(NamedTuple):
-    """Where an entry stands; row and column from 0. Mirrored entries have one position."""
+    """Position of an entry; row and column from 0. Mirrored entries have one position."""
 
     block: str
     row: int
@@ -55,7 +55,7 @@ class Comparison:
 
     @property
     def outside(self) -> np.ndarray:
-        """Which entries are not as printed, (N,)."""
+        """Mask of the entries that are not as printed, (N,)."""
         return np.abs(self.printed - self.exact) > self.allowed
 
     @property

@@ -54,7 +54,7 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """Whether the answer is as printed, cut off, or close with a cost within the limit; exit
+        """True if the answer is as printed, cut off, or close with a cost within the limit; exit
         code 0."""
         if self.classified.name == "close":
             return self.limit_cost is not None and self.cost_lost <= self.limit_cost

@@ -1,4 +1,4 @@
-"""What results of proofs about an aircraft at a trim have in common, as data and in words."""
+"""Common parts of the results of proofs about an aircraft at a trim."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Subject(Protocol):
 
     @property
     def model(self) -> Model:
-        """Its equations."""
+        """Name of the model's equations."""
 
     @property
     def states(self) -> tuple[str, ...]:

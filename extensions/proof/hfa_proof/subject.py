@@ -33,7 +33,7 @@ FieldTable = Mapping[str, Field]
 
 
 def _same(stated: Any, own: Any) -> bool:
-    """Whether two entries are exactly the same, names in any order."""
+    """Return whether two entries are exactly the same, names in any order."""
     if isinstance(own, Mapping):
         return (
             isinstance(stated, Mapping)

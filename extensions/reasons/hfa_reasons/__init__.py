@@ -1,1 +1,1 @@
-"""Why a critic is wrong: the mistake, or the other game, which its numbers show."""
+"""Reasons why a critic is wrong: the mistake, or the other game, that explains its numbers."""

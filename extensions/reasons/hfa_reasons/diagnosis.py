@@ -139,7 +139,8 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
 
 
 def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
-    """Whether the entries, and not their norm alone, are near the values of the hypothesis."""
+    """Return whether the entries, and not their norm alone, are near the values of the
+    hypothesis."""
     errors = view.entry_errors(hypothesis)
     right = np.count_nonzero(errors <= demands.entry)
     return bool(right >= demands.share * len(errors))
@@ -386,7 +387,7 @@ def _of_network(
 
 
 def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> Iterator[Cause]:
-    """Whether the network is right where it is read otherwise."""
+    """Yield the causes by which the network is right if it is read otherwise."""
     views = [
         _network_views(exact, Answer(critic.P, critic.K), critic, box)[0],
         _network_views(exact, nearest_linear(game, critic, box), critic, box)[0],

@@ -72,7 +72,7 @@ class View(NamedTuple):
 
     @property
     def known(self) -> int:
-        """How many numbers the critic has to match."""
+        """Number of values that the critic has to match."""
         return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
 
     def entry_errors(self, hypothesis: Hypothesis) -> np.ndarray:

@@ -63,8 +63,8 @@ def named(
 
 
 def wrong(game: Game, candidate: Critic) -> bool:
-    """Whether its errors refuse it, which `test_critic_check.py` and `test_network_search.py` turn into
-    the verdict."""
+    """Return whether its errors refuse it, which `test_critic_check.py` and
+    `test_network_search.py` turn into the verdict."""
     return not all(check.ok for check in critic_errors(game, candidate, solved(game), LIMIT))
 
 

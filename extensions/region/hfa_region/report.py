@@ -106,7 +106,7 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
 
 
 def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple[str, ...]:
-    """How near to the printed K the one that the user gave is."""
+    """Return the difference of the user's K from the printed one, in words."""
     if "policy" in not_given or not statement.loop.inputs:
         return ()
     return (
@@ -176,7 +176,7 @@ def _policy(statement: RegionStatement) -> tuple[str, ...]:
 def _extents(
     statement: RegionStatement, reaches: Mapping[str, tuple[float, float]]
 ) -> tuple[Table, str]:
-    """How far the set reaches, and that this is no box."""
+    """Return the extents of the set, which do not form a box."""
     model = statement.loop.model
     rows = []
     for name, (low, high) in reaches.items():

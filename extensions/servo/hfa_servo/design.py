@@ -78,7 +78,7 @@ class OutputWeight(NamedTuple):
 
 
 class Following(NamedTuple):
-    """How commands are to be followed: weights of squares in the cost.
+    """Weights of the squared errors of followed commands in the cost.
 
     outputs: commanded output -> weight of its error
     rates: input -> weight of its rate

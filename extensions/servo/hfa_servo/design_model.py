@@ -236,7 +236,7 @@ def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
 
 
 def _full_rank(rows: np.ndarray) -> bool:
-    """Whether the rows are independent by more than rounding, whatever the units of rows and
+    """Return whether the rows are independent by more than rounding, whatever the units of rows and
     columns."""
     scaled = rows.copy()
     for axis in (1, 0, 1, 0, 1):

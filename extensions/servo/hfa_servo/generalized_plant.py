@@ -578,7 +578,8 @@ def _response_difference(one: Controller, other: Controller) -> float:
 
 
 def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
-    """Whether the conditions for a controller hold, and the first that does not; no certificates.
+    """Return whether the conditions for a controller hold, and the first that does not; no
+    certificates.
 
     Source: Zhou, Doyle and Glover, Theorem 17.1."""
     if not delta > plant.floor * (1.0 + SHARP):
@@ -607,7 +608,7 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
 
 
 def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
-    """Whether ρ(XY) < δ², given that X and Y exist.
+    """Return whether ρ(XY) < δ², given that X and Y exist.
 
     With the bases [X1; X2] and [Y1; Y2] of the stable subspaces that is
     [[X1'X2, X2'Y2/δ], [Y2'X2/δ, Y1'Y2]] > 0, whose signs are seen where X or Y is too large.
@@ -636,7 +637,7 @@ def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
 def _coupling_by_radius(
     forms: list[NormalForm], X: np.ndarray, Y: np.ndarray, delta: float
 ) -> Answer:
-    """Whether ρ(XY) < δ² by more than the error of ρ.
+    """Return whether ρ(XY) < δ² by more than the error of ρ.
 
     ρ(XY) = max a'X a over the a with a a' <= Y, and to first order a change of X adds a'(dX)a at
     the greatest; b = X a ρ^-½ does the same for Y."""
@@ -654,7 +655,8 @@ def _coupling_by_radius(
 
 
 def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> bool:
-    """Whether the controller of X and Y is seen to keep the gain below δ, however large the errors
+    """Return whether the controller of X and Y is seen to keep the gain below δ, however large the
+    errors
     of X and Y: then every condition holds."""
     try:
         controller = central_controller(plant, X, Y, delta)

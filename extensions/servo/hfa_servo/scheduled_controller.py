@@ -399,7 +399,7 @@ def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | 
 
 
 def _is_controller(content: Mapping[str, Any]) -> bool:
-    """Whether arrays that were read are those of `save_controller`."""
+    """Return whether arrays that were read are those of `save_controller`."""
     return str(content.get("schema", "")) == SCHEMA
 
 

@@ -1,4 +1,4 @@
-"""How well a controller followed its commands."""
+"""Errors of a controller from its commands."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class StoredSweep(Result, Reported):
     warnings: Sequence[str]
 
     def report(self) -> Report:
-        """How many points have which status."""
+        """Return the number of points with each status."""
         rows = [(status, str(count)) for status, count in self.counts.items()]
         return Report(
             title=f"Sweep over {', '.join(self.plan.variables)}, {self.plan.model.title}, "

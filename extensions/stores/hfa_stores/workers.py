@@ -1,4 +1,4 @@
-"""Where independent tasks run: in this process, in child processes, or on a Dask cluster."""
+"""Workers for independent tasks: this process, child processes, or a Dask cluster."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ class RowJob(NamedTuple):
 
     @property
     def chunks(self) -> int:
-        """How many chunks there are."""
+        """Number of chunks."""
         return -(-self.rows // self.chunk)
 
     @property
@@ -176,7 +176,7 @@ def open_store(path: Path) -> Any:
 
 
 class Place(NamedTuple):
-    """Where a chunk belongs.
+    """Place of a chunk.
 
     number: of the chunk.
     path: of the store; None where the rows are given back instead.
@@ -410,7 +410,7 @@ def _missing_chunks(path: Path, job: RowJob) -> list[int]:
 
 
 def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
-    """Whether every array's chunk has the checksum that was written with it."""
+    """Return whether every array's chunk has the checksum that was written with it."""
     rows = job.rows_of(place.number)
     try:
         stored = group[_CHECKSUM][place.number].tolist()
@@ -421,7 +421,7 @@ def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
 
 
 def _is_written(folder: Path, array: Any, number: int) -> bool:
-    """Whether an array has a chunk, which spans its other axes."""
+    """Return whether an array has a chunk, which spans its other axes."""
     indices = (number, *(0 for _ in array.shape[1:]))
     return (folder / array.metadata.encode_chunk_key(indices)).is_file()
 

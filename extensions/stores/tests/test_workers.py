@@ -25,7 +25,7 @@ def _die(value: int) -> int:
 
 
 def _gone() -> bool:
-    """Whether no child process is left, within five seconds."""
+    """Return whether no child process is left, within five seconds."""
     end = time.monotonic() + 5.0
     while multiprocessing.active_children() and time.monotonic() < end:
         time.sleep(0.02)

@@ -32,7 +32,7 @@ def random_games(number: int) -> Iterator[Game]:
 
 
 def verdict(game: Game) -> bool | None:
-    """Whether a game has a value; None where that is open."""
+    """Return whether a game has a value; None where that is open."""
     return existence(NormalForm.of(game)).exists
 
 
@@ -70,7 +70,7 @@ def test_copies_agree_whether_a_value_exists() -> None:
 
 @pytest.mark.slow
 def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
-    """Whether a game has a value is the same of ten thousand copies."""
+    """Ten thousand copies of a game agree on the existence of its value."""
     changed = changed_verdicts(random_games(250), 20)
     assert changed["copies"] == 20_000
     assert changed["changed"] == 0

@@ -82,7 +82,7 @@ def lowered(powers: tuple[int, ...], index: int) -> tuple[int, ...]:
 
 
 def is_exact(coefficient: float, powers: Sequence[int]) -> bool:
-    """Whether the products of a coefficient with its powers are doubles."""
+    """Return whether the products of a coefficient with its powers are doubles."""
     return all(Fraction(power) * Fraction(coefficient) == power * coefficient for power in powers)
 
 
@@ -265,7 +265,7 @@ class CostInequality:
         return b, H.reshape(shape), by_column
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
-        """Which boxes do not meet the envelope."""
+        """Return the mask of the boxes that do not meet the envelope."""
         N, off = self.inverse
         centres = boxes.centres @ N.T
         reach = (
@@ -279,13 +279,14 @@ class CostInequality:
         return np.asarray(beyond.any(axis=1))
 
     def within(self, place: np.ndarray) -> bool:
-        """Whether a place is in the set, in doubles."""
+        """Return whether a place is in the set, in doubles."""
         low, high = self.plant.ends(self.plant.states).T
         x = self.equilibrium.x[: self.n] + self.inverse[0] @ place
         return bool(np.all((low <= x) & (x <= high)) and self.W.at(place[None])[0] <= self.c)
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Which boxes are neither outside the set nor proved; RefutedError where g < 0."""
+        """Return the mask of the boxes neither outside the set nor proved; RefutedError where g <
+        0."""
         with np.errstate(all="ignore"):
             return self._undecided(boxes)
 
@@ -310,7 +311,7 @@ class CostInequality:
         return left
 
     def _is_beyond(self, boxes: Boxes) -> np.ndarray:
-        """Which boxes have W > c everywhere."""
+        """Return the mask of the boxes with W > c everywhere."""
         linear = np.zeros((self.n, 1 + self.n, len(boxes.centres)))
         linear[:, 0] = boxes.centres.T
         linear[np.arange(self.n), np.arange(1, self.n + 1)] = boxes.half_widths.T
@@ -411,7 +412,8 @@ class CostInequality:
         return np.asarray(np.sqrt(np.sum(b**2 / curvature) / curvature) * (1.0 + 1e-9))
 
     def _is_convex(self, box: Boxes, radii: np.ndarray) -> bool:
-        """Whether the Hessian of g in (z, v) is positive definite on a box with |v_i| <= radii."""
+        """Return whether the Hessian of g in (z, v) is positive definite on a box with |v_i| <=
+        radii."""
         n, m = self.n, self.m
         linear, radius = self._inputs(box, Guess(np.zeros((1, m)), np.zeros((1, m, n))))
         radius[2 * n : 2 * n + m] = radii[:, None]

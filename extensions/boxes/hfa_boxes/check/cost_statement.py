@@ -114,7 +114,8 @@ class CostStatement:
 
 
 def is_semidefinite(S: np.ndarray) -> bool:
-    """Whether a symmetric matrix of doubles is positive semidefinite, by exact elimination."""
+    """Return whether a symmetric matrix of doubles is positive semidefinite, by exact
+    elimination."""
     rows = [[Fraction(value) for value in row] for row in S.tolist()]
     n = len(rows)
     for k in range(n):

@@ -101,7 +101,7 @@ class Question(Protocol):
         """Boxes -> which do not meet the set."""
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Which boxes have to be halved; RefutedError at a place where the answer is no."""
+        """Return the mask of the boxes to halve; RefutedError at a place where the answer is no."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ class Inequality:
     within: Callable[[np.ndarray], bool]
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Which boxes are not proved; RefutedError at a place where a function is negative."""
+        """Return the mask of the boxes not proved; RefutedError where a function is negative."""
         models = self.over(boxes.centres, boxes.half_widths)
         proved = lowest(models, self.n) > 0.0
         if self.hole is not None:
@@ -143,13 +143,13 @@ def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray
 
 
 def outside_ball(boxes: Boxes) -> np.ndarray:
-    """Which boxes do not meet the unit ball."""
+    """Return the mask of the boxes that do not meet the unit ball."""
     nearest = np.maximum(np.abs(boxes.centres) - boxes.half_widths, 0.0)
     return np.asarray(np.sum(nearest * nearest, axis=1) > _OUTSIDE)
 
 
 def in_ball(place: np.ndarray) -> bool:
-    """Whether a place is in the unit ball."""
+    """Return whether a place is in the unit ball."""
     return bool(place @ place <= 1.0)
 
 

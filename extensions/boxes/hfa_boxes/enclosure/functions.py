@@ -317,7 +317,7 @@ def _atan_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 
 
 class Enclosed(NamedTuple):
-    """How a kind of node is enclosed: one or both of curve and line, and its slopes."""
+    """Enclosure of a kind of node: one or both of curve and line, and its slopes."""
 
     curve: Callable[[Ranges], Parabola] | None
     line: Callable[[Ranges], Parabola] | None

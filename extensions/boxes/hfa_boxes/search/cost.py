@@ -238,7 +238,8 @@ class CostSearch:
                 beyond *= _FURTHER
 
     def _beyond(self, c: float) -> float:
-        """How far beyond the level z'P z goes, farther where flights cost less than z'P z."""
+        """Return the factor by which z'P z goes beyond the level, larger where flights cost
+        less."""
         z, costs = self._flights
         near = (costs > 0.3 * c) & (costs <= c)
         ratios = self._problem.linear_cost(z[near]) / costs[near]

@@ -71,7 +71,7 @@ class CostProblem:
         return np.asarray(np.einsum("ki,ij,kj->k", z, self.P, z))
 
     def in_envelope(self, z: np.ndarray) -> np.ndarray:
-        """Which deviations (N, n) are within the limits of states."""
+        """Return the mask of the deviations (N, n) within the limits of states."""
         low, high = self.plant.ends(self.plant.states).T
         x = z + self.equilibrium.x[: z.shape[1]]
         return np.asarray(np.all((low <= x) & (x <= high), axis=1))

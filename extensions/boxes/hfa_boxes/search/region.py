@@ -286,7 +286,7 @@ class Samples:
 
 
 def flown(samples: Samples, J: np.ndarray, place: np.ndarray, region: BoxRegion) -> str:
-    """Where a flight from a deviation (n,) ends, in words; J: Jacobian of the loop."""
+    """Return the end of a flight from a deviation (n,), in words; J: Jacobian of the loop."""
     modes = np.linalg.eigvals(J)
     seconds = 10.0 / float(np.min(np.abs(modes.real)))
     P = region.statement.P

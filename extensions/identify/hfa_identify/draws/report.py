@@ -1,4 +1,4 @@
-"""What `--draws N` adds to the reports of trim, linearize, solve and verify."""
+"""Part of `--draws N` in the reports of trim, linearize, solve and verify."""
 
 from __future__ import annotations
 

@@ -65,12 +65,12 @@ class Draws(Result):
 
     @property
     def ok(self) -> bool:
-        """Whether every aircraft has a trim, and the gain stabilizes it."""
+        """True if every aircraft has a trim, and the gain stabilizes it."""
         return self.trimmed == self.count and self.stable in (None, self.count)
 
     @property
     def first_line(self) -> str:
-        """How many aircraft, and what the gain costs at most."""
+        """Return the number of aircraft and the largest cost of the gain, in one line."""
         aircraft = f"of {self.count} aircraft that the parameters allow"
         if self.stable is None:
             return f"trimmed: {self.trimmed} {aircraft}"

@@ -56,17 +56,17 @@ class Layer(NamedTuple):
 
     @property
     def is_linear(self) -> bool:
-        """Whether it is no LayerNorm."""
+        """True if it is no LayerNorm."""
         return self.weight.ndim == 2
 
     @property
     def inputs(self) -> int:
-        """How many numbers it takes."""
+        """Number of inputs."""
         return self.weight.shape[-1]
 
     @property
     def outputs(self) -> int:
-        """How many numbers it gives."""
+        """Number of outputs."""
         return len(self.weight)
 
 
@@ -340,8 +340,8 @@ def _unknown_place(norm: Layer) -> BadInputError:
 
 
 def _follows(before: Layer, layer: Layer) -> bool:
-    """Whether the numbers in their names leave no place between them: in a torch.nn.Sequential an
-    activation takes a number too."""
+    """Return whether the numbers in their names leave no place between them: in a
+    torch.nn.Sequential an activation takes a number too."""
     numbers = _numbers(before)
     numbers[-1:] = [number + 1 for number in numbers[-1:]]
     return _kind(before) == _kind(layer) and numbers == _numbers(layer)

@@ -548,8 +548,8 @@ def _refuse_unread(
 
 
 def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int:
-    """How many numbers an operator gives, before they are made; of those that give no more than
-    they take, 0."""
+    """Return the size of an operator's result before it is computed; 0 if it is no larger than the
+    input."""
     if name in _SIZES:
         return _SIZES[name](*inputs, **attributes)
     shapes = [np.shape(array) for array in inputs if array is not None]

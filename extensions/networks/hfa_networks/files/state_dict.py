@@ -204,7 +204,7 @@ def _is_of_critic(name: str) -> bool:
 
 
 def _is_spread(name: str) -> bool:
-    """Whether it is of the standard deviation of a random action."""
+    """Return whether it is of the standard deviation of a random action."""
     words = _words(name)
     modules = name.split(".")
     is_std = modules[-1] in ("std", "std_param") and ["", *modules][-2] in _WITH_SPREAD
@@ -212,8 +212,8 @@ def _is_spread(name: str) -> bool:
 
 
 def _has_word(name: str, part: str) -> bool:
-    """Whether one of the words of "word+word" is in a name; a number only as its first word, where
-    it is the place in a tuple."""
+    """Return whether one of the words of "word+word" is in a name; a number only as its first word,
+    where it is the place in a tuple."""
     for word in part.split("+"):
         is_first = f".{name}.".startswith(f".{word}.")
         if word and (is_first or (not word.isdigit() and f".{word}." in f".{name}.")):

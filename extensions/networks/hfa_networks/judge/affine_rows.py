@@ -141,7 +141,7 @@ class _Reader:
         return {self._node("step", row): _ONE}
 
     def _has_both_sides(self, step: Row, total: Row) -> bool:
-        """Whether a row is the step of some t, and another that and the step of -t."""
+        """Return whether a row is the step of some t, and another that and the step of -t."""
         others = _plus(total, step, -_ONE)
         arguments = []
         for row in (step, others):

@@ -71,7 +71,7 @@ class Loop(Protocol):
 
     @property
     def rest(self) -> np.ndarray | None:
-        """Where it comes to rest near z = 0, (n,); None for nowhere."""
+        """Return the equilibrium near z = 0, (n,); None if there is none."""
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """The end less the rest point, (n,), and the cost; None where V* about the rest point has
@@ -90,7 +90,7 @@ class TimeAxis(Protocol):
         """(m, m), of u - u*."""
 
     def is_stable(self, K: np.ndarray) -> bool:
-        """Whether A - B K is stable."""
+        """Return whether A - B K is stable."""
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
         """X (n, n): under w = L* z, u = -K z costs z'Xz more than V*; None where that loop is not
@@ -116,7 +116,7 @@ class InTime:
         self.price = game.R
 
     def is_stable(self, K: np.ndarray) -> bool:
-        """Whether A - B K is Hurwitz."""
+        """Return whether A - B K is Hurwitz."""
         return bool(spectrum(self._game.A - self._game.B @ K).abscissa < 0.0)
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
@@ -158,7 +158,7 @@ class InSteps:
         self.steps = min(math.ceil(DECAY / decay), _MOST_STEPS)
 
     def is_stable(self, K: np.ndarray) -> bool:
-        """Whether A - B K has its eigenvalues within the unit circle."""
+        """Return whether A - B K has its eigenvalues within the unit circle."""
         return _radius(self._exact.game.A - self._exact.game.B @ K) < 1.0
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
@@ -336,7 +336,7 @@ def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
 
 
 def rest_check(rest: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
-    """Whether the loop comes to rest at trim."""
+    """Return the check of the distance of the loop's equilibrium from the trim."""
     if rest is None:
         return at_most("rest_point", math.inf, limit, "no equilibrium near trim", kind="rest")
     distance = float((np.abs(rest) / b).max())

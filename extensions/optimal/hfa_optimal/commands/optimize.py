@@ -118,7 +118,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         return replace(self, at=at, hold={**self.hold, **held})
 
     def begin(self, problem: FlightProblem) -> Mapping[str, float] | OperatingPoint:
-        """Where the flight begins: a trim, or deviations from the one that it ends in."""
+        """Return the begin of the flight: a trim, or deviations from the one that it ends in."""
         if self.to:
             return self.operating_point(problem.model)
         return self.deviations or {}

@@ -182,7 +182,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         ]
 
     def is_rough(self) -> bool:
-        """Whether flights meet noise, a gust or turbulence."""
+        """Return whether flights meet noise, a gust or turbulence."""
         return bool(self.noise) or self.turbulence is not None or self.gust is not None
 
     def scenario_at(self, point: OperatingPoint) -> Scenario:

@@ -78,8 +78,8 @@ def pivots(values: arb_mat) -> list[arb] | None:
 
 
 def is_positive_definite(values: arb_mat) -> bool:
-    """Whether every symmetric matrix in the matrix of balls is positive definite; False also where
-    that is not decided."""
+    """Return whether every symmetric matrix in the matrix of balls is positive definite; False also
+    where that is not decided."""
     diagonal = pivots(values)
     return diagonal is not None and all(pivot > 0 for pivot in diagonal)
 

@@ -1,4 +1,4 @@
-"""Whether evidence reaches everywhere that a statement does, decided in one place."""
+"""Coverage of a statement by its evidence, decided in one place."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _check_ends(what: str, box: Box, coordinates: int) -> None:
 
 
 def _meets(box: Box, part: Box) -> bool:
-    """Whether the two share more than a face of the part."""
+    """Return whether the two share more than a face of the part."""
     for (low, high), (least, most) in zip(box, part, strict=True):
         if least == most and not low <= least <= high:
             return False
@@ -60,7 +60,7 @@ def _meets(box: Box, part: Box) -> bool:
 
 
 def _holds(box: Box, part: Box) -> bool:
-    """Whether all of the part lies in the box."""
+    """Return whether all of the part lies in the box."""
     pairs = zip(box, part, strict=True)
     return all(low <= least and most <= high for (low, high), (least, most) in pairs)
 

@@ -25,7 +25,7 @@ from hfa_proof.checker.witness import Line, Piece
 
 
 def modes_right_of(A: TaylorModel, line: Line) -> int:
-    """How many eigenvalues of every A lie right of -rate; none lies on it. Rejected unless
+    """Return the number of eigenvalues of every A right of -rate; none lies on it. Rejected unless
     proved."""
     H = matrix(line.H)
     turn = matrix(line.turn)

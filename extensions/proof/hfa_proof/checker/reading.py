@@ -70,7 +70,7 @@ class Fields:
         self._remaining: dict[str, Any] = dict(content)
 
     def has(self, name: str) -> bool:
-        """Whether the entry is there and not yet taken."""
+        """Return whether the entry is there and not yet taken."""
         return name in self._remaining
 
     def close(self) -> None:

@@ -521,7 +521,7 @@ def _content(value: Any) -> Any:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Which model it is, over which variable, and the units of all numbers."""
+    """Return the model's identity, the variable, and the units of all numbers."""
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],

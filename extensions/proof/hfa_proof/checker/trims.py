@@ -96,7 +96,7 @@ def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dic
 
 
 def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]) -> list[arb]:
-    """How far the trim lies from the polynomials of a box, a ball for each unknown.
+    """Return the distance of the trim from the polynomials of a box, a ball for each unknown.
 
     residual: of the trim equations at the polynomials
     linear: slopes of the equations on the box

@@ -40,7 +40,7 @@ _OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", "glide", *OF_THE_TRIM)
 
 
 def names_aircraft(request: PlantOptions) -> bool:
-    """Whether the options name an aircraft, with its parameters and limits."""
+    """Return whether the options name an aircraft, with its parameters and limits."""
     return any(name in request.typed for name in _OF_THE_AIRCRAFT)
 
 

@@ -53,7 +53,7 @@ class Box(NamedTuple):
 
     @property
     def middle(self) -> float:
-        """Where it is cut."""
+        """Middle, at which it is divided."""
         return (self.low + self.high) / 2
 
 

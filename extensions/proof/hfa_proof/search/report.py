@@ -182,7 +182,7 @@ def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) ->
 
 
 def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -> list[str]:
-    """Where the loop is unstable, open or stable, and how sharp that is.
+    """Return the intervals where the loop is unstable, open or stable, in sentences.
 
     statement: of the loop
     stable: whether no run has an unstable mode, or may have one

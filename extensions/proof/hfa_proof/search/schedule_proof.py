@@ -198,7 +198,7 @@ class ScheduleSearch:
                 self.boxes["modes"].append(ProvedBox(box, least, most, line.rate, content))
 
     def prove_motion(self, progress: Progress | None) -> None:
-        """How fast the scheduling value may move, if anything is proved of it."""
+        """Prove a rate up to which the scheduling value may move; None if nothing is proved."""
         search = MotionSearch(self)
         for rate in search.suggested_rates():
             boxes = search.boxes(rate, progress)

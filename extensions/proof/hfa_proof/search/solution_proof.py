@@ -366,8 +366,8 @@ def prove_critic(
     family: Family | None = None,
     scheduling_value: float | None = None,
 ) -> Proof:
-    """How far W, P and K of a critic are from the exact ones, and whether its gain makes A - B K
-    Hurwitz; `proved` if it does.
+    """Prove the distance of a critic's W, P and K from the exact ones, and that A - B K is Hurwitz;
+    `proved` if it does.
 
     BadInputError for a network, about which nothing is proved."""
     if critic.network:
@@ -411,7 +411,7 @@ def prove_critic(
 
 
 def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
-    """Whether K follows from the critic's P and W, as the checker decides it."""
+    """Return whether K follows from the critic's P and W, as the checker decides it."""
     if len(parts) == 1:
         return False
     try:

@@ -1,4 +1,4 @@
-"""How far a proved set reaches, computed from V, rho and the ball."""
+"""Extents of a proved set, computed from V, rho and the ball."""
 
 from __future__ import annotations
 

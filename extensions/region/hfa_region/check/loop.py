@@ -36,7 +36,8 @@ _Term = tuple[arb, tuple[int, ...]]
 
 
 class Equilibrium:
-    """Where the loop rests without disturbances: F(x) = f(x, u0 - K (x - x0) + q(x - x0), 0) = 0.
+    """Equilibrium of the loop without disturbances: F(x) = f(x, u0 - K (x - x0) + q(x - x0), 0) =
+    0.
 
     x: (n,), balls
     u: (m,), balls, strictly between the limits
@@ -56,7 +57,8 @@ class Equilibrium:
         self._check_near()
 
     def room(self, name: str) -> tuple[arb | None, arb | None]:
-        """How far an input is above its lowest and below its highest value; None without limit."""
+        """Return the distances of an input from its lowest and highest value; None without
+        limit."""
         low, high = self.loop.limits.get(name, (-np.inf, np.inf))
         value = self.u[list(self.loop.inputs).index(name)]
         below = value - exact(low) if np.isfinite(low) else None
@@ -195,7 +197,7 @@ class RegionLoop:
         return self._commands[index]
 
     def reaches(self, name: str) -> tuple[bool, bool]:
-        """Whether an input may reach its lowest and its highest value on the unit ball."""
+        """Return whether an input may reach its lowest and its highest value on the unit ball."""
         index = list(self.statement.loop.inputs).index(name)
         most = sum(self.command(index).norms(), arb(0))
         low, high = self.equilibrium.room(name)

@@ -137,7 +137,7 @@ class RegionStatement:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Which model it is, the order of its states and inputs, and the units of all numbers."""
+    """Return the model's identity, the order of its states and inputs, and the units."""
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],

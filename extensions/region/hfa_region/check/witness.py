@@ -26,7 +26,7 @@ _HIGHEST_ORDER = 12
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Where each input is free or at a limit and each disturbance is at an end.
+    """Part of the set: each input free or at a limit, each disturbance at an end.
 
     inputs: input -> `FREE`, `LOWEST`, `HIGHEST`, then disturbance -> `LOWEST`, `HIGHEST`; where
         there is nothing of the set also `ANY`

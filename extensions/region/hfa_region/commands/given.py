@@ -121,7 +121,7 @@ def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 
 
 def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
-    """Whether the polynomials of each input have the same monomials and about the same
+    """Return whether the polynomials of each input have the same monomials and about the same
     coefficients."""
     if set(stated) != set(own):
         return False

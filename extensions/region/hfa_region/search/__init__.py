@@ -1,1 +1,1 @@
-"""How large a region and its proof are found; nothing here is believed."""
+"""Search for a large region and its proof; the checker does not rely on it."""

@@ -239,7 +239,7 @@ class _Search:
         self._gap = sum(float(np.sum(cone.Q * cone.Z)) for cone in self._cones)
 
     def done(self, enough: Enough) -> bool:
-        """Whether the least cost is found, or enough."""
+        """Return whether the least cost is found, or enough."""
         solved = self.missing < self._tolerance
         bounded = self._unbounded < 10.0 * _TOLERANCE
         if solved and bounded and self._gap < _TOLERANCE:

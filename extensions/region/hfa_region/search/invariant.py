@@ -196,8 +196,8 @@ def _bisected(
 def _falls(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, level: float
 ) -> tuple[bool, np.ndarray | None]:
-    """Whether V' < 0 and the limits hold where a level was sampled; where V' is largest, if it is
-    not negative there."""
+    """Return whether V' < 0 and the limits hold where a level was sampled; where V' is largest, if
+    it is not negative there."""
     points = edge_points(V, T, level) @ T.T
     if not len(points):
         return False, None

@@ -37,7 +37,7 @@ _INFLATIONS = (1.001, 1.01, 1.03, 1.07, 1.15, 1.3)
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """How a proof is tried.
+    """Settings of an attempt at a proof.
 
     order: of the Taylor polynomials
     half: highest degree of the monomials of the Gram matrices of V'
@@ -155,8 +155,8 @@ class LevelSearch:
         return [(LEVEL, ONE.scaled(share) + self.V_terms.scaled(-1.0))]
 
     def holds(self, share: float) -> bool:
-        """Whether V' < 0 is found on every part of {V <= share rho}; the part that refused last is
-        tried first."""
+        """Return whether V' < 0 is found on every part of {V <= share rho}; the part that refused
+        last is tried first."""
         for index, part in enumerate(self.parts):
             if self.decrease(part, share, _ENOUGH) is None:
                 self.parts.insert(0, self.parts.pop(index))
@@ -299,9 +299,9 @@ def _linear_limits(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Polyn
 
 
 def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
-    """Whether a point of the unit ball is in a part, as far as its limits are linear: the shortest
-    y with G y >= h, by non-negative least squares (Lawson and Hanson, Solving Least Squares
-    Problems, chapter 23)."""
+    """Return whether a point of the unit ball is in a part, as far as its limits are linear: the
+    shortest y with G y >= h, by non-negative least squares (Lawson and Hanson, Solving Least
+    Squares Problems, chapter 23)."""
     rows = []
     sides = []
     for polynomial in _linear_limits(ball, done).values():

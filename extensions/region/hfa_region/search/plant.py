@@ -152,18 +152,18 @@ class Plant:
         return ca.Function("rates", [z], [self._function(z)[0]])
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Which of many deviations (N, n) are beyond a limit, those of outputs by their slopes at
-        the trim."""
+        """Return the mask of the deviations (N, n) beyond a limit; outputs by their slopes at the
+        trim."""
         signals = z @ self.limited_rows.T
         low, high = self.room.T
         return ~np.all((signals >= low) & (signals <= high), axis=1)
 
     def diverged(self, z: np.ndarray) -> np.ndarray:
-        """Which of many deviations (N, n) are `_FAR` away or without number."""
+        """Return the mask of the deviations (N, n) `_FAR` away or not finite."""
         return ~np.all(np.abs(z) <= _FAR * self.nominal, axis=1)
 
     def away(self, z: np.ndarray) -> np.ndarray:
-        """Which of many deviations (N, n) are beyond a limit or have diverged."""
+        """Return the mask of the deviations (N, n) beyond a limit or diverged."""
         return self.beyond(z) | self.diverged(z)
 
     def rates(self, z: np.ndarray) -> np.ndarray:
@@ -237,7 +237,7 @@ def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) ->
 
 
 def _rises(plant: Plant, slope: ValueOf, points: np.ndarray) -> np.ndarray:
-    """Where V' >= 0, or where the rates are no numbers."""
+    """Return the mask of the points with V' >= 0 or with rates that are not numbers."""
     with np.errstate(all="ignore"):
         falls = np.sum(slope(points) * plant.rates(points), axis=1) < 0.0
     return ~falls

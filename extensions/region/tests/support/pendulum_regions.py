@@ -78,7 +78,7 @@ def read_and_check(content: dict[str, Any], model: Model) -> int:
 
 
 def passes(content: dict[str, Any], model: Model) -> bool:
-    """Whether the checker accepts content, a digest set aside."""
+    """Return whether the checker accepts content, a digest set aside."""
     try:
         read_and_check(content, model)
     except NOT_PROVED:
