@@ -31,7 +31,7 @@ class AircraftReader(Protocol):
 @checks_arguments
 def load_model(text: str) -> Model:
     """The Model of `FILE.py:NAME` or `package.module:NAME`, which is executed, or of a scheme or
-    suffix that a package reads (`hfa_support.entry_points.AIRCRAFT`), as `jsbsim:NAME`.
+    suffix that a package reads (`hfa_support.entry_points.AIRCRAFT`), as `scheme:NAME`.
 
     BadInputError names the file and its fault.
 
@@ -87,7 +87,7 @@ def _loaded(model: Model, text: str, digest: str) -> Model:
 
 
 def forms_of_packages() -> list[str]:
-    """The forms in which packages read aircraft: first jsbsim:NAME and others, then FILE.xml."""
+    """The forms in which packages read aircraft: schemes first, then suffixes."""
     names = sorted(offered(AIRCRAFT), key=lambda name: name.startswith("."))
     return [f"FILE{name}" if name.startswith(".") else f"{name}:NAME" for name in names]
 

@@ -64,6 +64,12 @@ def part(group: str, name: str, what: str) -> Any:
     return loaded(offered(group)[name])
 
 
+def about_part(name: str) -> str:
+    """The words with which a package explains its part of a command; "" without any."""
+    told = offered(PARTS).get(f"about.{name}")
+    return "" if told is None else str(loaded(told))
+
+
 def _package(entry: EntryPoint) -> str:
     """The distribution that an entry point belongs to, in words."""
     return f"the package {entry.value if entry.dist is None else entry.dist.name}"

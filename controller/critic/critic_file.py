@@ -117,7 +117,7 @@ def read_critic(
 ) -> Critic:
     """The critic of a file of matrices or weights, or of a network; of a history the last row.
 
-    path: .npz, .mat, .json, .csv, or a suffix that an installed package reads (.pt, .onnx, .zip).
+    path: .npz, .mat, .json, .csv, or a suffix that an installed package reads.
     game: whose states and inputs the critic has.
     basis: of weights: a name, or a list of functions; as the file says, else "quadratic".
     network: which part of a network's file is what, as `from_network` takes it.

@@ -29,7 +29,7 @@ from hfa.options.trims import (
 )
 from hfa.options.workers import WorkersOptions
 from hfa.output import ProgressLine, print_report, show
-from hfa_support.entry_points import PARTS, part
+from hfa_support.entry_points import PARTS, about_part, loaded, offered
 from hfa_support.errors import BadInputError
 from hfa_support.files import regular_file
 from trim.point.condition import TrimCondition
@@ -39,11 +39,28 @@ from trim.sweeps.sweep_plan import SweepPlan
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Suffixes of a store and of a unit of the models between the points; options that only a store
-#: has.
-STORE = ".zarr"
-UNIT = ".fmu"
+#: Options that only a store has.
 OF_A_STORE = ("workers", "resume")
+#: Parts that write a finished sweep into a file, and those that compute one in a store, as
+#: sweep.file.SUFFIX and sweep.store.SUFFIX.
+FILE = "sweep.file"
+STORE = "sweep.store"
+
+
+def _suffixes(kind: str) -> tuple[str, ...]:
+    """Suffixes that installed packages write. kind: FILE or STORE"""
+    names = (name for name in offered(PARTS) if name.startswith(f"{kind}."))
+    return tuple(name.removeprefix(kind) for name in names)
+
+
+def _purpose() -> str:
+    """Use of these suffixes."""
+    said = [
+        f"{suffix}: {about_part(f'{kind}{suffix}')}"
+        for kind in (FILE, STORE)
+        for suffix in _suffixes(kind)
+    ]
+    return f" ({'; '.join(said)})" if said else ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,12 +82,12 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         rare=True,
     )
     picture: Path | None = picture_option("the root locus")
-    output: Path | None = output_option(STORE, UNIT)
+    output: Path | None = output_option(*_suffixes(FILE), stores=_suffixes(STORE), purpose=_purpose)
 
     @property
     def stored(self) -> bool:
         """True if the points go to a store."""
-        return self.output is not None and self.output.suffix.lower() == STORE
+        return self.output is not None and self.output.suffix.lower() in _suffixes(STORE)
 
     def common_condition(self) -> TrimCondition:
         """Return the condition shared by all points; for a list, without the list's columns."""
@@ -131,13 +148,10 @@ def sweep(request: SweepRequest) -> int:
 
     Every variable of a trim can be swept (--hold speed=60:70:2), and so can every parameter of the
     aircraft (--hold panel_mass=9:11:1). Points without a trim are rows with their reason. Exit code
-    1 when no point has a trim.
-
-    -o FILE.fmu writes interpolated models as an FMU, whose inputs are those of the aircraft and the
-    swept variables. -o FILE.zarr writes a sweep larger than memory to a Zarr store, by several
-    processes or machines (--workers). --resume continues an interrupted sweep."""
+    1 when no point has a trim. --resume continues an interrupted sweep into a store."""
     if not request.stored:
-        request.refuse(OF_A_STORE, f"needs a store; add -o FILE{STORE}")
+        stores = " or ".join(_suffixes(STORE)) or " of a package that writes stores"
+        request.refuse(OF_A_STORE, f"needs a store; add -o FILE{stores}")
         return _in_memory(request)
     request.refuse(("picture",), "is not available with a store")
     return _in_store(request)
@@ -152,8 +166,9 @@ def _in_memory(request: SweepRequest) -> int:
     if request.picture is not None and not result.trimmed.any():
         notes.append(f"nothing to draw: {request.picture} is not written")
         figure = None
-    if output is not None and output.suffix.lower() == UNIT:
-        part(PARTS, "sweep.fmu", f"-o FILE{UNIT}")(result, output, request.provenance)
+    if output is not None and output.suffix.lower() in _suffixes(FILE):
+        write = loaded(offered(PARTS)[f"{FILE}{output.suffix.lower()}"])
+        write(result, output, request.provenance)
         request = replace(request, output=None)
     # The notes go to standard error: the table on standard output stays a table.
     show(replace(report, notes=()), request, figure=figure, notes=notes)
@@ -163,7 +178,8 @@ def _in_memory(request: SweepRequest) -> int:
 def _in_store(request: SweepRequest) -> int:
     target = request.output
     assert target is not None
-    report = part(PARTS, "sweep.zarr", f"-o FILE{STORE}")(
+    fill = loaded(offered(PARTS)[f"{STORE}{target.suffix.lower()}"])
+    report = fill(
         request.plan(),
         target,
         workers=request.workers,

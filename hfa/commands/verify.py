@@ -64,10 +64,10 @@ def _critics(text: str) -> list[Path]:
 def _about_weights(_: Model) -> str:
     """Help of --weights."""
     others = [suffix for suffix in critic_suffixes() if suffix not in MATRIX_FILES]
+    networks = f", or a network of V, dV/dx or u ({' '.join(others)})" if others else ""
     return (
         f"critics to judge: W, P or K, optionally over `time` ({' '.join(MATRIX_FILES)})"
-        f", or a network of V, dV/dx or u ({' '.join(others)}); several files or a folder of"
-        " checkpoints give one table"
+        f"{networks}; several files or a folder of checkpoints give one table"
     )
 
 

@@ -7,7 +7,7 @@ finite number". `quantity` converts degrees; no other module converts typed numb
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -129,9 +129,13 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
     return convert
 
 
-def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
+def output_file(
+    *suffixes: str, folder: bool = False, stores: Sequence[str] = ()
+) -> Callable[[str], Path]:
     """The kind of files with one of the suffixes that can be written; where `folder`, of folders
     without suffix too.
+
+    stores: suffixes of folders that are continued
 
     So a place is refused before anything is computed.
     """
@@ -145,8 +149,8 @@ def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
                     f"{where}: cannot make the folder; choose another, in a folder that exists"
                 )
             return path
-        if path.suffix.lower() not in suffixes:
-            kinds = ", ".join(suffixes)
+        if path.suffix.lower() not in (*suffixes, *stores):
+            kinds = ", ".join((*suffixes, *stores))
             if folder:
                 kinds += ", or a folder, whose name has no suffix"
             raise BadInputError(f"{where}: unknown suffix {path.suffix!r}; use one of {kinds}")
@@ -154,7 +158,7 @@ def output_file(*suffixes: str, folder: bool = False) -> Callable[[str], Path]:
             raise BadInputError(
                 f"{where}: the folder {path.parent} does not exist; create it first"
             )
-        store = path.is_dir() and path.suffix.lower() == ".zarr"
+        store = path.is_dir() and path.suffix.lower() in stores
         if path.exists() and not path.is_file() and not store:
             kind = "a folder" if path.is_dir() else "not a regular file"
             raise BadInputError(f"{where}: it is {kind}; name another")

@@ -21,7 +21,7 @@ from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOp
 from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_model.variants import VARIANTS
-from hfa_support.entry_points import PARTS, loaded, offered, part
+from hfa_support.entry_points import PARTS, about_part, loaded, offered, part
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Matrix, Result
@@ -134,9 +134,13 @@ def _design(model: Model, name: str) -> Any:
     return part(PARTS, "design", "")(name, model)
 
 
-def design_option(
-    about: str = "actuators, integrals, sensors, weights: paper, servo, or a .toml file",
-) -> Any:
+def _about_design(_: Model) -> str:
+    """Help of --design."""
+    names = about_part("design")
+    return f"actuators, integrals, sensors, weights: {f'{names}, or ' if names else ''}a .toml file"
+
+
+def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:
     """The field `design`: of the HFA or the user's own aircraft."""
     return option(about, "NAME", OfModel(_design))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -416,17 +416,23 @@ class JsonOption(Request):
     json: bool = option("print JSON (angles in radians) instead of text")
 
 
-def output_option(*more: str, purpose: str = "") -> Any:
+def output_option(
+    *more: str, stores: Sequence[str] = (), purpose: str | Callable[[], str] = ""
+) -> Any:
     """The field `output` of a request: the file that a command also writes.
 
     more: suffixes that the command accepts besides those of a report
+    stores: those of folders
     purpose: use of these suffixes, for the help
     """
-    suffixes = (*SUFFIXES, *REPORTS)
-    about = f"also write {', '.join(suffixes)}"
-    if more:
-        about += f" or {', '.join(more)}{purpose}"
-    return option(about, "FILE", output_file(*suffixes, *more), names="-o --output")
+    suffixes = (*SUFFIXES, *REPORTS, *more)
+
+    def about(_: Model) -> str:
+        """The suffixes and the use of some."""
+        use = purpose() if callable(purpose) else purpose
+        return f"also write {', '.join((*suffixes, *stores))}{use}"
+
+    return option(about, "FILE", output_file(*suffixes, stores=stores), names="-o --output")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,6 +2,10 @@
 
 from hfa.entry_points import CommandEntry
 
+ABOUT_FMU = (
+    "interpolated models as an FMU, whose inputs are those of the aircraft and the swept variables"
+)
+
 FLY = CommandEntry(
     "flight",
     "simulate a policy on the nonlinear aircraft",

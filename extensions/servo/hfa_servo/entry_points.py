@@ -2,6 +2,8 @@
 
 from hfa.entry_points import CommandEntry
 
+#: Designs that come with the package.
+ABOUT_DESIGN = "paper, servo"
 DESIGN = CommandEntry(
     "flight",
     "a certified controller at every dihedral angle, in one file",

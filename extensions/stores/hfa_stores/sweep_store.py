@@ -113,7 +113,7 @@ def reported_sweep(
     provenance: Mapping[str, Any],
     progress: Progress,
 ) -> Report:
-    """Return the report on `stream_sweep`, the part "sweep.zarr" of `hfa sweep`."""
+    """Return the report on `stream_sweep`, the part "sweep.store.zarr" of `hfa sweep`."""
     dataset = stream_sweep(
         plan, path, workers=workers, resume=resume, provenance=provenance, progress=progress
     )

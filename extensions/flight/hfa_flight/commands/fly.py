@@ -42,7 +42,7 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
         whole(1, _MOST_MEMBERS),
         rare=True,
     )
-    output: Path | None = output_option(".zarr", purpose=" (members)")
+    output: Path | None = output_option(stores=(".zarr",), purpose=" (members)")
     picture: Path | None = picture_option("the flight")
     steps: Path | None = option(
         "your plant in discrete time, simulated from --initial for --duration steps with the "

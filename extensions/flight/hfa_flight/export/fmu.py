@@ -215,5 +215,5 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
 
 
 def write_sweep(sweep: Sweep, path: Path, provenance: Provenance) -> None:
-    """The models between the points of a sweep as an FMU: the part "sweep.fmu" of `hfa sweep`."""
+    """The models between the points of a sweep as an FMU: a part of `hfa sweep`."""
     write_fmu(interpolated_loop(InterpolatedModel(sweep)), path, provenance)
