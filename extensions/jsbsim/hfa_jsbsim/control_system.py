@@ -65,7 +65,11 @@ def _add_component(
     """Let a component set what its name, its <output> and the cases of a distributor name."""
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
-    names += [child.text for child in component.children if child.name == "output"]
+    outputs = [child for child in component.children if child.name == "output"]
+    for output in outputs:
+        if output.text.startswith("-"):
+            raise output.error(f"JSBSim sets no {shortened(output.text)}; take the sign out")
+    names += [output.text for output in outputs]
     for case in component.children if component.name == "distributor" else ():
         names += [child.text for child in case.children if child.name == "property"]
 

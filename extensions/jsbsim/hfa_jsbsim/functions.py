@@ -45,11 +45,12 @@ def _rounded(value: Any) -> Any:
 
 
 def _switch(index: Any, *values: Any) -> Any:
-    """The value whose number is the index, rounded; the last one beyond the end."""
-    chosen = values[-1]
-    for number in range(len(values) - 2, -1, -1):
+    """The value whose number is the index, rounded; no number below 0 and beyond the end, where
+    JSBSim ends."""
+    chosen = ca.SX.nan()
+    for number in range(len(values) - 1, -1, -1):
         chosen = ca.if_else(index + 0.5 < number + 1, values[number], chosen)
-    return chosen
+    return ca.if_else(index < 0.0, ca.SX.nan(), chosen)
 
 
 def _interpolate1d(argument: Any, *pairs: Any) -> Any:
@@ -200,7 +201,8 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
         if child.name != "description"
     ]
     if not fewest <= len(values) <= most:
-        raise element.error(f"<{name}> has {len(values)} values; give {fewest} or more")
+        wanted = str(fewest) if fewest == most else f"{fewest} or more"
+        raise element.error(f"<{name}> has {len(values)} values; give {wanted}")
     return operation(*(ca.SX(value) for value in values))
 
 

@@ -224,6 +224,8 @@ class Properties:
         if name.startswith("-"):
             if name.startswith("--"):
                 raise BadInputError(f"{where}: {shortened(name)} has several signs; give one")
+            if name[1:2].isspace():
+                raise BadInputError(f"{where}: {shortened(name)} has a blank behind its sign")
             return -self.read(name[1:], where)
         key = plain(name)
         if not _NAME.fullmatch(key):

@@ -99,7 +99,11 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             glider(force("LIFT", "<quotient> <v>1</v> </quotient>")),
-            r"glider.xml:\d+: <quotient> has 1 values; give 2 or more",
+            r"glider.xml:\d+: <quotient> has 1 values; give 2",
+        ),
+        (
+            glider(LIFT + REST + force("SIDE", "<p>- aero/beta-rad</p>")),
+            r"glider.xml:\d+: - aero/beta-rad has a blank behind its sign",
         ),
         (
             glider(
@@ -144,6 +148,16 @@ def test_a_fault_is_one_line_with_file_and_line(tmp_path, text, fault):
     message = str(caught.value)
     assert re.search(fault, message)
     assert "\n" not in message
+
+
+def test_a_switch_function_has_no_value_beyond_its_end(tmp_path):
+    """JSBSim ends there, and below 0."""
+    of_speed = "<switch> <quotient> <p>velocities/vt-fps</p> <v>100</v> </quotient> {} </switch>"
+    values = "<v>1</v> <v>2</v> <v>3</v>"
+    model = model_of(tmp_path, glider(LIFT + REST + force("DRAG", of_speed.format(values))))
+    for speed, has_value in ((40.0, True), (240.0, True), (260.0, False), (-10.0, False)):
+        rates = model.rates_at([speed, 0.1, *[0.0] * 7, 1000.0], [0.0] * 3)
+        assert np.isfinite(rates["speed"]) == has_value, speed
 
 
 def test_short_entities_are_text(tmp_path):
