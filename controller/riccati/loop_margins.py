@@ -77,12 +77,14 @@ def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
     leaves = loop.C @ U
 
     def at(frequencies: np.ndarray) -> np.ndarray:
-        states = np.empty((len(frequencies), *enters.shape), dtype=complex)
+        points = 1j * frequencies
+        states = np.empty((*enters.shape, len(points)), dtype=complex)
+        columns = states.reshape(len(T), -1)
         for row in reversed(range(len(T))):
-            known = np.tensordot(states[:, row + 1 :], T[row, row + 1 :], axes=(1, 0))
-            pole = 1j * frequencies - T[row, row]
-            states[:, row] = (enters[row] + known) / pole[:, None]
-        return np.asarray(loop.D + leaves @ states)
+            known = (T[row, row + 1 :] @ columns[row + 1 :]).reshape(states[row].shape)
+            states[row] = (enters[row, :, None] + known) / (points - T[row, row])
+        outputs = (leaves @ columns).reshape(*loop.D.shape, len(points))
+        return np.asarray(loop.D + np.moveaxis(outputs, -1, 0))
 
     return at
 

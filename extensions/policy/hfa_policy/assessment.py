@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -186,6 +186,17 @@ def scheduled_value(point: OperatingPoint) -> dict[str, float]:
     return {model.schedule_key: math.degrees(value) if model.schedule_unit == "deg" else value}
 
 
+class SampledLoop(NamedTuple):
+    """The loop about one equilibrium.
+
+    radius: its spectral radius; nan without an equilibrium.
+    cost: above the optimum; None without weights or an optimum.
+    """
+
+    radius: float
+    cost: CostLost | None
+
+
 @dataclass(frozen=True, eq=False)
 class Assessor:
     """Assesses a deployment at several trims of one aircraft.
@@ -266,6 +277,21 @@ class Assessor:
             late = [*pool.map(self._delays, places)]
         rows = zip(places, late, plain, disturbed, strict=True)
         return [self._point(*row) for row in rows]
+
+    def sampled_loops(self) -> list[SampledLoop]:
+        """The loop at each trim, without flights, margins and longer delays."""
+        refuse_edges(self.points)
+        self.deployed.refuse_undefined_at(self.points)
+        return [self._sampled_loop(place) for place in self.places(self.flight())]
+
+    def _sampled_loop(self, place: Place) -> SampledLoop:
+        if place.reach is None:
+            return SampledLoop(math.nan, None)
+        chain = self._chain(place.reach)
+        if self.deployed.deployment.cost is None:
+            return SampledLoop(chain.radius, None)
+        lost = cost_lost(self.deployed, place.reach.loop, chain)
+        return SampledLoop(chain.radius, None if isinstance(lost, str) else lost)
 
     def _delays(self, place: Place) -> Delays | None:
         deployment = self.deployed.deployment

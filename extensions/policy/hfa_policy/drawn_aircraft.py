@@ -14,14 +14,12 @@ from hfa_identify.draws.report import SEED
 from hfa_identify.draws.spread import Draws, band_of
 from hfa_policy.assessment import AssessedPoint, Assessor
 from hfa_policy.variations import frozen_at
-from hfa_support.progress import Progress
 
 
 def drawn_policy(
     assessor: Assessor,
     assessed: Sequence[AssessedPoint],
     request: Any,
-    progress: Progress | None = None,
 ) -> Draws:
     """The sampled loop and the linear cost on `request.draws` aircraft, without flights.
 
@@ -44,14 +42,14 @@ def drawn_policy(
             samples=0,
             steady=point,
         )
-        found = changed.assessed(progress)
-        radii = np.array([each.radius for each in found])
+        loops = changed.sampled_loops()
+        radii = np.array([loop.radius for loop in loops])
         rests &= np.isfinite(radii)
         stable &= radii < 1.0
         seen = radii[np.isfinite(radii)].tolist()
         where = f" at {point.title}" if len(assessed) > 1 else ""
         bands[f"spectral radius{where}"] = band_of(itself.radius, seen, "1")
-        costs += [math.inf if each.cost is None else each.cost.largest for each in found]
+        costs += [math.inf if loop.cost is None else loop.cost.largest for loop in loops]
     has_cost = all(each.cost is not None for each in assessed)
     return Draws(
         len(models),

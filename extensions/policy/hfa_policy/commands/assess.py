@@ -251,7 +251,7 @@ def assess(request: AssessRequest) -> int:
     if len(results) == 1:
         report = results[0].report()
         if request.draws is not None:
-            draws = drawn_policy(assessor, assessed, request, ProgressLine("draws"))
+            draws = drawn_policy(assessor, assessed, request)
             report = reported(report, draws)
         show(report, request, figure=results[0].figure, notes=results[0].warnings)
         return 0 if results[0].ok else 1
