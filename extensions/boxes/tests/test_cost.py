@@ -68,7 +68,7 @@ def proved() -> CostBound:
     from scipy.linalg import solve_continuous_are
 
     weights = (np.eye(2), ONE, solve_continuous_are(A, B, np.eye(2), ONE))
-    half = np.array([0.5, 1.0])
+    half = np.array([0.4, 0.8])
     search = CostSearch(
         plant, equilibrium, (0, 1), weights, half, degree=4, margin=0.05, seconds=30.0
     )

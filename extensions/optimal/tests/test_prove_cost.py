@@ -22,7 +22,7 @@ AIRCRAFT = ("--aircraft", PENDULUM)
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("cost") / "cost.json"
-    assert main(["prove", "cost", *AIRCRAFT, "--degree", "4", "-o", str(path)]) == 0
+    assert main(["prove", "cost", *AIRCRAFT, "--degree", "2", "-o", str(path)]) == 0
     return path
 
 
@@ -82,7 +82,7 @@ def test_a_flight_is_bracketed(certificate: Path, capsys: pytest.CaptureFixture[
     start = {"angle": float(np.radians(10.0))}
     best = hfa.best_flight(model, point, start, bound=certificate)
     assert best.lower_bound is not None
-    assert 0.95 * best.cost < best.lower_bound < best.cost
+    assert 0.9 * best.cost < best.lower_bound < best.cost
     assert f"and {best.over_bound:.2f} of" in first
 
 
