@@ -102,10 +102,16 @@ def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     Of LAPACK itself: SciPy's `matrix_balance` takes ten times as long around it.
     """
+    scaled, scalings = balanced_stack(matrix[None])
+    return scaled[0], scalings[0]
+
+
+def balanced_stack(matrices: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+    """`balanced` of each matrix (N, n, n), and the diagonals, (N, n)."""
     from scipy.linalg.lapack import dgebal
 
-    scaled, _, _, scaling, _ = dgebal(np.asarray_chkfinite(matrix), scale=1, permute=0)
-    return scaled, scaling
+    found = [dgebal(matrix, scale=1, permute=0) for matrix in np.asarray_chkfinite(matrices)]
+    return [each[0] for each in found], np.array([each[3] for each in found])
 
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
@@ -127,7 +133,7 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """
     n = A.shape[-1]
     matrices = hamiltonian(A, S, Q).reshape(-1, 2 * n, 2 * n)
-    scaling = np.array([balanced(matrix)[1] for matrix in matrices])
+    scaling = balanced_stack(matrices)[1]
     logarithms = 0.5 * (np.log2(scaling[:, :n]) - np.log2(scaling[:, n:]))
     units = np.exp2(np.round(logarithms)).reshape(A.shape[:-1])
     free = ~Q.any(axis=(-2, -1)) & S.any(axis=(-2, -1)) & A.any(axis=(-2, -1))

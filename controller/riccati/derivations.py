@@ -13,6 +13,10 @@ from controller.riccati.normal_form import NormalForm
 STEPS = 3
 #: Newton steps for the matrix sign: 10 are usual, one more for each halving of |Re λ|.
 SIGN_STEPS = 25
+#: A step that changes the matrix sign by less, relative, leaves rounding alone.
+SETTLED_SIGN = 1e-9
+#: Below this change a factor c is 1 but for less than the change.
+NEAR_SIGN = 1e-2
 
 
 class FromEigenvectors(NamedTuple):
@@ -64,16 +68,20 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
 def by_sign(form: NormalForm, steps: int = SIGN_STEPS) -> np.ndarray:
     """X with (W + I) [I; X] = 0, W = sign(H) of each Hamiltonian, (N, n, n).
 
-    H <- (c H + (c H)⁻¹) / 2 with c = |det H|^(-1/2n), until it settles.
-    Source: Roberts, Int. J. Control 32 (1980), 677-687."""
+    H <- (c H + (c H)⁻¹) / 2 with c = |det H|^(-1/2n), until it settles: an error squares at each
+    step. Source: Roberts, Int. J. Control 32 (1980), 677-687."""
     W = form.hamiltonian
     n = form.A.shape[-1]
+    is_near = False
     for _ in range(steps):
-        c = np.exp(-np.linalg.slogdet(W)[1] / (2 * n))[:, None, None]
+        if not is_near:
+            W = W * np.exp(-np.linalg.slogdet(W)[1] / (2 * n))[:, None, None]
         last = W
-        W = (c * W + _inverse(c * W)) / 2.0
-        if not (largest(W - last) > 1e-14 * largest(W)).any():
+        W = (W + _inverse(W)) / 2.0
+        change = largest(W - last) / largest(W)
+        if not (change > SETTLED_SIGN).any():
             break
+        is_near = bool((change < NEAR_SIGN).all())
     columns = W + np.eye(2 * n)
     of_X = columns[:, :, n:]
     constant = -columns[:, :, :n]

@@ -42,12 +42,13 @@ def product(left: Pair, right: Pair) -> Pair:
     bits = (53 - math.ceil(math.log2(SLICES * max(columns, 1)))) // 2
     of_rows = _slices(left, bits, -1)
     of_columns = _slices(right, bits, -2)
-    total: Pair = (0.0, 0.0)
+    total: Pair | None = None
     for order in range(SLICES, 0, -1):  # products of slices of one size at once, smallest first
         part = np.concatenate(of_rows[:order], axis=-1) @ np.concatenate(
             of_columns[order - 1 :: -1], axis=-2
         )
-        total = add((part, 0.0), total)
+        total = exact(part) if total is None else add(exact(part), total)
+    assert total is not None
     return total
 
 
@@ -63,11 +64,12 @@ def _slices(pair: Pair, bits: int, axis: int) -> list[np.ndarray]:
     Each row (axis -1) or column (axis -2) has one scale.
     """
     remainder, low = pair
+    has_low_part = np.ndim(low) > 0
     largest = np.abs(remainder).max(axis=axis, keepdims=True, initial=0.0)
     exponent = np.frexp(largest)[1]
     slices = []
     for number in range(1, SLICES + 1):
-        if number in (3, SLICES):  # the low part begins below two slices
+        if has_low_part and number in (3, SLICES):  # the low part begins below two slices
             remainder, low = add((remainder, 0.0), (low, 0.0))
         # Beside this number a double has no bits below the slice.
         shift = np.ldexp(1.5, exponent + (52 - number * bits))

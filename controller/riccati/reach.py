@@ -82,7 +82,8 @@ def rank_distance(
     weight = weights(at, np.ones((len(A), n, 1)))
     least = np.ones(len(A))
     for _ in range(_PASSES):
-        vector = np.linalg.svd(weight * (both - at * one))[2][:, -1, :, None].conj()
+        conjugates = np.linalg.svd(weight * (both - at * one), full_matrices=False)[2]
+        vector = conjugates[:, -1, :, None].conj()
         parts = np.abs(vector)
         rounding = 8 * n * np.finfo(float).eps * parts.max(axis=1, keepdims=True)
         vector = np.where(parts <= rounding, 0.0, vector)
