@@ -29,6 +29,7 @@ SUBJECTS = {
     "scale": ("members", "sweep_store", "member_store"),
     "jsbsim": ("737", "environments"),
     "optimal": ("best_flight",),
+    "identify": ("record",),
 }
 _PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 

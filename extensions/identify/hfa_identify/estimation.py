@@ -37,6 +37,8 @@ AnyRecord: TypeAlias = Record | Mapping[str, Any] | str | Path
 INPUTS = ("linear", "steps")
 #: Estimates that are correlated by more are named.
 _CORRELATED = 0.9
+#: From so many samples on machine code is faster, its compilation included.
+_MANY = 2000
 #: A parameter whose band is wider than this many times its value is not determined.
 _WIDE = 2.0
 
@@ -87,7 +89,10 @@ def identify(
     kept_out = _as_records(model, validate, held, inputs)
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
     names = _free_names(model, free, fixed, measured)
-    search = Search(Responses(model, names, measured), read, held)
+    responses = Responses(model, names, measured)
+    if sum(len(record.time) for record in read) > _MANY:
+        responses.compile()
+    search = Search(responses, read, held)
     for record, start in zip(read, search.guesses, strict=True):
         search.responses.refuse_other_time(record, start, search.begin)
     try:

@@ -24,7 +24,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_identify.records import Record
-from hfa_identify.response import Response, Responses
+from hfa_identify.response import Response, Responses, Simulation
 
 #: Before any sample a measured state's start is known to this many of its nominal sizes, another's
 #: to one, and that of a state that no trim balances (altitude, heading) to this small part.
@@ -35,7 +35,11 @@ SMALL = 1e-3
 #: A search that no step improves has ended at a minimum where the undamped step is smaller.
 _STUCK = 0.05
 _MOST_STEPS = 30
-_DAMPINGS = (0.0, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4)
+#: Steps that are tried in turn: damping, and part of the step that is taken.
+_TRIALS = (
+    (0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (1e-4, 1.0), (1e-3, 1.0), (1e-2, 1.0), (1e-1, 1.0),
+    (1.0, 1.0), (1e1, 1.0), (1e2, 1.0), (1e3, 1.0), (1e4, 1.0),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,34 +173,62 @@ class OutputError:
         return found
 
     def _lowered(self, found: Fit, first: int, step: int) -> tuple[int, Fit | None]:
-        """The number of the first damping, from one on, whose step does not raise L, and the fit
+        """The number of the first trial, from one on, whose step does not raise L, and the fit
         after it; None where each step does."""
-        for level in range(first, len(_DAMPINGS)):
-            theta, starts = self._moved(found, _DAMPINGS[level])
+        for level in range(first, len(_TRIALS)):
+            theta, starts = self._moved(found, *_TRIALS[level])
             try:
-                lower = self.at(theta, starts, step)
+                simulated = self._simulated(theta, starts)
+                if self._likelihood_of(simulated, starts) <= found.likelihood:
+                    return level, self._fitted(simulated, theta, starts, step)
             except FloatingPointError:
                 continue
-            if lower.likelihood <= found.likelihood:
-                return level, lower
-        return len(_DAMPINGS), None
+        return len(_TRIALS), None
 
-    def _moved(self, found: Fit, damping: float) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        """Parameters, within their bounds, and starts after a step."""
+    def _moved(
+        self, found: Fit, damping: float, part: float
+    ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+        """Parameters, within their bounds, and starts after a part of a step."""
         change, moves = self._solved(found, damping)
-        theta = np.clip(found.theta + change, self.bounds[:, 0], self.bounds[:, 1])
-        return theta, tuple(start + move for start, move in zip(found.starts, moves, strict=True))
+        theta = np.clip(found.theta + part * change, self.bounds[:, 0], self.bounds[:, 1])
+        starts = [start + part * move for start, move in zip(found.starts, moves, strict=True)]
+        return theta, tuple(starts)
 
     def at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int = 0) -> Fit:
-        """The fit with these parameters and starts, not known to be converged."""
-        responses = tuple(
-            self.responses.of(record, start, theta)
+        """The fit with these parameters and starts, not known to be converged.
+
+        FloatingPointError where the simulation diverges."""
+        return self._fitted(self._simulated(theta, starts), theta, starts, steps)
+
+    def _simulated(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> list[Simulation]:
+        """The simulations of the records."""
+        return [
+            self.responses.simulated(record, start, theta)
             for record, start in zip(self.records, starts, strict=True)
-        )
-        residuals = self._residuals([response.y for response in responses])
-        likelihood = self._likelihood(residuals, starts)
+        ]
+
+    def _likelihood_of(
+        self, simulated: Sequence[Simulation], starts: Sequence[np.ndarray]
+    ) -> float:
+        """L of simulations.
+
+        FloatingPointError where it is not a number."""
+        likelihood = self._likelihood(self._residuals([each.y for each in simulated]), starts)
         if not math.isfinite(likelihood):
             raise FloatingPointError("the simulation diverges")
+        return likelihood
+
+    def _fitted(
+        self,
+        simulated: Sequence[Simulation],
+        theta: np.ndarray,
+        starts: tuple[np.ndarray, ...],
+        steps: int,
+    ) -> Fit:
+        """The fit of simulations: their sensitivities and normal equations."""
+        likelihood = self._likelihood_of(simulated, starts)
+        responses = tuple(Response(each.y, self.responses.slopes(each)) for each in simulated)
+        residuals = self._residuals([response.y for response in responses])
         noise = self._noise(residuals)
         normals = self._normals(responses, residuals, starts, noise)
         return Fit(
@@ -249,8 +281,8 @@ class OutputError:
         p = len(self.responses.free)
         weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
-        square = rows.T @ rows
-        right = rows.T @ (residual * weights).ravel()
+        square = gram(rows, rows)
+        right = gram(rows, (residual * weights).reshape(-1, 1)).ravel()
         return Normal(
             M=square[:p, :p],
             B=square[:p, p:],
@@ -319,3 +351,16 @@ def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix / size[:, None] / size
     return np.linalg.lstsq(scaled, right / size, rcond=1e-13)[0] / size
+
+
+#: Rows of a product that one thread computes: waking others costs more than it saves.
+_TOGETHER = 64
+
+
+def gram(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """oneᵀ other of tables with many rows and few columns, by one thread."""
+    whole = len(one) // _TOGETHER * _TOGETHER
+    blocks = one[:whole].reshape(-1, _TOGETHER, one.shape[1])
+    others = other[:whole].reshape(-1, _TOGETHER, other.shape[1])
+    total = (blocks.transpose(0, 2, 1) @ others).sum(axis=0)
+    return np.asarray(total + one[whole:].T @ other[whole:])

@@ -25,14 +25,20 @@ def other_minimum(search: Search, fit: Fit) -> Fit | None:
     ends = search.bounds
     opposite = np.clip(opposite, ends[:, 0], ends[:, 1])
     try:
-        other = search.whole(opposite, fit.starts)
+        near = search.thin(opposite, fit.starts)
+        if not near.converged or not _is_apart(near, search.thin(fit.theta, fit.starts)):
+            return None
+        other = search.whole(near.theta, near.starts)
     except FloatingPointError:
         return None
-    deviations = np.sqrt(np.diag(white_covariance(fit)))
-    apart = np.abs(other.theta - fit.theta) > _APART * deviations
-    if other.converged and apart.any() and other.likelihood < fit.likelihood + _AS_LIKELY:
-        return other
-    return None
+    as_likely = other.likelihood < fit.likelihood + _AS_LIKELY
+    return other if other.converged and as_likely and _is_apart(other, fit) else None
+
+
+def _is_apart(one: Fit, other: Fit) -> bool:
+    """Whether estimates of two fits of the same samples differ by many standard deviations."""
+    deviations = np.sqrt(np.diag(white_covariance(other)))
+    return bool((np.abs(one.theta - other.theta) > _APART * deviations).any())
 
 
 def parts_disagree(search: Search, fit: Fit) -> str:

@@ -23,18 +23,45 @@ from hfa_identify.records import Record
 from hfa_identify.sensors import SensorError, sensor_errors
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
+from hfa_support.native.machine_code import machine_code
 
 #: A step of integration is at most this part of the fastest mode's time constant.
 _STEP = 0.3
+#: The same of a search that need not be accurate.
+_ROUGH_STEP = 0.6
 #: At most so many steps of integration between two samples.
 _MOST_STEPS = 10
+#: Samples whose sensitivities are computed together.
+_TOGETHER = 250
 #: Samples that are so many time constants of the fastest mode apart are not in seconds.
 _FAR_TOO_LONG = 60.0
 
 
 @dataclass(frozen=True, eq=False)
+class Simulation:
+    """A record as the model flies it.
+
+    record: gives the times and the inputs.
+    theta: (p,) the unknowns θ.
+    y: (N, k) the measured quantities.
+    states: (steps + 1, n) on the grid of integration.
+    inputs: (steps, m) at the begin and at the end of its steps.
+    durations: (steps,) of the steps, s.
+    count: of steps between two samples.
+    """
+
+    record: Record
+    theta: np.ndarray
+    y: np.ndarray
+    states: np.ndarray
+    inputs: tuple[np.ndarray, np.ndarray]
+    durations: np.ndarray
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
 class Response:
-    """A simulated record.
+    """A simulated record with its sensitivities.
 
     y: (N, k) the measured quantities. slopes: (N, k, p + n) dy/d(θ, x₀).
     """
@@ -82,8 +109,15 @@ class Responses:
         # Slopes are transposed: a row holds the columns of a matrix one after the other.
         arguments = [x, driven, theta]
         self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
+        self._seen = RowFunction(ca.Function("seen", arguments, [seen]))
         seen_slopes = ca.densify(ca.jacobian(seen, unknowns))
-        self._seen = RowFunction(ca.Function("seen", arguments, [seen, seen_slopes.T]))
+        self._seen_slopes = RowFunction(ca.Function("seen_slopes", arguments, [seen_slopes.T]))
+
+    def compile(self) -> None:
+        """Turn rates and steps into machine code, where a C compiler exists."""
+        self._rates = RowFunction(machine_code(self._rates.function))
+        self._step = machine_code(self._step)
+        self._advances = {}
 
     @cached_property
     def sizes(self) -> tuple[int, int, int]:
@@ -156,19 +190,28 @@ class Responses:
             rest[place] = 0.0
         return np.hstack([inputs, slopes]), rest
 
-    def _delayed(self, record: Record, theta: np.ndarray, response: Response) -> Response:
-        """The response with the delays of measured quantities."""
+    def _delayed(self, record: Record, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The measured quantities (N, k) with their delays."""
         from scipy.interpolate import CubicSpline
 
-        y = response.y.copy()
-        slopes = response.slopes.copy()
+        later = y.copy()
         for column, place in self._late_outputs.items():
-            at = np.clip(record.time - theta[place], record.time[0], record.time[-1])
-            curve = CubicSpline(record.time, response.y[:, column])
-            y[:, column] = curve(at)
+            curve = CubicSpline(record.time, y[:, column])
+            later[:, column] = curve(_earlier(record, theta[place]))
+        return later
+
+    def _delay_slopes(
+        self, record: Record, theta: np.ndarray, y: np.ndarray, slopes: np.ndarray
+    ) -> None:
+        """Replace the slopes of measured quantities without delays by those with their delays.
+
+        y: (N, k) without delays. slopes: (N, k, p + n)."""
+        from scipy.interpolate import CubicSpline
+
+        for column, place in self._late_outputs.items():
+            at = _earlier(record, theta[place])
             slopes[:, column] = CubicSpline(record.time, slopes[:, column])(at)
-            slopes[:, column, place] = -curve(at, 1)
-        return Response(y, slopes)
+            slopes[:, column, place] = -CubicSpline(record.time, y[:, column])(at, 1)
 
     # The simulation.
 
@@ -192,7 +235,7 @@ class Responses:
         """Samples in the longest step of integration that the fastest mode at the start permits."""
         usual = float(np.median(np.diff(record.time)))
         fastest = self._fastest(record, start, theta)
-        return max(1, int(_STEP / max(usual * fastest, 1e-3)))
+        return max(1, int(_ROUGH_STEP / max(usual * fastest, 1e-3)))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
         """Largest magnitude of an eigenvalue at the start, 1/s; 0 where it is not a number."""
@@ -203,23 +246,56 @@ class Responses:
             return 0.0
         return float(np.abs(np.linalg.eigvals(slope)).max())
 
-    def of(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Response:
-        """The response from a start (n,) with parameters (p,).
+    def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Simulation:
+        """The record from a start (n,) with unknowns (p,).
 
         FloatingPointError where the simulation leaves the finite numbers."""
-        n, p, _ = self.sizes
         count = self.steps_between(record, start, theta)
         driven, rest = self._driven(record, theta)
         states, inputs, durations = self._states(record, driven, start, rest, count)
-        with np.errstate(all="ignore"):  # what is not finite is refused
-            S = self._accumulated(states[:-1], inputs, rest, durations, count)
-            y, slopes = self._observed(states[::count], driven, rest)
-            total = slopes[:, :, :n] @ S
-            total[:, :, :p] += slopes[:, :, n:]
-        if not (np.isfinite(y).all() and np.isfinite(total).all()):
+        y = self._outputs(states[::count], driven, rest)
+        if self._late_outputs:
+            y = self._delayed(record, theta, y)
+        if not np.isfinite(y).all():
             raise FloatingPointError("the simulation diverges")
-        response = Response(y, total)
-        return self._delayed(record, theta, response) if self._late_outputs else response
+        return Simulation(record, theta, y, states, inputs, durations, count)
+
+    def slopes(self, simulated: Simulation) -> np.ndarray:
+        """(N, k, p + n) sensitivities dy/d(θ, x₀) of a simulation.
+
+        FloatingPointError where they leave the finite numbers."""
+        n, p, k = self.sizes
+        record, theta, count = simulated.record, simulated.theta, simulated.count
+        driven, rest = self._driven(record, theta)
+        at_samples = simulated.states[::count]
+        total = np.empty((len(at_samples), k, p + n))
+        # S at the first sample of a part of the record: the memory of parts stays in the cache.
+        S = np.hstack([np.zeros((n, p)), np.eye(n)])
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            for first in range(0, len(at_samples), _TOGETHER):
+                rows = slice(first, first + _TOGETHER)
+                within = self._accumulated(
+                    simulated, rest, slice(first * count, (first + _TOGETHER) * count)
+                )
+                reached = within[:, :, p:] @ S
+                reached[:, :, :p] += within[:, :, :p]
+                S = reached[-1]
+                slopes = self._observed_slopes(at_samples[rows], driven[rows], rest)
+                total[rows] = slopes[:, :, :n] @ reached[: len(slopes)]
+                total[rows, :, :p] += slopes[:, :, n:]
+        if not np.isfinite(total).all():
+            raise FloatingPointError("the simulation diverges")
+        if self._late_outputs:
+            y = self._outputs(at_samples, driven, rest)
+            self._delay_slopes(record, theta, y, total)
+        return total
+
+    def of(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Response:
+        """The response from a start (n,) with unknowns (p,).
+
+        FloatingPointError where the simulation leaves the finite numbers."""
+        simulated = self.simulated(record, start, theta)
+        return Response(simulated.y, self.slopes(simulated))
 
     def _states(
         self,
@@ -251,36 +327,28 @@ class Responses:
             self._advances[steps] = self._step.mapaccum(steps)
         return self._advances[steps]
 
-    def _accumulated(
-        self,
-        states: np.ndarray,
-        inputs: tuple[np.ndarray, np.ndarray],
-        theta: np.ndarray,
-        durations: np.ndarray,
-        count: int,
-    ) -> np.ndarray:
-        """(N, n, p + n) sensitivities of the states to θ and x₀ at every `count`-th step.
-
-        states: (steps, n) before each step. inputs: (steps, m) at their begin and end.
-        durations: (steps,), s.
-        """
+    def _accumulated(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
+        """Sensitivities of the states to θ and to the state before a part of the steps: (N, n,
+        p + n) before the part and after every `count`-th step of it."""
         n, p, _ = self.sizes
-        steps = len(states)
-        before, after = inputs
+        before, after = (inputs[part] for inputs in simulated.inputs)
+        durations = simulated.durations[part]
+        steps = len(durations)
+        states = simulated.states[:-1][part]
         middle = 0.5 * (before + after)
         identity = np.zeros((steps, n, n + p))
         identity[:, :, :n] = np.eye(n)
         rates, growth = self._rates_at(states, before, theta)
         total = growth.copy()
         for held, share, weight in ((middle, 0.5, 2.0), (middle, 0.5, 2.0), (after, 1.0, 1.0)):
-            part = share * durations[:, None]
-            within = identity + part[:, :, None] * growth
-            rates, slopes = self._rates_at(states + part * rates, held, theta)
+            ahead = share * durations[:, None]
+            within = identity + ahead[:, :, None] * growth
+            rates, slopes = self._rates_at(states + ahead * rates, held, theta)
             growth = slopes[:, :, :n] @ within
             growth[:, :, n:] += slopes[:, :, n:]
             total += weight * growth
         change = identity + durations[:, None, None] / 6.0 * total
-        return _products(change[:, :, :n], change[:, :, n:], count)
+        return _products(change[:, :, :n], change[:, :, n:], simulated.count)
 
     def _rates_at(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
@@ -292,15 +360,26 @@ class Responses:
         rates, slopes = self._rates(states, inputs, np.tile(theta, (len(states), 1)))
         return rates, slopes.reshape(-1, n, n + p)
 
-    def _observed(
+    def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """(N, k) the measured quantities without delays.
+
+        states: (N, n). inputs: (N, m)."""
+        return self._seen(states, inputs, np.tile(theta, (len(states), 1)))[0]
+
+    def _observed_slopes(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """(N, k) the measured quantities and their (N, k, n + p) slopes by states and parameters.
+    ) -> np.ndarray:
+        """(N, k, n + p) slopes of the measured quantities by states and parameters.
 
         states: (N, n). inputs: (N, m)."""
         n, p, k = self.sizes
-        y, slopes = self._seen(states, inputs, np.tile(theta, (len(states), 1)))
-        return y, slopes.reshape(-1, k, n + p)
+        (slopes,) = self._seen_slopes(states, inputs, np.tile(theta, (len(states), 1)))
+        return slopes.reshape(-1, k, n + p)
+
+
+def _earlier(record: Record, delay: float) -> np.ndarray:
+    """(N,) the times of a record less a delay, within the record."""
+    return np.clip(record.time - delay, record.time[0], record.time[-1])
 
 
 def _runge_kutta(

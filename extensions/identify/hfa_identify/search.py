@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -51,14 +52,26 @@ class Search:
         self, progress: Callable[[float, float], None] | None = None, most_steps: int = 30
     ) -> Fit:
         """The fit of short windows, with no more samples than the integration needs."""
-        windows = []
-        for record, start in zip(self.records, self.guesses, strict=True):
-            together = self.responses.samples_in_step(record, start, self.begin)
-            together = min(together, len(record.time) // FEWEST)
-            windows += record.part(0, None, together).windows(_WINDOW)
+        windows = [part for record in self.thinned for part in record.windows(_WINDOW)]
         starts = [begin_of(self.responses.model, window, self.held) for window in windows]
         search = OutputError(self.responses, windows, self.bounds, starts)
         return search.fit(self.begin, starts, progress, _ROUGH, most_steps)
+
+    @cached_property
+    def thinned(self) -> list[Record]:
+        """The records with no more samples than the integration needs."""
+        thinned = []
+        for record, start in zip(self.records, self.guesses, strict=True):
+            together = self.responses.samples_in_step(record, start, self.begin)
+            together = min(together, len(record.time) // FEWEST)
+            thinned.append(record.part(0, None, together))
+        return thinned
+
+    def thin(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> Fit:
+        """The fit of the thinned records, from values of the unknowns and starts of the records."""
+        return OutputError(self.responses, self.thinned, self.bounds, self.guesses).fit(
+            theta, starts
+        )
 
     def whole(
         self,
