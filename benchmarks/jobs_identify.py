@@ -1,10 +1,9 @@
 """11 unknowns of a small aircraft from a record of 3,000 samples: `hfa.identify` against SciPy's
 `least_squares` with its own differences, on the same equations, from parameters 10 % off.
 
-The first peer simulates by SciPy's `solve_ivp`; from 50 % off, where `hfa.identify` also begins, its
-simulations diverge. The second is given the compiled simulation of `hfa.identify`. Both peers know
-the noise of the sensors and compute the estimates alone; `hfa.identify` also computes corrected
-bands, and looks for faults of the record and for a second minimum."""
+The first peer simulates by SciPy's `solve_ivp`, the second by the compiled simulation of
+`hfa.identify`. Both know the noise of the sensors and compute the estimates alone; `hfa.identify`
+also computes corrected bands, and looks for faults of the record and for a second minimum."""
 
 from __future__ import annotations
 

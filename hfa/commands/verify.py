@@ -122,6 +122,8 @@ def verify(request: VerifyRequest) -> int:
     Exit code 0 only when every check passes, or when the cost lost is within --limit-cost."""
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
+    if request.draws is not None and len(paths) > 1:
+        raise BadInputError("--draws needs one critic; leave it out")
     named = request.game(may_be_discrete=bool(paths))
     if named.discrete is not None:
         code: int = part(PARTS, "verify.steps", IN_STEPS)(request, named, paths)
@@ -156,8 +158,6 @@ def verify(request: VerifyRequest) -> int:
         if amount is not None:
             with_section = part(PARTS, f"verify.{section}", f"--{section}")
             report = with_section(report, list(verdicts.values()), named, amount)
-    if request.draws is not None and len(verdicts) > 1:
-        raise BadInputError("--draws needs one critic; leave it out")
     report = with_draws(report, request, (named, list(verdicts.values())[-1].critic.K))
     show(report, request, figure=partial(_figure, verdicts, origin), notes=named.warnings)
     return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1

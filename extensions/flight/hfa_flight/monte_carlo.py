@@ -14,6 +14,7 @@ import numpy as np
 
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
+from hfa_aircraft.parameter_spread import ParameterSpread
 from hfa_aircraft.signals import VECTORS
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_flight.air import (
@@ -67,6 +68,7 @@ class MonteCarlo(StatesAndInputs, Shown):
     policy: what acts
     scenario: what happens, of which each member is a draw
     envelope: limits of the states; a member's flight ends at the first tick outside
+    spread: of the parameters of the members' aircraft; None: those of the model
 
     BadInputError when a number is wrong, the flight does not begin inside its envelope, an error
     belongs to a parameter that is zero, or a signal has no formula.
@@ -79,6 +81,7 @@ class MonteCarlo(StatesAndInputs, Shown):
     policy: Policy
     scenario: Scenario
     envelope: Limits
+    spread: ParameterSpread | None = None
 
     def __post_init__(self) -> None:
         """Check everything before the simulation."""
@@ -113,6 +116,13 @@ class MonteCarlo(StatesAndInputs, Shown):
         return ClosedLoop(plant, self.policy, self.member(0))
 
     @cached_property
+    def aircraft(self) -> list[Model]:
+        """The aircraft of each member, drawn; empty where all fly the model."""
+        if self.spread is None:
+            return []
+        return self.spread.aircraft(self.model, self.members, self.seed)
+
+    @cached_property
     def identity(self) -> str:
         """JSON of everything that decides the results, the order in which errors are drawn
         included."""
@@ -129,6 +139,8 @@ class MonteCarlo(StatesAndInputs, Shown):
             "uncertainty": asdict(self.scenario.uncertainty),
             "envelope": envelope_data(self.envelope, self.scenario.moving_air),
         }
+        if self.spread is not None:
+            data["spread"] = asdict(self.spread)
         return json.dumps(data, default=lambda value: np.asarray(value).tolist())
 
     def __eq__(self, other: object) -> bool:
@@ -157,7 +169,8 @@ def member_loop(plan: MonteCarlo) -> CompiledLoop:
 def fly_member(plan: MonteCarlo, member: int) -> Flight:
     """Draw and simulate one member."""
     scenario = plan.member(member)
-    parameters = with_errors(plan.model, scenario).p
+    aircraft = plan.aircraft[member] if plan.aircraft else plan.model
+    parameters = with_errors(aircraft, scenario).p
     return fly_within(member_loop(plan), plan.envelope, scenario, parameters)
 
 

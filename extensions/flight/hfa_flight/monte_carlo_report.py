@@ -53,6 +53,7 @@ def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
         exceeded=dict(zip(model.inputs, (~within).sum(axis=0).tolist(), strict=True)),
         limit_cycle={name: int((cycle == index).sum()) for index, name in enumerate(oscillating)},
         quantiles=np.array(QUANTILES),
+        drawn=None if plan.spread is None else list(plan.spread.values),
         **quantiles(model, read, inside),
     )
 
@@ -79,13 +80,16 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
     gust = plan.member(0).gust
     if gust is not None and gust.text(plan.model):
         parts += [gust.text(plan.model), *gust.left_out(plan.model)]
-    notes = [_ALIKE] if plan.scenario.uncertainty == Uncertainty() else []
+    alike = plan.scenario.uncertainty == Uncertainty() and plan.spread is None
+    notes = [_ALIKE] if alike else []
     return Report(title, parts, notes, found.as_data())
 
 
 def _counts_text(plan: MonteCarlo, found: MemberSummary) -> str:
     """Return the number of members within limits and the outcomes of the others, a line each."""
     lines = [f"stayed within limits: {found.within_limits} of {plan.members}"]
+    if found.drawn is not None:
+        lines[0] += " aircraft that the parameters allow, each flown from the trim of the model"
     if found.first_left is not None:
         lines.append(
             f"left the envelope, by the state that left first: {_listed(found.left)};"

@@ -120,6 +120,12 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
     policy: Path | None = None
     turbulence: Turbulence | None = None
     samples: int | None = None
+    draws: int | None = None
+
+    @property
+    def members(self) -> int | None:
+        """Number of flights, each with its own draw; None of one flight."""
+        return self.samples if self.draws is None else self.draws
 
     @property
     def prices(self) -> Sequence[str]:
@@ -145,7 +151,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             if instead:
                 nothing = f"beside --{instead[0]} nothing is learned"
             self.refuse(("set",), f"belongs to a learning law; {nothing}")
-        if self.samples is None and self.turbulence is None:
+        if self.members is None and self.turbulence is None:
             nothing = "here nothing is random"
             self.refuse(("seed",), f"belongs to a learning law or to --turbulence; {nothing}")
 
@@ -388,7 +394,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         if self.gust is not None and self.turbulence is not None:
             raise BadInputError("--gust and --turbulence exclude each other; give one of them")
         gust = self._gust(point, common)
-        if self.samples is not None:
+        if self.members is not None:
             turbulence = at_held_altitude(self.turbulence, self.hold)
             uncertainty = Uncertainty(self.error, self.noise, turbulence)
             return replace(common, uncertainty=uncertainty, gust=gust).on(model)
@@ -399,7 +405,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         """The gust, or the turbulence of one flight; that of members is drawn later."""
         if self.gust is not None:
             return gust_at(self.gust, point, happens.duration)
-        if self.turbulence is not None and self.samples is None:
+        if self.turbulence is not None and self.members is None:
             turbulence = at_held_altitude(self.turbulence, self.hold)
             assert turbulence is not None
             return turbulence.air(point, happens.tick, happens.ticks, self.seed)
@@ -439,7 +445,7 @@ class FlightOptions(ScenarioOptions):
     @property
     def prices(self) -> Sequence[str]:
         """Q and R of the cost of one flight."""
-        return ("Q", "R") if self.samples is None else ()
+        return ("Q", "R") if self.members is None else ()
 
     def flight(self) -> PlannedFlight:
         """Return the flight to simulate: trim, policy, scenario and limits; the commands are the

@@ -33,6 +33,7 @@ class MemberSummary(Result):
     store: store of the members, null without one.
     warnings: notes on the result.
     final: at the end.
+    drawn: parameters of the members' aircraft that were drawn.
     """
 
     schema = "hfa.monte-carlo-summary/1"
@@ -58,6 +59,7 @@ class MemberSummary(Result):
     store: Any = None
     warnings: Sequence[str] | None = None
     final: Mapping[str, Vector | None] | None = None
+    drawn: Sequence[str] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

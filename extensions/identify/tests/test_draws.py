@@ -9,8 +9,10 @@ from cli import complaints_about
 from project import ROOT
 
 import hfa
+from controller.riccati.smallest_delta import minimum_delta
 from hfa.main import main
 from hfa_aircraft.parameter_spread import ParameterSpread
+from hfa_identify.draws.parameters import spread_of_file
 from hfa_identify.draws.spread import DrawnAircraft
 from trim.point.condition import usual_condition
 
@@ -150,3 +152,48 @@ def test_a_wrong_covariance_is_refused(covariance, message, folder, capsys):
     Path("found.toml").write_text(f"aircraft = '{UAV}'\n{covariance}")
     assert main(["trim", "--aircraft", "found.toml", "--draws", "3"]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_aircraft_without_a_game_solution_count():
+    """Planted: a delta just above the least one of the aircraft, and below that of the other."""
+    model = hfa.load_model(UAV)
+    point = hfa.find_operating_point(model)
+    game = hfa.game(hfa.linearize(model, point), np.ones(8), np.ones(4), delta=np.inf)
+    least = minimum_delta(game).value
+    tight = game.with_delta(1.001 * least)
+    slow = model.with_parameters(Cm_elevator=0.8 * model.parameters["Cm_elevator"].start)
+    drawn = DrawnAircraft([model, slow], ("Cm_elevator",), 0, usual_condition(model), point)
+    draws = drawn.gain(tight, hfa.solve_game(tight).K)
+    assert draws.unsolved == 1
+    assert "the game has no solution on 1; linear cost lost at most" in draws.first_line
+
+
+def test_several_critics_are_refused_before_they_are_verified(folder, capsys):
+    for name in ("one.npz", "two.npz"):
+        np.savez(name, K=np.zeros((4, 8)))
+    words = ["verify", "--aircraft", written(), "--weights", "one.npz", "two.npz", "--draws", "2"]
+    assert main(words) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "--draws needs one critic" in printed.err
+
+
+def test_drawn_aircraft_are_flown(folder, capsys):
+    """A member is the flight of its aircraft, from the trim of the model itself; the exit code is 1
+    where one leaves its limits, which aircraft drawn far too widely do."""
+    words = ("fly", "--law", "none", "--draws", "3", "--json", "--duration")
+    assert main([*words, "2", "--aircraft", written()]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["within_limits"], found["drawn"]) == (3, list(NAMES))
+    model = hfa.load_model("found.toml")
+    spread = spread_of_file("found.toml", model)
+    point = hfa.find_operating_point(model)
+    errors = []
+    for drawn in spread.aircraft(model, 3, seed=0):
+        flight = hfa.fly(drawn, point, None, seconds=2)
+        pitch = flight.states[:-1, list(model.states).index("pitch")] - point.states.pitch
+        errors.append(np.abs(pitch).max())
+    assert found["peak_error"]["pitch"][-1] == pytest.approx(max(errors), rel=1e-6)
+    assert main([*words, "8", "--aircraft", written(5.0, "wide.toml")]) == 1
+    main(["fly", "--aircraft", "found.toml", "--draws", "2", "--duration", "1"])
+    assert "2 of 2 aircraft that the parameters allow" in capsys.readouterr().out

@@ -34,6 +34,7 @@ def drawn_policy(
     stable = np.ones(len(models), dtype=bool)
     bands = {}
     costs = []
+    unsolved = np.zeros(len(models), dtype=bool)
     for point, itself in zip(assessor.points, assessed, strict=True):
         changed = replace(
             assessor,
@@ -49,7 +50,8 @@ def drawn_policy(
         seen = radii[np.isfinite(radii)].tolist()
         where = f" at {point.title}" if len(assessed) > 1 else ""
         bands[f"spectral radius{where}"] = band_of(itself.radius, seen, "1")
-        costs += [math.inf if loop.cost is None else loop.cost.largest for loop in loops]
+        unsolved |= [math.isfinite(loop.radius) and loop.cost is None for loop in loops]
+        costs += [loop.cost.largest for loop in loops if loop.cost is not None]
     has_cost = all(each.cost is not None for each in assessed)
     return Draws(
         len(models),
@@ -57,6 +59,7 @@ def drawn_policy(
         tuple(spread.values),
         int(rests.sum()),
         int(stable.sum()),
-        max(costs) if has_cost else None,
+        max(costs, default=math.nan) if has_cost else None,
         bands,
+        int(unsolved.sum()) if has_cost else None,
     )

@@ -24,6 +24,7 @@ from hfa.options.workers import WorkersOptions
 from hfa.output import ProgressLine, print_report, show
 from hfa_discrete.critic_file import critic_of_steps
 from hfa_flight.options import FlightOptions
+from hfa_identify.draws.parameters import spread_of
 from hfa_support.errors import BadInputError
 from hfa_support.files import MATRIX_FILES
 from trim.point.operating_point import at_scheduled
@@ -41,6 +42,9 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
         "N",
         whole(1, _MOST_MEMBERS),
         rare=True,
+    )
+    draws: int | None = option(
+        "fly N aircraft, drawn from uncertain parameters", "N", whole(1), rare=True
     )
     output: Path | None = output_option(stores=(".zarr",), purpose=" (members)")
     picture: Path | None = picture_option("the flight")
@@ -66,7 +70,9 @@ def fly(request: FlyRequest) -> int:
     `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without control. With gains
     over the scheduling variable, a --command of this variable is followed along its trims.
     --samples N simulates N members: --error and --noise are then standard deviations, and each
-    member has its own turbulence. Member k depends only on --seed and k. --model FILE simulates a
+    member has its own turbulence. Member k depends only on --seed and k. --draws N simulates N
+    members, each an aircraft drawn from the uncertain parameters of --aircraft, from the trim and
+    with the policy of the aircraft itself. --model FILE simulates a
     plant in discrete time.
 
     With --Q or --R the report has the cost of the flight.
@@ -74,11 +80,12 @@ def fly(request: FlyRequest) -> int:
     --method jsbsim simulates an aircraft of JSBSim in JSBSim's own frames, over its own earth.
 
     Exit code 1 when a state leaves its envelope, an input leaves its control limits, or an
-    oscillation does not decay."""
+    oscillation does not decay: of every member of --samples, or of any of --draws."""
     if request.steps is not None:
         return _fly_steps(request, request.steps)
-    if request.samples is not None:
-        request.refuse(("method", "frame"), "flies one flight; leave it out with --samples")
+    if request.members is not None:
+        many = "--samples" if request.draws is None else "--draws"
+        request.refuse(("method", "frame"), f"flies one flight; leave it out with {many}")
         return _fly_members(request)
     from hfa_flight.flight_figure import flight_figure
     from hfa_flight.nonlinear_flight import fly
@@ -157,23 +164,28 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 
 
 def _fly_members(request: FlyRequest) -> int:
-    """The members of --samples; the exit code, 1 when none stayed within its limits."""
+    """The members of --samples or --draws; the exit code, 1 when none stayed within its limits, or
+    not all of --draws did."""
     from hfa_flight.monte_carlo import MonteCarlo
     from hfa_flight.monte_carlo_report import member_report
     from hfa_flight.monte_carlo_store import run_monte_carlo, stream_members
 
-    assert request.samples is not None
+    members = request.members
+    assert members is not None
+    if request.draws is not None:
+        request.refuse(("samples",), "is the number of flights, as --draws is; leave it out")
     target = request.output
     request.refuse(("picture",), "shows one flight; leave it out with --samples")
     if target is not None and target.suffix != ".zarr":
         raise BadInputError(f"{target}: the members of --samples go to a store; use -o FILE.zarr")
     if request.resume and target is None:
         raise BadInputError("--resume needs the store to continue; add -o FILE.zarr")
-    plan = MonteCarlo(request.samples, request.seed, *request.flight())
+    spread = None if request.draws is None else spread_of(request)
+    plan = MonteCarlo(members, request.seed, *request.flight(), spread=spread)
     progress = ProgressLine("simulate")
     if target is None:
-        members = run_monte_carlo(plan, request.workers, progress)
-        report = member_report(plan, members.__getitem__, "members not kept")
+        flown = run_monte_carlo(plan, request.workers, progress)
+        report = member_report(plan, flown.__getitem__, "members not kept")
     else:
         dataset = stream_members(
             plan,
@@ -186,4 +198,5 @@ def _fly_members(request: FlyRequest) -> int:
         report = member_report(plan, lambda name: dataset[name].values, f"members in {target}")
     report = report.with_data(store=None if target is None else str(target))
     print_report(report, request, points=[plan.point])
-    return 0 if report.data["within_limits"] else 1
+    least = 1 if request.draws is None else members
+    return 0 if report.data["within_limits"] >= least else 1

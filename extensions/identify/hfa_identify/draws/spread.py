@@ -51,9 +51,13 @@ class Draws(Result):
     cost_lost_worst_percent: largest cost of the gain above the optimum of an aircraft, of the
         linear models; None without a gain.
     bands: what varies -> its band.
+    unsolved: aircraft on which the game has no solution; None without a gain.
     """
 
-    keys = "first_line ok count seed parameters trimmed stable? cost_lost_worst_percent? bands"
+    keys = (
+        "first_line ok count seed parameters trimmed stable? cost_lost_worst_percent? bands "
+        "unsolved?"
+    )
 
     count: int
     seed: int
@@ -62,6 +66,7 @@ class Draws(Result):
     stable: int | None
     cost_lost_worst_percent: float | None
     bands: Mapping[str, Band]
+    unsolved: int | None = None
 
     @property
     def ok(self) -> bool:
@@ -77,8 +82,12 @@ class Draws(Result):
         if self.trimmed < self.count:
             return f"trimmed: {self.trimmed} {aircraft}; linear loop stable for {self.stable}"
         line = f"linear loop stable for {self.stable} {aircraft}"
-        if self.cost_lost_worst_percent is not None and np.isfinite(self.cost_lost_worst_percent):
-            line += f"; linear cost lost at most {self.cost_lost_worst_percent:.2g} %"
+        cost = self.cost_lost_worst_percent
+        if self.unsolved:
+            line += f"; the game has no solution on {self.unsolved}"
+        if cost is not None and np.isfinite(cost):
+            others = " on the others" if self.unsolved else ""
+            line += f"; linear cost lost at most {cost:.2g} %{others}"
         return line
 
 
@@ -156,6 +165,7 @@ class DrawnAircraft:
         points = self.points(progress)
         stable = 0
         costs = []
+        unsolved = 0
         slowest = []
         for point in points:
             linear = linearize(point.model, point)
@@ -164,13 +174,16 @@ class DrawnAircraft:
             stable += abscissa < 0.0
             drawn = replace(game, A=linear.A, B=linear.B)
             try:
-                costs.append(flight_cost(drawn, solve_game(drawn), K).worst)
+                solution = solve_game(drawn)
             except NoSolutionError:
-                costs.append(np.inf)
+                unsolved += 1
+                continue
+            costs.append(flight_cost(drawn, solution, K).worst)
         own = float(np.linalg.eigvals(game.A - game.B @ K).real.max())
         bands = {"abscissa of the loop": band_of(own, slowest, "1/s")}
         found = self._draws(len(points), bands)
-        return replace(found, stable=stable, cost_lost_worst_percent=max(costs, default=np.nan))
+        worst = max(costs, default=np.nan)
+        return replace(found, stable=stable, cost_lost_worst_percent=worst, unsolved=unsolved)
 
     def _draws(self, trimmed: int, bands: Mapping[str, Band]) -> Draws:
         """The result without a gain."""
