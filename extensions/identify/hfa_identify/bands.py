@@ -13,9 +13,11 @@ BAND = 1.959964
 #: Lags of the autocorrelation that a test of whiteness looks at.
 LAGS = 25
 #: A quantity is not explained where this part of its variance is left in the residuals, and the
-#: model moves it by this part of their variance.
+#: model moves it by this part of their variance; and where the residuals vary by so much more than
+#: the quantity itself.
 _UNEXPLAINED = 0.5
 _MOVES = 0.25
+_WORSE = 1.2
 #: Highest order of an autoregressive process that residuals are taken to be.
 _MOST_ORDER = 4
 #: Largest sum of its coefficients: the noise has a mean.
@@ -204,8 +206,9 @@ def unexplained(fit: Fit) -> np.ndarray:
                 for residual, present in zip(fit.residuals, fit.present, strict=True)
             ]
         )
+        varied = (y + v).var() if len(y) else np.inf
         moves = len(y) > 0 and y.var() > _MOVES * v.var()
-        flags.append(moves and noise > _UNEXPLAINED * (y + v).var())
+        flags.append((moves and noise > _UNEXPLAINED * varied) or noise > _WORSE * varied)
     return np.array(flags)
 
 
