@@ -9,11 +9,16 @@ from functools import cache, wraps
 from numbers import Integral, Real
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, TypeVar, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 
 from hfa_support.errors import BadInputError, numbers_in, shown
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike as ArrayLike
+else:
+    ArrayLike = np.ndarray  # compared as an array of numbers
 
 Public = TypeVar("Public", bound=Callable[..., Any])
 _NUMBERS = "an array of numbers"

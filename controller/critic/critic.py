@@ -17,7 +17,7 @@ import numpy as np
 
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, shape_text
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.results import Matrix
@@ -161,7 +161,7 @@ class Critic(Shown):
 
 
 @checks_arguments
-def from_gain(game: Game, K: np.ndarray, time: float | None = None) -> Critic:
+def from_gain(game: Game, K: ArrayLike, time: float | None = None) -> Critic:
     """The policy u = -K z.
 
     game: that the critic should solve
@@ -179,7 +179,7 @@ def from_gain(game: Game, K: np.ndarray, time: float | None = None) -> Critic:
 
 
 @checks_arguments
-def from_value(game: Game, P: np.ndarray, time: float | None = None) -> Critic:
+def from_value(game: Game, P: ArrayLike, time: float | None = None) -> Critic:
     """V = z'Pz, u = -R⁻¹B'P z.
 
     game: that the critic should solve
@@ -205,7 +205,7 @@ def from_value(game: Game, P: np.ndarray, time: float | None = None) -> Critic:
 @checks_arguments
 def from_weights(
     game: Game,
-    weights: np.ndarray,
+    weights: ArrayLike,
     functions: Basis | str | ca.Function = "quadratic",
     constant: float = 0.0,
     precision: str = "float64",

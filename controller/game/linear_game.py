@@ -10,7 +10,7 @@ import numpy as np
 from controller.game.names import names_of_linear
 from controller.game.weights import nominal_weights
 from controller.game.zero_sum import Game
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown, shown
 from trim.linear.linear_model import LinearModel
 
@@ -18,10 +18,10 @@ from trim.linear.linear_model import LinearModel
 @checks_arguments
 def game(
     linear: LinearModel,
-    Q: np.ndarray | Mapping[str, float] | None = None,
-    R: np.ndarray | Mapping[str, float] | None = None,
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
     delta: float = np.inf,
-    E: np.ndarray | None = None,
+    E: ArrayLike | None = None,
 ) -> Game:
     """J = ∫ z'Qz + u'Ru - δ² d'd dt on z' = A z + B u + E d, with the names of the linear model.
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from controller.game.names import UNNAMED, PlantNames
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
@@ -55,6 +55,19 @@ class Game(ByValue, Reported):
     R: np.ndarray
     delta: float
     names: PlantNames = field(default=UNNAMED, compare=False)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            A: ArrayLike,
+            B: ArrayLike,
+            E: ArrayLike,
+            Q: ArrayLike,
+            R: ArrayLike,
+            delta: float,
+            names: PlantNames = UNNAMED,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         """Check everything once, so that no solver has to."""
@@ -113,7 +126,7 @@ class Game(ByValue, Reported):
         """K = R⁻¹ B' P, (m, n): the control policy of the value z'Pz is u = -K z."""
         return self.R_inverse_B_transposed @ P
 
-    def checked_gain(self, K: np.ndarray) -> np.ndarray:
+    def checked_gain(self, K: ArrayLike) -> np.ndarray:
         """K as floats. BadInputError when it has another shape than B', or is complex."""
         K = numbers_in("K", K)
         n, m = self.B.shape

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -117,10 +118,10 @@ class LinearModel(ByValue, Result, Reported):
 
     def select(
         self,
-        states: tuple[str, ...] | None = None,
-        inputs: tuple[str, ...] | None = None,
+        states: Sequence[str] | None = None,
+        inputs: Sequence[str] | None = None,
         *,
-        residualize: tuple[str, ...] = (),
+        residualize: Sequence[str] = (),
     ) -> LinearModel:
         """The model of the named states and inputs alone; None keeps all.
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from hfa_support.errors import BadInputError, refuse_unknown
 
 
-def positions(what: str, names: tuple[str, ...] | None, known: tuple[str, ...]) -> list[int]:
+def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) -> list[int]:
     """Return the indices of names among the known ones; None names all."""
     chosen = known if names is None else names
     positions = {name: index for index, name in enumerate(known)}

@@ -3,6 +3,7 @@ delay."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -29,9 +30,9 @@ class _Kept(NamedTuple):
 
 def reduced(
     model: LinearModel,
-    states: tuple[str, ...] | None,
-    inputs: tuple[str, ...] | None,
-    residualize: tuple[str, ...],
+    states: Sequence[str] | None,
+    inputs: Sequence[str] | None,
+    residualize: Sequence[str],
 ) -> LinearModel:
     """The model of the named states and inputs, as `LinearModel.select` has it."""
     if states is None:

@@ -17,7 +17,7 @@ from controller.riccati.cost import SIGNLESS, FlightCost, flight_cost
 from controller.riccati.gare import Solution, solve_game
 from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.normal_form import NormalForm
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.entry_points import CRITICS, PARTS, loaded, offered, part
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_least, at_most, below
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @checks_arguments
 def check_critic(
     game: Game,
-    critic: Critic | np.ndarray,
+    critic: Critic | ArrayLike,
     *,
     limit: float = LIMIT,
     scope: Scope | None = None,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError
 
 
@@ -25,7 +25,7 @@ class Along(NamedTuple):
 
 
 @checks_arguments
-def models_along(model: Model, states: np.ndarray, inputs: np.ndarray) -> Along:
+def models_along(model: Model, states: ArrayLike, inputs: ArrayLike) -> Along:
     """Exact linear models at states (N, n) and inputs (N, m) that need not balance.
 
     Small deviations δx from the flight follow δx' = A(t) δx + B(t) δu.

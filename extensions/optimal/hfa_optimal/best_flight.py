@@ -15,7 +15,7 @@ from hfa_flight.envelope import limits_text
 from hfa_optimal.flights import Flown
 from hfa_optimal.problem import FlightProblem, flight_problem
 from hfa_optimal.search import BestFlights, Found
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import refuse_unless_positive
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
@@ -321,8 +321,8 @@ def best_flight(
     model: Model,
     point: OperatingPoint,
     start: Mapping[str, float] | OperatingPoint,
-    Q: np.ndarray | Mapping[str, float] | None = None,
-    R: np.ndarray | Mapping[str, float] | None = None,
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
     *,
     seconds: float | None = None,
     inputs: Sequence[str] | None = None,

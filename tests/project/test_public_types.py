@@ -1,0 +1,65 @@
+"""A user's script with all public names of `hfa` has types that mypy and pyright accept."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from project import FOLDERS
+
+import hfa
+
+SCRIPT = (Path(__file__).parents[1] / "support" / "user_script.py").read_text("utf-8")
+#: Folders on the path of a user.
+FOLDERS_ABOVE = {folder.parent for folder in FOLDERS.values()}
+#: Lines that a type checker must refuse, each alone at the end of the script.
+WRONG = (
+    "text: str = linear.A",
+    "hfa.solve_game(model)",
+    "hfa.game(linear, Q=1, R='a', delta='b')",
+    "hfa.from_derivatives(3)",
+    "point.states = 1",
+)
+#: Numbers of the wrong lines.
+AT_END = [str(SCRIPT.count("\n") + 1 + place) for place in range(len(WRONG))]
+
+
+def errors_of(tool: str, folder: Path, *options: str) -> list[str]:
+    """The lines of the script in which a type checker sees an error."""
+    (folder / "script.py").write_text(SCRIPT + "\n".join(WRONG) + "\n", encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", tool, *options, "script.py"],
+        cwd=folder,
+        env={**os.environ, "MYPYPATH": os.pathsep.join(map(str, FOLDERS_ABOVE))},
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    return re.findall(r"script\.py:(\d+).*error", done.stdout)
+
+
+def test_the_script_uses_every_public_name() -> None:
+    used = set(re.findall(r"\bhfa\.(\w+)", SCRIPT))
+    assert {*hfa.__all__} - used == set()
+
+
+@pytest.mark.slow
+def test_mypy_accepts_the_script(tmp_path: Path) -> None:
+    """With --strict; the wrong lines alone are refused."""
+    pytest.importorskip("mypy")
+    found = errors_of("mypy", tmp_path, "--strict", "--follow-imports=silent")
+    assert list(dict.fromkeys(found)) == AT_END
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_spec("pyright") is None, reason="pyright is not installed")
+def test_pyright_accepts_the_script(tmp_path: Path) -> None:
+    paths = ", ".join(f'"{path}"' for path in sorted(FOLDERS_ABOVE))
+    (tmp_path / "pyrightconfig.json").write_text(f'{{"extraPaths": [{paths}]}}')
+    found = errors_of("pyright", tmp_path, "--pythonpath", sys.executable)
+    assert list(dict.fromkeys(found)) == AT_END
