@@ -18,6 +18,13 @@ from controller.riccati.margins import ClosedLoop, disk_of, loop_at_inputs
 ROUNDING = 1e-9
 #: Secants, and halves of what is left between them, until a crossover has all its digits.
 _ROUNDS = 17
+#: A crossover is found where two secants agree, relative.
+_SETTLED = 1e-15
+#: Frequencies of a grid in a decade, beside those at which Re M or Im M is 0.
+_PER_DECADE = 20
+#: How often the largest value of a grid is sought among so many points about it.
+_REFINEMENTS = 5
+_POINTS = 17
 
 #: ω, (N,) -> M of k loops, (N, k).
 Loci = Callable[[np.ndarray], np.ndarray]
@@ -57,12 +64,25 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
 def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     """Margin of loop i, the others closed."""
     only = loop.only(i)
-    candidates = np.concatenate([_crossings(only, sign) for sign in (-1.0, 1.0)])
-    grid = np.union1d(candidates, frequency_grid(np.linalg.eigvals(loop.A)))
-    grid = np.union1d(grid, (grid[1:] + grid[:-1]) / 2.0)
+    zeros = np.unique(np.concatenate([_crossings(only, sign) for sign in (-1.0, 1.0)]))
+    between = (zeros[1:] + zeros[:-1]) / 2.0
+    resonances = frequency_grid(np.linalg.eigvals(loop.A), _PER_DECADE)
+    grid = np.unique(np.concatenate([zeros, between, resonances]))
     response = response_of(only)
-    margin = margin_of(lambda omega: response(omega)[:, 0], grid, only)
-    return margin._replace(disk=disk_of(only).disk)
+
+    def locus(frequencies: np.ndarray) -> np.ndarray:
+        return response(frequencies)[:, 0]
+
+    margin = margin_of(locus, grid, only)
+    return margin._replace(disk=disk_of(only, _peak_of(locus, grid)).disk)
+
+
+def _peak_of(locus: Loci, grid: np.ndarray) -> float:
+    """The frequency near which |M| of one loop is largest, as far as a grid shows it."""
+    for _ in range(_REFINEMENTS):
+        peak = int(np.abs(locus(grid)).argmax())
+        grid = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], _POINTS)
+    return float(grid[_POINTS // 2])
 
 
 def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
@@ -117,15 +137,19 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
     Frequencies at which Im M or Re M is 0 are sought where it changes its sign between those of the
     grid. Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994)."""
     seen = _followed(loci(grid))
+    # Where l is 0 or infinite but for rounding, signs of Im M change by rounding.
+    is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
 
     def crossing(part: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies at which this part of M changes its sign, and M there."""
         above = part(seen) > 0.0
-        where, column = np.nonzero(above[1:] != above[:-1])
+        is_counted = ~(is_lost[1:] & is_lost[:-1])
+        where, column = np.nonzero((above[1:] != above[:-1]) & is_counted)
         low = grid[where]
         high = grid[where + 1]
         first = seen[where, column]
         last = seen[where + 1, column]
+        settled = low
         for number in range(_ROUNDS):
             share = 0.5 if number % 2 else part(first) / (part(first) - part(last))
             point = low + share * (high - low)
@@ -138,6 +162,10 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
             high = np.where(before, high, point)
             first = np.where(before, value, first)
             last = np.where(before, last, value)
+            if number % 2 == 0:
+                if np.all(np.abs(point - settled) <= _SETTLED * point):
+                    break
+                settled = point
         return point, value
 
     real = np.concatenate([seen[0].real, crossing(np.imag)[1].real])

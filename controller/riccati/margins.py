@@ -117,8 +117,10 @@ def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
     return disk_of(loop_at_inputs(game, K))
 
 
-def disk_of(loop: ClosedLoop) -> DiskMargin:
+def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     """Return the margin of `disk_margin` for any loop.
+
+    near: a frequency, rad/s, at which it is about smallest: known ones make the search shorter
 
     σ_max(D M D⁻¹) crosses a level only at `level_crossings`. The best D in the middle of a piece of
     the axis therefore shows that other parts are below the level. The remaining parts are divided
@@ -129,7 +131,7 @@ def disk_of(loop: ClosedLoop) -> DiskMargin:
     pieces = list(pairwise([*ends.tolist(), math.inf]))
     # The largest bound first: then most pieces are below the level at once.
     there = loop.at(ends)
-    first = ends[np.argsort(scaled_norm(there, _osborne_scaling(there)))].tolist()
+    first = [*ends[np.argsort(scaled_norm(there, _osborne_scaling(there)))].tolist(), near]
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
     level = highest
