@@ -10,6 +10,7 @@ import pytest
 import hfa
 from hfa import find_operating_point, linearize
 from hfa_derivatives.aircraft import from_derivatives
+from hfa_rigid.atmosphere import air_at
 
 #: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1, without C_Lq and
 #: with C_nbeta 0.0701, as its examples 4.3 and 5.2 take them.
@@ -38,6 +39,42 @@ PRINTED = {
     "dutch roll": -0.487 + 2.335j,
 }
 
+#: B. Etkin, L. D. Reid, Dynamics of Flight, 3rd ed., 1996, Sections 6.2 and 6.7: B747 at 40,000 ft,
+#: Mach 0.8, C_x and C_z of Table 6.1 as lift and drag, Table 6.6. The altitude is that of the printed
+#: density. The book prints no drag, which only divides C_x and C_z among these. The surfaces are
+#: ours; no mode depends on them.
+_DENSITY = 5.909e-4
+_ALTITUDE = 39871.6
+_MACH = 774.0 / 968.07
+_DRAG = 0.043
+B747 = {
+    "units": "english",
+    "geometry": {"wing_area": 5500.0, "span": 195.7, "chord": 27.31},
+    "mass": {"mass": 636636.0 / 32.2, "Ixx": 0.183e8, "Iyy": 0.331e8, "Izz": 0.497e8,
+             "Ixz": -0.156e7},
+    "condition": {"speed": 774.0, "altitude": _ALTITUDE},
+    "CL_0": 0.654, "CL_alpha": 4.920 - _DRAG, "CL_q": 5.921, "CL_alphadot": -5.896,
+    "CL_mach": 0.1060 / _MACH,
+    "CD_0": _DRAG, "CD_alpha": 0.654 - 0.2193, "CD_mach": (0.1080 - 2.0 * _DRAG) / _MACH,
+    "Cm_alpha": -1.023, "Cm_q": -23.92, "Cm_alphadot": -6.314, "Cm_mach": 0.1043 / _MACH,
+    "CY_beta": -0.8771,
+    "Cl_beta": -0.2797, "Cl_p": -0.3295, "Cl_r": 0.304, "Cl_aileron": 0.01,
+    "Cn_beta": 0.1946, "Cn_p": -0.04073, "Cn_r": -0.2737, "Cn_rudder": -0.1,
+    "Cm_elevator": -1.444,
+    "thrust": [0.0, 200000.0],
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+#: Printed in these sections.
+PRINTED_747 = {
+    "phugoid": -0.003289 + 0.06723j,
+    "short period": -0.3719 + 0.8875j,
+    "spiral": -0.0072973,
+    "roll": -0.56248,
+    "dutch roll": -0.033011 + 0.94655j,
+}
+
 
 def linear_model(table, **held):
     model = from_derivatives(table).with_parameters(**held)
@@ -55,6 +92,24 @@ def test_the_navion_has_its_published_modes(mode):
     printed = PRINTED[mode]
     found = eigenvalue_near(linear_model(NAVION), printed)
     assert abs(found - printed) < (0.1 if mode == "spiral" else 0.01) * abs(printed)
+
+
+def test_the_747_is_at_its_published_density():
+    assert float(air_at(_ALTITUDE).density) == pytest.approx(_DENSITY, rel=1e-6)
+    assert float(air_at(_ALTITUDE).sound) == pytest.approx(774.0 / _MACH, rel=1e-5)
+
+
+@pytest.mark.parametrize("mode", PRINTED_747)
+def test_the_747_has_its_published_modes(mode):
+    """Within 0.3 % of the printed eigenvalues, whose derivatives have three or four digits, with the
+    gravity of the book. Other Cn_beta and Cm_q move every mode by more."""
+    printed = PRINTED_747[mode]
+    found = eigenvalue_near(linear_model(B747, gravity=32.2), printed)
+    assert abs(found - printed) < 0.003 * abs(printed)
+    wrong = eigenvalue_near(
+        linear_model({**B747, "Cn_beta": 0.21, "Cm_q": -26.0}, gravity=32.2), printed
+    )
+    assert abs(wrong - printed) > 0.003 * abs(printed)
 
 
 def test_equations_written_apart_agree():
