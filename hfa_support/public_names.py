@@ -10,6 +10,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+#: Words that users try first -> public names of `hfa`.
+_OTHER_WORDS = {
+    "load": "load_model",
+    "solve": "solve_game",
+    "trim": "find_operating_point",
+    "verify": "check_critic",
+}
+
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return `__getattr__` and `__dir__` of a package whose stub imports its public names.
@@ -40,8 +48,10 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         if name == "__all__":
             return list(modules())
         if name not in modules():
-            near = difflib.get_close_matches(name, modules(), n=1)
-            advice = f"; did you mean {near[0]}?" if near else ""
+            near = _OTHER_WORDS.get(name)
+            if near not in modules():
+                near = next(iter(difflib.get_close_matches(name, modules(), n=1)), "")
+            advice = f"; did you mean {near}?" if near else ""
             raise AttributeError(f"module {package!r} has no attribute {name!r}{advice}")
         module_name, name_there = modules()[name]
         module = import_module(module_name, package)

@@ -59,8 +59,8 @@ class Critic(Shown):
     )
 
     K: Matrix
-    P: Matrix | None
-    origin: str
+    P: Matrix | None = None
+    origin: str = "K"
     weights: np.ndarray | None = None
     basis: Basis | None = None
     constant: float = 0.0

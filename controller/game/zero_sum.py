@@ -32,10 +32,10 @@ class Game(ByValue, Reported):
 
     A: (n, n)
     B: (n, m)
-    E: (n, k), disturbance matrix; the paper's is the identity
+    E: (n, k), disturbance matrix; by default the identity, as in the paper
     Q: (n, n), symmetric positive semidefinite; or its diagonal, (n,)
     R: (m, m), symmetric positive definite; or its diagonal, (m,)
-    delta: > 0, may be inf: no disturbance, LQR
+    delta: > 0; by default inf: no disturbance, LQR
     names: of the states and inputs, for reports; by default x1, x2, ... and u1, u2, ...
 
     Raises BadInputError when a shape, a sign or a number is wrong.
@@ -50,10 +50,10 @@ class Game(ByValue, Reported):
 
     A: np.ndarray
     B: np.ndarray
-    E: np.ndarray
-    Q: np.ndarray
-    R: np.ndarray
-    delta: float
+    E: np.ndarray = None  # type: ignore[assignment]  # becomes the identity
+    Q: np.ndarray = None  # type: ignore[assignment]  # required
+    R: np.ndarray = None  # type: ignore[assignment]  # required
+    delta: float = np.inf
     names: PlantNames = field(default=UNNAMED, compare=False)
 
     if TYPE_CHECKING:
@@ -71,6 +71,10 @@ class Game(ByValue, Reported):
 
     def __post_init__(self) -> None:
         """Check everything once, so that no solver has to."""
+        if self.Q is None or self.R is None:
+            raise BadInputError("a game has no Q or no R; give both, as matrices or diagonals")
+        if self.E is None:
+            object.__setattr__(self, "E", np.eye(len(np.atleast_1d(self.A))))
         for name in ("Q", "R"):
             object.__setattr__(self, name, _with_diagonal(name, getattr(self, name)))
         for name in ("A", "B", "E", "Q", "R"):

@@ -131,6 +131,10 @@ class Reported:
         """Return the report of the result."""
         raise NotImplementedError
 
+    def save(self, path: Path) -> None:
+        """Write the data as .json, .npz or .mat, or the records as .csv."""
+        self.report().save(Path(path))
+
     def __repr__(self) -> str:
         return repr(self.report())
 

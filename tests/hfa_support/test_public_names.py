@@ -21,6 +21,8 @@ def test_an_unknown_name_is_answered_with_the_nearest() -> None:
         hfa.linearise  # noqa: B018
     with pytest.raises(AttributeError, match="'modes_off'; did you mean modes_of"):
         trim.modes_off  # noqa: B018
+    with pytest.raises(AttributeError, match="'verify'; did you mean check_critic"):
+        hfa.verify  # noqa: B018
     assert set(dir(hfa)) >= {"linearize", "sweep"}
 
 

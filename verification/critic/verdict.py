@@ -173,8 +173,13 @@ class Verdict(Checked, Result, Reported):
         return "near" if self.cost_lost <= NEAR else "fail"
 
     def headline(self, limit_cost: float | None = None) -> str:
-        """Return the verdict on the linear game, PASS, NEAR or FAIL, with the cost lost, errors,
-        stability, the equilibrium and the L2 gain, as far as they fit into 100 columns."""
+        """Return the first line: PASS, NEAR or FAIL on the linear game, and the first finding, or
+        two where they fit into 100 columns."""
+        return self._first_lines(limit_cost)[0]
+
+    def _first_lines(self, limit_cost: float | None) -> list[str]:
+        """Return the headline, then each further finding: errors, stability, the equilibrium, the
+        L2 gain."""
         failed = [check for check in self.checks if not check.ok]
         decided = ""
         if limit_cost is not None:
@@ -194,10 +199,9 @@ class Verdict(Checked, Result, Reported):
         gain = next((check for check in self.checks if check.kind == "gain"), None)
         if gain is not None and math.isfinite(gain.value):
             facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
-        for fact in facts:
-            if len(line) + len(fact) + 2 <= _FIRST_LINE:
-                line += f", {fact}"
-        return line
+        if len(line) + len(facts[0]) + 2 <= _FIRST_LINE:
+            line += f", {facts.pop(0)}"
+        return [line, *facts]
 
     def _cost_text(self) -> str:
         """The cost lost, in words."""
@@ -273,7 +277,7 @@ class Verdict(Checked, Result, Reported):
         if self.reason:
             heading.append(f"Reason: {self.reason}")
         return Report(
-            self.headline(limit_cost),
+            "\n".join(self._first_lines(limit_cost)),
             [
                 tuple(heading),
                 checks_block(self.checks) if self.ok else _failures(self.checks),

@@ -35,7 +35,7 @@ def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
         lines.append(f"No larger level is proved: {found.stopped}.")
     data = FoundLowerBound(statement, found.boxes, found.stopped).as_data()
     parts: tuple[str | Table, ...] = (*lines, Table(header, rows), limits_of(statement))
-    return Report(_title(statement), parts, data=data)
+    return Report(_title(statement, "Proved"), parts, data=data)
 
 
 def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Report:
@@ -47,13 +47,13 @@ def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Re
     pairs = zip(statement.pieces, verified.boxes, strict=True)
     rows = [(f"{piece.c:.6g}", str(boxes)) for piece, boxes in pairs]
     data = CheckedLowerBound(statement, verified.boxes, verified.written).as_data()
-    title = f"{_title(statement)}, checked{taken_from_certificate(not_given)}"
+    title = f"{_title(statement, 'Verified, proved')}{taken_from_certificate(not_given)}"
     parts = (_sentence(statement), Table(("level", "boxes"), rows), limits_of(statement))
     return Report(title, (*parts, *_weights(statement)), data=data)
 
 
-def _title(statement: CostStatement) -> str:
-    return f"Lower bound of the cost of flights of {statement.plant.model.title}: proved"
+def _title(statement: CostStatement, verdict: str) -> str:
+    return f"{verdict}: lower bound of the cost of flights of {statement.plant.model.title}"
 
 
 def _sentence(statement: CostStatement) -> str:

@@ -43,7 +43,7 @@ def found_report(
     lines.append(f"No larger level is proved: {region.stopped}.")
     found = FoundBoxes(statement, region.boxes, region.origin, fails, region.stopped)
     parts: tuple[str | Table, ...] = (_sentence(statement, policy), _extents(statement), *lines)
-    return Report(_title(statement, not_covered), parts, data=found.as_data())
+    return Report(_title(statement, "Proved", not_covered), parts, data=found.as_data())
 
 
 def checked_report(verified: VerifiedBoxes, policy: str, not_covered: str = NOT_COVERED) -> Report:
@@ -64,12 +64,13 @@ def checked_report(verified: VerifiedBoxes, policy: str, not_covered: str = NOT_
         inputs,
         f"V' < 0 is proved on {verified.boxes} boxes.",
     )
-    return Report(f"{_title(statement, not_covered)}, checked", parts, data=checked.as_data())
+    title = _title(statement, "Verified, proved", not_covered)
+    return Report(title, parts, data=checked.as_data())
 
 
-def _title(statement: BoxStatement, not_covered: str) -> str:
+def _title(statement: BoxStatement, verdict: str, not_covered: str) -> str:
     title = statement.loop.model.title
-    return f"Region of attraction of {title}: proved; {not_covered}"
+    return f"{verdict}: region of attraction of {title}; {not_covered}"
 
 
 def _sentence(statement: BoxStatement, policy: str) -> str:

@@ -14,6 +14,7 @@ from hfa_flight.envelope import control_limits
 from hfa_flight.monte_carlo import MonteCarlo
 from hfa_flight.results import MemberSummary
 from hfa_flight.scenario import Uncertainty
+from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table, short_number, shown_unit
 
@@ -66,13 +67,16 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
     where: the members are kept, for the title
     """
     found = summary(plan, read)
-    title = (
-        f"Monte Carlo, {plan.point.called}, nonlinear aircraft, law {plan.policy.name}: "
+    flown = (
+        f"Monte Carlo, {plan.point.called}, law {plan.policy.name}: "
         f"{plan.members} members of {plan.scenario.duration:g} s, seed {plan.seed}"
     )
     if where:
-        title += f", {where}"
-    parts: list[Part] = [_counts_text(plan, found)]
+        flown += f", {where}"
+    verdict = verdict_text(found.within_limits > 0)
+    inside = f"{found.within_limits} of {plan.members} members stayed within limits"
+    title = "\n".join([f"{verdict}: {inside}", flown, *_outcomes(found)])
+    parts: list[Part] = []
     if found.held:
         parts.append(_quantile_table(plan, found))
         if plan.scenario.moving_air and flown_through_air(plan.model):
@@ -85,11 +89,13 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
     return Report(title, parts, notes, found.as_data())
 
 
-def _counts_text(plan: MonteCarlo, found: MemberSummary) -> str:
-    """Return the number of members within limits and the outcomes of the others, a line each."""
-    lines = [f"stayed within limits: {found.within_limits} of {plan.members}"]
+def _outcomes(found: MemberSummary) -> list[str]:
+    """Return a line for each other outcome, with the number of members."""
+    lines = []
     if found.drawn is not None:
-        lines[0] += " aircraft that the parameters allow, each flown from the trim of the model"
+        lines.append(
+            "members are aircraft that the parameters allow, each flown from the trim of the model"
+        )
     if found.first_left is not None:
         lines.append(
             f"left the envelope, by the state that left first: {_listed(found.left)};"
@@ -99,7 +105,7 @@ def _counts_text(plan: MonteCarlo, found: MemberSummary) -> str:
         lines.append(f"exceeded control limits: {_listed(found.exceeded)}")
     if any(found.limit_cycle.values()):
         lines.append(f"limit cycle that does not decay: {_listed(found.limit_cycle)}")
-    return "\n".join(lines)
+    return lines
 
 
 def _listed(counts: Mapping[str, float]) -> str:

@@ -44,7 +44,7 @@ from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.progress import Progress
-from hfa_support.reporting.checks import Check
+from hfa_support.reporting.checks import Check, verdict_text
 from hfa_support.reporting.report import Part, Picture, Report, Reported
 from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
@@ -380,7 +380,7 @@ class Flight(StatesAndInputs, Result, Reported):
         ]
 
     def title(self) -> str:
-        """Return the flight's conditions and verdict, the first lines of its report."""
+        """Return the first lines of the report: the verdict, the flight, each further finding."""
         flight = f"Flight, {self.point.called}"
         scheduled = at_scheduled(self.point).removeprefix("at ")
         if scheduled:
@@ -398,8 +398,8 @@ class Flight(StatesAndInputs, Result, Reported):
         elif exceeded:
             outcome = f"inside the envelope for {duration}, but not within the control limits"
         else:
-            outcome = f"stayed within limits: {duration} inside the envelope and the control limits"
-        lines = [flight, outcome]
+            outcome = f"{duration} inside the envelope and the control limits"
+        lines = [f"{verdict_text(self.within_limits)}: {outcome}", flight]
         if self.decay is not None:
             lines.append(self.decay.text())
         if exceeded:

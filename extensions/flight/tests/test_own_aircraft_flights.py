@@ -33,7 +33,7 @@ def test_a_doublet_without_a_law_is_written_and_drawn() -> None:
     )
     assert (result.code, result.err) == (0, "wrote flight.json\nwrote flight.png\n")
     assert result.out.startswith(
-        "Flight, Navion, speed 176 ft/s, law none\nstayed within limits: 4 s"
+        "PASS: 4 s inside the envelope and the control limits\nFlight, Navion, speed 176 ft/s, law none"
     )
     data = json.loads(Path("flight.json").read_text("utf-8"))
     elevator = np.degrees(

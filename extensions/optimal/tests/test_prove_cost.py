@@ -32,7 +32,7 @@ def test_a_bound_is_proved_and_checked(
     """The first line names the data that the user did not give."""
     assert main(["prove", *AIRCRAFT, "--check", str(certificate)]) == 0
     first = capsys.readouterr().out.splitlines()[0]
-    assert first.endswith("pendulum: proved, checked, of the weights in the certificate")
+    assert first.endswith("flights of pendulum, of the weights in the certificate")
     words = ["prove", "cost", *AIRCRAFT, "--Q", "1,1", "--R", "1", "--check", str(certificate)]
     assert main([*words, "--json"]) == 0
     data = json.loads(capsys.readouterr().out)

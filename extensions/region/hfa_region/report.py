@@ -62,7 +62,7 @@ def region_report(region: Region) -> Report:
         _V(statement),
         _not_covered(statement),
     )
-    return Report(_title(statement), parts, data=found.as_data())
+    return Report(_title(statement, "Proved"), parts, data=found.as_data())
 
 
 def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> Report:
@@ -101,8 +101,7 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
         _V(statement),
         _not_covered(statement),
     )
-    title = f"{_title(statement)}, checked{taken_from_certificate(not_given)}"
-    return Report(title, parts, data=checked.as_data())
+    return Report(_title(statement, "Verified, proved", not_given), parts, data=checked.as_data())
 
 
 def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple[str, ...]:
@@ -119,11 +118,19 @@ def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple
 _WITHOUT = "without sampling, delay, actuators"
 
 
-def _title(statement: RegionStatement) -> str:
+def _title(statement: RegionStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
+    """Return the first line, with the subjects that the user did not give, else with what is not
+    covered, which then follows in the next line."""
     title = statement.loop.model.title
     if statement.loop.disturbances:
-        return f"Invariant set of {title} under disturbances, {_WITHOUT}: proved"
-    return f"Region of attraction of {title}, {_WITHOUT} or disturbances: proved"
+        claim = f"{verdict}: invariant set of {title} under disturbances"
+        without = _WITHOUT
+    else:
+        claim = f"{verdict}: region of attraction of {title}"
+        without = f"{_WITHOUT}, disturbances"
+    if not_given:
+        return f"{claim}{taken_from_certificate(not_given)}\n{without}"
+    return f"{claim}, {without}"
 
 
 def _sentence(statement: RegionStatement) -> str:

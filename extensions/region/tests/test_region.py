@@ -142,7 +142,7 @@ def test_a_certificate_is_checked_and_drawn(
     assert verified.parts == 3
     assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
     shown = capsys.readouterr().out
-    assert "proved, checked" in shown
+    assert "Verified, proved" in shown
     assert "-0.7 N m" in shown
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from tolerances import SAME_FORMULA
 from controller import basis
 from controller.game.basis import BASES, Basis
 from controller.game.zero_sum import is_semidefinite
-from hfa import BadInputError, Game
+from hfa import BadInputError, Game, solve_game
 from hfa.paper import published_game
 from hfa_model import LINEAR_STATES, published_models
 
@@ -57,6 +58,16 @@ def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> No
 )
 def test_weights_of_very_different_size_are_definite(R: Any) -> None:
     assert np.array_equal(Game(**(SMALL | {"B": np.eye(2), "R": R})).R, R)
+
+
+def test_a_game_without_disturbance_is_an_lqr(tmp_path: Path) -> None:
+    """E is the identity and delta inf by default; the solution is saved as a file."""
+    solution = solve_game(Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0]))
+    np.testing.assert_allclose(solution.P, [[1.0 + np.sqrt(2.0)]], rtol=1e-12)
+    solution.save(tmp_path / "solution.json")
+    assert '"P"' in (tmp_path / "solution.json").read_text("utf-8")
+    with pytest.raises(BadInputError, match="no Q or no R"):
+        Game([[1.0]], [[1.0]], Q=[1.0])
 
 
 def test_gains_are_extremals_of_the_hamiltonian() -> None:
