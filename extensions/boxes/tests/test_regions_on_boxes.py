@@ -81,7 +81,9 @@ def test_a_network_is_proved_and_checked(proved: Any, capsys: pytest.CaptureFixt
     content, words = proved
     assert main(["prove", "region", *words]) == 0
     out = capsys.readouterr().out
-    assert out.startswith("Proved: region of attraction of pendulum; sampling, delay, actuators")
+    assert out.startswith(
+        "Verified, proved: region of attraction of pendulum; sampling, delay, actuators"
+    )
     assert content["statement"]["extents"]["angle"] > np.radians(20.0)
 
 

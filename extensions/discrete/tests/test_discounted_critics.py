@@ -90,7 +90,7 @@ def test_an_exact_discounted_critic_that_does_not_stabilize_is_exact_and_fails()
     game = game_at(20.0)
     exact = solve_discounted(game, 0.95, 0.005)
     verdict = check_discounted(game, from_value(game, exact.P), 0.95, 0.005)
-    assert "not stabilizing, exact within 1e-06" in verdict.headline()
+    assert "not stabilizing\nexact within 1e-06" in str(verdict)
     assert failed_names(verdict.checks) == {"control_loop_radius"}
     assert verdict.value_of("control_loop_radius") == pytest.approx(1.00003, abs=3e-6)
     assert verdict.value_of("discounted_loop_radius") == pytest.approx(
