@@ -174,6 +174,8 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
         raise BadInputError(unknown(what, words[1].lower(), known, f"hfa {first}"))
     if first in offered(COMMANDS):
         return first, words[1:]
+    if known:
+        raise BadInputError(f"`hfa {first}` needs a second word: {', '.join(known)}")
     later = [word for word in words if word in CORE or word in offered(COMMANDS)]
     if first.startswith("-") and later:
         raise BadInputError(f"the command comes first: hfa {later[0]} {shortened(first)} ...")
