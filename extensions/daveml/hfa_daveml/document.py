@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from hfa_daveml.tables import GriddedTable, UngriddedTable, table_of_points
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.files import regular_file
 
@@ -55,27 +56,16 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Table:
-    """A gridded table.
-
-    breakpoints: one increasing array an axis. values: of as many dimensions.
-    """
-
-    breakpoints: tuple[np.ndarray, ...]
-    values: np.ndarray
-
-
-@dataclass(frozen=True)
 class Function:
     """A variable that a table gives.
 
-    result: varID of the variable. axes: its arguments, in the order of the table. table: linear
-        between its breakpoints.
+    result: varID of the variable. axes: its arguments, in the order of the table. table: piecewise
+        linear.
     """
 
     result: str
     axes: tuple[Axis, ...]
-    table: Table
+    table: GriddedTable | UngriddedTable
 
 
 @dataclass(frozen=True)
@@ -129,10 +119,10 @@ class Document:
         """The least and the largest value of a variable within all tables over it."""
         low, high = -math.inf, math.inf
         for function in self.functions.values():
-            for axis, points in zip(function.axes, function.table.breakpoints, strict=True):
+            for axis, (first, last) in zip(function.axes, function.table.ends, strict=True):
                 if axis.key == variable.key:
-                    low = max(low, axis.least, float(points[0]))
-                    high = min(high, axis.most, float(points[-1]))
+                    low = max(low, axis.least, first)
+                    high = min(high, axis.most, last)
         return low, high
 
 
@@ -171,7 +161,11 @@ class _Reader:
         )
         self._tables = self._by_key(
             "table",
-            ((each.get("gtID", ""), each) for each in root.iterfind(".//griddedTableDef[@gtID]")),
+            (
+                (each.get(key, ""), each)
+                for tag, key in (("griddedTableDef", "gtID"), ("ungriddedTableDef", "utID"))
+                for each in root.iterfind(f".//{tag}[@{key}]")
+            ),
         )
 
     def document(self) -> Document:
@@ -240,16 +234,15 @@ class _Reader:
         key = self._attribute(result, "varID")
         axes = tuple(self._axis(each, key) for each in element.iter("independentVarRef"))
         definition = element.find("functionDefn")
-        gridded = None if definition is None else self._table_of(definition)
-        if gridded is None:
-            raise self._error(
-                f"function of {key}", "has no gridded table; ungridded ones are not supported"
-            )
-        table = self._table(gridded, key)
-        if len(axes) != len(table.breakpoints):
+        found = None if definition is None else self._table_of(definition)
+        if found is None:
+            raise self._error(f"function of {key}", "has no table that is defined")
+        table = self._ungridded(found, key) if found.find("dataPoint") is not None else None
+        table = table or self._gridded(found, key)
+        if len(axes) != len(table.ends):
             raise self._error(
                 f"function of {key}",
-                f"has {len(axes)} arguments and a table of {len(table.breakpoints)} axes",
+                f"has {len(axes)} arguments and a table of {len(table.ends)} axes",
             )
         return Function(key, axes, table)
 
@@ -271,14 +264,34 @@ class _Reader:
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
         """The table of a function, defined in it or referred to; `griddedTable` is version 1's."""
-        for tag in ("griddedTableDef", "griddedTable"):
-            own = definition.find(tag)
-            if own is not None:
-                return own
-        reference = definition.find("griddedTableRef")
-        return None if reference is None else self._tables.get(reference.get("gtID", ""))
+        for kind, key in (("gridded", "gtID"), ("ungridded", "utID")):
+            for tag in (f"{kind}TableDef", f"{kind}Table"):
+                own = definition.find(tag)
+                if own is not None:
+                    return own
+            reference = definition.find(f"{kind}TableRef")
+            if reference is not None:
+                return self._tables.get(reference.get(key, ""))
+        return None
 
-    def _table(self, element: ElementTree.Element, result: str) -> Table:
+    def _ungridded(
+        self, element: ElementTree.Element, result: str
+    ) -> GriddedTable | UngriddedTable:
+        """The table of <dataPoint>s: one or two arguments, then the value."""
+        place = f"function of {result}"
+        rows = [self._numbers_in(each, place) for each in element.iterfind("dataPoint")]
+        if {row.size for row in rows} not in ({2}, {3}):
+            raise self._error(
+                place,
+                "each <dataPoint> of an ungridded table needs one or two arguments and a value",
+            )
+        table = np.array(rows)
+        try:
+            return table_of_points(table[:, :-1], table[:, -1])
+        except ValueError as error:
+            raise self._error(place, f"{error}; correct the ungridded table") from error
+
+    def _gridded(self, element: ElementTree.Element, result: str) -> GriddedTable:
         place = f"function of {result}"
         keys = [self._attribute(each, "bpID") for each in element.iter("bpRef")]
         missing = [key for key in keys if key not in self._breakpoints]
@@ -299,7 +312,7 @@ class _Reader:
                 place,
                 f"the table has {values.size} values; its breakpoints need {math.prod(shape)}",
             )
-        return Table(breakpoints, values.reshape(shape))
+        return GriddedTable(breakpoints, values.reshape(shape))
 
     def _case(self, element: ElementTree.Element) -> CheckCase:
         name = element.get("name", "")
@@ -329,15 +342,19 @@ class _Reader:
         place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
         if child is None:
             raise self._error(place, f"has no <{tag}>; add it")
+        return self._numbers_in(child, place)
+
+    def _numbers_in(self, child: ElementTree.Element, place: str) -> np.ndarray:
+        """The numbers in an element."""
         words = [word for word in re.split(r"[,\s]+", "".join(child.itertext())) if word]
         try:
             values = np.array([float(word) for word in words])
         except ValueError as error:
             raise self._error(
-                place, f"<{tag}> holds a word that is not a number ({error})"
+                place, f"<{child.tag}> holds a word that is not a number ({error})"
             ) from error
         if not np.isfinite(values).all():
-            raise self._error(place, f"<{tag}> holds a number that is not finite")
+            raise self._error(place, f"<{child.tag}> holds a number that is not finite")
         return values
 
     def _number_or(self, text: str | None, place: str, default: float) -> float:

@@ -53,7 +53,7 @@ class Expressions:
         function = self._document.functions.get(variable.key)
         if function is not None:
             arguments = [_between(self[axis.key], axis.least, axis.most) for axis in function.axes]
-            return self._table(function.table.values, function.table.breakpoints, arguments)
+            return function.table.value(arguments, self._table)
         if variable.formula is not None:
             try:
                 return expression(variable.formula, self.__getitem__)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from cli import hfa as run
 from project import ROOT
+from scipy.interpolate import LinearNDInterpolator
 
 import hfa
 from hfa_daveml.check_cases import checked_document
@@ -114,6 +115,75 @@ def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
     np.testing.assert_allclose(points[0].states, points[1].states, rtol=1e-12)
     with pytest.raises(BadInputError, match="is an output of"):
         hfa.load_model(f"{other}+{UAV}")
+
+
+POINTS = np.random.default_rng(3).uniform(-1.0, 1.0, (25, 2))
+VALUES = np.sin(3.0 * POINTS[:, 0]) + POINTS[:, 1] ** 2
+
+
+def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function:
+    """A function of a file whose y is an ungridded table over x and z."""
+    rows = "".join(
+        f"<dataPoint>{', '.join(map(repr, map(float, row)))}, {float(value)!r}</dataPoint>"
+        for row, value in zip(points, values, strict=True)
+    )
+    names = ("x", "z")[: points.shape[1]]
+    variables = "".join(
+        f'<variableDef name="{n}" varID="{n}"><isInput/></variableDef>' for n in names
+    )
+    arguments = "".join(f'<independentVarRef varID="{name}"/>' for name in names)
+    path = folder / "surface.dml"
+    path.write_text(
+        f'<DAVEfunc>{variables}<variableDef name="y" varID="y"/><ungriddedTableDef utID="t">{rows}'
+        f'</ungriddedTableDef><function name="f">{arguments}<dependentVarRef varID="y"/>'
+        '<functionDefn><ungriddedTableRef utID="t"/></functionDefn></function></DAVEfunc>'
+    )
+    given = {name: ca.SX.sym(name) for name in names}
+    values = Expressions(read_document(str(path)), given, Interpolator())
+    return ca.Function("y", list(given.values()), [values["y"]])
+
+
+def test_an_ungridded_table_is_linear_on_delaunay_triangles(tmp_path: Path) -> None:
+    """Inside it equals SciPy's, with slopes; beyond it is the value at the nearest place inside."""
+    found = surface(POINTS, VALUES, tmp_path)
+    expected = LinearNDInterpolator(POINTS, VALUES)
+    x, z = ca.SX.sym("x"), ca.SX.sym("z")
+    slope = ca.Function("s", [x, z], [ca.jacobian(found(x, z), ca.vertcat(x, z))])
+    inside = np.array([place for place in POINTS[:-1] / 2.0 if np.isfinite(expected(place))])
+    assert len(inside) > 15
+    for place in inside:
+        assert float(found(*place)) == pytest.approx(expected(place)[0], abs=1e-12)
+        ahead, behind = (expected(place + np.array([step, 0.0]))[0] for step in (1e-7, -1e-7))
+        assert float(slope(*place)[0]) == pytest.approx((ahead - behind) / 2e-7, abs=1e-5)
+    triangulation = expected.tri
+    edges = POINTS[triangulation.convex_hull]
+    shares = np.linspace(0.0, 1.0, 20_001)[:, None]
+    border = np.concatenate([start + shares * (end - start) for start, end in edges])
+    for place in ([2.0, 0.3], [-1.5, -1.5], [0.0, 3.0]):
+        nearest = border[np.argmin(np.linalg.norm(border - place, axis=1))]
+        towards = nearest + 1e-9 * (POINTS.mean(axis=0) - nearest)
+        assert float(found(*place)) == pytest.approx(expected(towards)[0], abs=1e-3)
+
+
+def test_an_ungridded_table_of_one_argument_is_sorted(tmp_path: Path) -> None:
+    found = surface(POINTS[:, :1], VALUES, tmp_path)
+    order = np.argsort(POINTS[:, 0])
+    for place in (-2.0, -0.3, 0.4, 2.0):
+        expected = np.interp(place, POINTS[order, 0], VALUES[order])
+        assert float(found(place)) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]), "its points lie on a line"),
+        (np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]]), "two of its points are equal"),
+        (np.eye(3), "needs one or two arguments"),
+    ],
+)
+def test_a_bad_ungridded_table_is_named(points: np.ndarray, message: str, tmp_path: Path) -> None:
+    with pytest.raises(BadInputError, match=f"function of y: .*{message}"):
+        surface(points, np.ones(3), tmp_path)
 
 
 @pytest.mark.parametrize(

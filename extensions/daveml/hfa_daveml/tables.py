@@ -1,0 +1,101 @@
+"""Gridded and ungridded tables of DAVE-ML at CasADi expressions, held beyond their points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_rigid.tables import Interpolator
+
+#: A point belongs to a triangle whose least barycentric coordinate is at least minus this.
+_ON_THE_EDGE = 1e-12
+
+
+@dataclass(frozen=True)
+class GriddedTable:
+    """A table on a grid, linear in each argument between breakpoints.
+
+    breakpoints: one increasing array an axis. values: of as many dimensions.
+    """
+
+    breakpoints: tuple[np.ndarray, ...]
+    values: np.ndarray
+
+    @property
+    def ends(self) -> list[tuple[float, float]]:
+        """The first and the last breakpoint of each axis."""
+        return [(float(points[0]), float(points[-1])) for points in self.breakpoints]
+
+    def value(self, arguments: Sequence[Any], interpolator: Interpolator) -> Any:
+        """The value at the arguments, one an axis."""
+        return interpolator(self.values, self.breakpoints, arguments)
+
+
+@dataclass(frozen=True)
+class UngriddedTable:
+    """A table of points with two arguments, linear on each triangle of their Delaunay
+    triangulation; beyond all triangles the value at the nearest point of their border.
+
+    points: (N, 2). values: (N,). triangles: (M, 3), indices of points. border: (L, 2), indices of
+    the ends of edges.
+    """
+
+    points: np.ndarray
+    values: np.ndarray
+    triangles: np.ndarray
+    border: np.ndarray
+
+    @property
+    def ends(self) -> list[tuple[float, float]]:
+        """The least and the largest value of each argument."""
+        return [(float(column.min()), float(column.max())) for column in self.points.T]
+
+    def value(self, arguments: Sequence[Any], interpolator: Interpolator) -> Any:
+        """The value at the arguments. interpolator: of gridded tables, not used."""
+        place = ca.vertcat(*map(ca.SX, arguments))
+        value = self._on_the_border(place)
+        for triangle in self.triangles:
+            corner, *others = self.points[triangle]
+            edges = np.column_stack([other - corner for other in others])
+            shares = ca.mtimes(ca.DM(np.linalg.inv(edges)), place - ca.DM(corner))
+            weights = ca.vertcat(1.0 - ca.sum1(shares), shares)
+            inside = ca.mmin(weights) >= -_ON_THE_EDGE
+            value = ca.if_else(inside, ca.dot(weights, ca.DM(self.values[triangle])), value)
+        return value
+
+    def _on_the_border(self, place: Any) -> Any:
+        """The value at the point of the border that is nearest to a place (2,)."""
+        value: Any = 0.0
+        least: Any = np.inf
+        for first, second in self.border:
+            start = ca.DM(self.points[first])
+            edge = ca.DM(self.points[second]) - start
+            share = ca.fmin(ca.fmax(ca.dot(place - start, edge) / ca.sumsqr(edge), 0.0), 1.0)
+            distance = ca.sumsqr(place - start - share * edge)
+            rise = self.values[second] - self.values[first]
+            value = ca.if_else(distance < least, self.values[first] + share * rise, value)
+            least = ca.fmin(distance, least)
+        return value
+
+
+def table_of_points(points: np.ndarray, values: np.ndarray) -> GriddedTable | UngriddedTable:
+    """The table of points (N, 1) or (N, 2) and values (N,); of one argument a gridded one.
+
+    ValueError where two points are equal, or all of them lie on a line.
+    """
+    from scipy.spatial import Delaunay, QhullError
+
+    if len(np.unique(points, axis=0)) < len(points):
+        raise ValueError("two of its points are equal")
+    if points.shape[1] == 1:
+        order = np.argsort(points[:, 0])
+        return GriddedTable((points[order, 0],), values[order])
+    try:
+        triangulation = Delaunay(points)
+    except QhullError as error:
+        raise ValueError("its points lie on a line") from error
+    return UngriddedTable(points, values, triangulation.simplices, triangulation.convex_hull)
