@@ -6,10 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from controller.riccati.normal_form import RANK
+from controller.riccati.normal_form import FAINT, RANK
 
 #: An eigenvalue with a real part above this part of -|A| may belong to a mode that does not decay.
 _NEAR = 1e-6
+#: Steps of inverse iteration: a singular value that is tiny beside the next needs one.
+_INVERSE_STEPS = 4
 #: Each takes the sizes of the vector before it as weights; the second halves what the first leaves.
 _PASSES = 3
 
@@ -82,8 +84,7 @@ def rank_distance(
     weight = weights(at, np.ones((len(A), n, 1)))
     least = np.ones(len(A))
     for _ in range(_PASSES):
-        conjugates = np.linalg.svd(weight * (both - at * one), full_matrices=False)[2]
-        vector = conjugates[:, -1, :, None].conj()
+        vector = least_vectors(weight * (both - at * one))
         parts = np.abs(vector)
         rounding = 8 * n * np.finfo(float).eps * parts.max(axis=1, keepdims=True)
         vector = np.where(parts <= rounding, 0.0, vector)
@@ -97,3 +98,25 @@ def rank_distance(
         if least.min() > 1e3 * RANK:
             break
     return least
+
+
+def least_vectors(matrices: np.ndarray) -> np.ndarray:
+    """Right singular vectors of the least singular values by inverse iteration, (K, n, 1).
+
+    matrices: (K, p, n), p >= n
+
+    A singular triangle is moved by rounding. Source: Golub and Van Loan, Matrix Computations,
+    Section 5.5.7."""
+    triangle = np.linalg.qr(matrices, mode="r")
+    diagonal = np.einsum("kii->ki", triangle)  # a view
+    rounding = np.finfo(float).eps * np.abs(diagonal).max(axis=1, keepdims=True) + FAINT
+    diagonal[np.abs(diagonal) < rounding] = 0.0
+    diagonal += np.where(diagonal == 0.0, rounding, 0.0)
+    inverse = np.linalg.inv(triangle)
+    inverse = inverse / np.abs(inverse).max(axis=(1, 2), keepdims=True)
+    squared = inverse @ inverse.mT.conj()
+    largest = np.einsum("kii->ki", squared).real.argmax(axis=1)
+    vector = np.take_along_axis(squared, largest[:, None, None], axis=2)
+    for _ in range(_INVERSE_STEPS):
+        vector = squared @ (vector / np.linalg.norm(vector, axis=1, keepdims=True))
+    return np.asarray(vector / np.linalg.norm(vector, axis=1, keepdims=True))
