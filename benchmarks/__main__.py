@@ -1,8 +1,10 @@
-"""Run the benchmarks, print the table, store and draw it: `python -m benchmarks [--quick] [names]`.
+"""Run the benchmarks three times, print the table, store it, draw it and write it into the pages:
+`python -m benchmarks [--quick] [names]`.
 
---quick runs everything at a toy size to see that it works; its figures mean nothing and are not
-stored. Jobs, or subjects with all their jobs, that are named on the command line are run alone and
-replace their own figures among the stored ones."""
+--quick runs everything once at a toy size to see that it works; its figures mean nothing and are
+not stored. Jobs, or subjects with all their jobs, that are named on the command line are run alone
+and replace their own figures among the stored ones. An interruption keeps the runs that are
+finished."""
 
 from __future__ import annotations
 
@@ -13,6 +15,9 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 from benchmarks import report
+
+#: Runs of each job: the row of median ratio is stored, with the smallest and largest ratio.
+_RUNS = 3
 
 
 def main(words: list[str] | None = None) -> int:
@@ -26,17 +31,36 @@ def main(words: list[str] | None = None) -> int:
     arguments = parser.parse_args(words)
     if unknown := set(arguments.names) - set(choices):
         parser.error(f"no job {min(unknown)!r}; choose from {', '.join(choices)}")
+    runs: list[report.Results] = []
+    try:
+        for number in range(1, 2 if arguments.quick else _RUNS + 1):
+            runs.append(_run(_asked(arguments.names), number, arguments.quick))
+    except KeyboardInterrupt:
+        print(f"interrupted: {len(runs)} runs are finished", file=sys.stderr)
+    if not runs:
+        return 1
+    print(report.markdown(report.figures(runs)))
+    print(report.growth_markdown(report.growths(runs)))
+    if not arguments.quick:
+        data = report.store(runs)
+        report.show(data)
+        print(f"stored in {report.RESULTS} and {report.draw(data)}")
+    return 0
+
+
+def _run(names: list[str], number: int, quick: bool) -> report.Results:
+    """The figures of these jobs; those that grow are measured in the first run alone."""
     rows = {}
-    for name in _asked(arguments.names):
+    for name in names:
+        if number > 1 and name in report.SUBJECTS["scale"]:
+            rows[name] = []
+            continue
         start = time.perf_counter()
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as apart:
             # in a process of its own: the threads and memory of one job slow no other
-            rows[name] = apart.submit(report.rows_of, name, arguments.quick).result()
-        print(f"{name}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
-    print(report.markdown([report.figure(row) for some in rows.values() for row in some]))
-    if not arguments.quick:
-        print(f"stored in {report.RESULTS} and {report.draw(report.store(rows))}")
-    return 0
+            rows[name] = apart.submit(report.rows_of, name, quick).result()
+        print(f"run {number}, {name}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
+    return rows
 
 
 def _asked(names: list[str]) -> list[str]:

@@ -15,8 +15,10 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.report import Limit, Row, in_turn, shortest
+from controller.game.zero_sum import Game
 from controller.hfa_files import published_game
 from controller.riccati.game_batch import solve_games
+from controller.riccati.gare import solve_game
 from hfa.paper import default_parameters
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
@@ -43,19 +45,22 @@ _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 def _start(quick: bool) -> list[Row]:
     """A trim, and the help, from nothing to the last line."""
-    repeats = 1 if quick else 11
+    repeats = 1 if quick else 5
     hfa = str(Path(sys.executable).with_name("hfa"))
     peer = (sys.executable, "-c", "import control")
     run = partial(subprocess.run, check=True, stdout=subprocess.DEVNULL)
     rows = []
-    for words, least in ((("trim", "--dihedral", "15"), "import casadi"), (("--help",), "pass")):
+    for words, least, target in (
+        (("trim", "--dihedral", "15"), "import casadi", 6.0),
+        (("--help",), "pass", 1.0),
+    ):
         seconds = shortest(partial(run, (sys.executable, "-c", least)), repeats=repeats)
         rows.append(
             Row(
                 f"`hfa {' '.join(words)}`, new process",
                 '`python -c "import control"`',
                 in_turn(partial(run, (hfa, *words)), partial(run, peer), repeats=repeats),
-                1.0,
+                target,
                 limit=Limit(seconds, f'`python -c "{least}"`'),
             )
         )
@@ -94,7 +99,52 @@ def _games(quick: bool) -> list[Row]:
     timing = in_turn(ours, peer, units=count, peer_units=count / 5)
     limit = Limit(shortest(one_schur_form_each, count / 5), "a Schur form of the Hamiltonian")
     job = f"{count} game Riccati equations, certified"
-    return [Row(job, "SciPy solve_continuous_are, no certificate", timing, 0.4, limit=limit)]
+    return [Row(job, "SciPy solve_continuous_are, no certificate", timing, 8.0, limit=limit)]
+
+
+def _one_game(quick: bool) -> list[Row]:
+    """Certified solutions of random games, one by one, by the number of states."""
+    from benchmarks.jobs_scale import random_game
+
+    rows = []
+    for states, goal in ((6, 1.8),) if quick else ((6, 1.8), (24, 1.0), (48, 1.0), (96, 0.8)):
+        games = [random_game(states, seed) for seed in range(2 if quick else 480 // states)]
+        timing = in_turn(
+            partial(_each, solve_game, games),
+            partial(_each, scipy_value, games),
+            len(games),
+            len(games),
+            repeats=1 if quick else 5,
+        )
+        limit = Limit(
+            shortest(partial(_each, one_schur_form, games), len(games)),
+            "a Schur form of the Hamiltonian",
+        )
+        job = f"one certified game of {states} states"
+        peer = "SciPy solve_continuous_are, no certificate"
+        rows.append(Row(job, peer, timing, 1.0 / goal, limit=limit))
+    return rows
+
+
+def _each(function: Callable[[Game], Any], games: Sequence[Game]) -> None:
+    for game in games:
+        function(game)
+
+
+def scipy_value(game: Game) -> np.ndarray:
+    """P by SciPy."""
+    from scipy.linalg import block_diag, solve_continuous_are
+
+    weights = block_diag(game.R, -(game.delta**2) * np.eye(game.E.shape[1]))
+    return solve_continuous_are(game.A, np.hstack([game.B, game.E]), game.Q, weights)
+
+
+def one_schur_form(game: Game) -> None:
+    """The Schur form of the Hamiltonian, which every route to P needs."""
+    from scipy.linalg import schur
+
+    S = game.S_control - game.S_disturbance / game.delta**2
+    schur(np.block([[game.A, -S], [-game.Q, -game.A.T]]), check_finite=False)
 
 
 def six_state_rates(p: Parameters, altitude: float):
@@ -276,7 +326,7 @@ def _angles(quick: bool) -> list[Row]:
     name = "python-control, point by point"
     units = (count, peer_count)
     rows = []
-    for compiled, how, target in ((False, "no compiler", 10.0), (True, "generated C", 200.0)):
+    for compiled, how, target in ((False, "no compiler", 60.0), (True, "generated C", 400.0)):
         if compiled <= (c_compiler() is not None):
             limit = evaluations(flexible, ("dihedral",), angles[:, None], None, compiled)
             timing = in_turn(partial(ours, compiled), peer, *units)
@@ -395,7 +445,14 @@ def _f16_flights(turning: bool, count: int, peer_count: int) -> list[Row]:
     job = f"{count} points of an F-16 with {len(condition.free)} unknowns"
     by = "python-control (hybr, from the neighbour) + linearize"
     rows = []
-    for compiled, target in ((False, 10.0), (True, 100.0 if turning else 300.0)):
+    for compiled, target in (
+        ((False, 12.0), (True, 150.0))
+        if turning
+        else (
+            (False, 30.0),
+            (True, 400.0),
+        )
+    ):
         if compiled <= (c_compiler() is not None):
             every = values[:: count // peer_count]
             timing = in_turn(partial(ours, compiled), partial(peer, name, every), count, peer_count)
@@ -405,4 +462,11 @@ def _f16_flights(turning: bool, count: int, peer_count: int) -> list[Row]:
     return rows
 
 
-JOBS = {"start": _start, "trim": _trim, "angles": _angles, "f16": _f16, "games": _games}
+JOBS = {
+    "start": _start,
+    "trim": _trim,
+    "angles": _angles,
+    "f16": _f16,
+    "games": _games,
+    "one_game": _one_game,
+}

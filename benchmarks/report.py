@@ -1,15 +1,16 @@
-"""Two jobs timed in turn, and the figures of all comparisons: as a table, as a file, as a
+"""Two jobs timed in turn, and the figures of all comparisons: as tables, as a file, as a
 picture."""
 
 from __future__ import annotations
 
 import importlib
 import json
+import math
 import os
 import platform
 import statistics
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,16 +22,21 @@ from hfa_support.reporting.text import Table
 
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results.json"
+#: The page of rows that miss their target or have stood there before, and that of all others.
+PAGES = (FOLDER.parent / "docs" / "scaling.md", FOLDER / "README.md")
 PICTURE = FOLDER.parent / "docs" / "pictures" / "benchmarks.png"
 #: Module of jobs -> the names of its jobs.
 SUBJECTS = {
-    "models": ("start", "trim", "angles", "f16", "games"),
-    "flight": ("loop",),
-    "scale": ("members", "sweep_store", "member_store"),
+    "models": ("start", "trim", "angles", "f16", "games", "one_game"),
+    "flight": ("loop", "members"),
     "jsbsim": ("737", "environments"),
     "optimal": ("best_flight",),
     "identify": ("record",),
+    "region": ("gtm_region",),
+    "scale": ("points", "flights", "states", "networks"),
 }
+#: A job at its limit: within this factor of the least time on this machine.
+AT_LIMIT = 1.3
 _PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 
 
@@ -74,13 +80,26 @@ def in_turn(
 
 
 class Size(NamedTuple):
-    """One size of a job that grows: rows of the job, seconds a row, largest memory of its process
-    in MB, and bytes that a row takes on disk."""
+    """One size of a job that grows: its time, s, and the largest memory of its process, MB."""
 
-    rows: int
+    size: int
     seconds: float
     memory: float
-    disk: float
+
+
+class Growth(NamedTuple):
+    """A job at growing sizes, and what the sizes count."""
+
+    job: str
+    unit: str
+    sizes: tuple[Size, ...]
+
+    @property
+    def slope(self) -> float:
+        """p of time ~ size^p, fitted to the larger half of the sizes."""
+        upper = self.sizes[-(len(self.sizes) // 2 + 1) :]
+        logarithms = [(math.log(each.size), math.log(each.seconds)) for each in upper]
+        return statistics.linear_regression(*zip(*logarithms, strict=True)).slope
 
 
 class Limit(NamedTuple):
@@ -98,7 +117,6 @@ class Row(NamedTuple):
     """One comparison.
 
     target: of the ratio
-    unit: "s" or "MB"
     limit: None where nothing shorter than the job is known to be needed
     """
 
@@ -107,14 +125,20 @@ class Row(NamedTuple):
     timing: Comparison
     target: float
     remark: str = ""
-    unit: str = "s"
-    sizes: tuple[Size, ...] = ()
     limit: Limit | None = None
 
     @property
     def verdict(self) -> str:
-        """Return "yes" if ours is at least `target` times as fast (or small) as the peer."""
-        return "yes" if self.timing.ratio >= self.target else "NO"
+        """Whether ours is at least `target` times as fast as the peer, or at its limit."""
+        if self.timing.ratio >= self.target:
+            return "yes"
+        if self.limit is not None and self.timing.ours <= AT_LIMIT * self.limit.seconds:
+            return "limit"
+        return "NO"
+
+
+#: The results of some jobs by name.
+Results = Mapping[str, Sequence[Row | Growth]]
 
 
 def jobs() -> dict[str, str]:
@@ -122,10 +146,10 @@ def jobs() -> dict[str, str]:
     return {name: module for module, names in SUBJECTS.items() for name in names}
 
 
-def rows_of(job: str, quick: bool) -> list[Row]:
+def rows_of(job: str, quick: bool) -> list[Row | Growth]:
     """The figures of one job, measured here and now."""
     module = importlib.import_module(f"benchmarks.jobs_{jobs()[job]}")
-    found: list[Row] = module.JOBS[job](quick)
+    found: list[Row | Growth] = module.JOBS[job](quick)
     return found
 
 
@@ -140,31 +164,75 @@ def shortest(function: Callable[[], Any], units: float = 1.0, repeats: int = 7) 
     return min(times) / units
 
 
-def figure(row: Row, name: str = "") -> dict[str, Any]:
-    """A comparison, ready for JSON, of the job of this name."""
+def figure(runs: Sequence[Row], name: str = "") -> dict[str, Any]:
+    """The comparison of median ratio among the runs of one row of the job of this name, with the
+    smallest and largest ratio, ready for JSON."""
+    by_ratio = sorted(runs, key=lambda run: run.timing.ratio)
+    row = by_ratio[len(by_ratio) // 2]
     ours, peers, ratio = row.timing
-    found = {
+    return {
         "set": name,
         "job": row.job,
         "peer": row.peer,
         "ours": ours,
         "peers": peers,
-        "unit": row.unit,
+        "ratio": ratio,
+        "ratios": [by_ratio[0].timing.ratio, by_ratio[-1].timing.ratio],
+        "runs": len(runs),
+        "to_reach": row.target,
+        "reached": row.verdict,
+        "remark": row.remark,
+        "limit": None if row.limit is None else row.limit._asdict(),
     }
-    found |= {"ratio": ratio, "to_reach": row.target, "reached": row.verdict, "remark": row.remark}
-    found["limit"] = None if row.limit is None else row.limit._asdict()
-    return found | {"sizes": [size._asdict() for size in row.sizes]}
+
+
+def figures(runs: Sequence[Results]) -> list[dict[str, Any]]:
+    """The figures of all rows; runs: of the same jobs."""
+    found = []
+    for name in runs[0]:
+        rows = [[each for each in run[name] if isinstance(each, Row)] for run in runs]
+        found += [figure(same, name) for same in zip(*rows, strict=True)]
+    return found
+
+
+def growths(runs: Sequence[Results]) -> list[dict[str, Any]]:
+    """The jobs that grow of the first run, ready for JSON."""
+    return [
+        {
+            "set": name,
+            "job": each.job,
+            "unit": each.unit,
+            "slope": each.slope,
+            "sizes": [size._asdict() for size in each.sizes],
+        }
+        for name, some in runs[0].items()
+        for each in some
+        if isinstance(each, Growth)
+    ]
 
 
 def markdown(figures: Iterable[dict[str, Any]]) -> str:
     """The figures as a table, one row each."""
     rows = []
     for each in figures:
-        times = (value_text(each[name], each["unit"]) for name in ("ours", "peers"))
-        ratios = (ratio_text(each[name]) for name in ("ratio", "to_reach"))
-        limit = limit_text(each)
-        rows.append((each["job"], each["peer"], *times, *ratios, each["reached"], limit))
+        times = (value_text(each[name]) for name in ("ours", "peers"))
+        ratio = f"{ratio_text(each['ratio'])} ({'..'.join(map(ratio_text, each['ratios']))})"
+        target = ratio_text(each["to_reach"])
+        ends = (each["reached"], limit_text(each))
+        rows.append((each["job"], each["peer"], *times, ratio, target, *ends))
     names = ("job", "compared with", "ours", "peer's", "ratio", "target", "met", "over the limit")
+    return markdown_table(Table(names, rows))
+
+
+def growth_markdown(grown: Iterable[dict[str, Any]]) -> str:
+    """The jobs that grow as a table, one row each."""
+    rows = []
+    for each in grown:
+        first, last = each["sizes"][0], each["sizes"][-1]
+        sizes = f"{first['size']:,} to {last['size']:,} {each['unit']}"
+        times = (value_text(last["seconds"]), f"{last['memory']:.0f} MB")
+        rows.append((each["job"], sizes, f"{each['slope']:.2f}", *times))
+    names = ("job", "sizes", "slope of time", "largest: time", "memory")
     return markdown_table(Table(names, rows))
 
 
@@ -176,10 +244,8 @@ def limit_text(figure: Mapping[str, Any]) -> str:
     return f"{figure['ours'] / limit['seconds']:.2g} x {limit['what']}"
 
 
-def value_text(value: float, unit: str) -> str:
-    """A time with a prefix that suits it, or megabytes."""
-    if unit != "s":
-        return f"{value:.3g} {unit}"
+def value_text(value: float) -> str:
+    """A time, s, with a prefix that suits it."""
     for factor, name in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
         if value >= factor:
             return f"{value / factor:.3g} {name}"
@@ -205,19 +271,47 @@ def machine() -> dict[str, str]:
     )
 
 
-def store(rows: Mapping[str, list[Row]]) -> dict[str, Any]:
-    """Write results.json and return it. Jobs that were not run keep their figures if the machine is
-    the same."""
-    new = {
-        "machine": machine(),
-        "figures": [figure(row, name) for name, some in rows.items() for row in some],
-    }
+def store(runs: Sequence[Results]) -> dict[str, Any]:
+    """Write results.json and return it. Jobs that were not run, or have no figures here, keep
+    theirs if the machine is the same.
+
+    runs: of the same jobs, but for jobs that grow, which run once.
+    """
+    new = {"machine": machine(), "figures": figures(runs), "growth": growths(runs)}
     if RESULTS.exists() and (old := stored())["machine"] == new["machine"]:
-        new["figures"] += [each for each in old["figures"] if each["set"] not in rows]
+        for kind in ("figures", "growth"):
+            fresh = {each["set"] for each in new[kind]}
+            new[kind] += [each for each in old[kind] if each["set"] not in fresh]
     order = list(jobs())
-    new["figures"].sort(key=lambda each: order.index(each["set"]))
+    for kind in ("figures", "growth"):
+        new[kind].sort(key=lambda each: order.index(each["set"]))
     write_text(RESULTS, json.dumps(new, indent=2, ensure_ascii=False) + "\n")
     return new
+
+
+def show(data: Mapping[str, Any]) -> None:
+    """Write the tables of both pages: a missed target stands on the first, a new row on the
+    second."""
+    first, second = (page.read_text("utf-8") for page in PAGES)
+    on_first = [
+        each
+        for each in data["figures"]
+        if each["reached"] == "NO" or f"\n| {each['job']} |" in first
+    ]
+    others = [each for each in data["figures"] if each not in on_first]
+    write_text(PAGES[0], with_table(first, markdown(on_first)))
+    second = with_table(second, markdown(others))
+    write_text(PAGES[1], with_table(second, growth_markdown(data["growth"])))
+
+
+def with_table(page: str, table: str) -> str:
+    """The page with this table in place of the one with the same heads."""
+    heads = table.splitlines()[0]
+    before, found, after = page.partition(heads)
+    assert found, f"the page has no table {heads}"
+    rest = after.lstrip("\n").splitlines(keepends=True)
+    end = next((number for number, line in enumerate(rest) if line[0] != "|"), len(rest))
+    return f"{before}{table.rstrip()}\n{''.join(rest[end:])}"
 
 
 def stored() -> dict[str, Any]:
@@ -229,18 +323,39 @@ def stored() -> dict[str, Any]:
 def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
     """Draw bars of the ratios, those below 1 in orange, with targets and limits; curves of time and
     memory against size."""
-    bars = [each for each in data["figures"] if not each["sizes"] and each["unit"] == "s"]
+    bars = data["figures"]
     picture = new_figure(11.0, 0.42 * len(bars) + 4.4)
     above, below = picture.subfigures(2, 1, height_ratios=[0.42 * len(bars) + 0.6, 3.2])
-    axes = above.subplots()
+    _draw_bars(above.subplots(), bars)
+    time_axes, memory_axes = below.subplots(1, 2)
+    for each in data["growth"]:
+        sizes = [size["size"] for size in each["sizes"]]
+        label = f"{each['job']}: size^{each['slope']:.2f}"
+        seconds = [size["seconds"] for size in each["sizes"]]
+        time_axes.loglog(sizes, seconds, "o-", markersize=4, label=label)
+        memory = [size["memory"] for size in each["sizes"]]
+        memory_axes.loglog(sizes, memory, "o-", markersize=4, label=each["unit"])
+    for axes, name in ((time_axes, "time, s"), (memory_axes, "largest memory, MB")):
+        axes.set(xlabel="points, flights, states, or units a layer", ylabel=name)
+        axes.grid(alpha=0.3)
+        if data["growth"]:
+            axes.legend(fontsize=7, loc="upper left")
+    save(
+        picture,
+        path,
+        "measured with "
+        + ", ".join(f"{name} {version}" for name, version in data["machine"].items()),
+    )
+    return path
+
+
+def _draw_bars(axes: Any, bars: Sequence[dict[str, Any]]) -> None:
     for place, each in enumerate(reversed(bars)):
-        axes.barh(
-            place,
-            each["ratio"],
-            height=0.6,
-            color="#2a6f97" if each["ratio"] >= 1.0 else "#c1440e",
-        )
-        end = each["ratio"]
+        color = "#2a6f97" if each["ratio"] >= 1.0 else "#c1440e"
+        axes.barh(place, each["ratio"], height=0.6, color=color)
+        low, high = each["ratios"]
+        axes.plot([low, high], [place, place], color="black", linewidth=0.8)
+        end = high
         if each["limit"] is not None:
             limit = each["peers"] / each["limit"]["seconds"]
             axes.plot([limit, limit], [place - 0.4, place + 0.4], color="black", linewidth=1.5)
@@ -260,27 +375,7 @@ def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
         xlabel="time of the peer divided by ours (orange: slower than the peer)",
     )
     axes.plot([], [], color="black", linewidth=1.5, label="limit of this machine")
+    axes.plot([], [], color="black", linewidth=0.8, label="smallest and largest of the runs")
     axes.plot([], [], "D", color="white", markeredgecolor="black", markersize=5, label="target")
     axes.legend(loc="lower right", fontsize=8)
     axes.axvline(1.0, color="black", linewidth=0.5)
-    time_axes, memory = below.subplots(1, 2)
-    for each in data["figures"]:
-        rows = [size["rows"] for size in each["sizes"]]
-        label = each["job"].split(" ", 1)[1].partition(",")[0]
-        if rows:
-            time_axes.loglog(
-                rows, [1e6 * size["seconds"] for size in each["sizes"]], "o-", label=label
-            )
-            memory.semilogx(rows, [size["memory"] for size in each["sizes"]], "o-", label=label)
-            memory.legend(fontsize=8, loc="lower right")
-    for lower, name in ((time_axes, "time a row, µs"), (memory, "largest memory, MB")):
-        lower.set(xlabel="rows", ylabel=name)
-        lower.grid(alpha=0.3)
-    memory.set_ylim(bottom=0)
-    save(
-        picture,
-        path,
-        "measured with "
-        + ", ".join(f"{name} {version}" for name, version in data["machine"].items()),
-    )
-    return path
