@@ -80,7 +80,7 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
     with the residuals' autocorrelation, and the score Σ S' R⁻¹ v."""
     parts = []
     for residual, present, projected, fitted in zip(
-        fit.residuals, fit.present, fit.projected, _fitted_by_quantity(fit), strict=True
+        fit.residuals, fit.present, fit.projected, fitted_by_quantity(fit), strict=True
     ):
         middle = len(residual) // 2
         rows = [slice(0, middle), slice(middle, None)] if halves else [slice(None)]
@@ -101,7 +101,7 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
     return parts
 
 
-def _fitted_by_quantity(fit: Fit) -> list[np.ndarray]:
+def fitted_by_quantity(fit: Fit) -> list[np.ndarray]:
     """(k,) of each record: how many unknowns its samples of each quantity determine, the trace of
     S D S' R⁻¹ and of the same of the start."""
     p = len(fit.theta)
@@ -170,12 +170,12 @@ def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:
     """The autocorrelation at lags 0 to N - 1 of the samples that are present, each pair of them
     weighted alike."""
     values = np.where(present, residual, 0.0)
-    pairs = np.maximum(np.round(_sums_of_products(present.astype(float))), 1.0)
-    means = _sums_of_products(values) / pairs
+    pairs = np.maximum(np.round(sums_of_products(present.astype(float))), 1.0)
+    means = sums_of_products(values) / pairs
     return np.asarray(means / max(means[0], 1e-300))
 
 
-def _sums_of_products(values: np.ndarray) -> np.ndarray:
+def sums_of_products(values: np.ndarray) -> np.ndarray:
     """Σ_i v_i v_(i + lag), lags 0 to N - 1."""
     size = 2 ** int(np.ceil(np.log2(2 * len(values))))
     spectrum = np.fft.rfft(values, size)

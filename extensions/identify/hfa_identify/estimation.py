@@ -19,6 +19,7 @@ from hfa_identify.bands import (
     white_covariance,
     whiteness,
 )
+from hfa_identify.column_errors import column_errors
 from hfa_identify.excitation import still_quantities
 from hfa_identify.faults import fault_of_columns, faults_of
 from hfa_identify.fit import Fit, OutputError
@@ -228,7 +229,8 @@ def _identified(
         name: _quantity(responses, fit, place, theils.get(name))
         for place, name in enumerate(responses.measured)
     }
-    faults = list(faults_of(search, fit, BAND * white, progress))
+    errors = column_errors(search, fit, BAND * white)
+    faults = list(faults_of(search, fit, errors, progress))
     values = {
         name: value
         for name, value in zip(names, fit.theta.tolist(), strict=True)
@@ -240,6 +242,7 @@ def _identified(
         parameters=estimates,
         quantities=quantities,
         covariance=C,
+        column_errors=errors,
         coloured=_widest(half, BAND * white),
         correlated=tuple(_correlated(names, C)),
         undetermined=still_quantities(search, wide),

@@ -4,13 +4,15 @@ units of columns."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
-from hfa_identify.bands import covariance, unexplained, weighted_scores
-from hfa_identify.fit import Fit, OutputError
+from hfa_identify.bands import covariance, unexplained
+from hfa_identify.column_errors import ColumnError
+from hfa_identify.fit import Fit
 from hfa_identify.records import Record
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
@@ -18,12 +20,14 @@ from hfa_identify.sensors import sensor_errors
 
 #: An outlier is so many robust standard deviations off.
 _OFF = 8.0
-#: An error of a sensor is tried where its score is so many standard deviations of the residuals,
-#: and named where its estimate is so many of its own.
+#: An error of a column is tried where one step estimates it at so many standard deviations, and
+#: named where the search does at so many.
 _SEEN = 2.5
 _CLEAR = 4.5
-#: It matters where an estimate moves by this part of its band of white residuals.
+#: It matters where an estimate moves by this part of its band of white residuals, or where it is
+#: so clear.
 _MATTERS = 0.3
+_OBVIOUS = 8.0
 #: At most so many are tried.
 _TRIED = 3
 _KNOT = 0.514444  # m/s
@@ -59,19 +63,19 @@ _CHANGED_SIGN = math.log(100.0)
 def faults_of(
     search: Search,
     fit: Fit,
-    half: np.ndarray,
+    errors: Mapping[str, ColumnError],
     progress: Callable[[float, float], None] | None,
 ) -> Iterator[str]:
     """The faults of the records that explain residuals of a fit.
 
-    half: (p,) half-widths of the bands of white residuals
+    errors: of the columns, by one step from 0
     """
     spikes = list(outliers(search, fit))
     if spikes:
         yield from spikes
         return
     column = fault_of_columns(search, fit, progress)
-    sensor = sensor_fault(search, fit, half) if fit.converged and not column else ""
+    sensor = sensor_fault(search, fit, errors) if fit.converged and not column else ""
     if column or sensor:
         yield column or sensor
 
@@ -96,15 +100,21 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 # Errors of sensors, by a test of the score.
 
 
-def sensor_fault(search: Search, fit: Fit, half: np.ndarray) -> str:
-    """Return the bias, scale or delay of a column that explains residuals and whose omission moves
+def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> str:
+    """Return the bias, scale or delay of a column that explains residuals and is obvious, or moves
     an estimate by a third of its band; "" without one.
 
-    half: (p,) half-widths of the bands of white residuals
+    errors: of the columns, by one step from 0
     """
     best = 0.0
     fault = ""
-    for name in _suspects(search, fit, half)[:_TRIED]:
+    suspects = [
+        name
+        for name, each in errors.items()
+        if each.clear > _OBVIOUS or (each.clear > _SEEN and each.shift > _MATTERS)
+    ]
+    suspects.sort(key=lambda name: -errors[name].clear)
+    for name in suspects[:_TRIED]:
         value, clear = _estimated(search, fit, name)
         if clear > max(_CLEAR, best) and _is_plausible(search, name, value):
             best = clear
@@ -144,41 +154,6 @@ def _is_within_a_sample(search: Search, name: str, delay: float) -> bool:
     return is_input and name.startswith("delay_") and not record.has_steps and -step < delay < 0.0
 
 
-def _suspects(search: Search, fit: Fit, half: np.ndarray) -> list[str]:
-    """Errors of columns that are clear in the residuals, the clearest first.
-
-    With information M, score g and its covariance V of the parameters and one error c:
-    c = s / m, s = g_c - M_cθ M_θθ⁻¹ g_θ, m = M_cc - M_cθ M_θθ⁻¹ M_θc.
-    """
-    responses = search.responses
-    model = responses.model
-    p = len(responses.free)
-    errors = sensor_errors(model, (*_moving_inputs(search), *responses.measured))
-    names = [name for name in errors if name not in responses.free]
-    if not names:
-        return []
-    wider = Responses(model, (*responses.free, *names), responses.measured)
-    bounds = np.array([(each.min, each.max) for each in wider.signals.values()])
-    theta = np.concatenate([fit.theta, np.zeros(len(names))])
-    at = OutputError(wider, search.records, bounds, search.guesses).at(theta, fit.starts)
-    M, V, g = (sum(parts) for parts in zip(*weighted_scores(at), strict=True))
-    clear = []
-    inside = np.linalg.pinv(M[:p, :p], rcond=1e-13, hermitian=True)
-    for place, name in enumerate(names, start=p):
-        along = np.zeros(len(theta))
-        along[place] = 1.0
-        along[:p] = -inside @ M[:p, place]
-        m = M[place, place] + M[place, :p] @ along[:p]
-        deviation = math.sqrt(max(along @ V @ along, m, 0.0))
-        if m < 1e-6 * M[place, place] or deviation == 0.0:
-            continue
-        score = along @ g
-        shift = np.abs(along[:p] * score / m)
-        if abs(score) > _SEEN * deviation and (shift > _MATTERS * half).any():
-            clear.append((abs(score) / deviation, name))
-    return [name for _, name in sorted(clear, reverse=True)]
-
-
 def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float]:
     """Return the estimated error of a column, and its size in standard deviations; 0, 0 without a
     fit."""
@@ -194,21 +169,24 @@ def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float]:
     return (value, abs(value) / deviation) if found.converged else (0.0, 0.0)
 
 
-# Signs and units of columns.
+# Signs and units of columns, and exchanged columns.
 
 
 @dataclass(frozen=True)
 class _Undone:
     """A fault of a column, as it is undone: the column times `factor`, about its first value where
-    `is_about_first`."""
+    `is_about_first`; or exchanged with the column `other`."""
 
     column: str
     factor: float
     is_about_first: bool
     text: str
+    other: str = ""
 
     def on(self, search: Search, record: Record) -> Record:
         """The record without the fault."""
+        if self.other:
+            return self._exchanged(search, record)
         if self.column == "time":
             return replace(record, time=self._corrected(record.time))
         inputs = list(search.responses.model.inputs)
@@ -221,6 +199,19 @@ class _Undone:
         measured[self.column] = self._corrected(measured[self.column])
         return replace(record, measured=measured)
 
+    def _exchanged(self, search: Search, record: Record) -> Record:
+        """The record with both columns exchanged, two inputs or two measured quantities."""
+        inputs = list(search.responses.model.inputs)
+        if self.column in inputs:
+            places = list(range(len(inputs)))
+            one, two = inputs.index(self.column), inputs.index(self.other)
+            places[one], places[two] = two, one
+            return replace(record, inputs=record.inputs[:, places])
+        measured = dict(record.measured)
+        measured[self.column] = record.measured[self.other]
+        measured[self.other] = record.measured[self.column]
+        return replace(record, measured=measured)
+
     def _corrected(self, values: np.ndarray) -> np.ndarray:
         first = values[np.isfinite(values)][0] if self.is_about_first else 0.0
         return np.asarray(first + self.factor * (values - first))
@@ -229,8 +220,8 @@ class _Undone:
 def fault_of_columns(
     search: Search, fit: Fit | None, progress: Callable[[float, float], None] | None
 ) -> str:
-    """Return the wrong sign or unit of a column whose correction explains the records and leaves
-    parameters closer to their initial values; "" without one.
+    """Return the wrong sign or unit of a column, or the exchange of two, whose correction explains
+    the records and leaves parameters closer to their initial values; "" without one.
 
     fit: None where the simulation diverges
     """
@@ -294,21 +285,17 @@ def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
 
 
 def _candidates(search: Search) -> Iterator[_Undone]:
-    """Signs and units of the columns that move."""
+    """Signs and units of the columns that move, and exchanges of two."""
     model = search.responses.model
     for factor, text in _UNITS[model.time_unit].items():
         yield _Undone("time", 1.0 / factor, False, text)
-    for name in (*_moving_inputs(search), *search.responses.measured):
+    for name in (*search.moving_inputs(), *search.responses.measured):
         for is_about_first in (False, True):
             yield _Undone(name, -1.0, is_about_first, "has the wrong sign")
         for factor, text in _UNITS.get(model.unit(name), {}).items():
             yield _Undone(name, 1.0 / factor, False, text)
-
-
-def _moving_inputs(search: Search) -> list[str]:
-    """Inputs that are not constant in every record."""
-    return [
-        name
-        for place, name in enumerate(search.responses.model.inputs)
-        if any(np.ptp(record.inputs[:, place]) > 0.0 for record in search.records)
-    ]
+    for columns in (search.moving_inputs(), search.responses.measured):
+        for one, other in combinations(columns, 2):
+            in_all = all({one, other} <= {*record.measured} for record in search.records)
+            if one in model.inputs or in_all:
+                yield _Undone(one, 1.0, False, f"and {other} are exchanged", other)

@@ -176,8 +176,8 @@ class OutputError:
         """The number of the first trial, from one on, whose step does not raise L, and the fit
         after it; None where each step does."""
         for level in range(first, len(_TRIALS)):
-            theta, starts = self._moved(found, *_TRIALS[level])
             try:
+                theta, starts = self._moved(found, *_TRIALS[level])
                 simulated = self._simulated(theta, starts)
                 if self._likelihood_of(simulated, starts) <= found.likelihood:
                     return level, self._fitted(simulated, theta, starts, step)
@@ -309,7 +309,7 @@ class OutputError:
         inverses = []
         for normal in found.normals:
             A = normal.A + damping * np.diag(np.diag(normal.A))
-            inverse = np.linalg.inv(A)
+            inverse = _inverse_of_start(A)
             inverses.append(inverse)
             M = normal.M + damping * np.diag(np.diag(normal.M))
             total += M - normal.B @ inverse @ normal.B.T
@@ -324,6 +324,16 @@ class OutputError:
             for inverse, normal in zip(inverses, found.normals, strict=True)
         ]
         return change, moves
+
+
+def _inverse_of_start(A: np.ndarray) -> np.ndarray:
+    """The inverse of the information of a start.
+
+    FloatingPointError where a simulation that nearly diverges drowns what is known before."""
+    try:
+        return np.linalg.inv(A)
+    except np.linalg.LinAlgError:
+        raise FloatingPointError("the simulation diverges") from None
 
 
 def _start_weights(model: Model, record: Record) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.parameter_spread import ParameterSpread
+from hfa_identify.column_errors import ColumnError
 from hfa_identify.plan import Manoeuvre
 from hfa_identify.records import Record
 from hfa_support.errors import NoSolutionError
@@ -76,6 +77,7 @@ class Identified(Result, Reported):
         multiplies, where that did not move; "" otherwise.
     at_bounds: parameters that end at a limit of the model.
     unexplained: quantities that the model moves, and of whose variation it explains less than half.
+    column_errors: name of a bias, scale or delay that is not free -> its estimate by one step.
     faults: of the records, which explain residuals: sentences.
     other_minimum: name -> estimate at a second minimum that explains the records as well.
     parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
@@ -89,6 +91,7 @@ class Identified(Result, Reported):
     made_by = "hfa identify"
     keys = (
         "dynamics=model.name first_line ok records parameters quantities covariance coloured "
+        "column_errors "
         "correlated undetermined at_bounds unexplained faults other_minimum parts_disagree "
         "converged steps plan?"
     )
@@ -98,6 +101,7 @@ class Identified(Result, Reported):
     parameters: Mapping[str, Estimate]
     quantities: Mapping[str, FittedQuantity]
     covariance: Matrix
+    column_errors: Mapping[str, ColumnError]
     coloured: float
     correlated: tuple[tuple[str, str, float], ...]
     undetermined: Mapping[str, str]
@@ -186,6 +190,7 @@ class Identified(Result, Reported):
         if self.correlated:
             rows = [(one, other, f"{value:.3f}") for one, other, value in self.correlated]
             parts.append(Table(("correlated", "with", "coefficient"), tuple(rows)))
+        parts += self._columns()
         if self.plan:
             parts.append(self._planned())
         parts.append(
@@ -221,6 +226,28 @@ class Identified(Result, Reported):
             white = f"{100.0 * each.white:.0f} %"
             rows.append((name, f"{100.0 * each.fit:.2f} %", noise, white, theil))
         return Table(("measured", "explained", "noise", "white lags", "Theil"), tuple(rows))
+
+    def _columns(self) -> list[Any]:
+        """A table of delays, and of biases that move an estimate beyond its band unseen."""
+        rows = []
+        for name, each in self.column_errors.items():
+            is_shown = name.startswith("delay") or (name.startswith("bias") and each.bands > 1.0)
+            if not is_shown:
+                continue
+            value = half = "any"
+            if each.value is not None and each.half is not None:
+                value = shown_value(each.value, each.unit)
+                half = shown_value(each.half, each.unit)
+            moved = f"{each.moves} by {each.bands:.2g} bands"
+            if not np.isfinite(each.bands):
+                moved = f"{each.moves} without end"
+            elif each.bands < 1.0:
+                moved = "-"
+            rows.append((name, value, half, shown_unit(each.unit), moved))
+        if not rows:
+            return []
+        head = ("not free, assumed 0", "estimate", "band +-", "unit", "the band moves")
+        return [Table(head, tuple(rows))]
 
     def _planned(self) -> Table:
         """A row a manoeuvre."""

@@ -57,6 +57,14 @@ class Search:
         search = OutputError(self.responses, windows, self.bounds, starts)
         return search.fit(self.begin, starts, progress, _ROUGH, most_steps)
 
+    def moving_inputs(self) -> list[str]:
+        """Inputs that are not constant in every record."""
+        return [
+            name
+            for place, name in enumerate(self.responses.model.inputs)
+            if any(np.ptp(record.inputs[:, place]) > 0.0 for record in self.records)
+        ]
+
     @cached_property
     def thinned(self) -> list[Record]:
         """The records with no more samples than the integration needs."""

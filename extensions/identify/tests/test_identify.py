@@ -184,6 +184,8 @@ def late(values, samples=2):
         ("pitch_rate", lambda q: 1.2 * q, "scale_p"),
         ("elevator", late, "delay_elevator of 0.08"),
         ("pitch", late, "delay_pitch of 0.0"),
+        ("pitch_rate", lambda q: q + 0.02, "bias_pitch_rate of 0.0"),
+        pytest.param("alpha", lambda a: -a, "alpha has the wrong sign", marks=pytest.mark.slow),
         (
             "pitch_rate",
             lambda q: q + np.where(np.arange(len(q)) == 99, 5.0, 0.0),
@@ -198,6 +200,63 @@ def test_a_planted_fault_is_named(column, fault, named):
     result = identify(begun(1.2), wrong, FREE)
     assert not result.ok
     assert named in result.first_line
+
+
+@pytest.mark.slow
+def test_exchanged_columns_are_named():
+    wrong = record(seed=2)
+    wrong["alpha"], wrong["pitch"] = wrong["pitch"], wrong["alpha"]
+    result = identify(begun(1.2), wrong, FREE)
+    assert result.first_line.startswith("FAIL: alpha and pitch are exchanged")
+
+
+def test_delays_below_the_noise_have_bands():
+    """Two samples of the speed, 0.08 s, are too little for this noise: the report states what can
+    be told."""
+    wrong = record(seed=1)
+    wrong["speed"] = late(wrong["speed"])
+    errors = identify(begun(1.2), wrong, FREE).column_errors
+    delay = errors["delay_speed"]
+    assert abs(delay.value - 0.08) < 2.0 * delay.half
+    assert 0.03 < delay.half < 0.12
+    assert errors["delay_pitch_rate"].half < 0.005
+
+
+def test_biases_that_nothing_tells_are_stated():
+    """One degree of alpha is made up for by CL_0 and Cm_0: the report says by how much."""
+    wrong = record(seed=1)
+    wrong["alpha"] = wrong["alpha"] + math.radians(1.0)
+    result = identify(begun(1.2), wrong, FREE)
+    bias = result.column_errors["bias_alpha"]
+    assert bias.half > math.radians(1.0)
+    assert bias.bands > 10.0
+    assert "bias_alpha" in str(result)
+    assert result.column_errors["bias_elevator"].value is None
+
+
+def test_a_second_minimum_is_named():
+    """Planted: a rate that depends on the square of its parameter, begun so far off that the
+    opposite side of the estimate has the other sign."""
+    model = hfa.Model(
+        name="lag",
+        states={"x": hfa.Signal("1", nominal=1.0)},
+        inputs={"u": hfa.Signal("1", nominal=1.0)},
+        parameters={"k": hfa.Signal("1/s", nominal=1.0, start=3.5)},
+        equations=lambda x, u, p, w: ({"x": u.u - p.k**2 * x.x}, {}),
+        trim={"x": 0.0},
+    )
+    time = np.arange(0.0, 10.0, 0.05)
+    pulse = np.where((time > 1.0) & (time < 3.0), 1.0, 0.0)
+    after = time - 1.0
+    rise = 1.0 - np.exp(-after)
+    fall = rise[time <= 3.0][-1] * np.exp(-(time - 3.0))
+    x = np.where(time < 1.0, 0.0, np.where(time <= 3.0, rise, fall))
+    x = x + 0.01 * np.random.default_rng(0).standard_normal(len(time))
+    result = identify(model, {"time": time, "u": pulse, "x": x}, ["k"], inputs="steps")
+    found = result.parameters["k"].value
+    assert abs(found) == pytest.approx(1.0, abs=0.1)
+    assert result.other_minimum["k"] == pytest.approx(-found, abs=0.01)
+    assert "two minima explain the records: k is" in result.first_line
 
 
 def test_errors_of_sensors_are_estimated():
