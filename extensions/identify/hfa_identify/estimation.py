@@ -54,6 +54,7 @@ def identify(
     inputs: str = "linear",
     validate: Sequence[AnyRecord] = (),
     plan: bool = False,
+    columns: str | Path | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
     """The parameters of a model that make its response to the inputs of flight records most likely
@@ -69,6 +70,7 @@ def identify(
     inputs: "linear" or "steps" between their samples; those of a computer are steps.
     validate: records that are kept out, on which Theil's coefficient is computed.
 
+    columns: TOML file that states where the columns are in the logs of PX4 (.ulg) among records.
     plan: whether to compare manoeuvres that narrow the bands further.
 
     BadInputError where a record or a name is wrong. NoSolutionError where the simulation diverges.
@@ -86,8 +88,8 @@ def identify(
     if not listed:
         raise BadInputError("identify has no records; give at least one")
     refuse_unknown("inputs are", inputs, INPUTS)
-    read = _as_records(model, listed, held, inputs)
-    kept_out = _as_records(model, validate, held, inputs)
+    read = _as_records(model, listed, held, inputs, columns)
+    kept_out = _as_records(model, validate, held, inputs, columns)
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
     names = _free_names(model, free, fixed, measured)
     responses = Responses(model, names, measured)
@@ -130,13 +132,17 @@ def _with_given(
 
 
 def _as_records(
-    model: Model, given: Sequence[Any], held: Mapping[str, float], inputs: str
+    model: Model,
+    given: Sequence[Any],
+    held: Mapping[str, float],
+    inputs: str,
+    columns: str | Path | None,
 ) -> list[Record]:
     """Return the records of a caller's arguments."""
     read = []
     for number, each in enumerate(given, start=1):
         if isinstance(each, str | Path):
-            each = read_record(each, model, held)
+            each = read_record(each, model, held, columns)
         elif not isinstance(each, Record):
             each = record_of(model, each, held, f"record {number}")
         read.append(replace(each, has_steps=inputs == "steps"))

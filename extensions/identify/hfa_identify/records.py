@@ -15,6 +15,7 @@ import numpy as np
 
 from controller.game.array_file import read_arrays
 from hfa_aircraft.model import Model
+from hfa_identify.ulog import ulog_columns
 from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
 from hfa_support.files import regular_file
 from hfa_support.units import conversion, si_unit
@@ -55,9 +56,22 @@ class Record:
         ends = [*list(starts)[1:], len(self.time) - 1]
         return [self.part(first, last + 1) for first, last in zip(starts, ends, strict=True)]
 
-    def part(self, first: int, stop: int | None, step: int = 1) -> Record:
-        """Every `step`-th sample from one number to before another."""
-        rows = slice(first, stop, step)
+    def thinned(self, together: int) -> Record:
+        """A sample for each so many: the first that each sensor has among them."""
+        if together == 1:
+            return self
+        starts = np.arange(0, len(self.time), together)
+        measured = {}
+        for name, values in self.measured.items():
+            missing = -len(values) % together
+            blocks = np.append(values, np.full(missing, np.nan)).reshape(-1, together)
+            first = np.isfinite(blocks).argmax(axis=1)
+            measured[name] = blocks[np.arange(len(blocks)), first]
+        return replace(self, time=self.time[starts], inputs=self.inputs[starts], measured=measured)
+
+    def part(self, first: int, stop: int) -> Record:
+        """The samples from one number to before another."""
+        rows = slice(first, stop)
         measured = {name: values[rows] for name, values in self.measured.items()}
         return replace(self, time=self.time[rows], inputs=self.inputs[rows], measured=measured)
 
@@ -102,12 +116,14 @@ def record_of(
     return Record(name, time, np.column_stack([np.empty((len(time), 0)), *inputs]), measured)
 
 
-def read_record(path: str | Path, model: Model, held: Mapping[str, float]) -> Record:
-    """The record of a CSV, .npz or .mat file.
+def read_record(
+    path: str | Path, model: Model, held: Mapping[str, float], table: str | Path | None = None
+) -> Record:
+    """The record of a CSV, .npz, .mat or .ulg file.
 
     A CSV file has a first row of names, each with or without its unit: "alpha [deg]"; an empty cell
     is a missing sample. Without a unit a column is in the model's, angles in radians.
-    held: input without a column -> its constant value.
+    held: input without a column -> its constant value. table: of the columns of a .ulg file.
 
     BadInputError names the file and its fault.
     """
@@ -115,6 +131,8 @@ def read_record(path: str | Path, model: Model, held: Mapping[str, float]) -> Re
         file = regular_file(path)
         if file.suffix == ".csv":
             columns = _csv_columns(file, model)
+        elif file.suffix == ".ulg":
+            columns = ulog_columns(file, None if table is None else Path(table), model)
         else:
             arrays = read_arrays(file)
             columns = {name: np.ravel(values) for name, values in arrays.items()}

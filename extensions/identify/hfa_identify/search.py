@@ -72,7 +72,7 @@ class Search:
         for record, start in zip(self.records, self.guesses, strict=True):
             together = self.responses.samples_in_step(record, start, self.begin)
             together = min(together, len(record.time) // FEWEST)
-            thinned.append(record.part(0, None, together))
+            thinned.append(record.thinned(together))
         return thinned
 
     def thin(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> Fit:

@@ -17,6 +17,8 @@ from hfa_support.progress import say_aside
 
 #: Of the file of an identified aircraft.
 AIRCRAFT = ".toml"
+#: Of records.
+RECORDS = (".csv", ".npz", ".mat", ".ulg")
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -46,7 +48,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
     records: tuple[Path, ...] = option(
         "flight records with columns time, inputs, measured states and outputs",
         "RECORD.csv",
-        input_file(".csv", ".npz", ".mat"),
+        input_file(*RECORDS),
         names="records",
         count="+",
         required=True,
@@ -79,7 +81,10 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
     validate: Path | None = option(
         "a record excluded from the fit, for Theil's coefficient",
         "RECORD.csv",
-        input_file(".csv", ".npz", ".mat"),
+        input_file(*RECORDS),
+    )
+    columns: Path | None = option(
+        "where the columns are in logs of PX4 (.ulg)", "FILE.toml", input_file(".toml")
     )
     plan: bool = option("also compare manoeuvres that would narrow the widest band")
     output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")
@@ -100,7 +105,7 @@ def identify(request: IdentifyRequest) -> int:
     from hfa_support.files import write_text
 
     model = request.model
-    records = [read_record(path, model, request.hold) for path in request.records]
+    records = [read_record(path, model, request.hold, request.columns) for path in request.records]
     kept_out = [request.validate] if request.validate else []
     progress = ProgressLine("identify")
     found = identified_of(
@@ -110,7 +115,8 @@ def identify(request: IdentifyRequest) -> int:
         given=request.given,
         hold=request.hold,
         inputs=request.inputs,
-        validate=[read_record(path, model, request.hold) for path in kept_out],
+        validate=kept_out,
+        columns=request.columns,
         plan=request.plan,
         progress=progress,
     )

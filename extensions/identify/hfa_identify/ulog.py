@@ -1,0 +1,182 @@
+"""Records of PX4's logs (.ulg), read by pyulog with a table of columns.
+
+A table states for each column of the record the message and field of the log, and what converts it:
+
+    [columns]
+    pitch_rate = "vehicle_angular_velocity.xyz[1]"
+    pitch = "vehicle_attitude.pitch"
+    elevator = { field = "actuator_servos.control[1]", scale = 0.35, offset = -0.02 }
+    thrust = { field = "actuator_motors.control[0]", scale = 40.0, instance = 0 }
+
+    [flight]
+    begin = 100.0
+    end = 130.0
+
+column = offset + scale field, in the unit of the model. `roll`, `pitch` and `yaw` of a message with
+a quaternion q[0] to q[3] are computed, rad. The flight is cut out in seconds from the begin of the
+log. Source of the format: PX4 user guide, "ULog file format".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from hfa_support.files import read_toml
+
+_ADVICE = 'write alpha = "message.field", or { field = "message.field", scale = 1.0 }'
+#: Keys of a column beside its field -> value without them.
+_NUMBERS = {"scale": 1.0, "offset": 0.0, "instance": 0}
+#: Microseconds in a second.
+_MICRO = 1e-6
+
+
+@dataclass(frozen=True)
+class LoggedColumn:
+    """Where a column of a record is in a log: offset + scale field of one instance of a message."""
+
+    name: str
+    message: str
+    field: str
+    scale: float
+    offset: float
+    instance: int
+
+
+def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.ndarray]:
+    """The columns of a log: the times of the measured message with most samples, each other
+    measured sample at the nearest of them, inputs held.
+
+    table: TOML file of the columns
+
+    BadInputError where the log or the table is wrong, or pyulog is missing.
+    """
+    if table is None:
+        raise BadInputError(f"{path}: a log needs a table of its columns; add --columns FILE.toml")
+    data = read_toml(table)
+    listed = _listed(table, data, model)
+    log = _log(path)
+    series = {each.name: _series(path, log, each) for each in listed}
+    measured = {name: each for name, each in series.items() if name not in model.inputs}
+    if not measured:
+        raise BadInputError(f"{table}: has no measured state or output; add one")
+    densest = max(measured, key=lambda name: len(measured[name][0]))
+    time = _cut(table, data, series[densest][0], log.start_timestamp * _MICRO)
+    columns = {"time": time - time[0]}
+    for name, (stamps, values) in series.items():
+        place = _held if name in model.inputs else _nearest
+        columns[name] = place(time, stamps, values)
+    return columns
+
+
+def _listed(table: Path, data: Mapping[str, Any], model: Model) -> list[LoggedColumn]:
+    """The columns of a table.
+
+    BadInputError names the column and its fault."""
+    for key in data:
+        refuse_unknown(f"{table}: unknown key", key, ("columns", "flight"))
+    rows = data.get("columns")
+    if not isinstance(rows, Mapping) or not rows:
+        raise BadInputError(f"{table}: has no [columns]; {_ADVICE}")
+    listed = []
+    for name, row in rows.items():
+        known = (*model.inputs, *model.states, *model.outputs)
+        refuse_unknown(f"{table}: unknown column", name, known)
+        row = {"field": row} if isinstance(row, str) else row
+        where = row.get("field") if isinstance(row, Mapping) else None
+        message, dot, field = where.partition(".") if isinstance(where, str) else ("", "", "")
+        if not (message and dot and field):
+            raise BadInputError(f"{table}: {name} is {shown(row)}; {_ADVICE}")
+        for key, value in row.items():
+            refuse_unknown(f"{table}: {name} has the unknown key", key, ("field", *_NUMBERS))
+            if key != "field" and not is_finite(value):
+                raise BadInputError(f"{table}: {key} of {name} is {shown(value)}; give a number")
+        numbers = {key: row.get(key, value) for key, value in _NUMBERS.items()}
+        listed.append(LoggedColumn(name, message, field, **numbers))
+    return listed
+
+
+def _log(path: Path) -> Any:
+    """The log as pyulog reads it."""
+    try:
+        from pyulog import ULog
+    except ModuleNotFoundError as error:
+        raise BadInputError("logs need pyulog; install it with `pip install .[ulog]`") from error
+    try:
+        with path.open("rb") as file:
+            return ULog(file)
+    except OSError:
+        raise
+    except Exception as error:  # pyulog raises errors of many kinds on files that are no logs
+        reason = str(error) or type(error).__name__
+        raise BadInputError(f"{path}: is not a log of PX4 ({reason}); give a .ulg file") from error
+
+
+def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.ndarray]:
+    """Times, s, and values of a column in a log."""
+    messages = {(each.name, each.multi_id): each.data for each in log.data_list}
+    names = sorted({name for name, _ in messages})
+    refuse_unknown(f"{path}: has no message", column.message, names)
+    fields = messages.get((column.message, column.instance))
+    if fields is None:
+        raise BadInputError(
+            f"{path}: {column.message} has no instance {column.instance}; leave instance out"
+        )
+    if column.field in ("roll", "pitch", "yaw") and column.field not in fields:
+        values = _angle(path, column, fields)
+    else:
+        refuse_unknown(f"{path}: {column.message} has no field", column.field, sorted(fields))
+        values = np.asarray(fields[column.field], dtype=float)
+    stamps = np.asarray(fields["timestamp"], dtype=float) * _MICRO
+    return stamps, column.offset + column.scale * values
+
+
+def _angle(path: Path, column: LoggedColumn, fields: Mapping[str, np.ndarray]) -> np.ndarray:
+    """An angle of Euler of the quaternion of a message, rad."""
+    for name in ("q[0]", "q[1]", "q[2]", "q[3]"):
+        refuse_unknown(f"{path}: {column.message} has no field", name, sorted(fields))
+    w, x, y, z = (np.asarray(fields[f"q[{place}]"], dtype=float) for place in range(4))
+    if column.field == "roll":
+        return np.asarray(np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)))
+    if column.field == "pitch":
+        return np.asarray(np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0)))
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -> np.ndarray:
+    """The times within [flight] of a table.
+
+    begin: of the log, s."""
+    flight = data.get("flight", {})
+    for key, value in flight.items():
+        refuse_unknown(f"{table}: [flight] has the unknown key", key, ("begin", "end"))
+        if not is_finite(value):
+            raise BadInputError(f"{table}: {key} of [flight] is {shown(value)}; give seconds")
+    since = time - begin
+    inside = (since >= flight.get("begin", -np.inf)) & (since <= flight.get("end", np.inf))
+    if not inside.any():
+        ends = f"{since[0]:.1f} to {since[-1]:.1f} s"
+        raise BadInputError(f"{table}: [flight] has no samples; the log has {ends}")
+    return time[inside]
+
+
+def _held(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(N,) the last value before each time, NaN before the first."""
+    place = np.searchsorted(stamps, time, side="right") - 1
+    return np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
+
+
+def _nearest(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(N,) each sample at the nearest of the times, NaN at the others and outside."""
+    edges = 0.5 * (time[:-1] + time[1:])
+    half = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    inside = (stamps >= time[0] - half) & (stamps <= time[-1] + half)
+    column = np.full(len(time), np.nan)
+    column[np.searchsorted(edges, stamps[inside])] = values[inside]
+    return column

@@ -1,0 +1,140 @@
+"""Logs of PX4, written here byte by byte from the public description of the format."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from project import ROOT
+
+import hfa
+from hfa.main import main
+from hfa_identify.ulog import ulog_columns
+
+pytest.importorskip("pyulog")
+
+UAV = str(ROOT / "examples" / "uav.toml")
+SERVOS = "uint64_t timestamp;float[2] control;"
+RATES = "uint64_t timestamp;float[3] xyz;"
+ATTITUDE = "uint64_t timestamp;float[4] q;"
+TABLE = """
+[columns]
+pitch_rate = "vehicle_angular_velocity.xyz[1]"
+pitch = "vehicle_attitude.pitch"
+elevator = { field = "actuator_servos.control[1]", scale = 0.4, offset = -0.1 }
+"""
+
+
+def message(kind, content):
+    """A message: the size of its content, its kind, the content."""
+    return struct.pack("<HB", len(content), ord(kind)) + content
+
+
+def log(path, topics, begin=5_000_000):
+    """Write a log. topics: name -> format, and rows of a time in microseconds and floats."""
+    parts = [b"\x55\x4c\x6f\x67\x01\x12\x35\x01" + struct.pack("<Q", begin)]
+    parts.append(message("B", bytes(40)))
+    parts += [message("F", f"{name}:{form}".encode()) for name, (form, _) in topics.items()]
+    rows = []
+    for number, (name, (_, samples)) in enumerate(topics.items()):
+        parts.append(message("A", struct.pack("<BH", 0, number) + name.encode()))
+        for stamp, *values in samples:
+            packed = struct.pack(f"<HQ{len(values)}f", number, stamp, *values)
+            rows.append((stamp, message("D", packed)))
+    parts += [content for _, content in sorted(rows)]
+    Path(path).write_bytes(b"".join(parts))
+    return Path(path)
+
+
+def flown(path="flight.ulg", table=TABLE):
+    """A log of 4 s: rates at 50 Hz, attitude at 10 Hz, two steps of the servo."""
+    stamps = 5_000_000 + 20_000 * np.arange(200)
+    rates = [(stamp, 0.0, 0.01 * place, 0.0) for place, stamp in enumerate(stamps)]
+    half = 0.5 * 0.2
+    attitude = [(stamp + 3_000, np.cos(half), 0.0, np.sin(half), 0.0) for stamp in stamps[::5]]
+    servos = [(5_000_000, 0.0, 0.5), (7_010_000, 0.0, -0.5)]
+    topics = {
+        "vehicle_angular_velocity": (RATES, rates),
+        "vehicle_attitude": (ATTITUDE, attitude),
+        "actuator_servos": (SERVOS, servos),
+    }
+    Path("columns.toml").write_text(table)
+    return log(path, topics), Path("columns.toml")
+
+
+def test_columns_of_a_log(folder):
+    """Times are those of the rates; the attitude is at the nearest, the servo held."""
+    columns = ulog_columns(*flown(), hfa.load_model(UAV))
+    np.testing.assert_allclose(columns["time"], 0.02 * np.arange(200), atol=1e-9)
+    np.testing.assert_allclose(columns["pitch_rate"], 0.01 * np.arange(200), rtol=1e-6)
+    present = np.isfinite(columns["pitch"])
+    assert present.nonzero()[0].tolist() == list(range(0, 200, 5))
+    np.testing.assert_allclose(columns["pitch"][present], 0.2, rtol=1e-6)
+    np.testing.assert_allclose(columns["elevator"][[0, 100, 101]], [0.1, 0.1, -0.3])
+
+
+def test_a_part_of_a_log_is_cut_out(folder):
+    table = TABLE + "[flight]\nbegin = 1.0\nend = 2.0\n"
+    columns = ulog_columns(*flown(table=table), hfa.load_model(UAV))
+    assert len(columns["time"]) == 51
+    assert columns["pitch_rate"][0] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ("[columns]\nspin = 'a.b'", "unknown column 'spin'"),
+        ("[columns]\npitch = 'vehicle_attitud.pitch'", "no message 'vehicle_attitud'"),
+        ("[columns]\npitch = 'vehicle_attitude.p'", "no field 'p'"),
+        ("[columns]\npitch = 3", "pitch is 3; write"),
+        ("[columns]\npitch = { field = 'vehicle_attitude.pitch', scale = 'x' }", "scale of pitch"),
+        ("[columns]\nelevator = 'actuator_servos.control[1]'", "no measured state"),
+        (TABLE + "[flight]\nbegin = 9.0", "has no samples; the log has 0.0 to 4.0 s"),
+    ],
+)
+def test_a_wrong_table_is_refused(table, text, folder):
+    with pytest.raises(hfa.BadInputError, match=text.replace("[", r"\[")):
+        ulog_columns(*flown(table=table), hfa.load_model(UAV))
+
+
+def test_the_command_reads_a_log(folder, capsys):
+    """From a flight that hfa flew, logged at 50 Hz and 25 Hz with noise, to the true parameter."""
+    model = hfa.load_model(UAV)
+    point = hfa.find_operating_point(model)
+    moves = [(0.5, 0.04), (1.5, -0.04), (2.2, 0.04), (2.6, -0.04), (3.0, 0.0)]
+    flight = hfa.fly(model, point, {"elevator": moves}, seconds=8)
+    states = dict(zip(model.states, flight.states[::20].T, strict=True))
+    stamps = 10_000 + np.round(1e6 * flight.times[::20]).astype(int)
+    noise = np.random.default_rng(0).standard_normal((2, len(stamps)))
+    rates = states["pitch_rate"] + 0.01 * noise[0]
+    half = 0.5 * (states["pitch"] + 0.003 * noise[1])
+    elevator = flight.inputs[::20, list(model.inputs).index("elevator")]
+    rows = list(zip(stamps.tolist(), rates, np.cos(half), np.sin(half), elevator, strict=True))
+    topics = {
+        "vehicle_angular_velocity": (RATES, [(t, 0.0, q, 0.0) for t, q, *_ in rows]),
+        "vehicle_attitude": (
+            ATTITUDE,
+            [(t + 2_000, c, 0.0, s, 0.0) for t, _, c, s, _ in rows[::2]],
+        ),
+        "actuator_servos": (SERVOS, [(t, 0.0, e) for t, *_, e in rows]),
+    }
+    log("flight.ulg", topics, begin=0)
+    table = TABLE.replace("scale = 0.4, offset = -0.1", "scale = 1.0")
+    Path("columns.toml").write_text(table)
+    held = [f"{name}={point[name]!r}" for name in ("thrust", "aileron", "rudder")]
+    words = ["identify", "flight.ulg", "--columns", "columns.toml", "--aircraft", UAV]
+    words += ["--free", "Cm_q,Cm_elevator", "--inputs", "steps", "-o", "found.toml"]
+    assert main([*words, *(word for each in held for word in ("--hold", each))]) == 0
+    found = hfa.load_model("found.toml").parameters
+    for name in ("Cm_q", "Cm_elevator"):
+        assert found[name].start == pytest.approx(model.parameters[name].start, rel=0.1)
+    capsys.readouterr()
+    assert main([*words[:2], *words[4:]]) == 2
+    assert "add --columns FILE.toml" in capsys.readouterr().err
+
+
+def test_another_file_is_no_log(folder):
+    _, table = flown()
+    Path("flight.ulg").write_bytes(b"time,alpha")
+    with pytest.raises(hfa.BadInputError, match="is not a log of PX4"):
+        ulog_columns(Path("flight.ulg"), table, hfa.load_model(UAV))
