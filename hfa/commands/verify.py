@@ -92,8 +92,14 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         "discount factor of a step in discrete time; with --dt",
         "NUMBER",
         positive,
+        part="verify.discounted",
     )
-    dt: float | None = option("length of a step in discrete time; with --discount", "S", positive)
+    dt: float | None = option(
+        "length of a step in discrete time; with --discount",
+        "S",
+        positive,
+        part="verify.discounted",
+    )
     limit_error: float = option(
         f"limit of the relative errors; default {LIMIT:g}", "X", positive, default=LIMIT
     )
@@ -101,12 +107,16 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         "exit 0 when the cost is at most this much above the optimum", "PERCENT", positive
     )
     region: float | None = option(
-        "add the region of attraction of the saturated loop; time of the search", "S", positive
+        "add the region of attraction of the saturated loop; time of the search",
+        "S",
+        positive,
+        part="verify.region",
     )
     flights: int | None = option(
         "add N flights of the nonlinear aircraft, compared with the best found",
         "N",
         whole(1),
+        part="verify.flights",
     )
     draws: int | None = draws_option()
     picture: Path | None = picture_option(

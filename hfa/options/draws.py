@@ -13,7 +13,9 @@ from hfa_support.reporting.report import Report
 
 def draws_option() -> Any:
     """The field `draws` of a request."""
-    return option("spread over N aircraft, drawn from uncertain parameters", "N", whole(1))
+    return option(
+        "spread over N aircraft, drawn from uncertain parameters", "N", whole(1), part="draws"
+    )
 
 
 def with_draws(report: Report, request: Any, subject: Any) -> Report:

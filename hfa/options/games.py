@@ -142,7 +142,7 @@ def _about_design(_: Model) -> str:
 
 def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:
     """The field `design`: of the HFA or the user's own aircraft."""
-    return option(about, "NAME", OfModel(_design))
+    return option(about, "NAME", OfModel(_design), part="design")
 
 
 def plant_option() -> Any:

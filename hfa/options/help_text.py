@@ -6,6 +6,8 @@ import argparse
 import textwrap
 from typing import TYPE_CHECKING
 
+from hfa_support.entry_points import PARTS, offered
+
 if TYPE_CHECKING:
     from hfa.options.parser import Parser
 
@@ -23,10 +25,14 @@ def help_text(parser: Parser, more: bool) -> str:
 
 def _options_text(parser: Parser, more: bool) -> str:
     """Usage, description and options."""
-    declared = [action for action in parser._actions if action.dest in parser.options]
-    for action in declared:
-        about = parser.options[action.dest].about
-        action.help = about() if callable(about) else about
+    declared = []
+    for action in parser._actions:
+        option = parser.options.get(action.dest)
+        if option is not None and option.part and option.part not in offered(PARTS):
+            action.help = argparse.SUPPRESS
+        elif option is not None:
+            action.help = option.about() if callable(option.about) else option.about
+            declared.append(action)
     if more:
         return argparse.ArgumentParser.format_help(parser)
     hidden = [action for action in declared if parser.options[action.dest].rare]

@@ -38,6 +38,7 @@ class Option:
     required: whether it must be typed.
     aliases: other names of a model's names, of those that are `named`.
     rare: `--help` lists it by name only; `--help more` explains it.
+    part: name in `hfa.parts` of the part that answers it; without that part it is not in the help.
 
     about, form, names and required may also be functions of the model that return these."""
 
@@ -50,6 +51,7 @@ class Option:
     count: str | None = None
     required: bool | Callable[[Model], bool] = False
     rare: bool = False
+    part: str = ""
     aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:
@@ -71,6 +73,7 @@ class Option:
             count=self.count,
             required=_resolved(self.required, model),
             rare=self.rare,
+            part=self.part,
             aliases={} if model is None else model.extras.aliases,
         )
 

@@ -17,6 +17,9 @@ TESTS = ("tests/trim/point/test_solve.py", "tests/verification/critic/test_verdi
 LINES = (
     "--help",
     "trim --help",
+    "solve --help more",
+    "sweep --help more",
+    "verify --help more",
     "trim --dihedral 10",
     "trim --dihedral 10 --dynamics unsteady",
     "trim --aircraft jsbsim:737",
@@ -70,7 +73,10 @@ def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
     assert "--design needs a package that offers 'design' in hfa.parts" in output
     code, output = run("trim", "--aircraft", "jsbsim:737")
     assert (code, output.count("\n")) == (2, 1)
-    assert "unsteady" not in run("trim", "--help")[1]
+    helps = "".join(output for line, (_, output) in answers.items() if "--help" in line)
+    of_others = ("unsteady", "--draws", "--design", "--region", "--flights", "--discount")
+    assert [word for word in (*of_others, ".zarr", ".fmu", ".onnx") if word in helps] == []
+    assert "--limit-cost" in helps
     code, output = run("trim", "--dihedral", "10", "--dynamics", "unsteady")
     assert (code, output.count("\n")) == (2, 1)
     assert "unknown dynamics 'unsteady'; choose from published, newton" in output
