@@ -7,6 +7,7 @@ import difflib
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
     def get(name: str) -> Any:
         """A public name."""
         if name == "__all__":
-            return list(modules())
+            return installed()
         if name not in modules():
             near = _OTHER_WORDS.get(name)
             if near not in modules():
@@ -54,7 +55,19 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
             advice = f"; did you mean {near}?" if near else ""
             raise AttributeError(f"module {package!r} has no attribute {name!r}{advice}")
         module_name, name_there = modules()[name]
-        module = import_module(module_name, package)
+        try:
+            module = import_module(module_name, package)
+        except ModuleNotFoundError as error:
+            if error.name != module_name.partition(".")[0]:
+                raise
+            raise AttributeError(
+                f"{package}.{name} needs the package {error.name}, which is not installed"
+            ) from None
         return getattr(module, name_there) if name_there else module
 
-    return get, lambda: list(modules())
+    def installed() -> list[str]:
+        """The public names whose packages are installed."""
+        of_packages = {name: module.partition(".")[0] for name, (module, _) in modules().items()}
+        return [name for name, other in of_packages.items() if not other or find_spec(other)]
+
+    return get, installed

@@ -57,6 +57,10 @@ def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
     lines = [words.split() for words in LINES]
     program = PROGRAM.format(lines=lines)
     done = subprocess.run([python, "-c", program], capture_output=True, text=True, check=True)
+    names = "from hfa import *; import hfa; print('fly' in dir(hfa), 'Model' in dir(hfa)); hfa.fly"
+    refused = subprocess.run([python, "-c", names], capture_output=True, text=True, check=False)
+    assert refused.stdout == "False True\n"
+    assert "hfa.fly needs the package hfa_flight, which is not installed" in refused.stderr
     answers = dict(zip(LINES, json.loads(done.stdout), strict=True))
 
     def run(*words: str) -> tuple[int, str]:
