@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -250,3 +251,58 @@ def test_the_best_input_may_be_far_from_the_equilibrium() -> None:
     statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
     with pytest.raises(NoSolutionError):
         check_cost(statement, CostWitness(("speed",), (1000,)))
+
+
+def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
+    """g = y (u + 2 y^2) + y^2 + u^2 is convex for y > 0 and negative at y = -0.4, u = 0.2."""
+    hill = replace(
+        SLED, equations=lambda x, u, p, w: ({"position": u.speed + 2 * x.position**2}, {})
+    )
+    plant = Plant(hill, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-10.0, 10.0)})
+    piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 0.1)
+    statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
+    with pytest.raises(NoSolutionError):
+        check_cost(statement, CostWitness(("speed",), (1000,)))
+
+
+def test_a_bound_with_a_slope_at_the_trim_is_refused() -> None:
+    """The cost is 0 at the trim and not less beside it."""
+    content = cart_bound(0.5).content()
+    CostStatement.read(copy.deepcopy(content), CART)
+    content["pieces"][0]["W"].append([0.01, [1]])
+    with pytest.raises(NoSolutionError, match="W 1"):
+        CostStatement.read(content, CART)
+
+
+def test_the_loss_covers_guesses_that_vary_over_a_box() -> None:
+    """The guess runs from -0.3 to -0.1, the best input is at the limit -0.3."""
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-0.3, 0.3)})
+    k = 0.75
+    equilibrium = Equilibrium(np.zeros(2), np.zeros(2))
+    W = Polynomial(1, ((k, (2,)),))
+    inequality = CostInequality(plant, equilibrium, ONE, ONE, ONE, W, 1.0)
+    y = 0.5
+    box = Boxes(np.array([[y]]), np.array([[40]]))
+    loss = inequality._loss(box, Guess(np.array([[-0.2]]), np.array([[[0.1]]])))[0]
+
+    def g(u: float) -> float:
+        return 2.0 * k * y * u + y**2 + u**2
+
+    assert g(-0.1) - loss <= g(-0.3) + 1e-9
+
+
+def test_an_input_without_slope_may_be_used() -> None:
+    """x' = pull + 0.9 pull push: g has no slope in push at 0, and the best push is 0.14."""
+    twisted = replace(
+        WAGON, equations=lambda x, u, p, w: ({"position": u.pull + 0.9 * u.pull * u.push}, {})
+    )
+    limits = {"pull": (-1.0, 1.0), "push": (-1.0, 1.0)}
+    plant = Plant(twisted, {}, {"position": 0.0}, {"pull": 0.0, "push": 0.0}, {}, limits)
+    equilibrium = Equilibrium(np.zeros(3), np.zeros(3))
+    W = Polynomial(1, ((0.75, (2,)),))
+    inequality = CostInequality(plant, equilibrium, ONE, np.eye(2), ONE, W, 1.0)
+    radii = inequality._best_inputs_within(Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int)))
+    y = 0.5
+    best = -np.linalg.solve([[2.0, 1.35 * y], [1.35 * y, 2.0]], [1.5 * y, 0.0])
+    assert radii is not None
+    assert np.all(np.abs(best) <= radii)

@@ -134,6 +134,12 @@ FORGED: dict[str, Any] = {
     "boxes": lambda s, w: w.update(boxes=3),
     "limits wider": lambda s, w: s["limits"].update(torque=[-7.0, 7.0]),
     "limits narrower": lambda s, w: s["limits"].update(torque=[-0.5, 0.7]),
+    "angle above a limit": lambda s, w: s["limits"].update(
+        angle=[-9.0, 0.5 * s["extents"]["angle"]]
+    ),
+    "angle below a limit": lambda s, w: s["limits"].update(
+        angle=[-0.5 * s["extents"]["angle"], 9.0]
+    ),
     "limits gone": lambda s, w: s["limits"].clear(),
     "policy": lambda s, w: s.update(policy="0" * 64),
     "model": lambda s, w: s.update(dynamics="van der Pol"),
@@ -235,3 +241,23 @@ def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
         else:
             with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
                 zero_near(*near)
+
+
+def test_a_hole_is_proved_everywhere_in_it() -> None:
+    """x' = -x (x² - 0.04) (x² - 0.16) decreases |x| at 0 and beyond 0.4, and not between."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        square = x.angle**2
+        return {"angle": -x.angle * (square - 0.04) * (square - 0.16)}, {}
+
+    model = Model("rings", {"angle": Signal("rad")}, {}, equations, trim={})
+    none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
+    loop = Loop(model, {}, {"angle": 0.0}, {}, {}, {}, none)
+    for reach, rho in ((0.19, 0.03), (1.0, 0.9)):
+        statement = BoxStatement(loop, "", {"angle": 0.0}, np.eye(1), rho, {"angle": 1.1})
+        witness = BoxWitness(reach * np.eye(1), 10**4)
+        if rho == 0.9:
+            with pytest.raises(NoSolutionError, match="inequality"):
+                check_region(statement, witness)
+        else:
+            assert check_region(statement, witness) > 0

@@ -4,28 +4,41 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from flint import arb, arb_mat
+from flint import arb, arb_mat, ctx
 from forged_certificates import CLAIM, FLIGHT, Change, put, several
-from proof_cases import certificate, forge, model_of, of_the_other_trim, two_trims
+from proof_cases import certificate, content, forge, model_of, of_the_other_trim, two_trims
 
+import hfa
+from hfa import Game
+from hfa_aircraft.model import Signal
+from hfa_proof import Family, prove_solution
 from hfa_proof.arithmetic.balls import TaylorModel
-from hfa_proof.checker.checker import check_certificate
+from hfa_proof.checker.checker import (
+    check_certificate,
+    check_game,
+)
 from hfa_proof.checker.modes import check_motion, least_and_most
 from hfa_proof.checker.reading import Fields, Malformed, Rejected
 from hfa_proof.checker.riccati import check_axis, distance_bounds
-from hfa_proof.checker.statement import Weights, read_statement
+from hfa_proof.checker.statement import (
+    Weights,
+    _read_limits,
+    in_model_unit,
+    read_statement,
+)
 from hfa_proof.checker.trims import (
     _root_offsets,
     check_branches,
     linear_model_on,
     root_offsets,
 )
-from hfa_proof.checker.witness import Line, TrimBox
+from hfa_proof.checker.witness import GameWitness, Line, TrimBox
 
 _NO_SOLUTION = "a root|eigenvalue|Hurwitz"
 
@@ -72,6 +85,21 @@ def _refused_with_a_value(made: Any) -> None:
     witness |= {"refused": witness["value"], "value": witness["solution"]}
 
 
+def _refused_by_the_other_solution(made: Any) -> None:
+    """As the smallest delta one that has a value; as evidence the negative solution, which does not
+    stabilize."""
+    _, high = made["statement"]["delta_min"]
+    made["statement"]["delta_min"] = [high, made["statement"]["weights"]["delta"]]
+    S = 1.0 - 1.0 / high**2
+    other = {"units": [1.0], "P": [[[-(1.0 + np.sqrt(1.0 + S)) / S]]], "reach": 1e-9}
+    witness = made["witness"]
+    del witness["frequencies"]
+    witness |= {
+        "refused": other | {"H": [[-1.0]], "turn": [[1.0]]},
+        "value": witness["solution"],
+    }
+
+
 #: What is wrong -> kind of certificate, how, and the message of the clause that refuses it.
 FORGED: dict[str, tuple[str, Change, str]] = {
     "a trim above a limit": ("two trims", put([-9.0, 1.0], *FLIGHT, "limits", "x"), "x may lie"),
@@ -105,6 +133,7 @@ FORGED: dict[str, tuple[str, Change, str]] = {
         _NO_SOLUTION,
     ),
     "a value at the refused delta": ("scalar", _refused_with_a_value, "has another sign"),
+    "a solution that does not stabilize": ("scalar", _refused_by_the_other_solution, "Hurwitz"),
     "other modes": ("scalar", put([1, 1], *CLAIM, "modes"), "modes"),
     "actuators too slow": ("actuators", _slower, "not positive definite"),
     "actuators too fast": ("actuators", _faster, "not positive definite"),
@@ -127,6 +156,45 @@ FORGED: dict[str, tuple[str, Change, str]] = {
 }
 
 
+def _ends_early(runs: Any) -> Any:
+    """The last run ends halfway; nothing is claimed above."""
+    *others, (low, high, least, most) = runs
+    return [*others, [low, 0.5 * (low + high), least, most]]
+
+
+FORGED |= {
+    "an imposed value above its limit": (
+        "two trims",
+        put([-1.0, -0.5], *FLIGHT, "limits", "u"),
+        "u beyond its limits",
+    ),
+    "an imposed value below its limit": (
+        "two trims",
+        put([0.5, 1.0], *FLIGHT, "limits", "u"),
+        "u beyond its limits",
+    ),
+    "runs that end early": ("two trims", put(_ends_early, *CLAIM, "loop"), "loop"),
+    "a rate behind uncertain actuators": (
+        "actuators",
+        put(0.1, *CLAIM, "scheduled_rate"),
+        "decay_rate",
+    ),
+    "delta_min below 0": (
+        "scalar",
+        put(lambda ends: [-ends[0], ends[1]], *CLAIM, "delta_min"),
+        "delta_min",
+    ),
+    "effectiveness that varies more": (
+        "actuators",
+        put([0.25, 1.25], *CLAIM, "uncertain_actuators", "effectiveness"),
+        "not positive definite",
+    ),
+    "a longer delay": (
+        "actuators",
+        put(0.1, *CLAIM, "uncertain_actuators", "delay"),
+        "not positive definite",
+    ),
+}
 for _name in ("A", "B", "K", "inputs"):
     FORGED[f"an error of {_name} too small"] = (
         "models",
@@ -208,3 +276,60 @@ def test_a_determinant_of_one_sign_proves_no_axis() -> None:
     weights = Weights(one, one, one, 1e6)
     with pytest.raises(Rejected, match="axis"):
         check_axis(weights, _one(-1.0), _one(1.0), [0.0, 1.0, 10.0])
+
+
+def test_a_limit_on_one_side_is_stated() -> None:
+    model = SimpleNamespace(limits={"speed": (0.0, np.inf)}, disturbances={})
+    assert _read_limits(Fields("flight", {"limits": {"speed": [0.0, 9.0]}}), model)
+    with pytest.raises(Malformed, match="speed"):
+        _read_limits(Fields("flight", {"limits": {}}), model)
+
+
+@ctx.workprec(256)
+def test_degrees_are_enclosed_in_radians() -> None:
+    assert in_model_unit(hfa.aircraft("published"), arb(180)).contains(arb.pi())
+
+
+def test_the_game_of_the_other_trim_is_refused() -> None:
+    """The evidence is of the trim -sqrt(2), the statement of +sqrt(2)."""
+    made = copy.deepcopy(of_the_other_trim("one of two"))
+    flight = certificate("one of two")["statement"]["flight"]
+    made["statement"]["flight"]["trims"] = flight["trims"]
+    statement = read_statement("game", made["statement"], two_trims())
+    witness = GameWitness.read(Fields("witness", made["witness"]), statement)
+    with pytest.raises(Rejected, match="branch"):
+        check_game(statement, witness)
+
+
+@ctx.workprec(256)
+def test_a_loop_that_only_the_doubles_stabilize() -> None:
+    """The pole -2 q sqrt(1 + p) - K is below 0 by less than the decimals of the double q differ."""
+    model = replace(
+        two_trims(),
+        parameters={"p": Signal(nominal=57.0, start=1.0), "q": Signal(start=1.0)},
+        equations=lambda x, u, p, w: ({"x": p.q * (1.0 + p.p - x.x * x.x) + u.u}, {}),
+    )
+    pole = -2.0 * arb(2).sqrt()
+    one = np.eye(1)
+    made = content(
+        prove_solution(Game([[float(pole.mid())]], one, one, one, one, 20.0), Family(model), 1.0)
+    )
+    K = float(pole.mid())
+    while not pole < arb(K):
+        K = float(np.nextafter(K, np.inf))
+    claim = made["statement"]
+    claim |= {"critic": {"K": [[K]]}, "distances": {"K": [0.0, 100.0]}, "gain_of_value": False}
+    for name in ("delta_min", "modes"):
+        del claim[name]
+    kept = {name: made["witness"][name] for name in ("trim", "solution")}
+    line = {"H": [[1.0]], "turn": [[1.0]], "rate": 0.0}
+
+    def check(*, decimals: bool) -> int:
+        claim["decimals"] = decimals
+        statement = read_statement("game", copy.deepcopy(claim), model)
+        entries = Fields("witness", copy.deepcopy({**kept, "loop": [line]}))
+        return check_game(statement, GameWitness.read(entries, statement))
+
+    assert check(decimals=False) == 1
+    with pytest.raises(Rejected, match="not positive definite"):
+        check(decimals=True)
