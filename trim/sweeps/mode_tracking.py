@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,12 +13,37 @@ from trim.linear.modes import order_fastest_first
 
 #: More than a permutation of eigenvalues gains: what it adds is decided first.
 _PAIRED = 1e3
+#: Weight of the distance of two eigenvalues against the likeness of their shapes: two modes whose
+#: nearly parallel shapes change places keep eigenvalues that are far apart.
+_DISTANCE = 2.0
 #: Less than two permutations differ by, unless they gain the same.
 _TIE = 1e-9
 #: Pairs of points that are compared at once.
 _AT_ONCE = 10_000
 #: Eigenvalues closer than this part of |A| meet: rounding mixes their eigenvectors.
 _MEETING = 1e-9
+
+
+class _Modes(NamedTuple):
+    """Modes of one point or of many.
+
+    values: (.., n), eigenvalues
+    right: (.., n, n), eigenvectors, columns
+    left: (.., n, n), left eigenvectors, rows; left right = 1
+    """
+
+    values: np.ndarray
+    right: np.ndarray
+    left: np.ndarray
+
+    def at(self, points: np.ndarray) -> _Modes:
+        """Those of some points."""
+        return _Modes(self.values[points], self.right[points], self.left[points])
+
+    def some(self, point: int, modes: np.ndarray) -> _Modes:
+        """Some of one point."""
+        right = self.right[point][:, modes]
+        return _Modes(self.values[point, modes], right, self.left[point, modes])
 
 
 def track_modes(
@@ -28,11 +54,12 @@ def track_modes(
     states: names of the rows of each matrix, states of the model.
     neighbours: (M, 2) pairs of points that lie next to each other; None for points along a path.
 
-    Two neighbours are paired by the permutation that maximizes Σ |v_i^H w_i|² - |λ_i - μ_i| /
-    (|λ_i| + |μ_i|), conjugate pairs first and with both members: the first term (modal assurance
-    criterion, on states in units of their nominal values) holds on to the shape of a mode where
-    eigenvalues cross, the second tells the two members of a pair apart. From the first point on,
-    the pairings are followed along the tree of neighbours that are most alike. The first point is
+    Two neighbours are paired by the permutation that maximizes the sum of min(|tr P_i Q_i|, 1) -
+    2 |λ_i - μ_i| / (|λ_i| + |μ_i|), conjugate pairs first and with both members. P and Q are the
+    projectors on the modes of either point along all other modes. The first term holds on to the
+    shape of a mode where eigenvalues cross, in any units and also where two shapes are nearly
+    parallel. The second tells the two members of a pair apart. From the first point on, the
+    pairings are followed along the tree of neighbours that are most alike. The first point is
     ordered fastest first, positive imaginary part first.
 
     Eigenvalues that meet at a point have no shapes of their own there: behind it they are paired
@@ -43,34 +70,41 @@ def track_modes(
         refuse_unknown("unknown state", name, model.states)
     values, vectors = np.linalg.eig(A)
     nominal = np.array([model.states[name].nominal for name in states])
-    shapes = vectors / nominal[:, None]
-    shapes = shapes / np.linalg.norm(shapes, axis=1, keepdims=True)
+    right = vectors / nominal[:, None]
+    right = right / np.linalg.norm(right, axis=1, keepdims=True)
     near = _MEETING * np.linalg.norm(A * nominal / nominal[:, None], axis=(1, 2))[:, None]
     # Rounding makes a pair of two real eigenvalues that meet.
     compared = np.where(np.abs(values.imag) <= near, values.real, values)
     meeting = np.abs(compared[:, :, None] - compared[:, None, :]) <= near[:, :, None]
     met = meeting.sum(axis=(1, 2)) > values.shape[1]
+    modes = _Modes(compared, right, _inverse(right))
 
     path = np.arange(len(values) - 1)[:, None] + [0, 1]
     pairs = path if neighbours is None else _connected(neighbours, path)
     order = np.empty(values.shape, dtype=int)
     order[0] = order_fastest_first(values[0])
     origin = np.full(len(values), -1)
-    for before, point, pairing in _along_tree(pairs, compared, shapes):
+    for before, point, pairing in _along_tree(pairs, modes):
         order[point] = pairing[order[before]]
         origin[point] = before
         if met[before]:
-            _pair_over_meetings(point, origin, order, compared, shapes, meeting)
+            _pair_over_meetings(point, origin, order, modes, meeting)
     return np.take_along_axis(values.astype(complex), order, axis=1)
 
 
+def _inverse(right: np.ndarray) -> np.ndarray:
+    """The left eigenvectors (N, n, n); modes that meet share what they have in common."""
+    try:
+        left = np.linalg.inv(right)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(right, rcond=_MEETING)
+    shared = ~(np.abs(left).max(axis=(1, 2)) < 1.0 / _MEETING)
+    left[shared] = np.linalg.pinv(right[shared], rcond=_MEETING)
+    return left
+
+
 def _pair_over_meetings(
-    point: int,
-    origin: np.ndarray,
-    order: np.ndarray,
-    values: np.ndarray,
-    shapes: np.ndarray,
-    meeting: np.ndarray,
+    point: int, origin: np.ndarray, order: np.ndarray, modes: _Modes, meeting: np.ndarray
 ) -> None:
     """Pair the modes that met at the point before with the last point at which they were apart.
 
@@ -86,18 +120,19 @@ def _pair_over_meetings(
     together = meeting[before][np.ix_(order[before], order[before])]
     parted = together & ~meeting[point][np.ix_(order[point], order[point])]
     for members in {tuple(np.flatnonzero(row)) for row in together[parted.any(axis=1)]}:
-        modes = np.array(members)
+        columns = np.array(members)
         earlier = before
         while (
-            earlier >= 0 and meeting[earlier, order[earlier, modes[0]], order[earlier, modes]].all()
+            earlier >= 0
+            and meeting[earlier, order[earlier, columns[0]], order[earlier, columns]].all()
         ):
             earlier = origin[earlier]
         if earlier >= 0:
-            there, here = order[earlier, modes], order[point, modes]
-            straight = 2 * values[before, order[before, modes]] - values[earlier, there]
-            there_shapes, here_shapes = shapes[earlier][:, there], shapes[point][:, here]
-            gain = _gain(straight, values[point, here], there_shapes, here_shapes)
-            order[point, modes] = here[linear_sum_assignment(gain, maximize=True)[1]]
+            there = modes.some(earlier, order[earlier, columns])
+            straight = 2 * modes.values[before, order[before, columns]] - there.values
+            here = order[point, columns]
+            gain = _gain(there._replace(values=straight), modes.some(point, here))
+            order[point, columns] = here[linear_sum_assignment(gain, maximize=True)[1]]
 
 
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
@@ -118,16 +153,14 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
     return np.concatenate([neighbours, path[apart]])
 
 
-def _along_tree(
-    pairs: np.ndarray, values: np.ndarray, shapes: np.ndarray
-) -> Iterator[tuple[int, int, np.ndarray]]:
+def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np.ndarray]]:
     """The steps of the tree of pairs that are most alike, from the first point on: from which point
     to which, and, (n,), the eigenvalue there that matches each."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
-    count = len(values)
-    pairings, gain = _pairings(values, shapes, pairs)
+    count = len(modes.values)
+    pairings, gain = _pairings(modes, pairs)
     rank = np.empty(len(pairs))
     rank[np.argsort(-gain)] = np.arange(1.0, len(pairs) + 1)
     graph = csr_array((rank, tuple(pairs.T.astype(np.int32))), (count, count))
@@ -142,43 +175,38 @@ def _along_tree(
         yield before, point, pairing
 
 
-def _pairings(
-    values: np.ndarray, shapes: np.ndarray, pairs: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the matching of the eigenvalues of the two points of each pair, and its gain.
 
-    values: (N, n), eigenvalues of each point
-    shapes: (N, n, n), their eigenvectors, columns of unit length
+    modes: of all points
     pairs: (M, 2), pairs of points
 
     Returns, (M, n), for every eigenvalue of the first point the number of the one at the second,
     and, (M,), the sum of gains that this maximizes.
     """
-    matches = np.empty((len(pairs), values.shape[1]), dtype=int)
+    matches = np.empty((len(pairs), modes.values.shape[1]), dtype=int)
     sums = np.empty(len(pairs))
     for begin in range(0, len(pairs), _AT_ONCE):
         rows = slice(begin, begin + _AT_ONCE)
         first, second = pairs[rows].T
-        gain = _gain(values[first], values[second], shapes[first], shapes[second])
+        gain = _gain(modes.at(first), modes.at(second))
         best = gain.argmax(axis=2)
         # Where every row's favourite is another column the favourites are the best permutation.
         shared = (np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1)
         for i in np.flatnonzero(shared).tolist():
-            best[i] = _best_permutation(gain[i], values[first[i]], values[second[i]])
+            best[i] = _best_permutation(gain[i], modes.values[first[i]], modes.values[second[i]])
         matches[rows] = best
         sums[rows] = np.take_along_axis(gain, best[:, :, None], axis=2)[:, :, 0].sum(axis=1)
     return matches, sums
 
 
-def _gain(
-    values: np.ndarray, other_values: np.ndarray, shapes: np.ndarray, other_shapes: np.ndarray
-) -> np.ndarray:
-    """|v_i^H w_j|² - |λ_i - μ_j| / (|λ_i| + |μ_j|), (.., n, n): the gain of matching eigenvalue i
-    of a point with j of the other."""
-    likeness = np.abs(shapes.conj().mT @ other_shapes) ** 2
-    distance = np.abs(values[..., None] - other_values[..., None, :])
-    size = np.abs(values)[..., None] + np.abs(other_values)[..., None, :]
-    return likeness - distance / np.maximum(size, 1e-12)
+def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
+    """min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), (.., n, n): the gain of matching
+    eigenvalue i of a point with j of the other."""
+    across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
+    distance = np.abs(modes.values[..., None] - others.values[..., None, :])
+    size = np.abs(modes.values)[..., None] + np.abs(others.values)[..., None, :]
+    return np.minimum(np.abs(across), 1.0) - _DISTANCE * distance / np.maximum(size, 1e-12)
 
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:

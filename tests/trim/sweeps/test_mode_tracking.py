@@ -28,16 +28,16 @@ def models_with(eigenvalues: np.ndarray, shapes: np.ndarray = SHAPES) -> np.ndar
     return np.einsum("ik,nk,kj->nij", vectors, eigenvalues, np.linalg.inv(vectors))
 
 
-def test_eigenvalues_that_cross_keep_their_columns() -> None:
+@pytest.mark.parametrize("shapes", [SHAPES, NEARLY_PARALLEL], ids=["apart", "2 degrees apart"])
+def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
     """At the crossing the other mode's eigenvalue is the nearer one: only the shape tells them
     apart."""
     s = np.linspace(0.0, 2.0, 8)
     expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
     nearest = np.abs(expected[3, 0] - expected[4, 1]) < np.abs(expected[3, 0] - expected[4, 0])
     assert nearest
-    np.testing.assert_allclose(
-        track_modes(models_with(expected), STATES, hfa.aircraft()), expected, atol=1e-12
-    )
+    A = models_with(expected, shapes)
+    np.testing.assert_allclose(track_modes(A, STATES, hfa.aircraft()), expected, atol=1e-11)
 
 
 @pytest.mark.parametrize("seed", [18, 38, 69, 71, 79, 83])
