@@ -14,6 +14,7 @@ here. CaSoS states the trim at 45 m/s as alpha .04924, elevator .04892, throttle
 """
 
 import re
+from dataclasses import replace
 
 import casadi as ca
 
@@ -68,9 +69,9 @@ def polynomial(terms, values):
     return total
 
 
-def equations(x, u, p, w):
-    """Return the rates, and the load factor n from V gamma' = g (n - cos gamma)."""
-    values = {
+def variables(x, u):
+    """Return the variables of the terms."""
+    return {
         "V": x.speed,
         "a": x.alpha,
         "q": x.pitch_rate,
@@ -78,11 +79,21 @@ def equations(x, u, p, w):
         "d": u.elevator,
         "T": u.throttle,
     }
-    rates = {name: polynomial(terms, values) for name, terms in RATES.items()}
-    rates["pitch"] = x.pitch_rate
+
+
+def outputs(x, rates):
+    """Return gamma, and the load factor n from V gamma' = g (n - cos gamma)."""
     gamma = x.pitch - x.alpha
     load_factor = ca.cos(gamma) + x.speed / 9.807 * (x.pitch_rate - rates["alpha"])
-    return rates, {"gamma": gamma, "load_factor": load_factor}
+    return {"gamma": gamma, "load_factor": load_factor}
+
+
+def equations(x, u, p, w):
+    """Return the rates and the outputs."""
+    values = variables(x, u)
+    rates = {name: polynomial(terms, values) for name, terms in RATES.items()}
+    rates["pitch"] = x.pitch_rate
+    return rates, outputs(x, rates)
 
 
 GTM = Model(
@@ -103,4 +114,44 @@ GTM = Model(
     replaced={"pitch": "gamma"},
     schedule="speed",
     modes={"short period": ("alpha", "pitch_rate"), "phugoid": ("speed", "pitch")},
+)
+
+#: Factors of the rates -> their terms: the rate, and the variables of which a term has all, or none.
+FACTORS = {
+    "thrust_power": ("speed", "T", ""),
+    "lift_slope": ("alpha", "a", "qd"),
+    "pitch_stiffness": ("pitch_rate", "a", "qd"),
+    "pitch_damping": ("pitch_rate", "q", ""),
+    "elevator_power": ("pitch_rate", "d", ""),
+}
+
+
+def factor(rate, powers, p):
+    """Return the factor of a term of a rate, 1 where none belongs to it."""
+    present = {name for name, _ in powers}
+    for name, (changed, has, lacks) in FACTORS.items():
+        if rate == changed and present >= {*has} and not present & {*lacks}:
+            return getattr(p, name)
+    return 1
+
+
+def uncertain_equations(x, u, p, w):
+    """Return the rates with factors on some of their terms, and the outputs."""
+    values = variables(x, u)
+    rates = {}
+    for rate, listed in RATES.items():
+        rates[rate] = 0
+        for number, powers in listed:
+            term = polynomial([(number, powers)], values)
+            rates[rate] += factor(rate, powers, p) * term
+    rates["pitch"] = x.pitch_rate
+    return rates, outputs(x, rates)
+
+
+#: The same aircraft with these factors as parameters, 1 each, for `hfa identify`.
+UNCERTAIN_GTM = replace(
+    GTM,
+    name="GTM with factors",
+    parameters={name: Signal(nominal=1.0, start=1.0, min=0.2, max=5.0) for name in FACTORS},
+    equations=uncertain_equations,
 )

@@ -115,6 +115,11 @@ class MonteCarlo(StatesAndInputs, Shown):
         plant = NonlinearPlant(self.model, self.point, uncertain=True)
         return ClosedLoop(plant, self.policy, self.member(0))
 
+    @property
+    def least_within(self) -> int:
+        """How many members must stay within their limits: one of a scenario, all drawn aircraft."""
+        return 1 if self.spread is None else self.members
+
     @cached_property
     def aircraft(self) -> list[Model]:
         """The aircraft of each member, drawn; empty where all fly the model."""

@@ -73,7 +73,7 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
     )
     if where:
         flown += f", {where}"
-    verdict = verdict_text(found.within_limits > 0)
+    verdict = verdict_text(found.within_limits >= plan.least_within)
     inside = f"{found.within_limits} of {plan.members} members stayed within limits"
     title = "\n".join([f"{verdict}: {inside}", flown, *_outcomes(found)])
     parts: list[Part] = []

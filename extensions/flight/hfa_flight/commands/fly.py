@@ -198,5 +198,4 @@ def _fly_members(request: FlyRequest) -> int:
         report = member_report(plan, lambda name: dataset[name].values, f"members in {target}")
     report = report.with_data(store=None if target is None else str(target))
     print_report(report, request, points=[plan.point])
-    least = 1 if request.draws is None else members
-    return 0 if report.data["within_limits"] >= least else 1
+    return 0 if report.data["within_limits"] >= plan.least_within else 1
