@@ -11,6 +11,7 @@ import hfa
 from hfa import find_operating_point, linearize
 from hfa_derivatives.aircraft import from_derivatives
 from hfa_rigid.atmosphere import air_at
+from hfa_rigid.motion import rotation
 
 #: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed., 1998, Table B.1, without C_Lq and
 #: with C_nbeta 0.0701, as its examples 4.3 and 5.2 take them.
@@ -75,6 +76,39 @@ PRINTED_747 = {
     "dutch roll": -0.033011 + 0.94655j,
 }
 
+#: R. K. Heffley, W. F. Jewell, Aircraft Handling Qualities Data, NASA CR-2144, 1972, Tables II-1 and
+#: II-2: NT-33A, power approach. Its derivatives are in stability axes, its moments of inertia in
+#: body axes at an angle of attack of 2.2 deg. The limits of the surfaces are ours.
+_BODY = np.array([[12700.0, 0.0, -480.0], [0.0, 20700.0, 0.0], [-480.0, 0.0, 32001.0]])
+_TURN = rotation(0.0, math.radians(2.2), 0.0).full()
+_STABILITY = _TURN @ _BODY @ _TURN.T
+NT33A = {
+    "units": "english",
+    "geometry": {"wing_area": 234.8, "span": 37.54, "chord": 6.72},
+    "mass": {"weight": 11800.0, "Ixx": _STABILITY[0, 0], "Iyy": 20700.0, "Izz": _STABILITY[2, 2],
+             "Ixz": -_STABILITY[0, 2]},
+    "condition": {"speed": 228.0, "altitude": 0.0},
+    "CL_0": 0.813, "CL_alpha": 5.22, "CL_elevator": 0.34,
+    "CD_0": 0.135, "CD_alpha": 0.54,
+    "Cm_alpha": -0.401, "Cm_q": -10.0, "Cm_alphadot": -5.0, "Cm_elevator": -0.89,
+    "CY_beta": -0.72, "CY_rudder": 0.17,
+    "Cl_beta": -0.127, "Cl_p": -0.57, "Cl_r": 0.20, "Cl_aileron": 0.14, "Cl_rudder": -0.002,
+    "Cn_beta": 0.049, "Cn_p": -0.045, "Cn_r": -0.16, "Cn_aileron": -0.009, "Cn_rudder": -0.073,
+    "thrust": [0.0, 5000.0],
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+#: Factors of the denominators in its Tables II-4 and II-8: damping and natural frequency, rad/s, or
+#: the rate of decay, 1/s.
+PRINTED_NT33A = {
+    "phugoid": (0.0948, 0.172),
+    "short period": (0.622, 1.59),
+    "dutch roll": (0.0609, 1.13),
+    "spiral": (0.0318,),
+    "roll": (2.20,),
+}
+
 
 def linear_model(table, **held):
     model = from_derivatives(table).with_parameters(**held)
@@ -110,6 +144,25 @@ def test_the_747_has_its_published_modes(mode):
         linear_model({**B747, "Cn_beta": 0.21, "Cm_q": -26.0}, gravity=32.2), printed
     )
     assert abs(wrong - printed) > 0.003 * abs(printed)
+
+
+@pytest.mark.parametrize("mode", PRINTED_NT33A)
+def test_the_nt33a_has_its_published_modes(mode):
+    """Within 0.5 %; the derivatives have two or three digits. The same moments of inertia in body
+    axes give another Dutch roll and roll."""
+    printed = PRINTED_NT33A[mode]
+    if len(printed) == 2:
+        damping, frequency = printed
+        root = frequency * complex(-damping, math.sqrt(1.0 - damping**2))
+    else:
+        root = complex(-printed[0])
+    found = eigenvalue_near(linear_model(NT33A), root)
+    rate = abs(found)
+    computed = (-found.real / rate, rate) if len(printed) == 2 else (-found.real,)
+    assert computed == pytest.approx(printed, rel=0.005)
+    in_body_axes = {**NT33A["mass"], "Ixx": 12700.0, "Izz": 32001.0, "Ixz": 480.0}
+    other = eigenvalue_near(linear_model({**NT33A, "mass": in_body_axes}), root)
+    assert (abs(other - found) > 0.01 * rate) == (mode in ("dutch roll", "roll"))
 
 
 def test_equations_written_apart_agree():
