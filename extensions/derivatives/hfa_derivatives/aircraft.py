@@ -13,6 +13,7 @@ alpha_0 = 0 these are the stability axes.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -46,7 +47,7 @@ def read_model(text: str) -> Model:
     return _model(read_table(text))
 
 
-def from_derivatives(table: str | Mapping[str, Any]) -> Model:
+def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
     """The six-degree-of-freedom aircraft of a table of geometry, mass, inertias and non-dimensional
     stability derivatives, as a `Model` over a flat Earth in standard air.
 
@@ -61,8 +62,8 @@ def from_derivatives(table: str | Mapping[str, Any]) -> Model:
     >>> list(uav.inputs)
     ['thrust', 'elevator', 'aileron', 'rudder']
     """
-    if isinstance(table, str):
-        return _model(read_table(table))
+    if isinstance(table, (str, Path)):
+        return _model(read_table(str(table)))
     if not isinstance(table, Mapping):
         kind = type(table).__name__
         raise BadInputError(f"a table of derivatives is a {kind}; give a file or a dictionary")
