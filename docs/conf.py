@@ -91,7 +91,26 @@ def setup(app: Any) -> None:
     """Plain docstrings, and links to files of the repository that are no pages."""
     app.connect("autodoc-process-docstring", docstrings.read)
     app.connect("source-read", _without_links_to_the_repository)
+    app.connect("build-finished", _without_dead_links_back)
 
 
 def _without_links_to_the_repository(_app: Any, _page: str, source: list[str]) -> None:
     source[0] = re.sub(r"\[([^\]]+)\]\(\.\./([^)#]+)[^)]*\)", r"\1 (`\2`)", source[0])
+
+
+def _without_dead_links_back(app: Any, error: Exception | None) -> None:
+    """Remove links of the source pages to entries that the reference has under another name."""
+    if error is not None:
+        return
+    anchors: dict[Path, set[str]] = {}
+    for page in Path(app.outdir, "_modules").rglob("*.html"):
+
+        def kept(link: re.Match[str], folder: Path = page.parent) -> str:
+            target = (folder / link[1]).resolve()
+            if target not in anchors:
+                anchors[target] = set(re.findall(r'\bid="([^"]+)"', target.read_text("utf-8")))
+            return link[0] if link[2] in anchors[target] else ""
+
+        text = page.read_text("utf-8")
+        linked = re.sub(r'<a class="viewcode-back" href="([^"#]+)#([^"]+)">[^<]*</a>', kept, text)
+        page.write_text(linked, "utf-8")

@@ -14,9 +14,10 @@ from studies.finished import finished, stamped
 DECIDES = {"seed": 1, "angles": [5.0, 15.0]}
 
 
-def test_a_part_is_read_where_nothing_that_decides_it_differs(
+def test_part_is_read_where_nothing_decides_it_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A part is read where nothing that decides it differs."""
     path = tmp_path / "part.json"
     path.write_text(json.dumps(stamped({"result": 3.5, "lost": np.inf}, DECIDES)), encoding="utf-8")
     assert finished(path, dict(reversed(DECIDES.items()))) == stamped(

@@ -124,7 +124,7 @@ def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
     return float(most[0]), float(most[1])
 
 
-def test_energies_give_the_same_rates_and_the_power_of_the_loads() -> None:
+def test_energies_give_same_rates_and_power_of_loads() -> None:
     """Euler-Lagrange with the energy of the carried air, each effect on its own and several; dE/dt
     = power."""
     assert max(worst()) < 1e-11

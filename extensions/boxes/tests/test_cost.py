@@ -244,7 +244,7 @@ SLED = Model(
 )
 
 
-def test_the_best_input_may_be_far_from_the_equilibrium() -> None:
+def test_the_best_input_may_be_far_from_equilibrium() -> None:
     """About the equilibrium g = y (u + u^3) + y^2 + u^2 is convex for small u, not for u = -10."""
     plant = Plant(SLED, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-10.0, 10.0)})
     piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 0.1)
@@ -265,7 +265,7 @@ def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
         check_cost(statement, CostWitness(("speed",), (1000,)))
 
 
-def test_a_bound_with_a_slope_at_the_trim_is_refused() -> None:
+def test_a_bound_with_slope_at_trim_is_refused() -> None:
     """The cost is 0 at the trim and not less beside it."""
     content = cart_bound(0.5).content()
     CostStatement.read(copy.deepcopy(content), CART)
@@ -274,7 +274,7 @@ def test_a_bound_with_a_slope_at_the_trim_is_refused() -> None:
         CostStatement.read(content, CART)
 
 
-def test_the_loss_covers_guesses_that_vary_over_a_box() -> None:
+def test_the_loss_covers_guesses_that_vary_over_box() -> None:
     """The guess runs from -0.3 to -0.1, the best input is at the limit -0.3."""
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-0.3, 0.3)})
     k = 0.75

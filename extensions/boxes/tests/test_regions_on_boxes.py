@@ -194,7 +194,8 @@ def test_boxes_that_touch_the_ball_are_not_outside() -> None:
     assert outside_ball(corners).tolist() == [False, True]
 
 
-def test_the_hole_is_one_of_the_first_function_alone() -> None:
+def test_the_hole_is_one_of_first_function_alone() -> None:
+    """The hole is one of the first function alone."""
     y = ca.SX.sym("y", 2)
     bump = (y[0] - 0.05) ** 2 + y[1] ** 2
     assert cover(inequality(ca.vertcat(ca.sumsqr(y), bump + 1e-4), y, hole=2), 10**5) > 1

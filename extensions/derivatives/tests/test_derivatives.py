@@ -199,7 +199,7 @@ def load_factor(rates, x):
     return -(w_rate + p * v - q * u - weight) / gravity
 
 
-def test_lift_by_the_rate_of_alpha_is_solved_for():
+def test_lift_by_rate_of_alpha_is_solved_for():
     """The rate of alpha and the lift that it causes satisfy both equations between them."""
     x = [170.0, 0.1, 0.02, 0.1, 0.2, -0.1, 0.3, 0.2, 0.0, 100.0]
     u = [300.0, 0.05, 0.0, 0.0]

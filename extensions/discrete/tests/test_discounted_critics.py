@@ -24,7 +24,8 @@ DISCOUNT = 0.99
 DT = 0.01
 
 
-def test_the_exact_discounted_critic_passes_and_planted_mistakes_are_named(game: Game) -> None:
+def test_exact_discounted_critic_passes_and_planted_mistakes_named(game: Game) -> None:
+    """The exact discounted critic passes and planted mistakes are named."""
     exact = solve_discounted(game, DISCOUNT, DT)
     assert check_discounted(game, from_value(game, exact.P), DISCOUNT, DT).ok
     assert check_discounted(game, from_gain(game, exact.K), DISCOUNT, DT).ok
@@ -43,7 +44,7 @@ def test_the_exact_discounted_critic_passes_and_planted_mistakes_are_named(game:
         assert check.reason.startswith(message)
 
 
-def test_the_cost_lost_is_that_of_the_steps_summed_up(game: Game) -> None:
+def test_cost_lost_is_that_of_steps_summed_up(game: Game) -> None:
     """Under w = L x, from the worst start among many: the sum of 3000 steps."""
     exact = solve_discounted(game, DISCOUNT, DT)
     step = exact.game
@@ -65,7 +66,8 @@ def test_the_cost_lost_is_that_of_the_steps_summed_up(game: Game) -> None:
     assert 0.7 * check.cost_lost < lost.max() <= check.cost_lost * (1 + 1e-6)
 
 
-def test_the_command_compares_with_the_problem_that_is_given_and_never_guesses(game: Game) -> None:
+def test_command_compares_with_problem_given_and_never_guesses(game: Game) -> None:
+    """The command compares with the problem that is given and never guesses."""
     words = (
         "verify",
         *AT_15,
@@ -84,7 +86,7 @@ def test_the_command_compares_with_the_problem_that_is_given_and_never_guesses(g
     assert "--discount and --dt belong together; neither has a default" in result.err
 
 
-def test_an_exact_discounted_critic_that_does_not_stabilize_is_exact_and_fails() -> None:
+def test_exact_discounted_critic_not_stabilize_exact_and_fails() -> None:
     """At a discount of 0.95 and a step of 5 ms at 20 deg the spectral radius is 1.00003, and its
     product with the root is below 1."""
     game = game_at(20.0)
@@ -100,7 +102,7 @@ def test_an_exact_discounted_critic_that_does_not_stabilize_is_exact_and_fails()
     assert "the exact solution of this discounted problem does not stabilize either" in reason
 
 
-def test_a_continuous_game_without_a_solution_does_not_end_a_discounted_verdict() -> None:
+def test_continuous_game_without_solution_not_end_discounted_verdict() -> None:
     """Only the diagnosis asks for the answer in continuous time."""
     game = game_at(15.0).with_delta(110.0)
     exact = solve_discounted(game, 0.9, 0.01)

@@ -32,7 +32,8 @@ def _game(seed: int = 0, n: int = 4, delta: float = 20.0) -> Game:
 @pytest.mark.parametrize(
     ("seed", "discount", "delta"), [(0, 0.9, 20.0), (1, 0.99, 40.0), (2, 1.0, np.inf)]
 )
-def test_the_value_is_that_of_value_iteration_one_step_at_a_time(seed, discount, delta):
+def test_value_of_value_iteration_one_step_at_time(seed, discount, delta):
+    """The value is that of value iteration one step at a time."""
     game = _game(seed, delta=delta)
     solution = solve_discounted(game, discount)
     G = np.hstack([game.B, game.E / delta])
@@ -50,7 +51,8 @@ def test_the_value_is_that_of_value_iteration_one_step_at_a_time(seed, discount,
     assert solution.certificate.ok
 
 
-def test_one_state_without_disturbance_is_the_root_of_a_quadratic():
+def test_one_state_without_disturbance_is_root_of_quadratic():
+    """One state without disturbance is the root of a quadratic."""
     a = 1.02
     b = 0.01
     q = 2.0
@@ -73,7 +75,8 @@ def test_fast_sampling_without_discount_is_continuous_time():
     assert off[0] / off[1] == pytest.approx(2.0, rel=0.05)
 
 
-def test_sampling_integrates_the_held_input_and_scales_the_weights():
+def test_sampling_integrates_the_held_input_and_scales_weights():
+    """Sampling integrates the held input and scales the weights."""
     step = sampled(
         Game([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[2.0]], 3.0), 0.5
     ).step
@@ -150,7 +153,7 @@ def test_without_disturbance_nobody_is_advised_to_raise_delta():
             solve_discounted(unpaid, 1.0)
 
 
-def test_the_smallest_delta_of_one_state_in_closed_form():
+def test_smallest_delta_of_one_state_in_closed_form():
     """With u unable to act and a = 1/2: the value exists where delta exceeds the gain 1/(1 - a)."""
     game = Game([[0.5]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 5.0)
     smallest = minimum_delta_discrete(DiscreteGame(game))
@@ -193,7 +196,8 @@ def test_cross_weights_and_the_q_function(delta, discount):
     assert pytest.approx(value - crossed.T @ np.linalg.solve(weights, crossed), rel=1e-10) == P
 
 
-def test_where_nothing_is_paid_for_the_value_is_0():
+def test_where_nothing_is_paid_for_value_is_0():
+    """Where nothing is paid for the value is 0."""
     step = Game([[0.5, 1.0], [0.0, 0.9]], np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 1.0)
     solution = solve_discounted(step, 1.0)
     assert not solution.P.any()
@@ -234,7 +238,8 @@ def test_the_commands_take_a_plant_in_discrete_time():
 
 
 @pytest.mark.usefixtures("folder")
-def test_h_and_l_are_judged_and_other_problems_are_named():
+def test_h_and_l_judged_and_other_problems_named():
+    """H and l are judged and other problems are named."""
     step = _game(3, delta=20.0)
     N = 0.2 * np.random.default_rng(0).standard_normal((4, 2))
     problem = DiscreteGame(step, 0.95, N)
@@ -315,7 +320,7 @@ def test_inputs_that_cost_nearly_nothing_are_solved(seed):
     assert pytest.approx(value, rel=1e-9, abs=1e-9) == solution.P
 
 
-def test_the_smallest_delta_of_fast_sampling_is_that_of_continuous_time():
+def test_smallest_delta_of_fast_sampling_of_continuous_time():
     """Times √dt, the size of a step's cost. A test that fails for want of digits is no proof that
     there is no value."""
     rng = np.random.default_rng(2)
@@ -327,7 +332,7 @@ def test_the_smallest_delta_of_fast_sampling_is_that_of_continuous_time():
 
 
 @pytest.mark.parametrize("pole", [1.5, -1.5, 4.0])
-def test_a_mode_that_grows_and_costs_nothing_costs_what_stops_it(pole):
+def test_mode_grows_and_costs_nothing_costs_what_stops(pole):
     """P of x⁺ = a x + u with Q = 0 is a² - 1; value iteration from 0 would stay at 0."""
     game = Game([[pole]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], np.inf)
     solution = solve_discounted(game, 1.0)
@@ -356,7 +361,7 @@ def _hard_step(kind: str, seed: int) -> DiscreteGame:
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("kind", ["cheap", "barely reached", "both poles", "fast"])
-def test_hard_games_are_those_of_value_iteration_with_90_digits(kind, seed):
+def test_hard_games_those_value_iteration_with_90_digits(kind, seed):
     """Rounding of √α B in its last bit moves the P of a mode that is reached by 1e-6 by 1e-10."""
     problem = _hard_step(kind, seed)
     error = relative_error(solve_discrete(problem).P, reference_step_value(problem))
@@ -388,7 +393,8 @@ def test_cross_weights_reach_no_mode_by_rounding(turn: float) -> None:
         solve_discrete(problem)
 
 
-def test_a_gain_that_does_not_stabilize_is_not_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gain_does_not_stabilize_is_not_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gain that does not stabilize is not handed out."""
     step = Game([[1.5]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 1e6)
     assert solve_discrete(DiscreteGame(step)).certificate.checks[-1].name == "gain_radius"
     monkeypatch.setattr(StepForm, "gain", lambda *_: np.zeros((1, 1)))

@@ -21,7 +21,8 @@ def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> Discre
     "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
 )
 @pytest.mark.parametrize("margin", [np.inf, 1.1])
-def test_the_exact_q_function_is_learned_from_any_start(seed, margin):
+def test_exact_q_function_is_learned_from_any_start(seed, margin):
+    """The exact q function is learned from any start."""
     problem = _problem(seed)
     if np.isfinite(margin):
         problem = _problem(seed, margin * minimum_delta_discrete(problem).value)
@@ -32,7 +33,8 @@ def test_the_exact_q_function_is_learned_from_any_start(seed, margin):
     assert run.settled
 
 
-def test_noise_in_the_steps_moves_the_gain_by_its_size():
+def test_noise_in_steps_moves_gain_by_its_size():
+    """Noise in the steps moves the gain by its size."""
     problem = _problem(1)
     steps = random_steps(problem, 0)
     noise = 1e-3 * np.random.default_rng(5).standard_normal(steps.next_states.shape)
@@ -48,7 +50,8 @@ def test_noise_in_the_steps_moves_the_gain_by_its_size():
     assert 1e-6 < error < 0.05
 
 
-def test_what_has_no_value_and_poor_steps_are_refused():
+def test_what_has_no_value_and_poor_steps_refused():
+    """What has no value and poor steps are refused."""
     problem = _problem(2)
     smallest = minimum_delta_discrete(problem).value
     with pytest.raises(NoSolutionError, match="delta"):

@@ -54,7 +54,8 @@ def test_positions_and_rates_stay_within_their_limits(order: int) -> None:
     np.testing.assert_allclose(limited.inputs[-1], [0.4, -0.5, 0.3, -0.05, 0.0], atol=1e-3)
 
 
-def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
+def test_a_lag_that_step_cannot_resolve_is_refused() -> None:
+    """A lag that the step cannot resolve is refused."""
     lag = Input(0.5, *[0.0003] * (M - 1))
     fast = ActuatorBank(lag, LIMITED.lowest, LIMITED.highest, LIMITED.rate)
     fast.refuse_step(0.00075)
@@ -67,7 +68,8 @@ def test_a_lag_that_the_step_cannot_resolve_is_refused() -> None:
     assert Scenario(step=0.0005, actuators=fast).actuators is fast
 
 
-def test_of_order_2_it_is_the_second_order_response() -> None:
+def test_of_order_2_it_is_second_order_response() -> None:
+    """Of order 2 it is the second order response."""
     second = replace(FREE, order=2, damping=0.7)
     flight = flown(second, 1.0, -2.0, 0.0, 0.0, 0.0)
     w = 10.0
@@ -77,7 +79,8 @@ def test_of_order_2_it_is_the_second_order_response() -> None:
     np.testing.assert_allclose(flight.inputs[:, :2], response[:, None] * [1.0, -2.0], atol=1e-8)
 
 
-def test_a_fault_changes_the_actuators_that_it_names_from_its_time_on() -> None:
+def test_fault_changes_actuators_it_names_from_time_on() -> None:
+    """A fault changes the actuators that it names from its time on."""
     fault = ActuatorFault(0.5, 0.25, 2.0, inputs=("aileron_outer",))
     flight = flown(replace(FREE, faults=(fault,)), 0.0, 1.0, 1.0, 0.0, 0.0)
     whole = 1.0 - np.exp(-flight.times / 0.1)
@@ -138,7 +141,8 @@ def stated(row: str) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize("degrees", [15.0, 16.0])
-def test_the_lags_of_the_document_are_where_the_eigenvalues_turn(degrees: float) -> None:
+def test_the_lags_of_document_are_where_eigenvalues_turn(degrees: float) -> None:
+    """The lags of the document are where the eigenvalues turn."""
     for weights, limit in zip(
         WEIGHTS, stated(f"lag of all actuators, eigenvalues at {degrees:g} deg"), strict=True
     ):
@@ -151,8 +155,9 @@ def test_the_lags_of_the_document_are_where_the_eigenvalues_turn(degrees: float)
 
 @pytest.mark.slow  # the eigenvalues are above, shorter flights below
 @pytest.mark.parametrize("weights", WEIGHTS)
-def test_flights_of_200_s_hold_at_the_stated_lag_and_are_lost_at_a_little_more(
+def test_flights_of_200_s_confirm_the_largest_lag(
     weights: str,
 ) -> None:
+    """Flights of 200 s hold at the stated lag and are lost at a little more."""
     limit = stated("lag of all actuators, simulated 200 s")[WEIGHTS.index(weights)]
     assert (lost(weights, limit), lost(weights, limit + 0.002)) == (False, True)

@@ -16,7 +16,7 @@ from hfa_aircraft import to_control
 from hfa_flight.along import models_along
 
 
-def test_along_a_flight_small_deviations_follow_the_linear_model() -> None:
+def test_along_a_flight_small_deviations_follow_linear_model() -> None:
     """The Navion after a step of elevator and rudder: two flights differ by δx of δx' = A(t) δx, to
     second order."""
     point = trimmed(NAVION)

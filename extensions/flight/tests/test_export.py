@@ -34,7 +34,8 @@ def constants(source: Path, name: str) -> np.ndarray:
     )
 
 
-def test_the_c_files_have_the_numbers_of_the_commands(tmp_path: Path) -> None:
+def test_the_c_files_have_the_numbers_of_commands(tmp_path: Path) -> None:
+    """The c files have the numbers of the commands."""
     result = hfa(
         "export", "-o", str(tmp_path / "c"), "--dihedral", "10", "--delta", "300", "--json"
     )
@@ -136,7 +137,8 @@ def test_an_fmu_without_a_compiler_is_one_line(
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
-def test_a_grid_of_trims_is_an_fmu_with_the_swept_variables_as_inputs(tmp_path: Path) -> None:
+def test_grid_of_trims_fmu_with_swept_variables_inputs(tmp_path: Path) -> None:
+    """A grid of trims is an fmu with the swept variables as inputs."""
     path = tmp_path / "models.fmu"
     words = ("sweep", "--dihedral", "5,15", "--hold", "speed=64,68")
     assert hfa(*words, "-o", str(path)).code == 0
@@ -150,7 +152,7 @@ def test_a_grid_of_trims_is_an_fmu_with_the_swept_variables_as_inputs(tmp_path: 
 
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
-def test_an_fmu_of_the_first_day_of_all_clocks_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fmu_of_first_day_of_all_clocks_written(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ZIP archive begins in 1980."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     assert hfa("export", "--dihedral", "15", "-o", "a.fmu").code == 0

@@ -19,6 +19,6 @@ def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> N
     works_without_a_home(tmp_path, words, home)
 
 
-def test_an_export_that_the_disk_has_no_room_for_is_not_there(small_disk: Path) -> None:
+def test_export_disk_has_no_room_for_not_there(small_disk: Path) -> None:
     """Room for the header, not for the rest."""
     has_no_room(small_disk, "export --dihedral 15 -o folder", 12)

@@ -33,7 +33,8 @@ def _in_a_folder(folder: Path) -> None:
 FLY = ("fly", "--dihedral", "15", "--law", "exact")
 
 
-def test_the_command_says_that_a_flight_held_and_writes_it() -> None:
+def test_command_says_that_flight_held_and_writes_it() -> None:
+    """The command says that a flight held and writes it."""
     words = (
         *FLY,
         "--duration",
@@ -96,7 +97,7 @@ def test_a_flight_without_a_law_has_a_cost() -> None:
     assert "cost" not in answer(*words, "--json")
 
 
-def test_the_command_flies_a_gain_and_a_critic_of_the_user(game: Game) -> None:
+def test_the_command_flies_gain_and_critic_of_user(game: Game) -> None:
     """The exact gain, P and W from a file fly as --law exact does; another R changes the policy of
     P alone."""
     exact = solve_game(game)
@@ -163,7 +164,8 @@ def _there(controllers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_there")
-def test_a_controller_flies_its_commands_and_says_what_it_missed() -> None:
+def test_controller_flies_commands_and_says_what_it_missed() -> None:
+    """A controller flies its commands and says what it missed."""
     result = hfa(
         *FLOWN,
         "--command",
@@ -236,7 +238,8 @@ def network_of(K: np.ndarray) -> str:
     return torch_file("net.pt", layers)
 
 
-def test_a_network_flies_as_the_gain_that_it_is_within_the_control_limits(game: Game) -> None:
+def test_network_flies_as_gain_it_within_control_limits(game: Game) -> None:
+    """A network flies as the gain that it is within the control limits."""
     path = network_of(solve_game(game).K)
     network = ("--weights", path, "--set", "activation=relu")
     words = ("fly", "--dihedral", "15", "--duration", "0.5", "-o", "a.json")
@@ -257,7 +260,8 @@ def test_a_network_flies_as_the_gain_that_it_is_within_the_control_limits(game: 
 
 
 @needs_gcc
-def test_a_network_is_exported_as_c_and_as_an_fmu(game: Game) -> None:
+def test_network_is_exported_as_c_and_as_fmu(game: Game) -> None:
+    """A network is exported as c and as an fmu."""
     K = solve_game(game).K
     network = ("--weights", network_of(K), "--set", "activation=relu", "--dihedral", "15")
     assert hfa("export", "-o", "c", *network).code == 0
@@ -320,7 +324,7 @@ SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:6", "--duration",
 
 
 @pytest.mark.slow
-def test_gains_of_a_file_are_flown_along_the_trims_of_the_command() -> None:
+def test_gains_of_file_flown_along_trims_of_command() -> None:
     """Gains as a table, as a MATLAB stack and as a controller of `hfa design` give one flight; a
     single gain for all angles gives another."""
     made = hfa("design", "--design", "paper", "--dihedral", "5,10,15", "-o", "paper.npz", "--json")
@@ -345,7 +349,8 @@ def test_gains_of_a_file_are_flown_along_the_trims_of_the_command() -> None:
     assert_refused(beyond, 2, "the gains cover 5 deg to 15 deg, not 5 deg to 16 deg")
 
 
-def test_a_flight_in_metres_is_the_flight_in_feet() -> None:
+def test_a_flight_in_metres_is_flight_in_feet() -> None:
+    """A flight in metres is the flight in feet."""
     foot = 0.3048
     words = (*FLY, "--duration", "0.5", "--gust")
     feet = answer(*words, "200:5")["final"]

@@ -154,7 +154,7 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
     )
 
 
-def test_the_envelope_counts_on_the_angle_through_the_air(plan: MonteCarlo) -> None:
+def test_the_envelope_counts_on_the_angle_through_air(plan: MonteCarlo) -> None:
     """A sharp gust turns the air before it turns the path; turbulence may do so at the start
     already."""
     alpha = plan.point.states.alpha
@@ -197,9 +197,8 @@ def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
 # Plans.
 
 
-def test_plans_are_equal_when_they_give_the_same_results(
-    plan: MonteCarlo, gain: np.ndarray
-) -> None:
+def test_plans_are_equal_when_they_give_same_results(plan: MonteCarlo, gain: np.ndarray) -> None:
+    """Plans are equal when they give the same results."""
     assert replace(plan) == plan
     assert hash(replace(plan)) == hash(plan)
     others = [
@@ -221,7 +220,8 @@ def test_plans_are_equal_when_they_give_the_same_results(
     assert len({plan, *others}) == 1 + len(others)
 
 
-def test_what_a_monte_carlo_cannot_draw_or_repeat_is_refused(plan: MonteCarlo) -> None:
+def test_what_monte_carlo_cannot_draw_or_repeat_refused(plan: MonteCarlo) -> None:
+    """What a monte carlo cannot draw or repeat is refused."""
     no_moment = hfa.aircraft(parameters=PARAMETERS._replace(zero_lift_moment=0.0))
     moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
     for said, make in (
@@ -264,7 +264,7 @@ def test_chunks_workers_and_their_order_do_not_matter(
     assert dataset.factors.error.values.tolist() == list(plan.scenario.uncertainty.errors)
 
 
-def test_members_beyond_their_control_limits_are_counted_and_the_input_is_named(
+def test_members_beyond_control_limits_counted_and_input_named(
     plan: MonteCarlo,
 ) -> None:
     """A start half a foot per second off asks the outer elevator for more than 30 degrees; nothing

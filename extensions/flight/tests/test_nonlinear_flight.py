@@ -41,7 +41,7 @@ def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None
     assert result.flight.states[-1, STATES.index("altitude")] < -0.01
 
 
-def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_ground(
+def test_the_envelope_limits_the_angle_through_the_air(
     newton: FlownCase,
 ) -> None:
     """In rising air the path climbs: alpha over ground falls to -1.5 deg, alpha through the air
@@ -79,7 +79,8 @@ def test_the_envelope_limits_the_angle_through_the_air_and_not_the_one_over_grou
         )
 
 
-def test_the_envelope_is_about_the_trim_and_can_be_changed(newton: FlownCase) -> None:
+def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
+    """The envelope is about the trim and can be changed."""
     p = newton.aircraft
     point = newton.point
     at = point.states
@@ -102,7 +103,8 @@ def test_the_envelope_is_about_the_trim_and_can_be_changed(newton: FlownCase) ->
         flight_envelope(p, point, {"dihedral": (0.0, 0.1)})
 
 
-def test_gains_of_several_ticks_follow_each_other_and_the_last_stays(newton: FlownCase) -> None:
+def test_gains_several_ticks_follow_each_other_last_stays(newton: FlownCase) -> None:
+    """Gains of several ticks follow each other and the last stays."""
     gains = np.random.default_rng(1).normal(size=(3, 5, 6))
     law = GainPolicy("several", gains)
     np.testing.assert_array_equal(law.gains, gains)
@@ -132,7 +134,7 @@ def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarra
     return np.asarray(np.polyfit(np.log(SIZES), np.log(errors), 1)[0])
 
 
-def test_the_linear_prediction_is_wrong_to_second_order_only(
+def test_linear_prediction_is_wrong_to_second_order_only(
     newton: FlownCase, at_15: FlownCase
 ) -> None:
     """The error is of second order in the deviation; that of a model half a degree away is of first

@@ -26,7 +26,8 @@ def _there(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_doublet_without_a_law_is_written_and_drawn() -> None:
+def test_a_doublet_without_law_is_written_and_drawn() -> None:
+    """A doublet without a law is written and drawn."""
     doublet = ("--law", "none", "--command", "elevator=1:2,2:-2,3:0", "--duration", "4")
     result = hfa(
         "fly", "--aircraft", NAVION, *doublet, "-o", "flight.json", "--picture", "flight.png"
@@ -44,7 +45,8 @@ def test_a_doublet_without_a_law_is_written_and_drawn() -> None:
     assert Path("flight.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_gain_flies_with_offsets_actuators_faults_and_a_delay() -> None:
+def test_gain_flies_with_offsets_actuators_faults_and_delay() -> None:
+    """A gain flies with offsets actuators faults and a delay."""
     words = (
         "--law",
         "exact",
@@ -73,7 +75,8 @@ def test_members_are_drawn_by_workers() -> None:
     assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)
 
 
-def test_members_are_drawn_and_a_changed_file_is_noticed() -> None:
+def test_members_are_drawn_and_changed_file_is_noticed() -> None:
+    """Members are drawn and a changed file is noticed."""
     assert hfa(*MEMBERS).code == 0
     assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)
     xcg = ("--error", "xcg=0.02", "-o", "f16.zarr")
@@ -87,7 +90,8 @@ def test_members_are_drawn_and_a_changed_file_is_noticed() -> None:
     assert_refused(hfa(*MEMBERS, "--resume"), 2, "another Monte Carlo")
 
 
-def test_gains_over_the_speed_follow_a_command_of_it() -> None:
+def test_gains_over_the_speed_follow_command_of_it() -> None:
+    """Gains over the speed follow a command of it."""
     gain = json.loads(hfa("solve", "--aircraft", NAVION, "--json").out)["K"]
     np.savez("gains.npz", speed=np.array([170.0, 200.0]), K=np.array([gain, gain]))
     words = ("fly", "--aircraft", NAVION, "--controller", "gains.npz", "--command", "speed=1:14")
@@ -119,7 +123,8 @@ IMPLICIT = tank(lambda level, pump: ROOT(1.0, pump) - level)
 """
 
 
-def test_exports_have_the_model_s_own_disturbances_and_name_what_c_cannot_express() -> None:
+def test_exports_have_disturbances_and_name_inexpressible_operations() -> None:
+    """Exports have the model s own disturbances and name what c cannot express."""
     Path("tanks.py").write_text(TANKS, "utf-8")
     for place in ("c", "a.fmu"):
         assert hfa("export", "--aircraft", "tanks.py:PLAIN", "-o", place).code == 0
@@ -155,13 +160,15 @@ def test_exports_have_its_names() -> None:
         ("fly --delay 0.0105", "make it a whole number of ticks"),
     ],
 )
-def test_what_does_not_fit_the_model_is_one_line(words: str, named: str) -> None:
+def test_what_does_not_fit_model_is_one_line(words: str, named: str) -> None:
+    """What does not fit the model is one line."""
     command, *more = words.split()
     assert_refused(hfa(command, "--aircraft", NAVION, *more), 2, named)
 
 
 @pytest.mark.slow
-def test_a_controller_is_designed_flown_and_exported_over_the_speed_of_the_user_s_model() -> None:
+def test_a_controller_is_scheduled_over_the_users_speed() -> None:
+    """A controller is designed flown and exported over the speed of the user s model."""
     for name in ("gtm.py", "gtm.toml"):
         shutil.copy(EXAMPLES / name, ".")
     gtm = ("--aircraft", "gtm.py:GTM")

@@ -30,9 +30,10 @@ STORED = ("--workers", "2", "-o", "a.zarr")
         (signal.SIGINT, INTERRUPTED, "hfa: interrupted\n"),
     ],
 )
-def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
+def test_run_ended_leaves_no_worker_no_temporary_folder(
     tmp_path: Path, number: signal.Signals, code: int, said: str
 ) -> None:
+    """A run that is ended leaves no worker and no temporary folder."""
     words = (*EXACT, "--samples", "100000", "--workers", "2")
     ended = leaves_nothing(tmp_path, words, number)
     assert (ended.code, ended.err) == (code, said)
@@ -40,7 +41,8 @@ def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
 
 @proc
 @pytest.mark.slow
-def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(tmp_path: Path) -> None:
+def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
+    """Ended at random moments and continued it comes to the same bits."""
     comes_to_the_same_bits(tmp_path, (*EXACT, "--samples", "1500", "--duration", "1", *STORED))
 
 
@@ -64,7 +66,8 @@ def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
-def test_what_is_lost_of_a_cluster_costs_no_result(tmp_path: Path, lost: str) -> None:
+def test_what_is_lost_of_cluster_costs_no_result(tmp_path: Path, lost: str) -> None:
+    """What is lost of a cluster costs no result."""
     pytest.importorskip("distributed")
     dask = (sys.executable, "-m", "dask")
     scheduler_file = tmp_path / "scheduler.json"

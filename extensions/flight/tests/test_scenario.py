@@ -118,7 +118,8 @@ def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
     assert calm.gust is None
 
 
-def test_noise_and_air_are_as_strong_as_asked_for(plan: MonteCarlo) -> None:
+def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
+    """Noise and air are as strong as asked for."""
     members = [plan.member(number) for number in range(200)]
     noise = np.stack([each.samples for each in members])
     deviation = noise.std(axis=(0, 1))
@@ -174,7 +175,8 @@ def test_what_cannot_be_flown_is_refused(make: Callable[[], object], said: str) 
 # The 1-cosine gust.
 
 
-def test_one_minus_cosine_has_its_length_and_its_peak() -> None:
+def test_one_minus_cosine_has_its_length_and_peak() -> None:
+    """One minus cosine has its length and its peak."""
     gust = OneMinusCosine(length=400.0, peak=-10.0, speed=80.0, begin=2.0)
     times = np.linspace(0.0, 10.0, 1001)
     values = np.array([float(gust.updraft(t)) for t in times])

@@ -54,7 +54,7 @@ def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, n
 
 
 @pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0])
-def test_about_a_breakpoint_the_policy_is_its_gain_and_its_trim(degrees: float) -> None:
+def test_about_breakpoint_policy_is_its_gain_and_trim(degrees: float) -> None:
     """No hidden coupling: the derivative with respect to the measured dihedral is the gain's own
     column."""
     policy = policy_from(exact_gains(5.0, 10.0, 15.0), 5.0, 15.0)
@@ -112,7 +112,7 @@ def test_a_schedule_flies_the_change(start: float, end: float) -> None:
 
 
 @pytest.mark.slow  # the schedule flies a smaller change above
-def test_scheduling_the_gain_is_needed_from_0_to_20_degrees() -> None:
+def test_scheduling_gain_needed_from_0_to_20_degrees() -> None:
     """The gain of 0 degrees, kept, loses the aircraft on the way; the schedule does not."""
     wide = exact_gains(0.0, 5.0, 10.0, 15.0, 20.0)
     assert flown(wide, 0.0, 20.0).departure is None

@@ -107,13 +107,14 @@ def pendulum(
     )
 
 
-def test_the_method_is_of_order_4_where_the_constants_jump_too() -> None:
+def test_method_of_order_4_where_constants_jump_too() -> None:
+    """The method is of order 4 where the constants jump too."""
     found = [pendulum(4.0, 0.05 / parts).fly().states[::parts] for parts in (1, 2, 4)]
     coarse, fine = (np.abs(one - other).max() for one, other in pairwise(found))
     assert 12.0 < coarse / fine < 20.0
 
 
-def test_a_fast_mode_of_the_law_divides_the_steps() -> None:
+def test_a_fast_mode_of_the_law_divides_steps() -> None:
     """The observer follows, and the pendulum is the one without it: 1e5 1/s at a step of 0.02 s."""
     fast = 1e5
     flight = pendulum(fast, 0.02, observed=1.0).fly()
@@ -129,7 +130,8 @@ def test_a_fast_mode_of_the_law_divides_the_steps() -> None:
         pendulum(1e9, 0.02)
 
 
-def test_a_run_ends_with_the_tick_in_which_it_is_to_stop() -> None:
+def test_run_ends_with_tick_in_it_to_stop() -> None:
+    """A run ends with the tick in which it is to stop."""
     loop = pendulum(4.0, 0.02, duration=30.0)
     whole = loop.fly()
     stopped = loop.fly(stop=lambda rows: rows.times > 24.11)
@@ -137,7 +139,9 @@ def test_a_run_ends_with_the_tick_in_which_it_is_to_stop() -> None:
     np.testing.assert_array_equal(stopped.states, whole.states[: len(stopped.times)])
 
 
-def test_a_loop_that_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFixture[str]) -> None:
+def test_loop_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFixture[str]) -> None:
+    """A loop that blows up says when and nothing else."""
+
     class Blown(LinearPlant):
         def rate(self, x: Any, u: Any, d: Any, winds: Any, p: Any) -> Any:
             return x**2
@@ -158,7 +162,8 @@ def stepped(model: Model, scenario: Scenario, **steps: float) -> Flight:
     return fly(model, point, law, scenario=scenario, envelope=flight_envelope(model, point))
 
 
-def test_a_step_without_a_law_is_what_another_integrator_says() -> None:
+def test_step_without_law_is_what_another_integrator_says() -> None:
+    """A step without a law is what another integrator says."""
     result = stepped(NAVION, Scenario(duration=3.0), elevator=0.02, rudder=0.01)
     x0 = np.array(result.point.states)
     u0 = np.array(result.point.inputs)
@@ -175,7 +180,9 @@ def test_a_step_without_a_law_is_what_another_integrator_says() -> None:
         stepped(NAVION, Scenario(), flap=1.0)
 
 
-def test_plans_of_models_that_differ_in_their_equations_differ() -> None:
+def test_plans_of_models_that_differ_in_equations_differ() -> None:
+    """Plans of models that differ in their equations differ."""
+
     def plan(factor: float) -> MonteCarlo:
         def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
             rates, outputs = NAVION.equations(x, u, p, w)
@@ -292,7 +299,7 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
     assert found(lasting, disturbance=wave) is None
 
 
-def test_a_loop_that_its_delay_destabilizes_ends_in_a_limit_cycle() -> None:
+def test_loop_that_delay_destabilizes_ends_in_limit_cycle() -> None:
     """Rate-limited surfaces bound the growth that the delay causes: not within limits; without the
     delay it settles."""
     point = find_operating_point(NAVION, usual_condition(NAVION))

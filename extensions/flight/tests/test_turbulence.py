@@ -244,7 +244,7 @@ def test_turbulence_without_meaning_is_refused(typed, said, capsys) -> None:
     assert said in capsys.readouterr().err
 
 
-def test_an_own_intensity_is_that_of_u_v_and_w(capsys) -> None:
+def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
     """In the units of an aircraft in meters; p, q and r follow from the span."""
     typed = "fly --aircraft examples/uav.toml --turbulence own:2:300:2.9 --duration 0.1"
     main(typed.split())

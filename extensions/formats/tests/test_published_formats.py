@@ -68,9 +68,10 @@ def test_planted_faults_are_seen(change: dict[str, Any], said: str, trim: dict[s
     assert said in " ".join(complaints_about(trim | change))
 
 
-def test_a_controller_and_the_attributes_of_a_store_are_published(
+def test_a_controller_and_attributes_of_store_are_published(
     tmp_path: Path, published_aircraft: Model
 ) -> None:
+    """A controller and the attributes of a store are published."""
     servo.save_controller(tmp_path / "a.npz", controllers.small_controller(published_aircraft))
     kept = jsonable(dict(np.load(tmp_path / "a.npz")))
     assert complaints_about(kept) == []

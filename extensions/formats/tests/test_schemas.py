@@ -66,7 +66,8 @@ def test_the_data_are_the_fields() -> None:
     }
 
 
-def test_the_schema_says_types_and_meanings_and_accepts_the_data() -> None:
+def test_schema_says_types_and_meanings_and_accepts_data() -> None:
+    """The schema says types and meanings and accepts the data."""
     schema = json_schema(Whole)
     assert meaning(Leaf, ("roots",)) == "(k,) complex, 1/s."
     assert schema["properties"]["size"]["description"] == "a number."

@@ -47,7 +47,8 @@ QUICK = (
 
 
 @needs_jsbsim
-def test_constructs_that_were_dropped_in_silence_agree_or_are_named(tmp_path):
+def test_constructs_were_dropped_in_silence_agree_or_named(tmp_path):
+    """Constructs that were dropped in silence agree or are named."""
     verdicts = {each.name.split(": ")[1]: each.verdict for each in judge(list(QUICK), tmp_path)}
     assert verdicts == {
         "plain": "agrees",
@@ -108,7 +109,8 @@ def read_without_its_construct(folder):
     return read_model(str(path))
 
 
-def test_every_slot_of_the_jet_is_filled_by_a_construct():
+def test_every_slot_of_jet_is_filled_by_construct():
+    """Every slot of the jet is filled by a construct."""
     assert not unused_slots()
 
 

@@ -50,7 +50,8 @@ def trim_of(path):
     return model, find_operating_point(model, condition)
 
 
-def test_a_spool_is_at_its_throttle_in_a_trim(path):
+def test_a_spool_is_at_its_throttle_in_trim(path):
+    """A spool is at its throttle in a trim."""
     model, point = trim_of(f"{path}?engines=states")
     assert point.states.spool0 == pytest.approx(60.0 + 40.0 * point.inputs.throttle)
     linear = linearize(model, point)
@@ -58,7 +59,8 @@ def test_a_spool_is_at_its_throttle_in_a_trim(path):
     assert linear.A[row, row] == pytest.approx(-120.0)
 
 
-def test_a_spool_function_of_the_file_limits_the_rate(path):
+def test_a_spool_function_of_the_file_limits_rate(path):
+    """A spool function of the file limits the rate."""
     model, point = trim_of(f"{path}?engines=states")
     inputs = point.inputs._asdict() | {"throttle": 1.0}
     rates = model.rates_at(list(point.states), list(inputs.values()))

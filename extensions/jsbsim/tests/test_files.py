@@ -142,7 +142,8 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
     ],
 )
-def test_a_fault_is_one_line_with_file_and_line(tmp_path, text, fault):
+def test_fault_is_one_line_with_file_and_line(tmp_path, text, fault):
+    """A fault is one line with file and line."""
     with pytest.raises(BadInputError) as caught:
         model_of(tmp_path, text)
     message = str(caught.value)
@@ -150,7 +151,7 @@ def test_a_fault_is_one_line_with_file_and_line(tmp_path, text, fault):
     assert "\n" not in message
 
 
-def test_a_switch_function_has_no_value_beyond_its_end(tmp_path):
+def test_switch_function_has_no_value_beyond_its_end(tmp_path):
     """JSBSim ends there, and below 0."""
     of_speed = "<switch> <quotient> <p>velocities/vt-fps</p> <v>100</v> </quotient> {} </switch>"
     values = "<v>1</v> <v>2</v> <v>3</v>"
@@ -168,13 +169,15 @@ def test_short_entities_are_text(tmp_path):
     )
 
 
-def test_a_property_that_nothing_sets_is_zero_and_listed(tmp_path):
+def test_property_that_nothing_sets_is_zero_and_listed(tmp_path):
+    """A property that nothing sets is zero and listed."""
     model = model_of(tmp_path, glider(LIFT + REST + force("SIDE", slope(1.0, "sim/gust"))))
     notes = [note for note in model.extras.notes if "sim/gust" in note]
     assert re.search(r"nothing sets these; they are 0: .*glider.xml: \d+ sim/gust", notes[0])
 
 
-def test_a_second_axis_of_one_name_replaces_the_first(tmp_path):
+def test_a_second_axis_of_one_name_replaces_first(tmp_path):
+    """A second axis of one name replaces the first."""
     both = model_of(tmp_path, glider(force("LIFT", "<v>9</v>") + LIFT + REST))
     one = model_of(tmp_path, glider())
     x = [120.0, 0.1, *[0.0] * 7, 1000.0]
@@ -244,7 +247,8 @@ def test_a_component_stands_where_its_input_holds_it(tmp_path, component, positi
         assert outputs["elevator_position"] == pytest.approx(position, abs=1e-14)
 
 
-def test_an_actuator_with_hysteresis_rests_at_its_input_and_a_note_says_so(tmp_path):
+def test_actuator_with_hysteresis_rests_input_note_says_so(tmp_path):
+    """An actuator with hysteresis rests at its input and a note says so."""
     actuator = (
         '<actuator name="e"> <input>fcs/elevator-cmd-norm</input> <lag>60</lag>'
         " <hysteresis_width>0.05</hysteresis_width> <output>fcs/elevator-pos-rad</output>"
@@ -262,7 +266,8 @@ def test_an_actuator_with_hysteresis_rests_at_its_input_and_a_note_says_so(tmp_p
     assert "by 0.025" in notes[0]
 
 
-def test_the_surface_is_the_input_where_the_stick_acts_through_an_integrator(tmp_path):
+def test_surface_is_input_where_stick_acts_through_integrator(tmp_path):
+    """The surface is the input where the stick acts through an integrator."""
     pid = (
         '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> <clipto>'
         " <min>-0.2</min> <max>0.3</max> </clipto> <output>fcs/elevator-pos-rad</output> </pid>"

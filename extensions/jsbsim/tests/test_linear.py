@@ -80,7 +80,8 @@ def differences(name, kcas):
         ),
     ],
 )
-def test_a_jet_is_linearized_as_by_jsbsims_finite_differences(name, kcas, of_B):
+def test_jet_is_linearized_as_by_jsbsims_finite_differences(name, kcas, of_B):
+    """A jet is linearized as by jsbsims finite differences."""
     worst = differences(name, kcas)
     assert worst["A"] < 1e-8
     assert worst["beta"] < 5e-5

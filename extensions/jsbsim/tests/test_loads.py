@@ -80,7 +80,8 @@ def residual(name, held, parameters, free=()):
         ),
     ],
 )
-def test_loads_wind_and_dead_engines_leave_nothing_in_jsbsim(name, held, parameters, free):
+def test_loads_wind_dead_engines_leave_nothing_in_jsbsim(name, held, parameters, free):
+    """Loads wind and dead engines leave nothing in jsbsim."""
     acceleration, weight, weight_in_jsbsim = residual(name, held, parameters, free)
     assert acceleration < 1e-9
     assert weight == pytest.approx(weight_in_jsbsim, rel=1e-14)
@@ -101,7 +102,8 @@ def test_an_engine_runs_or_is_out():
         read_model("jsbsim:c182").with_parameters(feather0=-1.0)
 
 
-def test_a_steady_wind_carries_the_path_and_a_gust_changes_the_flow(tmp_path):
+def test_steady_wind_carries_path_and_gust_changes_flow(tmp_path):
+    """A steady wind carries the path and a gust changes the flow."""
     model = load_model(written(tmp_path, glider()))
     x = [120.0, 0.1, *[0.0] * 7, 1000.0]
     u = [0.0] * len(model.inputs)
@@ -123,7 +125,8 @@ WASHOUT = (
 )
 
 
-def test_a_washout_is_a_state_where_that_is_asked(tmp_path):
+def test_a_washout_is_state_where_that_is_asked(tmp_path):
+    """A washout is a state where that is asked."""
     control = CONTROL.replace(" </channel>", f"{WASHOUT} </channel>")
     damper = force("YAW", slope(-9.0, "fcs/damper"), slope(0.1, "aero/beta-rad"))
     path = written(tmp_path, glider(LIFT + REST + damper, control))
@@ -171,7 +174,8 @@ DAMPERS = {
 @pytest.mark.parametrize(
     "kind", ["washout", *(pytest.param(kind, marks=pytest.mark.slow) for kind in DAMPERS)]
 )
-def test_a_damper_with_a_memory_flies_as_in_jsbsim(tmp_path, kind):
+def test_a_damper_with_memory_flies_as_in_jsbsim(tmp_path, kind):
+    """A damper with a memory flies as in jsbsim."""
     text = DAMPERS[kind].format("velocities/r-rad_sec", "<output>fcs/probe</output>")
     axis = coefficient(slope(-0.3, "fcs/probe"), slope(0.1, "aero/beta-rad"), length="bw-ft")
     slots = {

@@ -122,7 +122,8 @@ def misses(name, count):
 @pytest.mark.parametrize(
     "name", ["737", "c182", pytest.param("DHC6", marks=pytest.mark.slow), "sgs126"]
 )
-def test_a_jet_propellers_and_a_glider_accelerate_as_in_jsbsim(name):
+def test_jet_propellers_and_glider_accelerate_as_in_jsbsim(name):
+    """A jet propellers and a glider accelerate as in jsbsim."""
     linear, rotation, thrust, turning = misses(name, 2)
     assert linear < 1e-12
     assert rotation < 1e-12
@@ -142,7 +143,8 @@ def test_all_aircraft_accelerate_as_in_jsbsim(name):
 
 
 @pytest.mark.parametrize("name", [pytest.param("f16", marks=pytest.mark.slow), "X15"])
-def test_where_the_surface_is_the_input_forces_are_those_at_jsbsims_surfaces(name):
+def test_where_surface_input_forces_those_at_jsbsims_surfaces(name):
+    """Where the surface is the input forces are those at jsbsims surfaces."""
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, 2)
     for point in points:

@@ -28,7 +28,8 @@ def condition_of(model, **held):
     ("name", "kcas", "altitude"),
     [("737", 250.0, 15000.0), ("c172p", 90.0, 5000.0), ("sgs126", 60.0, 3000.0)],
 )
-def test_a_jet_a_propeller_aircraft_and_a_glider_fly_at_a_calibrated_speed(name, kcas, altitude):
+def test_jet_propeller_aircraft_glider_fly_at_calibrated_speed(name, kcas, altitude):
+    """A jet a propeller aircraft and a glider fly at a calibrated speed."""
     model = load_model(f"jsbsim:{name}")
     point = find_operating_point(model, condition_of(model, kcas=kcas, altitude=altitude))
     outputs = model.outputs_at(point.states, point.inputs)
@@ -67,7 +68,8 @@ def test_the_speed_of_the_propeller_is_a_mode():
 
 
 @needs_jsbsim
-def test_a_governed_propeller_may_rest_at_the_limit_of_its_blades():
+def test_governed_propeller_may_rest_at_limit_of_blades():
+    """A governed propeller may rest at the limit of its blades."""
     model = load_model("jsbsim:c182")
     fast = find_operating_point(model, condition_of(model, kcas=110.0, altitude=5000.0))
     slow = find_operating_point(model, condition_of(model, kcas=60.0, altitude=1000.0))

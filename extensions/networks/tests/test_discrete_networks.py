@@ -68,7 +68,8 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_exact_networks_of_v_its_slopes_and_u_pass(name: str) -> None:
+def test_exact_networks_of_v_slopes_and_u_pass(name: str) -> None:
+    """Exact networks of v its slopes and u pass."""
     problem = PROBLEMS[name]
     V = exact_value(problem)
     for outputs in (
@@ -85,7 +86,7 @@ def test_exact_networks_of_v_its_slopes_and_u_pass(name: str) -> None:
         assert "searched_policy_error" in [check.name for check in verdict.checks]
 
 
-def test_a_policy_that_saturates_is_exact_at_the_origin_alone_and_fails() -> None:
+def test_policy_saturates_exact_at_origin_alone_and_fails() -> None:
     """u = -1e-3 tanh(1e3 K x): K is exact, and from (0.01, 0) the loop diverges."""
     problem = problem_of()
     u = -1e-3 * ca.tanh(1e3 * ca.DM(exact_of(problem).K) @ Z)
@@ -97,7 +98,8 @@ def test_a_policy_that_saturates_is_exact_at_the_origin_alone_and_fails() -> Non
     assert verdict.reason == "it is right at the origin and wrong away from it"
 
 
-def test_a_constant_in_u_is_off_at_the_origin_and_rests_off_trim() -> None:
+def test_constant_in_u_off_origin_rests_off_trim() -> None:
+    """A constant in u is off at the origin and rests off trim."""
     problem = problem_of()
     exact = exact_of(problem)
     verdict = check_discrete(
@@ -110,7 +112,8 @@ def test_a_constant_in_u_is_off_at_the_origin_and_rests_off_trim() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_value_that_is_wrong_away_from_the_origin_fails(name: str) -> None:
+def test_value_that_is_wrong_away_from_origin_fails(name: str) -> None:
+    """A value that is wrong away from the origin fails."""
     problem = PROBLEMS[name]
     V = exact_value(problem)
     size = float(BOX @ np.abs(exact_of(problem).P) @ BOX)
@@ -123,7 +126,8 @@ def test_a_value_that_is_wrong_away_from_the_origin_fails(name: str) -> None:
     )
 
 
-def test_weights_beyond_the_quadratic_ones_count_in_discrete_time() -> None:
+def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
+    """Weights beyond the quadratic ones count in discrete time."""
     problem = problem_of()
     functions = basis("quadratic+quartic", 2)
     weights = functions.weights(exact_of(problem).P)
@@ -135,7 +139,7 @@ def test_weights_beyond_the_quadratic_ones_count_in_discrete_time() -> None:
     assert "searched_value_error" in failed_names(verdict.checks)
 
 
-def test_the_implied_policy_is_the_best_of_one_step_and_the_value_behind_it() -> None:
+def test_implied_policy_best_of_one_step_value_behind() -> None:
     """Compared with a grid of u, at the worst w of each, on a value that is not quadratic."""
     problem = problem_of(delta=20.0, discount=0.95, N=0.2)
     step = problem.step
@@ -160,7 +164,7 @@ def test_the_implied_policy_is_the_best_of_one_step_and_the_value_behind_it() ->
     assert abs(best + (critic.K @ x).item()) > 0.05  # far from the linearized policy
 
 
-def test_a_policy_that_is_not_found_is_no_number() -> None:
+def test_policy_that_is_not_found_is_no_number() -> None:
     """The slope of V jumps where the next state has x1 = 0, and the saddle lies on the jump."""
     problem = problem_of(delta=np.inf)
     exact = exact_of(problem)
@@ -169,7 +173,8 @@ def test_a_policy_that_is_not_found_is_no_number() -> None:
     assert np.isnan(np.array(policy([0.1, 0.0]))).all()
 
 
-def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_linear() -> None:
+def test_cost_in_flight_linear_loop_where_network_linear() -> None:
+    """The cost in flight is that of the linear loop where the network is linear."""
     problem = problem_of(discount=0.97)
     exact = exact_of(problem)
     K = 1.2 * exact.K
@@ -188,7 +193,7 @@ def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_line
 
 
 @pytest.mark.slow
-def test_a_network_of_a_discounted_game_is_searched_and_flown(game: Game) -> None:
+def test_network_of_discounted_game_is_searched_and_flown(game: Game) -> None:
     """Exact weights in a state dict pass; the same behind a tanh that saturates do not."""
     from hfa_discrete import solve_discounted
 
@@ -203,7 +208,8 @@ def test_a_network_of_a_discounted_game_is_searched_and_flown(game: Game) -> Non
     assert "searched_policy_error" in failed_names(verdict.checks)
 
 
-def test_the_command_says_how_a_network_was_read_on_a_discrete_plant() -> None:
+def test_command_says_how_network_read_on_discrete_plant() -> None:
+    """The command says how a network was read on a discrete plant."""
     problem = problem_of()
     exact = exact_of(problem)
     step = problem.step
@@ -222,7 +228,8 @@ def test_the_command_says_how_a_network_was_read_on_a_discrete_plant() -> None:
     assert wrong["schema"] == "hfa.discounted-check/1"
 
 
-def test_a_linear_critic_in_discrete_time_is_judged_as_before() -> None:
+def test_linear_critic_in_discrete_time_judged_as_before() -> None:
+    """A linear critic in discrete time is judged as before."""
     problem = problem_of()
     exact = exact_of(problem)
     for critic in (

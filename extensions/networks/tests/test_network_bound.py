@@ -57,7 +57,7 @@ def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.
 
 @pytest.mark.parametrize("of_gradient", [False, True])
 @pytest.mark.parametrize("activation", ACTIVATIONS)
-def test_no_sample_of_a_box_is_above_its_bound(activation: str, of_gradient: bool) -> None:
+def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool) -> None:
     """Boxes from the whole one to 1e-4 of it, where nothing but rounding would be left."""
     if of_gradient and activation in ("relu", "clip"):
         return  # its gradient has steps
@@ -112,7 +112,7 @@ def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
 
 
 @pytest.mark.parametrize("kind", LINES)
-def test_every_node_is_between_its_lines_to_the_ends(kind: str) -> None:
+def test_every_node_is_between_its_lines_to_ends(kind: str) -> None:
     """At both ends, at 0 and between; half of them come within 10 % of a line."""
     of = {
         "tanh": np.tanh,
@@ -199,7 +199,7 @@ def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
-def test_a_narrow_bump_that_the_search_misses_is_found(game: Game, seed: int) -> None:
+def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> None:
     """The first input off by 300 % at one place, in 0.05 of the width of the box."""
     rng = np.random.default_rng(seed)
     at = rng.uniform(-0.9, 0.9, 6)
@@ -220,7 +220,7 @@ def test_a_narrow_bump_that_the_search_misses_is_found(game: Game, seed: int) ->
     assert proof.fraction <= np.abs(at).max() + 0.05 or proof.error >= 3.0
 
 
-def test_the_report_says_of_which_expression_it_is_proved(game: Game) -> None:
+def test_report_says_of_which_expression_it_is_proved(game: Game) -> None:
     """CasADi makes 0 of 1e20 (0.1 (10 x) - x), which floating point makes 1e3."""
     verdict = judged(
         game,
@@ -290,7 +290,8 @@ def with_hat(game: Game, of_abs: bool) -> Verdict:
 
 
 @pytest.mark.parametrize("of_abs", [True, False])
-def test_a_narrow_hat_of_relu_or_abs_is_found_by_the_proof(of_abs: bool) -> None:
+def test_narrow_hat_relu_or_abs_found_by_proof(of_abs: bool) -> None:
+    """A narrow hat of relu or abs is found by the proof."""
     game = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
     verdict = with_hat(game, of_abs)
     assert not verdict.ok

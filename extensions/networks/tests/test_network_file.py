@@ -46,7 +46,7 @@ def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
 # The order of layers.
 
 
-def test_safetensors_sorts_names_and_the_layers_keep_their_order(game: Game) -> None:
+def test_safetensors_sorts_names_and_layers_keep_their_order(game: Game) -> None:
     """The library writes "10.weight" before "2.weight"; either order would fit the widths."""
     rng = np.random.default_rng(3)
     tensors = {f"{place}.weight": rng.normal(size=(6, 6)) for place in (0, 2, 10)} | {
@@ -59,7 +59,8 @@ def test_safetensors_sorts_names_and_the_layers_keep_their_order(game: Game) -> 
     assert np.array_equal(found, expected)
 
 
-def test_layers_of_an_npz_run_in_the_order_of_their_numbers(game: Game) -> None:
+def test_layers_of_npz_run_in_order_of_numbers(game: Game) -> None:
+    """Layers of an npz run in the order of their numbers."""
     right = square_layers("0", "2", "10", "12")
     np.savez("sorted.npz", **{name: right[name] for name in sorted(right)})  # 0, 10, 12, 2
     expected = from_network(game, torch_file("a.pt", right), activation="tanh")
@@ -71,7 +72,7 @@ def test_layers_of_an_npz_run_in_the_order_of_their_numbers(game: Game) -> None:
 
 
 @pytest.mark.parametrize("write", [safetensors_file, np.savez])
-def test_layers_whose_names_do_not_tell_their_order_are_refused(game: Game, write: Any) -> None:
+def test_layers_whose_names_do_not_tell_order_refused(game: Game, write: Any) -> None:
     """Formats that sort their names, or may have been written from a sorted dictionary."""
     layers = square_layers("hidden", "embed", "out")
     path = "letters.npz" if write is np.savez else "letters.safetensors"
@@ -83,14 +84,16 @@ def test_layers_whose_names_do_not_tell_their_order_are_refused(game: Game, writ
         from_network(game, path, activation="tanh")
 
 
-def test_names_do_not_matter_where_the_widths_leave_one_order(game: Game) -> None:
+def test_names_do_not_matter_if_widths_decide(game: Game) -> None:
+    """Names do not matter where the widths leave one order."""
     layers = {"w.weight": np.ones((4, 6)), "b.weight": np.ones((3, 4)), "a.weight": np.ones((1, 3))}
     np.savez("widths.npz", **{name: layers[name] for name in sorted(layers)})
     expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
     assert np.array_equal(from_network(game, "widths.npz", activation="tanh").K, expected.K)
 
 
-def test_a_module_declared_in_another_order_than_its_numbers_is_refused(game: Game) -> None:
+def test_module_declared_in_another_order_than_numbers_refused(game: Game) -> None:
+    """A module declared in another order than its numbers is refused."""
     path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
     with pytest.raises(BadInputError, match="'fc1' stands after 'fc2': the file does not tell"):
         from_network(game, path, activation="tanh")
@@ -136,7 +139,7 @@ def normal(h: np.ndarray) -> np.ndarray:
         ("023", True, "6 -> tanh 4 -> LayerNorm 4 (epsilon 1e-05) -> 1"),
     ],
 )
-def test_a_layer_norm_is_where_the_numbers_of_its_neighbours_leave_it(
+def test_layer_norm_is_where_numbers_of_neighbours_leave(
     places: str, before: bool, chain: str
 ) -> None:
     """In a torch.nn.Sequential the activation takes the number that is missing."""
@@ -154,14 +157,16 @@ def test_a_layer_norm_is_where_the_numbers_of_its_neighbours_leave_it(
 @pytest.mark.parametrize(
     "names", [("0", "2", "4"), ("0", "1", "2"), ("fc1", "ln1", "out"), ("net.0", "norm.0", "net.2")]
 )
-def test_a_layer_norm_whose_place_the_names_do_not_tell_is_refused(
+def test_a_layer_norm_of_unknown_place_is_refused(
     names: tuple[str, str, str],
 ) -> None:
+    """A layer norm whose place the names do not tell is refused."""
     message = refusal(torch_file("a.pt", with_norm(*names)), activation="tanh")
     assert f"before or behind the LayerNorm '{names[1]}'; export the network to ONNX" in message
 
 
-def test_a_layer_norm_of_the_states_or_of_the_output_needs_no_gap() -> None:
+def test_layer_norm_states_or_output_needs_no_gap() -> None:
+    """A layer norm of the states or of the output needs no gap."""
     rng = np.random.default_rng(7)
     A = rng.normal(size=(4, 6))
     norms = {"0.weight": rng.normal(size=6), "0.bias": rng.normal(size=6)}
@@ -220,7 +225,7 @@ def test_names_of_layers_are_free(name: str) -> None:
         )
 
 
-def test_actors_and_critics_of_one_file_and_of_stable_baselines() -> None:
+def test_actors_and_critics_of_one_file_stable_baselines() -> None:
     """A3C-like heads: each network by a word in its names, parts with + between them."""
     value_net = two_layers("mlp_extractor.value_net", 3)
     policy = two_layers("mlp_extractor.policy_net", 3)
@@ -252,7 +257,8 @@ class Evil:
 
 
 @pytest.mark.parametrize("packed", [True, False])
-def test_a_pickle_that_would_run_code_is_refused_and_nothing_runs(packed: bool) -> None:
+def test_pickle_would_run_code_refused_and_nothing_runs(packed: bool) -> None:
+    """A pickle that would run code is refused and nothing runs."""
     content = pickle.dumps({"0.weight": Evil()})
     for path in map(Path, ("evil.pkl", "evil.pt", "evil.pth")):
         if packed:
@@ -323,7 +329,7 @@ def test_wrong_state_dicts_are_refused() -> None:
     assert "it is TorchScript, a program; save state_dict" in refusal("script.pt")
 
 
-def test_a_pickle_that_numbers_more_objects_than_it_has_bytes_is_refused() -> None:
+def test_pickle_numbers_more_objects_than_has_bytes_refused() -> None:
     """LONG_BINPUT with a number of 4e9 makes Python's reader take 32 GB."""
     content = b"\x80\x02}r" + (2**32 - 16).to_bytes(4, "little") + b"."
     with zipfile.ZipFile("memo.pt", "w") as archive:

@@ -43,7 +43,8 @@ def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
     assert not check.holds(1e-6)
 
 
-def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
+def test_a_value_that_is_not_number_somewhere_fails(game: Game) -> None:
+    """A value that is not a number somewhere fails."""
     nodes = [
         *QUADRATIC[:2],
         ("MatMul", "terms ones", "V"),
@@ -65,7 +66,7 @@ def test_a_value_that_is_not_a_number_somewhere_fails(game: Game) -> None:
     assert found["value"] == math.inf
 
 
-def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_linear(
+def test_cost_in_flight_linear_loop_where_network_linear(
     game: Game,
 ) -> None:
     """From 40 starts, under the disturbance of the exact policies: no more than the worst of
@@ -79,7 +80,7 @@ def test_the_cost_in_flight_is_that_of_the_linear_loop_where_the_network_is_line
     assert flown <= linear_loop["cost_lost_worst_percent"] * (1 + 1e-6)
 
 
-def test_an_actor_with_a_constant_is_stable_and_rests_off_trim(game: Game) -> None:
+def test_actor_with_constant_stable_and_rests_off_trim(game: Game) -> None:
     """The exact gain plus 1 % of the largest input is a separate finding, with its equilibrium."""
     offset = 0.01 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))

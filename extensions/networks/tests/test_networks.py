@@ -94,7 +94,7 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
             from_network(game, path, activation=activation)
 
 
-def test_a_small_error_without_a_constant_is_called_no_constant(game: Game) -> None:
+def test_small_error_without_constant_is_called_no_constant(game: Game) -> None:
     """With e = 4e-4 the error in the box is 2.6e-6, and u(0) = 0."""
     tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
     critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
@@ -153,7 +153,8 @@ def test_the_scale_of_the_inputs_counts(game: Game) -> None:
     assert "needs 6 numbers" in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
 
 
-def test_a_value_and_a_policy_of_one_file_are_named() -> None:
+def test_value_and_policy_of_one_file_are_named() -> None:
+    """A value and a policy of one file are named."""
     heads = {"action_net.weight": np.ones((5, 3)), "value_net.weight": np.ones((1, 3))}
     policy = two_layers("mlp_extractor.policy_net", 3)
     torch_file("policy.pth", policy | two_layers("mlp_extractor.value_net", 3) | heads)
@@ -191,7 +192,8 @@ def test_v_and_a_policy_are_judged_together(game: Game) -> None:
 FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i, 7))])
 
 
-def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
+def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
+    """A basis in words or as a function and a constant."""
     plant = small("plant.json", states=["speed", "alpha"])
     P = solve_game(load_game("plant.json")).P
     words = (
@@ -220,7 +222,8 @@ def test_a_basis_in_words_or_as_a_function_and_a_constant(game: Game) -> None:
         from_weights(game, np.ones(6), features_of(FEATURES, 6))
 
 
-def test_an_npy_file_of_any_name_is_what_its_shape_says(game: Game) -> None:
+def test_npy_file_of_any_name_what_shape_says(game: Game) -> None:
+    """An npy file of any name is what its shape says."""
     for entry, right in {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}.items():
         np.save("mine.npy", right)
         found = critic_in("mine.npy", game)
@@ -233,7 +236,8 @@ def test_an_npy_file_of_any_name_is_what_its_shape_says(game: Game) -> None:
     )
 
 
-def test_outputs_that_fit_nothing_or_two_things_are_refused(game: Game) -> None:
+def test_outputs_fit_nothing_or_two_things_are_refused(game: Game) -> None:
+    """Outputs that fit nothing or two things are refused."""
     said = hfa(
         "verify", *AT_15, "--weights", torch_file("policy.pt", {"weight": np.zeros((3, 6))})
     ).err

@@ -70,7 +70,7 @@ def test_the_operators_are_those_of_onnx_runtime() -> None:
     assert_as_onnx_runtime(onnx_file("one.onnx", nodes, constants), rel=1e-4, abs=1e-3)
 
 
-def test_normalizations_choices_and_limits_are_those_of_onnx_runtime() -> None:
+def test_normalizations_choices_and_limits_those_of_onnx_runtime() -> None:
     """LayerNorm, BatchNorm, Softplus with a threshold, SELU and clamps, exported by torch."""
     rng = np.random.default_rng(5)
     shapes = {"W": (6, 8), "scale": (8,), "bias": (8,), "mean": (8,), "rest": (8, 1)}
@@ -97,7 +97,7 @@ def test_normalizations_choices_and_limits_are_those_of_onnx_runtime() -> None:
     assert_as_onnx_runtime(onnx_file("norms.onnx", nodes, constants), rel=1e-5, abs=1e-5)
 
 
-def test_triangles_comparisons_and_repeated_rows_are_those_of_onnx_runtime() -> None:
+def test_triangles_comparisons_and_repeated_rows_those_onnx_runtime() -> None:
     """tril, eye, where and expand, exported by torch."""
     rng = np.random.default_rng(6)
     shapes = {"W": (6, 9), "slope": (9,), "rest": (9, 1), "flat": ()}
@@ -125,7 +125,8 @@ def test_triangles_comparisons_and_repeated_rows_are_those_of_onnx_runtime() -> 
 
 
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
-def test_graphs_of_old_and_new_operator_sets_are_those_of_onnx_runtime(opset: int) -> None:
+def test_graphs_old_new_operator_sets_those_onnx_runtime(opset: int) -> None:
+    """Graphs of old and new operator sets are those of onnx runtime."""
     axes = {"axes": [0]} if opset < 13 else {}
     nodes: list[tuple[Any, ...]] = [
         ("Flatten", "x", "f", {"axis": 1}),
@@ -153,7 +154,7 @@ def test_graphs_of_old_and_new_operator_sets_are_those_of_onnx_runtime(opset: in
     assert_as_onnx_runtime(onnx_file("a.onnx", nodes, constants, 2, opset=opset), abs=1e-6)
 
 
-def test_division_of_integers_in_a_graph_leaves_no_fraction() -> None:
+def test_division_of_integers_in_graph_leaves_no_fraction() -> None:
     """7 / 2 = 3 numbers of the state are summed."""
     nodes = [
         ("Div", "seven two", "three"),
@@ -171,7 +172,7 @@ def test_division_of_integers_in_a_graph_leaves_no_fraction() -> None:
     assert float(summed(np.arange(1.0, 7.0))) == 6.0
 
 
-def test_weights_beside_a_graph_are_read_from_its_folder_alone() -> None:
+def test_weights_beside_graph_are_read_from_folder_alone() -> None:
     """The default export of torch; a path out of the folder is not followed."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
@@ -221,9 +222,10 @@ def test_wrong_graphs_are_refused() -> None:
     refusal("damaged.onnx")
 
 
-def test_without_the_package_onnx_its_files_alone_are_refused(
+def test_without_package_onnx_its_files_alone_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """Without the package onnx its files alone are refused."""
     monkeypatch.setitem(sys.modules, "onnx", None)
     Path("a.onnx").write_bytes(b"")
     assert "install hfa with the extra [networks]" in refusal("a.onnx")
@@ -298,7 +300,8 @@ def test_an_operator_is_that_of_onnx_runtime(name: str) -> None:
     assert_as_onnx_runtime(path, rel=1e-5, abs=1e-6)
 
 
-def test_an_attribute_that_is_not_read_is_said_so() -> None:
+def test_attribute_that_is_not_read_is_said_so() -> None:
+    """An attribute that is not read is said so."""
     said = refusal(onnx_file("odd.onnx", [("Tanh", "x", "y", {"odd": 1})], {"P": np.eye(6)}))
     assert "operator Tanh with 1 inputs and the attributes odd is not read" in said
     assert "damaged" not in said

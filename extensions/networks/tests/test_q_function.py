@@ -21,7 +21,8 @@ X = RNG.normal(size=(5, 6))
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_what_torch_exports_by_default_is_read_and_has_its_policy(game: Game) -> None:
+def test_what_torch_exports_by_default_read_and_policy(game: Game) -> None:
+    """What torch exports by default is read and has its policy."""
     pytest.importorskip("onnx", reason="the package onnx is not installed")
     expected = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["q"]
     path = HERE / "torch_2_13_q.onnx"
@@ -56,7 +57,7 @@ def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, input
     assert pytest.approx(np.linalg.solve(H[6:, 6:], H[6:, :6]), rel=1e-9) == critic.K
 
 
-def test_the_coefficients_of_a_quadratic_may_depend_on_the_state() -> None:
+def test_the_coefficients_of_quadratic_may_depend_on_state() -> None:
     """Q = V(x) + (u - tanh x)' e^x (u - tanh x) of one state and one input."""
     xu = ca.SX.sym("xu", 2)
     x, u = ca.vertsplit(xu)
@@ -66,7 +67,8 @@ def test_the_coefficients_of_a_quadratic_may_depend_on_the_state() -> None:
         assert float(policy(x_value)) == pytest.approx(np.tanh(x_value), rel=1e-12, abs=1e-15)
 
 
-def test_a_curvature_that_changes_its_sign_leaves_no_number() -> None:
+def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
+    """A curvature that changes its sign leaves no number."""
     xu = ca.SX.sym("xu", 2)
     policy = policy_of(ca.Function("Q", [xu], [(1.0 - xu[0]) * xu[1] ** 2 + xu[1]]), 1)
     assert float(policy(0.5)) == pytest.approx(-1.0)
@@ -83,7 +85,8 @@ def test_a_curvature_that_changes_its_sign_leaves_no_number() -> None:
         (lambda u: u, "has no smallest or largest value over u"),
     ],
 )
-def test_a_q_that_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
+def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
+    """A q that is not quadratic in u is refused."""
     xu = ca.SX.sym("xu", 2)
     Q = ca.Function("Q", [xu], [xu[0] ** 4 + power(xu[1])])  # type: ignore[operator]
     with pytest.raises(BadInputError, match=says) as caught:
@@ -91,7 +94,7 @@ def test_a_q_that_is_not_quadratic_in_u_is_refused(power: object, says: str) -> 
     assert "export the policy u(x)" in str(caught.value)
 
 
-def test_twin_networks_of_a_state_dict_are_judged_by_their_actor(game: Game) -> None:
+def test_twin_networks_of_state_dict_judged_by_actor(game: Game) -> None:
     """An actor and two Q in one file, as in SAC and TD3."""
     tensors = {"actor.0.weight": RNG.normal(size=(8, 6)), "actor.2.weight": RNG.normal(size=(5, 8))}
     for name in ("q1", "q2"):

@@ -149,7 +149,8 @@ def test_policies_of_other_libraries_are_read(library) -> None:
         ({"skip.weight": np.ones((ACTIONS, STATES))}, "actor", "skip.weight"),
     ],
 )
-def test_a_tensor_that_may_act_is_refused_by_name(more, part, named) -> None:
+def test_tensor_that_may_act_is_refused_by_name(more, part, named) -> None:
+    """A tensor that may act is refused by name."""
     path = torch_file("a.pt", actor("actor.") | critic("critic.") | more)
     said = refusal(path, activation="tanh", parts={"policy": part})
     assert named in said
@@ -161,7 +162,8 @@ def test_a_normalizer_of_another_size_is_refused() -> None:
     assert "normalizes 3 numbers" in refusal(path, activation="tanh", parts={"policy": ""})
 
 
-def test_another_policy_beside_the_named_one_is_left_alone() -> None:
+def test_another_policy_beside_named_one_is_left_alone() -> None:
+    """Another policy beside the named one is left alone."""
     path = torch_file("a.pt", actor("pitch.") | actor("roll."))
     found = network_in(path, STATES, "tanh", {"policy": "pitch"}).functions["policy"]
     assert isinstance(found, ca.Function)

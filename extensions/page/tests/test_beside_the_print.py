@@ -11,7 +11,8 @@ from hfa_page.beside_the_print import matrices_beside_the_print
 from trim import regenerate
 
 
-def test_a_planted_error_changes_the_tone_of_its_entry_and_of_no_other() -> None:
+def test_planted_error_changes_tone_of_entry_no_other() -> None:
+    """A planted error changes the tone of its entry and of no other."""
     published = published_models()[0]
     model = regenerate(hfa.aircraft(), published)
 

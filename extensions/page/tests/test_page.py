@@ -61,7 +61,9 @@ def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
     assert not planted.ok
 
 
-def test_a_game_without_a_solution_is_said_and_fails(job: MainJob, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_a_game_without_solution_is_said_and_fails(job: MainJob, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    """A game without a solution is said and fails."""
+
     def unsolved(game: object) -> None:
         raise NoSolutionError("no solution: planted")
 
@@ -79,7 +81,8 @@ def claims() -> Claims:
     return load_claims(STORED)
 
 
-def test_a_row_each_with_the_verdict_that_is_stored(job: MainJob, claims: Claims) -> None:
+def test_a_row_each_with_verdict_that_is_stored(job: MainJob, claims: Claims) -> None:
+    """A row each with the verdict that is stored."""
     said, table = claims_section(claims, job.regeneration).parts
     stored = claims.data["claims"]
     assert [row[:2] for row in table.rows] == [
@@ -169,7 +172,8 @@ def test_a_damaged_table_is_refused(
         load_claims(tmp_path)
 
 
-def test_plotly_takes_it_and_the_arrows_are_to_scale(job: MainJob) -> None:
+def test_plotly_takes_it_and_arrows_are_to_scale(job: MainJob) -> None:
+    """Plotly takes it and the arrows are to scale."""
     plot = front_view(job.aircraft, job.points)
     assert plot is not None
     (spec,) = plot.figures

@@ -49,7 +49,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     return hfa("report", *words), folder
 
 
-def test_a_folder_holds_the_page_its_pictures_and_its_numbers(made: tuple[Result, Path]) -> None:
+def test_folder_holds_page_its_pictures_and_its_numbers(made: tuple[Result, Path]) -> None:
+    """A folder holds the page its pictures and its numbers."""
     result, folder = made
     assert (result.code, result.err) == (DONE, "")
     names = {
@@ -103,7 +104,8 @@ def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> Non
 
 
 @pytest.mark.slow
-def test_the_largest_page_holds_at_most_three_megabytes_of_data(tmp_path: Path) -> None:
+def test_largest_page_holds_at_most_three_megabytes_data(tmp_path: Path) -> None:
+    """The largest page holds at most three megabytes of data."""
     page = tmp_path / "page.html"
     assert hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "0:15:0.1").code == FAILED
     html = page.read_text(encoding="utf-8")
@@ -112,14 +114,16 @@ def test_the_largest_page_holds_at_most_three_megabytes_of_data(tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_a_folder_that_cannot_hold_the_numbers_gets_no_pictures(tmp_path: Path) -> None:
+def test_folder_that_cannot_hold_numbers_gets_no_pictures(tmp_path: Path) -> None:
+    """A folder that cannot hold the numbers gets no pictures."""
     (tmp_path / "numbers.json").mkdir()
     words = ("--dihedral", "15", "--sweep", "15", "-o", str(tmp_path))
     assert_refused(hfa("report", *words), BAD_INPUT, "it is a folder")
     assert [path.name for path in tmp_path.iterdir()] == ["numbers.json"]
 
 
-def test_an_angle_without_a_trim_is_on_the_page_with_its_reason(tmp_path: Path) -> None:
+def test_angle_without_trim_is_on_page_with_reason(tmp_path: Path) -> None:
+    """An angle without a trim is on the page with its reason."""
     page = tmp_path / "page.html"
     result = hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "20,59")
     assert (result.code, result.err) == (FAILED, "")
@@ -131,9 +135,10 @@ def test_an_angle_without_a_trim_is_on_the_page_with_its_reason(tmp_path: Path) 
     assert 'exact game solution certified at 59 deg</th><td class="words bad">FAIL' in html
 
 
-def test_without_plotly_the_page_is_refused_before_anything_is_computed(
+def test_without_plotly_page_is_refused_before_anything_computed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Without plotly the page is refused before anything is computed."""
     plotly_script.cache_clear()
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     assert_refused(
@@ -169,7 +174,9 @@ def test_every_angle_is_trimmed_as_asked() -> None:
 
 
 @pytest.mark.slow
-def test_no_picture_is_left_of_a_report_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_picture_is_left_of_report_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No picture is left of a report that fails."""
+
     def full(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")
 

@@ -36,7 +36,8 @@ def good():
     return assess(aircraft("ppo_gtm"), card("ppo_gtm"), [45.0, 60.0], samples=16)
 
 
-def test_the_first_line_is_a_verdict_and_two_findings(good):
+def test_the_first_line_is_verdict_and_two_findings(good):
+    """The first line is a verdict and two findings."""
     lines = good.report().title.split("\n")
     assert lines[0] == "PASS: holds from 45 to 60 m/s at 50 Hz; unstable with 20 ms of delay"
     assert lines[1] == "every flight converges"
@@ -74,7 +75,8 @@ def test_data_have_the_keys_that_are_promised(good):
         ("action", "elevator", {"map": "a**a"}),
     ],
 )
-def test_a_formula_that_is_not_smooth_at_the_trim_is_refused_by_name(table, name, entry):
+def test_formula_not_smooth_at_trim_refused_by_name(table, name, entry):
+    """A formula that is not smooth at the trim is refused by name."""
     o = ca.SX.sym("o", 4)
     right = gtm_card({"file": ca.Function("gain", [o], [0.1 * o[1:3]])})
     model = load_model(GTM)
@@ -106,7 +108,8 @@ def test_a_delay_beyond_the_limit_does_not_hold():
 
 
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
-def test_the_rest_is_where_a_flight_of_200_s_ends(name):
+def test_rest_is_where_flight_of_200_s_ends(name):
+    """The rest is where a flight of 200 s ends."""
     deployed = card(name).on(aircraft(name))
     points = trims(name)[:1]
     assessor = Assessor(deployed, points, samples=0)
@@ -147,7 +150,8 @@ def test_a_flight_is_that_of_its_equations():
     np.testing.assert_allclose(after[memory], [*commanded, *inputs[0]], rtol=1e-13)
 
 
-def test_a_clip_that_is_active_at_rest_is_said_and_not_judged_as_stable():
+def test_clip_active_at_rest_said_not_judged_stable():
+    """A clip that is active at rest is said and not judged as stable."""
     o = ca.SX.sym("o", 4)
     push = ca.Function("policy", [o], [ca.vertcat(2.0 + 0.1 * o[0], 0.0 * o[1])])
     action = {
@@ -178,7 +182,8 @@ def test_flights_are_decided_by_their_seed():
     assert first.worst_start != other.worst_start
 
 
-def test_a_normalizer_that_the_files_do_not_show_is_a_note_and_data(capsys):
+def test_normalizer_files_do_not_show_note_and_data(capsys):
+    """A normalizer that the files do not show is a note and data."""
     words = ["assess", str(FOLDER / "sac_gtm.toml"), "--aircraft", GTM, "--at", "45"]
     assert main([*words, "--samples", "0", "--json"]) == 0
     printed = capsys.readouterr()
@@ -237,7 +242,7 @@ def test_a_gain_has_no_nonlinearity():
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.02])
-def test_an_aircraft_of_one_input_is_assessed_and_flown(delay):
+def test_aircraft_of_one_input_is_assessed_and_flown(delay):
     """The pendulum: A = [0 1; g / l -b / m l²], and the loop of its held steps."""
     pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     gain = np.array([[2.5, 0.5]])
@@ -310,7 +315,7 @@ def f16_card(**tables):
     )
 
 
-def test_a_trim_at_an_edge_of_the_envelope_is_refused():
+def test_a_trim_at_edge_of_envelope_is_refused():
     """The state at the edge is one that other states move; the shipped aircraft is inside at its
     own trim."""
     model = load_model(F16)

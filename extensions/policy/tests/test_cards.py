@@ -165,7 +165,8 @@ def test_a_normalizer_is_read(name):
     assert found.count > 1000.0
 
 
-def test_a_pickle_that_calls_is_refused_and_not_run(folder):
+def test_pickle_that_calls_is_refused_and_not_run(folder):
+    """A pickle that calls is refused and not run."""
     made = folder / "made"
     (folder / "calls.pkl").write_bytes(pickle.dumps(Caller(str(made))))
     said = message_of(folder, CARD.replace("ppo_gtm.pkl", "calls.pkl"))
@@ -185,7 +186,8 @@ def rewrite_zip(folder, changed):
     (folder / "ppo_gtm.zip").write_bytes(rewritten.getvalue())
 
 
-def test_a_zip_whose_data_calls_is_refused_and_not_run(folder):
+def test_zip_whose_data_calls_refused_and_not_run(folder):
+    """A zip whose data calls is refused and not run."""
     made = folder / "made"
     call = base64.b64encode(pickle.dumps(Caller(str(made)))).decode()
     rewrite_zip(folder, lambda data: data | {"action_space": {":serialized:": call}})
@@ -207,7 +209,8 @@ SHARED_LISTS = b"\x80\x04]\x94" + b"".join(
         pytest.param(b"", id="nothing"),
     ],
 )
-def test_a_pickle_that_takes_more_than_its_bytes_is_refused(folder, content):
+def test_pickle_that_takes_more_than_bytes_is_refused(folder, content):
+    """A pickle that takes more than its bytes is refused."""
     (folder / "bomb.pkl").write_bytes(content)
     assert "bomb.pkl: it" in message_of(folder, CARD.replace("ppo_gtm.pkl", "bomb.pkl"))
 
@@ -234,7 +237,8 @@ def test_a_normalizer_without_its_numbers_is_refused(folder, stored, typed):
         {"policy_kwargs": [1]},
     ],
 )
-def test_data_of_a_zip_of_another_type_are_refused(folder, entries):
+def test_data_of_zip_of_another_type_are_refused(folder, entries):
+    """Data of a zip of another type are refused."""
     rewrite_zip(folder, lambda data: data | entries)
     assert next(iter(entries)) in message_of(folder, CARD)
 
@@ -251,7 +255,7 @@ def test_data_of_a_zip_of_another_type_are_refused(folder, entries):
         ),
     ],
 )
-def test_a_zip_of_another_class_is_refused_by_name(folder, entries, named):
+def test_zip_of_another_class_is_refused_by_name(folder, entries, named):
     """Its forward pass is the user's code, which is not run."""
     stored = {
         name: {":serialized:": base64.b64encode(content).decode()}
@@ -261,7 +265,7 @@ def test_a_zip_of_another_class_is_refused_by_name(folder, entries, named):
     assert named in message_of(folder, CARD)
 
 
-def test_action_scale_of_a_state_dict_is_its_box(folder):
+def test_action_scale_of_state_dict_is_its_box(folder):
     """CleanRL: tanh, times action_scale, plus action_bias; a deployment file with the same box is
     accepted."""
     random = np.random.default_rng(3)
@@ -278,7 +282,8 @@ def test_action_scale_of_a_state_dict_is_its_box(folder):
         _ = gtm_card({"file": folder / "actor.npz", "squash": False}).actor
 
 
-def test_a_zip_whose_directory_lies_about_a_size_is_refused(folder):
+def test_zip_whose_directory_lies_about_size_is_refused(folder):
+    """A zip whose directory lies about a size is refused."""
     rewrite_zip(folder, lambda data: data | {"more": " " * 10**6})
     content = (folder / "ppo_gtm.zip").read_bytes()
     entry = content.index(b"PK\x01\x02")
@@ -327,7 +332,8 @@ def test_a_damaged_zip_is_one_line(folder, name):
     assert "card.toml" in message_of(folder, CARD)
 
 
-def test_a_gain_and_a_state_dict_and_an_onnx_graph_are_policies_too(tmp_path):
+def test_gain_and_state_dict_onnx_graph_policies_too(tmp_path):
+    """A gain and a state dict and an onnx graph are policies too."""
     K = np.array([[0.1, 0.2, 0.3, 0.4], [0.5, 0.6, 0.7, 0.8]])
     np.savez(tmp_path / "gain.npz", K=K)
     np.savez(tmp_path / "layer.npz", **{"weight": -K, "bias": np.zeros(2)})
@@ -346,7 +352,8 @@ def test_a_zip_says_what_it_is():
     assert (ppo.squash, ppo.layout, ppo.environments) == (False, (16, 16), 4)
 
 
-def test_a_card_in_python_is_that_of_the_file():
+def test_a_card_in_python_is_that_of_file():
+    """A card in python is that of the file."""
     loaded = card("ppo_gtm")
     again = Deployment(
         loaded.policy, loaded.observation, loaded.action, loaded.timing, loaded.cost, loaded.folder
@@ -394,7 +401,7 @@ def shared(times):
     return inner
 
 
-def test_a_pickle_of_shared_lists_is_refused_at_once(folder):
+def test_pickle_of_shared_lists_is_refused_at_once(folder):
     """Walked by identity, its 2^32 leaves are counted and not visited."""
     content = pickle.dumps({"obs_rms": shared(32)}, 2)
     with pytest.raises(BadInputError, match="hold each other too many times"):
@@ -408,7 +415,8 @@ def test_a_file_does_not_name_its_own_class(folder):
     assert stored.made_of == "gymnasium.spaces.box.Box"
 
 
-def test_stacks_of_frames_and_actors_of_crossq_are_refused_in_words():
+def test_stacks_of_frames_actors_crossq_refused_in_words():
+    """Stacks of frames and actors of crossq are refused in words."""
     from hfa_policy.stable_baselines import _algorithm
 
     one = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})

@@ -48,7 +48,8 @@ def is_lost(name, point, equilibrium, delay):
         for case in CASES
     ],
 )
-def test_the_delay_that_is_lost_is_that_of_flights(name, number):
+def test_delay_that_is_lost_is_that_of_flights(name, number):
+    """The delay that is lost is that of flights."""
     deployment = card(name)
     point = trims(name)[number]
     assessor = Assessor(deployment.on(aircraft(name)), (point,), samples=0)

@@ -13,7 +13,7 @@ STARTS = 100
 @pytest.mark.slow
 @pytest.mark.parametrize("late", [0, 2])
 @pytest.mark.parametrize("name", ["td3_gtm", "ppo_raw"])
-def test_flights_that_end_early_stay_back_or_go_on_without_being_back_or_lost(name, late):
+def test_flights_that_end_early_are_classified_right(name, late):
     """The td3 policy has swings that grow by a percent in 5 s, and are lost in the end."""
     dt = card(name).dt
     deployment = card(name).changed(timing={"dt": dt, "delay": late * dt})

@@ -50,7 +50,8 @@ def test_points_are_what_assess_takes() -> None:
             environment(model, deployment, wrong)
 
 
-def test_an_action_that_is_no_number_is_an_error() -> None:
+def test_an_action_that_is_no_number_is_error() -> None:
+    """An action that is no number is an error."""
     env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm")[:1])
     env.reset(seed=1)
     for wrong in ([np.nan, 0.0], [0.0], ["full", 0.0], None):
@@ -59,7 +60,7 @@ def test_an_action_that_is_no_number_is_an_error() -> None:
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05])
-def test_a_policy_in_the_environment_is_flown_as_by_the_command(tmp_path, delay: float) -> None:
+def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) -> None:
     """A random gain on the elevator and the throttle, for 4 s."""
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
@@ -100,7 +101,8 @@ def test_a_policy_in_the_environment_is_flown_as_by_the_command(tmp_path, delay:
     assert (np.abs(np.array(states) - expected) / scale).max() < limit
 
 
-def test_a_sample_pays_its_cost_and_who_leaves_pays_the_rest() -> None:
+def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
+    """A sample pays its cost and who leaves pays the rest."""
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
     cost = {"Q": {"speed": 0.5, "alpha": 8.0}, "R": {"elevator": 2.0}}
@@ -159,7 +161,8 @@ def test_the_picture_of_an_episode_has_its_samples() -> None:
     assert (before != after).any()
 
 
-def test_what_an_environment_cannot_be_made_of_is_one_line() -> None:
+def test_what_environment_cannot_be_made_of_one_line() -> None:
+    """What an environment cannot be made of is one line."""
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
     with pytest.raises(BadInputError, match=r"action\.elevator has no box"):
         environment(model, gtm_card({}, action={"elevator": {}}), points)
@@ -196,7 +199,8 @@ def test_many_episodes_at_once_are_those_of_one() -> None:
     assert observations.shape == (5, 4)
 
 
-def test_episodes_shared_by_threads_are_those_of_one_thread() -> None:
+def test_episodes_shared_by_threads_those_of_one_thread() -> None:
+    """Episodes shared by threads are those of one thread."""
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
     many = Episodes(deployed, trims("ppo_gtm"), 520)
     few = Episodes(deployed, trims("ppo_gtm"), 60)

@@ -53,7 +53,7 @@ def test_the_flight_is_that_of_the_assessment(tmp_path, delay):
         assert np.abs(differences).max() < 1e-12 * np.abs(path_of_rows).max()
 
 
-def test_half_a_sample_has_half_the_steps_of_integration():
+def test_half_a_sample_has_half_steps_of_integration():
     """A delay of 0.025 s less two samples of 0.01 s is a little more than 0.005 s in doubles."""
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
     point = trims("ppo_gtm")[0]
@@ -70,7 +70,8 @@ def test_half_a_sample_has_half_the_steps_of_integration():
 
 
 @pytest.mark.parametrize("map_", ["trim + 14 * a + log(pitch_rate)", "trim + a / (a - a)"])
-def test_a_formula_without_a_value_at_the_trim_is_refused_as_by_the_assessment(tmp_path, map_):
+def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
+    """A formula without a value at the trim is refused as by the assessment."""
     text = (FOLDER / "ppo_gtm.toml").read_text().replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
     path = tmp_path / "card.toml"
     path.write_text(text.replace("trim + 14*a", map_))
@@ -81,7 +82,8 @@ def test_a_formula_without_a_value_at_the_trim_is_refused_as_by_the_assessment(t
         Episodes(Deployment.load(path).on(model), trims("ppo_gtm")[:1], 1)
 
 
-def test_a_sample_time_of_parts_of_a_microsecond_is_refused():
+def test_sample_time_of_parts_of_microsecond_is_refused():
+    """A sample time of parts of a microsecond is refused."""
     name = "ppo_gtm"
     odd = card(name).changed(timing={"dt": 0.0123456789})
     deployed = odd.on(aircraft(name))
@@ -101,7 +103,8 @@ def card_without_normalizer(folder):
     return path
 
 
-def test_a_card_that_is_flown_warns_of_what_its_files_prove(tmp_path):
+def test_card_is_flown_warns_of_what_files_prove(tmp_path):
+    """A card that is flown warns of what its files prove."""
     point = trims("ppo_gtm")[1]
     with pytest.warns(UserWarning, match="mistake: the policy was trained with a VecNormalize"):
         flown_card(card_without_normalizer(tmp_path), aircraft("ppo_gtm"), point)
@@ -111,7 +114,8 @@ def test_a_card_that_is_flown_warns_of_what_its_files_prove(tmp_path):
 
 
 @pytest.mark.parametrize("words", [["fly", "--start", "speed=1"], ["export", "-o", "FOLDER"]])
-def test_fly_and_export_note_what_the_files_of_a_card_prove(tmp_path, capsys, words):
+def test_fly_and_export_note_what_files_card_prove(tmp_path, capsys, words):
+    """Fly and export note what the files of a card prove."""
     given = [str(tmp_path / "out") if word == "FOLDER" else word for word in words]
     path = card_without_normalizer(tmp_path)
     where = ["--aircraft", GTM, "--hold", "speed=45", "--policy", str(path)]

@@ -73,7 +73,7 @@ def test_a_file_without_a_linear_plant_is_refused(assessed, plant, said):
 
 
 @pytest.mark.parametrize(("doubles", "code"), [(150.0, 0), (5.0, 1)])
-def test_a_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code):
+def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code):
     """A third state that the input drives and the card does not observe; a fast one is judged."""
     rate = np.log(2.0) / doubles
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, rate]]
@@ -86,7 +86,7 @@ def test_a_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, co
     assert ("not judged: x3 (doubles in 150 s)" in data["first_line"]) is (code == 0)
 
 
-def test_a_slow_mode_that_the_policy_leaves_is_named_in_the_first_line(folder, capsys):
+def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
     """It fails by a mode that it observes and could move; one that it slows to a half is its own."""
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, np.log(2.0) / 150.0]]
     np.savez("plant.npz", A=A, B=[[0.0], [1.0], [0.1]])

@@ -53,7 +53,7 @@ def test_a_missing_normalizer_is_named(name):
 
 
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
-def test_a_missing_normalizer_of_SAC_and_TD3_is_likely_and_not_proved(name, proved):
+def test_missing_normalizer_of_SAC_TD3_likely_not_proved(name, proved):
     """Their files show large changes from one sample to the next, as other units also would."""
     deployed = with_policy(name, normalizer=None).on(aircraft(name))
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
@@ -105,7 +105,7 @@ def test_observations_that_do_not_vary_prove_no_normalizer():
     assert "does not show whether" in unknown_normalizer(unvaried.on(aircraft("sac_gtm")))
 
 
-def test_one_environment_of_SAC_does_not_show_its_normalizer():
+def test_one_environment_of_SAC_does_not_show_normalizer():
     """The report states this, unless the deployment file states that no normalizer was used."""
     said = unknown_normalizer(card("sac_gtm").on(aircraft("sac_gtm")))
     assert 'else normalizer = "none"' in said
@@ -114,7 +114,8 @@ def test_one_environment_of_SAC_does_not_show_its_normalizer():
         assert unknown_normalizer(told) == ""
 
 
-def test_a_normalizer_that_is_said_to_be_none_is_believed():
+def test_normalizer_is_said_to_be_none_is_believed():
+    """A normalizer that is said to be none is believed."""
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer="none")) == []
 
 
@@ -130,7 +131,8 @@ def test_the_normalizer_of_another_checkpoint_is_named(name, other):
     assert found == ["another checkpoint's normalizer"]
 
 
-def test_a_normalizer_of_four_numbers_has_no_count_to_be_of_another_checkpoint():
+def test_normalizer_four_numbers_no_count_to_another_checkpoint():
+    """A normalizer of four numbers has no count to be of another checkpoint."""
     stored = read_normalizer(FOLDER / "ppo_gtm.pkl")
     table = {"mean": stored.mean, "variance": stored.variance}
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer=table)) == []
@@ -141,7 +143,8 @@ def test_absolute_values_for_deviations_are_named(name):
     assert "absolute values for deviations" in kinds(name, observed(name, about=0.0))
 
 
-def test_degrees_for_radians_are_named_where_the_training_would_have_left_the_limits():
+def test_degrees_for_radians_are_named_beyond_limits():
+    """Degrees for radians are named where the training would have left the limits."""
     name = "ppo_gtm"
     scaled = {
         key: {**entry, "scale": entry["scale"] * (1.0 if key == "speed" else DEGREES)}
@@ -162,7 +165,8 @@ def trained_on_absolute_values():
     return right.changed(policy={**right.policy, "normalizer": table})
 
 
-def test_an_order_is_not_proved_to_be_absolute_values():
+def test_order_is_not_proved_to_be_absolute_values():
+    """An order is not proved to be absolute values."""
     right = trained_on_absolute_values()
     names = ["pitch", "alpha", "pitch_rate", "speed"]
     wrong = right.changed(observation={key: right.observation[key] for key in names})
@@ -180,7 +184,8 @@ def test_degrees_are_not_proved_to_be_deviations():
     assert set(kinds("ppo_gtm", right.changed(observation=observation))) <= {UNCLEAR}
 
 
-def test_scales_left_out_are_not_proved_to_be_deviations():
+def test_scales_left_out_are_not_proved_to_deviations():
+    """Scales left out are not proved to be deviations."""
     right = observed("ppo_raw", about=0.0)
     stored = card("ppo_raw").actor.stored
     last = stored.last.copy()
@@ -263,27 +268,31 @@ def without_records(deployment, times=1.0):
         (lambda scale: scale * DEGREES, "its angles were observed in degrees"),
     ],
 )
-def test_degrees_are_suggested_of_a_policy_without_records_of_its_training(of, said):
+def test_degrees_suggested_of_policy_without_records_of_training(of, said):
+    """Degrees are suggested of a policy without records of its training."""
     found = suggested("ppo_raw", without_records(rescaled("ppo_raw", of)))
     assert any(said in text for text in found)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.25, 1.0, 4.0])
-def test_nothing_is_suggested_of_a_right_card_without_records_of_its_training(times):
+def test_nothing_suggested_of_right_card_without_records_training(times):
+    """Nothing is suggested of a right card without records of its training."""
     right = Deployment.load(FOLDER / "ppo_raw.toml")
     assert suggested("ppo_raw", without_records(right, times)) == []
 
 
 @pytest.mark.slow
-def test_nothing_is_suggested_of_an_exchange_whose_loop_is_stable():
+def test_nothing_is_suggested_of_exchange_whose_loop_stable():
+    """Nothing is suggested of an exchange whose loop is stable."""
     assert suggested("ppo_raw", exchanged("ppo_raw", 1, 2)) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.25, 2.0, 4.0])
 @pytest.mark.parametrize("name", ["a2c_gtm", "ppo_gtm", "ppo_raw"])
-def test_nothing_is_suggested_of_a_right_card_whose_policy_is_too_strong_or_weak(name, times):
+def test_a_right_card_gets_no_suggestion(name, times):
+    """Nothing is suggested of a right card whose policy is too strong or weak."""
     actor = card(name).actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
     strong = Deployment.load(FOLDER / f"{name}.toml")
@@ -295,7 +304,8 @@ def test_nothing_is_suggested_of_a_right_card_whose_policy_is_too_strong_or_weak
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.06])
 @pytest.mark.parametrize("name", [name for name in AIRCRAFT if name != "ppo_c172"])
-def test_nothing_is_suggested_of_a_right_card_with_and_without_delay(name, delay):
+def test_nothing_suggested_of_right_card_with_without_delay(name, delay):
+    """Nothing is suggested of a right card with and without delay."""
     timing = {**card(name).timing, "delay": delay}
     assert suggested(name, card(name).changed(timing=timing)) == []
 
@@ -354,7 +364,8 @@ def with_mistake(kind):
 
 
 @pytest.mark.parametrize("kind", ["sign", "order", "about", "degrees", "scale", "map", "actions"])
-def test_each_kind_of_mistake_is_suggested_on_another_aircraft(kind):
+def test_each_kind_of_mistake_suggested_on_another_aircraft(kind):
+    """Each kind of mistake is suggested on another aircraft."""
     assert kind in kinds_on_f16(with_mistake(kind))
 
 
@@ -364,7 +375,7 @@ def test_a_change_is_named_only_near_the_optimum(times, found):
     assert kinds_on_f16(optimum_on_f16(times)) == found
 
 
-def test_the_optimum_of_changed_flights_is_that_of_scipy():
+def test_optimum_of_changed_flights_is_that_of_scipy():
     """The card of the exact optimum costs what it does, but for sampling."""
     model = load_model(F16)
     deployed = optimum_on_f16().on(model)
@@ -376,7 +387,8 @@ def test_the_optimum_of_changed_flights_is_that_of_scipy():
     assert own.times(optimum) == pytest.approx(1.0, abs=0.03)
 
 
-def test_all_signs_are_suggested_where_each_alone_would_not_do():
+def test_all_signs_are_suggested_together():
+    """All signs are suggested where each alone would not do."""
     right = optimum_on_f16()
     turned_all = {name: {"map": "trim - a"} for name in right.action}
     model = load_model(F16)
@@ -388,26 +400,29 @@ def test_all_signs_are_suggested_where_each_alone_would_not_do():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.02, 0.2, 1.0, 3.0])
-def test_nothing_is_suggested_of_an_optimum_of_another_strength(times):
+def test_nothing_is_suggested_of_optimum_of_another_strength(times):
+    """Nothing is suggested of an optimum of another strength."""
     assert kinds_on_f16(optimum_on_f16(times)) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", [2, 6])
-def test_nothing_is_suggested_of_an_optimum_that_is_late(samples):
+def test_nothing_is_suggested_of_optimum_that_is_late(samples):
+    """Nothing is suggested of an optimum that is late."""
     assert (
         kinds_on_f16(optimum_on_f16().changed(timing={"dt": 0.05, "delay": samples * 0.05})) == []
     )
 
 
 @pytest.mark.slow
-def test_a_sign_is_suggested_of_a_late_optimum_too():
+def test_a_sign_is_suggested_of_late_optimum_too():
     """Its delay alone does not prevent a good flight."""
     late = with_mistake("sign").changed(timing={"dt": 0.05, "delay": 0.1})
     assert "sign" in kinds_on_f16(late)
 
 
-def test_a_card_whose_normalizer_lies_elsewhere_is_refused_by_its_name(tmp_path):
+def test_card_whose_normalizer_lies_elsewhere_refused_by_name(tmp_path):
+    """A card whose normalizer lies elsewhere is refused by its name."""
     for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
         shutil.copy(FOLDER / file, tmp_path)
     with pytest.raises(ValueError, match=r"ppo_gtm\.pkl: cannot be read"):

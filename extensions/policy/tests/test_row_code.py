@@ -37,7 +37,8 @@ def of_every_operation() -> ca.Function:
     return ca.Function("operations", [a, b], [ca.vertcat(*entries)])
 
 
-def test_every_operation_is_that_of_one_row_where_a_number_is_none_too() -> None:
+def test_every_operation_one_row_where_number_none_too() -> None:
+    """Every operation is that of one row where a number is none too."""
     function = of_every_operation()
     random = np.random.default_rng(0)
     pairs = [(a, b) for a in _SPECIAL for b in _SPECIAL]
@@ -57,7 +58,8 @@ def test_narrow_registers_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 17])
-def test_any_number_of_rows_and_functions_that_are_called_inside(count: int) -> None:
+def test_any_number_of_rows_and_functions_called_inside(count: int) -> None:
+    """Any number of rows and functions that are called inside."""
     x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
     inner = ca.Function("inner", [ca.vertcat(x, p)], [x[::-1] * p], {"never_inline": True})
     X, P, nothing = ca.MX.sym("x", 2), ca.MX.sym("p"), ca.MX.sym("nothing", 0)
@@ -77,7 +79,8 @@ def test_a_table_of_another_width_is_refused() -> None:
         code(np.zeros((3, 2)), np.zeros((3, 1)))
 
 
-def test_what_cannot_be_written_as_rows_is_called_by_casadi() -> None:
+def test_what_cannot_written_as_rows_called_by_casadi() -> None:
+    """What cannot be written as rows is called by casadi."""
     x = ca.SX.sym("x")
     function = ca.Function("error", [x], [ca.erf(x)])
     code = row_code(function)

@@ -53,7 +53,8 @@ def test_the_sampled_aircraft_is_that_of_python_control(case):
 
 
 @pytest.mark.parametrize("samples", [1, 3])
-def test_a_delay_is_a_chain_of_python_controls_delays(case, samples):
+def test_a_delay_is_chain_of_python_controls_delays(case, samples):
+    """A delay is a chain of python controls delays."""
     _, equilibrium, K = case
     plant = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
     shift = control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0, DT)
@@ -65,7 +66,7 @@ def test_a_delay_is_a_chain_of_python_controls_delays(case, samples):
     assert chain_of(equilibrium, DT, samples * DT).radius == pytest.approx(radius, abs=1e-9)
 
 
-def test_half_a_sample_of_delay_is_half_a_sample_at_twice_the_rate(case):
+def test_half_sample_delay_half_sample_at_twice_rate(case):
     """At half the sample time a loop whose command changes every other sample, one sample late."""
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT / 2)
@@ -101,7 +102,7 @@ def test_margins_are_those_of_python_control(case):
     assert found.disk.disk == pytest.approx(disk, rel=1e-3)
 
 
-def test_a_gain_at_its_margin_is_at_the_edge_of_stability(case):
+def test_gain_at_margin_is_at_edge_of_stability(case):
     """Each gain margin, substituted back into the loop, puts a pole on the unit circle to 1e-9."""
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
@@ -132,7 +133,8 @@ def test_costs_are_those_of_scipy(scale):
     assert lost.sampled_mean == pytest.approx(100.0 * shares.mean(), abs=1e-6)
 
 
-def test_a_loop_of_the_wrong_sign_is_lost_without_delay(case):
+def test_loop_of_wrong_sign_is_lost_without_delay(case):
+    """A loop of the wrong sign is lost without delay."""
     deployed, _, _ = case
     flipped = deployed.deployment.action["elevator"] | {"map": "trim - a"}
     action = {**deployed.deployment.action, "elevator": flipped}

@@ -45,7 +45,8 @@ def test_the_references_cover_what_is_asked():
     assert len(kinds["ppo_c172"].observation) < len(aircraft("ppo_c172").states)
 
 
-def test_K_is_the_slope_of_the_card_at_rest():
+def test_K_is_the_slope_of_card_at_rest():
+    """K is the slope of the card at rest."""
     name = "td3_gtm"
     deployed = card(name).on(aircraft(name))
     point = trims(name)[0]
@@ -78,7 +79,8 @@ def test_the_stored_slopes_are_those_of_stable_baselines(name):
             np.testing.assert_allclose(values, again[key], rtol=SAME_FORMULA, atol=1e-12)
 
 
-def test_a_card_of_an_ONNX_file_is_that_of_the_zip(tmp_path):
+def test_card_of_ONNX_file_is_that_of_zip(tmp_path):
+    """A card of an ONNX file is that of the zip."""
     onnx = pytest.importorskip("onnx")
     zipped = card("ppo_gtm")
     with zipfile.ZipFile(FOLDER / "ppo_gtm.zip") as archive:

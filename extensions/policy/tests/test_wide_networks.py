@@ -31,14 +31,16 @@ def wide_file(path, width, seed=0):
 
 
 @pytest.mark.parametrize("name", [name for name in ROW_ACTIVATIONS if name])
-def test_an_activation_on_rows_is_that_of_the_graph(name):
+def test_an_activation_on_rows_is_that_of_graph(name):
+    """An activation on rows is that of the graph."""
     values = np.linspace(-45.0, 45.0, 31)
     graph = [float(entry) for entry in ACTIVATIONS[name](values)]
     np.testing.assert_allclose(ROW_ACTIVATIONS[name](values.copy()), graph, rtol=1e-13, atol=1e-15)
 
 
 @pytest.mark.parametrize("name", AIRCRAFT)
-def test_the_network_on_rows_is_that_of_the_graph(name):
+def test_the_network_on_rows_is_that_of_graph(name):
+    """The network on rows is that of the graph."""
     actor = card(name).actor
     observations = np.random.default_rng(1).normal(size=(601, actor.function.numel_in(0)))
     kept = observations.copy()
@@ -57,9 +59,8 @@ def test_a_wide_network_is_computed_in_single_precision(tmp_path):
 
 @pytest.mark.parametrize(("width", "nearness"), [(100, 1e-12), (160, 1e-5)])
 @pytest.mark.parametrize("activation", ["gelu", "selu"])
-def test_a_wide_network_of_any_operations_is_computed_on_rows(
-    tmp_path, activation, width, nearness
-):
+def test_wide_network_of_any_operations_computed_on_rows(tmp_path, activation, width, nearness):
+    """A wide network of any operations is computed on rows."""
     card = gtm_card({"file": wide_file(tmp_path / "wide.npz", width), "activation": activation})
     observations = np.random.default_rng(1).normal(size=(20, 4))
     graph = np.array(card.actor.function(observations.T)).T
@@ -100,7 +101,8 @@ def test_a_wide_ONNX_graph_is_computed_on_rows(tmp_path):
     np.testing.assert_allclose(actor.rows(observations), expected, rtol=0, atol=1e-12)
 
 
-def test_a_flight_that_cycles_is_not_flown_to_its_end():
+def test_flight_that_cycles_is_not_flown_to_end():
+    """A flight that cycles is not flown to its end."""
     late = card("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.08})
     assessor = Assessor(late.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
     flight = assessor.flight()
@@ -113,7 +115,8 @@ def test_a_flight_that_cycles_is_not_flown_to_its_end():
     assert flown.times.max() <= 40.0
 
 
-def test_a_flight_that_rests_elsewhere_is_not_flown_to_its_end(monkeypatch):
+def test_flight_rests_elsewhere_is_not_flown_to_end(monkeypatch):
+    """A flight that rests elsewhere is not flown to its end."""
     o = ca.SX.sym("o", 4)
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))
     raw = ca.vertcat(0.8 * o[3] + 0.6 * o[2] - another, -2.0 * o[0])
@@ -152,7 +155,8 @@ def flown_rows(flight, place, count):
         pytest.param("td3_gtm", 0.05, marks=pytest.mark.slow),
     ],
 )
-def test_a_window_of_flights_is_the_samples_of_each_alone(name, delay):
+def test_window_of_flights_is_samples_of_each_alone(name, delay):
+    """A window of flights is the samples of each alone."""
     late = card(name).changed(timing={"dt": 0.02, "delay": delay})
     assessor = Assessor(late.on(aircraft(name)), trims(name)[:1], samples=0)
     flight = assessor.flight()

@@ -12,7 +12,8 @@ from cli import Terminal, answer, assert_refused, hfa
 from hfa.main import BAD_INPUT, DONE, FAILED
 
 
-def test_a_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
+def test_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
+    """A printed answer has its class and exit code."""
     file = tmp_path / "printed.toml"
     right = (
         'time = "continuous"\n[plant]\nA = "0 1; 0 0"\nB = "0; 1"\nQ = "1 0; 0 2"\nR = "1"\n'
@@ -29,7 +30,7 @@ def test_a_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
     assert data["entries"][-1]["half_unit"] == 5e-5
 
 
-def test_a_search_shows_on_a_terminal_how_far_it_is(tmp_path: Path) -> None:
+def test_search_shows_on_terminal_how_far_it_is(tmp_path: Path) -> None:
     """The printed answer belongs to A21 = 1, so that every entry of the plant is tried; an error
     takes the place of the line."""
     file = tmp_path / "printed.toml"
@@ -48,7 +49,8 @@ def test_a_search_shows_on_a_terminal_how_far_it_is(tmp_path: Path) -> None:
     assert hfa("printed", str(file), err=Terminal()).err.split("\r\033[K")[-1].startswith("hfa: ")
 
 
-def test_bad_input_of_a_printed_answer_is_one_line(tmp_path: Path) -> None:
+def test_bad_input_of_printed_answer_is_one_line(tmp_path: Path) -> None:
+    """Bad input of a printed answer is one line."""
     file = tmp_path / "printed.toml"
     file.write_text('time = "continuous"\n[plant]\nA = "0 1; 0 x"\n[printed]\nK = "1 2"\n')
     assert_refused(hfa("printed", str(file)), BAD_INPUT, "A, row 2: 'x' is unknown")
@@ -74,7 +76,7 @@ def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> Non
     assert_refused(hfa("printed", str(file)), BAD_INPUT, f"{file}: ")
 
 
-def test_a_plant_too_large_for_the_search_is_judged_without_it_and_says_so(tmp_path: Path) -> None:
+def test_a_plant_too_large_is_judged_without_search(tmp_path: Path) -> None:
     """60 states that decay by themselves, at rates 1 to 60: K_i = 1 / (rate + sqrt(rate^2 + 1)) of
     an input each; the printed gain belongs to other rates of the first two."""
     rates = np.arange(1.0, 61.0)

@@ -189,13 +189,15 @@ def test_one_entry_of_the_answer(verdict_of):
     assert verdict.classified.reason == "K14 is printed 24.8464, exact 24.844586"
 
 
-def test_a_mirrored_pair_is_one_entry_of_the_answer(verdict_of):
+def test_a_mirrored_pair_is_one_entry_of_answer(verdict_of):
+    """A mirrored pair is one entry of the answer."""
     verdict = verdict_of(DIESEL.replace("97.3265", "97.3256"))
     assert verdict.classified.name == "one entry of the answer"
 
 
 @pytest.mark.parametrize("decimals", [2, 4, 8, 15])
-def test_a_right_answer_is_as_printed_at_any_number_of_digits(verdict_of, decimals):
+def test_right_answer_as_printed_at_any_number_digits(verdict_of, decimals):
+    """A right answer is as printed at any number of digits."""
     assert verdict_of(small_case(decimals)).classified.name == "as printed"
 
 
@@ -219,7 +221,7 @@ def test_rounding_of_the_plant_decides_nothing(verdict_of):
     assert verdict_of(text).classified.name == "wrong"
 
 
-def test_a_slip_after_which_no_answer_exists_is_named(verdict_of):
+def test_slip_after_which_no_answer_exists_is_named(verdict_of):
     """Gamma and an E of one column cannot be distinguished: both are named."""
     plant = Plant(
         A=np.array([[-1.0, 0.9], [0.8, -1.1]]),
@@ -255,7 +257,8 @@ def test_an_answer_of_nothing_cannot_be_told(verdict_of):
     assert verdict_of(text).classified.name == "cannot tell"
 
 
-def test_the_opposite_sign_of_a_gain_is_a_known_mistake(verdict_of):
+def test_the_opposite_sign_of_gain_is_known_mistake(verdict_of):
+    """The opposite sign of a gain is a known mistake."""
     text = small_case()
     gain = read_block("K", re.search(r'K = "(.*)"', text)[1])
     opposite = re.sub(r'K = ".*"', f'K = "{printed(-gain.values, 5)}"', text)
@@ -266,7 +269,8 @@ def test_the_opposite_sign_of_a_gain_is_a_known_mistake(verdict_of):
     assert verdict_of(declared).classified.name == "as printed"
 
 
-def test_a_missing_factor_on_products_is_known_under_noise(verdict_of):
+def test_missing_factor_on_products_is_known_under_noise(verdict_of):
+    """A missing factor on products is known under noise."""
     text = small_case()
     P = read_block("P", re.search(r'P = "(.*)"', text)[1]).values
     weights = P[np.triu_indices(2)] * [1.003, 0.998, 1.001]
@@ -326,7 +330,8 @@ def test_formulas_of_parameters_and_a_common_factor():
         read_block("P", "1.0e+04 *\n 1/3")
 
 
-def test_a_plant_of_parameters_and_a_scaled_answer_are_as_printed(verdict_of):
+def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
+    """A plant of parameters and a scaled answer are as printed."""
     text = small_case()
     parametrized = text.replace("[plant]", '[parameters]\na = "0.8223"\n[plant]').replace(
         "0.8223 -1.0774", "a -1.0774"
@@ -337,7 +342,8 @@ def test_a_plant_of_parameters_and_a_scaled_answer_are_as_printed(verdict_of):
     assert verdict_of(re.sub(r'P = ".*"\nK = ".*"', answer, text)).classified.name == "as printed"
 
 
-def test_a_time_that_every_digit_fits_is_asked_for(verdict_of):
+def test_time_that_every_digit_fits_is_asked_for(verdict_of):
+    """A time that every digit fits is asked for."""
     question = 'every printed digit fits time = "continuous"; did you mean that?'
     text = small_case()
     verdict = verdict_of(text.replace('"continuous"', '"discrete"'))
@@ -413,12 +419,12 @@ def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
         pytest.param("rounded", 200, marks=pytest.mark.slow),
     ],
 )
-def test_a_right_table_is_not_accused_of_one_entry(tmp_path: Path, kind: str, count: int) -> None:
+def test_right_table_is_not_accused_of_one_entry(tmp_path: Path, kind: str, count: int) -> None:
     """Noise or a rounded plant puts one entry beyond its digits, where it has the most of them."""
     assert "one entry of the answer" not in quick_classes(tmp_path, right_files(kind, count, 5))
 
 
-def test_one_wrong_entry_of_a_learned_table_is_named(tmp_path: Path) -> None:
+def test_one_wrong_entry_of_learned_table_is_named(tmp_path: Path) -> None:
     """A digit dropped from an entry whose error is beyond any noise of the others."""
     rng = np.random.default_rng(5)
     named = 0

@@ -147,7 +147,7 @@ def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
             given_for(statement, request)
 
 
-def test_a_value_with_another_gain_is_not_about_this_gain(tmp_path: Path) -> None:
+def test_value_with_another_gain_not_about_this_gain(tmp_path: Path) -> None:
     """K of the statement is not that of its W: a file of W alone is refused, and that K is the gain
     of W cannot be claimed."""
     made = certificate("plant")

@@ -10,6 +10,7 @@ from ended_runs import comes_to_the_same_bits, proc
 
 @proc
 @pytest.mark.slow
-def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(tmp_path: Path) -> None:
+def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
+    """Ended at random moments and continued it comes to the same bits."""
     words = ("prove", "schedule", "--dihedral", "12:15", "-o", "a.json")
     comes_to_the_same_bits(tmp_path, words)

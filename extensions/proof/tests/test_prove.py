@@ -104,7 +104,8 @@ def test_a_certificate_is_bound_to_ones_own_data(
     assert_refused(held, 1, "another speed than --hold gives")
 
 
-def test_what_is_checked_is_the_aircraft_of_the_certificate(tmp_path: Path) -> None:
+def test_what_is_checked_is_the_aircraft_of_certificate(tmp_path: Path) -> None:
+    """What is checked is the aircraft of the certificate."""
     certificate = str(tmp_path / "newton.json")
     of_certificate = (
         "--dynamics",
@@ -131,9 +132,8 @@ def test_what_is_checked_is_the_aircraft_of_the_certificate(tmp_path: Path) -> N
     assert data["provenance"]["dynamics"] == ""
 
 
-def test_the_digest_is_of_the_proof_and_an_edited_date_shows(
-    certificate: Path, tmp_path: Path
-) -> None:
+def test_digest_is_of_proof_and_edited_date_shows(certificate: Path, tmp_path: Path) -> None:
+    """The digest is of the proof and an edited date shows."""
     again = tmp_path / "again.json"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", "0")
@@ -170,7 +170,8 @@ def test_a_finished_certificate_is_resumed_at_once(certificate: Path, tmp_path: 
     assert_refused(other, 2, "another statement or version")
 
 
-def test_a_table_that_is_unstable_between_its_angles_is_refuted(tmp_path: Path) -> None:
+def test_table_that_is_unstable_between_angles_is_refuted(tmp_path: Path) -> None:
+    """A table that is unstable between its angles is refuted."""
     table = unstable_between(15.0, 15.03)
     path = tmp_path / "table.json"
     controller = table.controller

@@ -89,9 +89,8 @@ def test_a_planted_mistake_is_refused_and_named(game: Game, mistake: str) -> Non
         for number, mistake in enumerate(UNNAMED)
     ],
 )
-def test_a_mistake_that_is_not_recognized_is_refused_without_a_cause(
-    game: Game, mistake: str
-) -> None:
+def test_mistake_is_not_recognized_is_refused_without_cause(game: Game, mistake: str) -> None:
+    """A mistake that is not recognized is refused without a cause."""
     candidate = candidate_of(game, *UNNAMED[mistake])
     assert wrong(game, candidate)
     assert named(game, candidate) == ""
@@ -158,13 +157,15 @@ def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
         for number, mistake in enumerate(OF_ANY_GAME)
     ],
 )
-def test_a_mistake_under_noise_of_1_percent_is_named(mistake: str) -> None:
+def test_mistake_under_noise_of_1_percent_is_named(mistake: str) -> None:
+    """A mistake under noise of 1 percent is named."""
     assert named_under_noise(mistake, 0.01, 3, 0) == 3
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mistake", OF_ANY_GAME)
-def test_a_mistake_under_noise_of_1_percent_is_named_in_95_of_100(mistake: str) -> None:
+def test_mistake_under_noise_1_percent_named_95_100(mistake: str) -> None:
+    """A mistake under noise of 1 percent is named in 95 of 100."""
     assert named_under_noise(mistake, 0.01, 100, 1) >= 95
 
 
@@ -172,7 +173,8 @@ def test_a_mistake_under_noise_of_1_percent_is_named_in_95_of_100(mistake: str) 
 @pytest.mark.parametrize(
     "size", [0.01, *(pytest.param(size, marks=SLOW) for size in (0.003, 0.04))]
 )
-def test_noise_alone_gets_no_cause_in_99_of_100(size: float, games: int) -> None:
+def test_noise_alone_gets_no_cause_in_99_100(size: float, games: int) -> None:
+    """Noise alone gets no cause in 99 of 100."""
     assert named_under_noise("", size, games, 2) >= 0.99 * games
 
 
@@ -185,7 +187,8 @@ def test_one_factor_on_everything_must_explain_99_percent(game: Game) -> None:
         assert named(game, wrong).startswith(says) if says else named(game, wrong) == ""
 
 
-def test_random_errors_of_a_gain_beside_its_value_get_no_cause(game: Game) -> None:
+def test_random_errors_gain_beside_value_get_no_cause(game: Game) -> None:
+    """Random errors of a gain beside its value get no cause."""
     rng = np.random.default_rng(2)
     for size in 10.0 ** rng.uniform(-4.0, -1.0, 20):
         wrong = gain(game) * (1.0 + size * rng.standard_normal(gain(game).shape))
@@ -203,9 +206,10 @@ def test_random_errors_of_a_gain_beside_its_value_get_no_cause(game: Game) -> No
         pytest.param("K", "newton", 15.0, 15.1, marks=SLOW),
     ],
 )
-def test_a_critic_of_another_angle_is_named_with_its_angle(
+def test_critic_of_another_angle_is_named_with_angle(
     kind: str, dynamics: str, degrees: float, other: float
 ) -> None:
+    """A critic of another angle is named with its angle."""
     game = game_at(degrees, dynamics)
     theirs = game_at(other, dynamics)
     candidate = candidate_of(game, kind, lambda _: value(theirs) if kind == "P" else gain(theirs))
@@ -214,7 +218,8 @@ def test_a_critic_of_another_angle_is_named_with_its_angle(
     assert named(game, candidate) == ""  # the plants cannot be told without the aircraft
 
 
-def test_a_noisy_gain_is_not_taken_for_that_of_another_angle(game: Game) -> None:
+def test_noisy_gain_not_taken_for_of_another_angle(game: Game) -> None:
+    """A noisy gain is not taken for that of another angle."""
     noise = np.random.default_rng(2).standard_normal(gain(game).shape)
     assert named(game, from_gain(game, gain(game) * (1.0 + 0.01 * noise)), game_at) == ""
 
@@ -238,7 +243,8 @@ def test_a_weight_beyond_the_quadratic_ones_is_named(game: Game) -> None:
     assert reason.startswith("weight 25 is 3: on a linear plant the value is quadratic")
 
 
-def test_a_transposed_gain_of_a_square_plant_is_named() -> None:
+def test_a_transposed_gain_of_square_plant_is_named() -> None:
+    """A transposed gain of a square plant is named."""
     game = Game(
         [[-1.0, 0.4], [0.1, -2.0]], np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 3.0]), 5.0
     )
@@ -251,7 +257,8 @@ def test_one_number_is_not_taken_for_another_game() -> None:
     assert named(game, from_value(game, value(game) / 2.0)).startswith("the value is half")
 
 
-def test_three_numbers_are_enough_to_tell_another_game_and_two_are_not() -> None:
+def test_three_numbers_enough_tell_another_game_two_not() -> None:
+    """Three numbers are enough to tell another game and two are not."""
     candidate = SMALL.with_delta(4.0)
     assert "this is the solution of another game, at delta = 4" in named(
         SMALL, from_value(SMALL, value(candidate))
@@ -348,9 +355,8 @@ RARE = ("discrete time", "another angle", "no input scaling, dV/dz", "ReLU for t
         for number, mistake in enumerate(MISTAKES)
     ],
 )
-def test_a_mistake_planted_in_a_trained_network_is_refused_and_named(
-    game: Game, mistake: str
-) -> None:
+def test_mistake_planted_in_trained_network_refused_and_named(game: Game, mistake: str) -> None:
+    """A mistake planted in a trained network is refused and named."""
     changes, how, words = MISTAKES[mistake]
     path = network_files.torch_file("critic.pt", layers(**changes))
     candidate = networks.from_network(
@@ -363,7 +369,8 @@ def test_a_mistake_planted_in_a_trained_network_is_refused_and_named(
 @pytest.mark.parametrize(
     "name", ["policy", *(pytest.param(name, marks=SLOW) for name in ("V", "gradient"))]
 )
-def test_the_right_networks_have_no_cause_but_what_v_hides(game: Game, name: str) -> None:
+def test_right_networks_no_cause_but_what_v_hides(game: Game, name: str) -> None:
+    """The right networks have no cause but what v hides."""
     candidate = networks.from_network(
         game,
         network_files.torch_file("critic.pt", layers(name)),
@@ -401,7 +408,7 @@ def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) ->
     assert not any(reasons), reasons
 
 
-def test_a_discount_and_a_step_are_plausible_beside_the_rates_of_the_plant(game: Game) -> None:
+def test_discount_and_step_plausible_beside_rates_of_plant(game: Game) -> None:
     """P = Q / beta is nearly the solution with a discount beta of any size."""
     assert named(game, from_value(game, game.Q / 5e4)) == ""
     slow = discounted(game, 0.3)
@@ -410,7 +417,7 @@ def test_a_discount_and_a_step_are_plausible_beside_the_rates_of_the_plant(game:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["V", "policy", "gradient"])
-def test_a_network_is_made_again_and_one_of_64_64_is_judged(game: Game, name: str) -> None:
+def test_network_made_again_and_one_64_64_judged(game: Game, name: str) -> None:
     """The stored weights come from the example, but for what rounding makes of its steps."""
     again = fit(game, name, points=1500, steps=800)
     with np.load(TRAINED / f"{name}.npz") as kept:
@@ -459,9 +466,10 @@ def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) 
         assert reasons[kind] * (1.0 + 1e-9) >= np.abs(on_grid).max()
 
 
-def test_several_critics_and_a_folder_of_checkpoints_are_in_one_table_and_a_learning_curve(
+def test_several_critics_folder_checkpoints_one_table_learning_curve(
     game: Game,
 ) -> None:
+    """Several critics and a folder of checkpoints are in one table and a learning curve."""
     Path("runs").mkdir()
     for step, share in ((2, 3.0), (10, 1.5)):
         np.savez(f"runs/step_{step}.npz", **layers("gamma_120", out=share))

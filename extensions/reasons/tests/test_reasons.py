@@ -23,7 +23,7 @@ def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
     assert "another root of the Riccati equation" in root.reason
 
 
-def test_a_value_in_eight_digits_is_right_and_its_gain_is_said_to_need_more() -> None:
+def test_value_eight_digits_right_gain_said_need_more() -> None:
     """The input moves both states alike, which costs next to nothing: K = B'P is a difference."""
     A = np.array([[-1.0, 0.1], [0.1, -1.0]])
     Q = np.array([[1.0, -0.999], [-0.999, 1.0]])

@@ -233,7 +233,7 @@ def test_a_multiplier_that_is_not_positive_is_refused() -> None:
         check_positive("a test", _polynomial(-0.5, 0.0, 1.0), BALL_OF_ONE, evidence, 1)
 
 
-def test_what_the_identity_lacks_is_shared_by_its_places() -> None:
+def test_what_identity_lacks_is_shared_by_its_places() -> None:
     """y of 1, y, y² has two places: 1 + 1.5 y + y² + y⁴ is positive, 1 + 2.2 y + y² + y⁴ is not."""
     evidence = Evidence(_gram(0, 2, np.eye(3).tolist()), {})
     check_positive("a test", _polynomial(1.0, 1.5, 1.0, 0.0, 1.0), {}, evidence, 1)
@@ -244,7 +244,7 @@ def test_what_the_identity_lacks_is_shared_by_its_places() -> None:
 BALL_OF_ONE = {"ball": _polynomial(1.0, 0.0, -1.0)}
 
 
-def test_what_is_left_out_is_below_the_lower_bound() -> None:
+def test_what_is_left_out_is_below_lower_bound() -> None:
     """The terms of y² - 3 y⁴ + remainder 2 |y|⁵ above degree 2 are subtracted with their whole
     norm."""
     taylor = Taylor(4, _polynomial(0.0, 0.0, 1.0, 0.0, -3.0), arb(2))
@@ -279,7 +279,8 @@ def _loop(K: float = 2.0, u: float = 0.0, sizes: dict[str, float] | None = None)
     )
 
 
-def test_an_equilibrium_at_a_limit_of_an_input_is_refused() -> None:
+def test_an_equilibrium_at_limit_of_input_is_refused() -> None:
+    """An equilibrium at a limit of an input is refused."""
     for u in (-1.0, 1.0):
         with pytest.raises(Rejected, match="u may be at its limit"):
             Equilibrium(_loop(u=u))
@@ -291,7 +292,8 @@ def test_equilibria_that_are_not_isolated_are_refused() -> None:
         Equilibrium(_loop(K=1.0))
 
 
-def test_an_output_is_within_its_limits_between_the_ends_of_a_disturbance() -> None:
+def test_output_is_within_limits_between_ends_of_disturbance() -> None:
+    """An output is within its limits between the ends of a disturbance."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     loop = RegionLoop(statement, np.array([[1.0]]), 3)
     with pytest.raises(Rejected, match="bump may leave"):
@@ -307,7 +309,7 @@ def test_a_saturated_rate_keeps_its_center() -> None:
     assert ball.rates({"u": "free"})[0].center == 0
 
 
-def test_rates_that_are_curved_in_a_disturbance_are_refused() -> None:
+def test_rates_that_are_curved_in_disturbance_are_refused() -> None:
     """The ends of the interval need not be the worst."""
 
     def curved(x: Any, u: Any, p: Any, w: Any) -> Any:

@@ -54,7 +54,8 @@ def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
     return certified(path, loop, 0.72)
 
 
-def test_the_largest_set_of_the_oscillator_under_a_push() -> None:
+def test_the_largest_set_of_the_oscillator_under_push() -> None:
+    """The largest set of the oscillator under a push."""
     model = load_model(VAN_DER_POL)
     linear = linearize(model, find_operating_point(model))
     loop = saturated_loop(linear, np.zeros((0, 2)))
@@ -91,7 +92,8 @@ def test_what_is_proved_is_said(
     assert "converges to the trim" not in shown
 
 
-def test_no_start_on_the_edge_leaves_under_the_worst_push(certificate: Path, model: Model) -> None:
+def test_no_start_on_edge_leaves_under_worst_push(certificate: Path, model: Model) -> None:
+    """No start on the edge leaves under the worst push."""
     statement = check_certificate(certificate, model=model).statement
     T = V.coordinates()
     edge = edge_points(V, T, statement.rho)[::20] @ T.T
@@ -137,7 +139,7 @@ def test_a_thousand_forgeries_are_refused(certificate: Path, model: Model) -> No
     assert accepted_forgeries(certificate, model, 1000, seed=1) == (kinds, [])
 
 
-def test_a_region_of_attraction_is_not_proved_by_its_edge(certificate: Path, model: Model) -> None:
+def test_region_of_attraction_is_not_proved_by_edge(certificate: Path, model: Model) -> None:
     """V' < 0 on V = rho without disturbance is no proof that the loop converges."""
     content = json.loads(certificate.read_text())
     content["statement"]["disturbances"] = {}
@@ -186,9 +188,10 @@ def _loop(folder: Path, name: str, size: float) -> RegionLoop:
     return RegionLoop(statement, np.eye(1), 4)
 
 
-def test_rates_that_are_not_affine_in_the_disturbance_are_refused_by_name(
+def test_rates_not_affine_in_disturbance_refused_by_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Rates that are not affine in the disturbance are refused by name."""
     source = tmp_path / "models.py"
     source.write_text(_MODELS)
     words = ["prove", "region", "--aircraft", f"{source}:SQUARED", "--disturbance"]

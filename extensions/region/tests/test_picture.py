@@ -42,7 +42,8 @@ def axes_of(figure: Figure) -> Axes:
     return axes
 
 
-def test_the_picture_has_the_set_its_limits_the_lost_starts_and_the_box(region: Region) -> None:
+def test_picture_has_set_limits_lost_starts_and_box(region: Region) -> None:
+    """The picture has the set its limits the lost starts and the box."""
     figure = region_figure(region, np.array([1.0, 8.0]))
     figure.canvas.draw()
     axes = axes_of(figure)
@@ -65,9 +66,10 @@ def test_the_picture_has_the_set_its_limits_the_lost_starts_and_the_box(region: 
     assert np.all(region.V(lost) > 0.25)
 
 
-def test_of_a_box_much_larger_than_the_set_the_label_says_how_far_it_reaches(
+def test_the_label_states_a_much_larger_box(
     region: Region,
 ) -> None:
+    """Of a box much larger than the set the label says how far it reaches."""
     axes = axes_of(region_figure(region, np.radians([2000.0, 50.0])))
     assert axes.get_xlabel() == "angle, deg (box to ±2e+03)"
     assert axes.get_xlim()[1] < 100.0

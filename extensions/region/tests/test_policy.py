@@ -57,8 +57,9 @@ def test_the_command_takes_the_policy_of_a_critic(tmp_path: Path) -> None:
     assert LINE in quickly_proved(tmp_path / "pendulum.json", PENDULUM, *words)
 
 
-def test_the_terms_of_a_policy_are_those_of_its_critic() -> None:
+def test_terms_of_policy_are_those_of_its_critic() -> None:
     # u = -B'∂V/∂z / 2: the fourth power of the rate gives -2 W B rate³.
+    """The terms of a policy are those of its critic."""
     terms = policy_terms(critic_of(BASIS, WEIGHTS), ("torque",))["torque"]
     wanted = {(3, 0): -0.5 * BY_TORQUE * 0.02, (0, 3): -2 * BY_TORQUE * 0.0005}
     assert {powers: coefficient for coefficient, powers in terms} == pytest.approx(wanted)
@@ -82,9 +83,10 @@ def test_other_policies_are_refused_by_name(basis: str, reason: str) -> None:
         policy_terms(critic_of(basis, [1.4, 0.148, 0.0366, 0.02, 0.01]), ("torque",))
 
 
-def test_the_statement_names_the_policy_and_the_checker_has_the_same(
+def test_the_statement_names_policy_and_checker_has_same(
     certificate: Path, model: Model, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """The statement names the policy and the checker has the same."""
     statement, witness = read_content(json.loads(certificate.read_text()), model)
     assert {powers for _, powers in statement.loop.policy["torque"]} == {(3, 0), (0, 3)}
     ball = RegionLoop(statement, witness.T, witness.order)
@@ -122,7 +124,8 @@ def test_forged_policies_are_refused(certificate: Path, model: Model) -> None:
     assert kept == []
 
 
-def test_a_policy_that_drives_the_loop_away_is_refused(certificate: Path, model: Model) -> None:
+def test_a_policy_that_drives_loop_away_is_refused(certificate: Path, model: Model) -> None:
+    """A policy that drives the loop away is refused."""
     content = json.loads(certificate.read_text())
     content["statement"]["policy"] = {"torque": [[40.0, [3, 0]]]}
     with pytest.raises(Rejected):

@@ -84,7 +84,8 @@ def _at(polynomial: Polynomial, point: np.ndarray) -> float:
     return total
 
 
-def test_a_function_that_is_not_smooth_on_the_ball_is_undecided() -> None:
+def test_function_is_not_smooth_on_ball_is_undecided() -> None:
+    """A function that is not smooth on the ball is undecided."""
     y = ca.SX.sym("y")
     variable = Taylor(3, Polynomial.linear([arb(1)]), arb(0))
     for expression in (1 / y, ca.sqrt(0.5 + y), ca.log(y + 0.9), ca.fmax(y, 0)):
@@ -99,9 +100,10 @@ def test_a_function_that_is_not_smooth_on_the_ball_is_undecided() -> None:
         pytest.param(PENDULUM, ["angle", "rate"], marks=pytest.mark.slow),
     ],
 )
-def test_what_is_proved_is_said_and_bounded_by_what_was_found(
+def test_what_proved_said_and_bounded_by_what_found(
     aircraft: str, states: list[str], tmp_path: Path
 ) -> None:
+    """What is proved is said and bounded by what was found."""
     picture = tmp_path / "region.png"
     printed = quickly_proved(
         tmp_path / "region.json", aircraft, "--json", "--picture", str(picture)
@@ -193,7 +195,8 @@ def _lost_starts(
     return outcomes(Plant(statement.loop), starts, near, 20.0) != Outcome.RETURNED
 
 
-def test_a_set_beyond_the_limits_of_a_state_is_refused(certificate: Path, model: Model) -> None:
+def test_a_set_beyond_limits_of_state_is_refused(certificate: Path, model: Model) -> None:
+    """A set beyond the limits of a state is refused."""
     content = json.loads(certificate.read_text())
     content["statement"]["limits"]["angle"] = [-0.1, 0.1]
     with pytest.raises(Rejected, match="angle may leave its limits"):
@@ -237,9 +240,10 @@ def test_a_verdict_has_a_section_on_the_region(
     assert all(word in shown for word in ("proved", "V' >= 0 found", "start lost"))
 
 
-def test_a_region_in_a_verdict_needs_one_linear_policy_of_an_aircraft(
+def test_region_in_verdict_needs_one_linear_policy_aircraft(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """A region in a verdict needs one linear policy of an aircraft."""
     plant = tmp_path / "plant.json"
     plant.write_text('{"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]]}')
     gain = tmp_path / "gain.json"

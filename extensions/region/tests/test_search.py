@@ -38,8 +38,9 @@ def V(loop: SaturatedLoop) -> PolynomialFunction:
     return PolynomialFunction.quadratic(solve_continuous_lyapunov(plant.closed_matrix.T, -Q))
 
 
-def test_the_f16_with_constant_derivatives_trims_where_its_tables_do(loop: SaturatedLoop) -> None:
+def test_f16_with_constant_derivatives_trims_where_tables_do(loop: SaturatedLoop) -> None:
     # Stevens and Lewis, Aircraft Control and Simulation: 502 ft/s at sea level, c.g. at 0.35.
+    """The f16 with constant derivatives trims where its tables do."""
     assert loop.trim["speed"] == pytest.approx(502.0)
     assert np.degrees(loop.trim["alpha"]) == pytest.approx(2.1, abs=0.05)
     assert loop.trim["pitch"] == pytest.approx(loop.trim["alpha"])
@@ -54,9 +55,10 @@ def test_a_small_level_of_the_f16_is_proved(loop: SaturatedLoop, V: PolynomialFu
     assert proved.parts == 1  # so small a set does not reach the limits of the inputs
 
 
-def test_the_largest_level_of_the_f16_within_its_limits_is_proved(
+def test_largest_level_of_f16_within_limits_is_proved(
     loop: SaturatedLoop, V: PolynomialFunction
 ) -> None:
+    """The largest level of the f16 within its limits is proved."""
     plant = Plant(loop)
     P = V.matrix()
     widths = np.einsum("ki,ij,kj->k", plant.limited_rows, np.linalg.inv(P), plant.limited_rows)
@@ -71,7 +73,8 @@ def test_the_largest_level_of_the_f16_within_its_limits_is_proved(
     assert beyond is None or beyond.statement.rho <= rho / 0.999
 
 
-def test_a_function_that_rises_along_the_loop_is_not_proved(loop: SaturatedLoop) -> None:
+def test_function_that_rises_along_loop_is_not_proved(loop: SaturatedLoop) -> None:
+    """A function that rises along the loop is not proved."""
     plant = Plant(loop)
     length = PolynomialFunction.quadratic(np.diag(plant.nominal**-2.0))
     T = ball_of(length.matrix(), 1e-3)

@@ -26,7 +26,8 @@ def stated(path: Path, aircraft: str, *words: str) -> tuple[RegionStatement, dic
     return statement, json.loads(printed)
 
 
-def test_starts_are_drawn_in_the_set_and_on_its_edge(tmp_path: Path) -> None:
+def test_starts_are_drawn_in_set_and_on_edge(tmp_path: Path) -> None:
+    """Starts are drawn in the set and on its edge."""
     model = load_model(PENDULUM)
     path = certified(tmp_path / "pendulum.json", pendulum_loop(model), 0.98)
     statement = check_certificate(path, model=model).statement

@@ -12,7 +12,8 @@ NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 
 
 @pytest.mark.parametrize("words", [(), ("--samples", "2")], ids=["flight", "members"])
-def test_a_flight_says_once_that_a_dihedral_lies_beyond_the_paper(words: tuple[str, ...]) -> None:
+def test_flight_says_once_that_dihedral_lies_beyond_paper(words: tuple[str, ...]) -> None:
+    """A flight says once that a dihedral lies beyond the paper."""
     fly = ("fly", "--law", "exact", "--duration", "0.1", *words)
     for degrees, warnings in (("16", [NOTE]), ("15", [])):
         result = hfa(*fly, "--dihedral", degrees, "--json")
@@ -57,7 +58,8 @@ u = 1.0
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_a_gain_of_a_matrix_at_a_kink_comes_with_the_note(words: str, where: str) -> None:
+def test_gain_of_matrix_at_kink_comes_with_note(words: str, where: str) -> None:
+    """A gain of a matrix at a kink comes with the note."""
     Path("kinked.py").write_text(KINKED)
     Path("design.toml").write_text(DESIGN)
     result = hfa(*words.split(), "--aircraft", "kinked.py:PLANT")

@@ -61,9 +61,8 @@ def same_poles(loop: np.ndarray, poles: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("name", ["simvfa-1", "simvfa-2"])
-def test_state_feedback_has_the_poles_of_the_exact_gain(
-    published_aircraft: Model, name: str
-) -> None:
+def test_state_feedback_has_the_poles_of_exact_gain(published_aircraft: Model, name: str) -> None:
+    """State feedback has the poles of the exact gain."""
     design = simvfa_design(name)
     game = design_model(published_aircraft, model_at(11.0), design).game()
     loop, _ = whole(published_aircraft, design)
@@ -72,9 +71,10 @@ def test_state_feedback_has_the_poles_of_the_exact_gain(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("delta", [np.inf, 200.0])
-def test_output_feedback_has_the_poles_of_the_central_controller(
+def test_output_feedback_has_the_poles_of_central_controller(
     published_aircraft: Model, delta: float
 ) -> None:
+    """Output feedback has the poles of the central controller."""
     design = measured_servo(delta=delta)
     built = design_model(published_aircraft, model_at(11.0), design)
     plant = GeneralizedPlant.measured(built.game(), built.C, built.V)
@@ -111,9 +111,10 @@ def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Model) -
         design_controller(published_aircraft, measured_servo(sensors={"pitch_rate": 1.0}), ANGLES)
 
 
-def test_matrices_are_linear_between_the_angles_and_constant_beyond(
+def test_matrices_are_linear_between_angles_and_constant_beyond(
     published_aircraft: Model,
 ) -> None:
+    """Matrices are linear between the angles and constant beyond."""
     controller = small_controller(published_aircraft)
     cases = (
         (5.0, (1, 0, 0)),
@@ -214,9 +215,10 @@ def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: P
 
 
 @pytest.mark.parametrize("limit", ["delta_min", "gamma_min"])
-def test_its_table_has_the_limit_and_the_certificate_of_each_angle(
+def test_its_table_limit_and_certificate_of_each_angle(
     published_aircraft: Model, limit: str
 ) -> None:
+    """Its table has the limit and the certificate of each angle."""
     rows = [
         {"dihedral": math.radians(degrees), limit: 7.25, "checks": [{"ok": True}, {"ok": ok}]}
         for degrees, ok in ((5.0, True), (10.0, False), (20.0, True))
@@ -236,7 +238,7 @@ def test_a_loop_whose_numbers_overflow_is_none() -> None:
         _ = loop.abscissa
 
 
-def test_a_path_from_inputs_to_a_sensor_at_once_is_closed_as_the_equations_say(
+def test_path_from_inputs_sensor_once_closed_equations_say(
     published_aircraft: Model,
 ) -> None:
     """u = Ck x_c + Dk (C x + D u), solved for u at a state, gives the rates of the loop."""
@@ -275,9 +277,10 @@ def gentle(aircraft: Model, gain: float) -> ScheduledController:
     )
 
 
-def test_a_controller_that_does_little_passes_with_the_abscissa_of_the_aircraft(
+def test_controller_does_little_passes_with_abscissa_of_aircraft(
     published_aircraft: Model,
 ) -> None:
+    """A controller that does little passes with the abscissa of the aircraft."""
     found = check_margins(
         published_aircraft, gentle(published_aircraft, 1e-4), np.radians([5.0]), (0.5, 2.0)
     )
@@ -287,9 +290,10 @@ def test_a_controller_that_does_little_passes_with_the_abscissa_of_the_aircraft(
     assert "PASS, 4 of 4 loops stable" in repr(found)
 
 
-def test_a_planted_unstable_controller_is_found_with_its_actuator(
+def test_planted_unstable_controller_is_found_with_its_actuator(
     published_aircraft: Model,
 ) -> None:
+    """A planted unstable controller is found with its actuator."""
     table = gentle(published_aircraft, 0.3)
     found = check_margins(published_aircraft, table, np.radians([5.0]), (0.05, 2.0))
     unstable = [row for row in found.rows if row.abscissa >= 0.0]

@@ -34,9 +34,10 @@ PEER = ROOT / "extensions/servo/tests/peer_gains.json"
 
 
 @pytest.mark.parametrize(("name", "size"), [("simvfa-1", 10), ("simvfa-2", 12)])
-def test_the_exact_gain_of_a_design_with_names_and_units(
+def test_exact_gain_of_design_with_names_and_units(
     name: str, size: int, published_aircraft: Model
 ) -> None:
+    """The exact gain of a design with names and units."""
     data = answer("solve", "--design", SIMVFA[name], *AT_11)
     theirs = np.array(json.loads(PEER.read_text(encoding="utf-8"))["gains"][name]["11"])
     assert np.linalg.norm(data["K"] - theirs) <= 2e-5 * np.linalg.norm(theirs)
@@ -57,7 +58,8 @@ def test_the_paper_s_design_is_the_default_game() -> None:
     assert {key for key in one if one[key] != other.get(key)} - {"provenance"} == {"plant"}
 
 
-def test_a_critic_of_a_servo_is_learned_and_certified() -> None:
+def test_a_critic_of_servo_is_learned_and_certified() -> None:
+    """A critic of a servo is learned and certified."""
     learned = answer("learn", "--design", SIMVFA["simvfa-1"], *AT_11, *QUICK, "-o", "servo.npz")
     assert (learned["converged"], len(learned["W"]), len(learned["states"])) == (True, 55, 10)
     checked = answer("verify", "--design", SIMVFA["simvfa-1"], *AT_11, "--weights", "servo.npz")
@@ -88,7 +90,8 @@ def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
 
 
 @pytest.mark.slow
-def test_a_design_with_sensors_is_designed_from_its_measurements() -> None:
+def test_design_with_sensors_is_designed_from_its_measurements() -> None:
+    """A design with sensors is designed from its measurements."""
     file = own("own.toml", **{"delta = inf": "delta = 200.0"})
     data = answer("solve", "--design", file, *AT_11)
     assert (
@@ -145,7 +148,8 @@ def test_what_no_controller_can_do_is_one_line(
 
 
 @pytest.mark.slow
-def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
+def test_a_design_becomes_file_that_prints_same_table() -> None:
+    """A design becomes a file that prints the same table."""
     made = hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "9:11:2", "-o", "servo.npz")
     assert made.code == 0
     again = hfa("design", "servo.npz")
@@ -165,7 +169,8 @@ def test_a_design_becomes_a_file_that_prints_the_same_table() -> None:
     assert [row["dihedral"] for row in data["angles"]] == pytest.approx(controller.breakpoints)
 
 
-def test_a_controller_in_metres_is_the_controller_in_feet() -> None:
+def test_a_controller_in_metres_is_controller_in_feet() -> None:
+    """A controller in metres is the controller in feet."""
     words = ("design", SIMVFA["simvfa-1"], "--dihedral", "11", "--bandwidth", "10")
     feet = hfa(*words, "-o", "feet.npz")
     metres = hfa(*words, "--units", "si", "-o", "metres.npz")

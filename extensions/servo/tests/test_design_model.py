@@ -35,7 +35,8 @@ from hfa_servo.servo_policy import MeasuredOutputs
 DESIGNS = ROOT / "extensions/servo/hfa_servo"
 
 
-def test_every_design_of_the_package_has_a_name_and_a_source() -> None:
+def test_every_design_of_package_has_name_and_source() -> None:
+    """Every design of the package has a name and a source."""
     assert {path.name for path in DESIGNS.glob("*.toml")} == set(NAMED.values())
     assert all("source = " in path.read_text(encoding="utf-8") for path in DESIGNS.glob("*.toml"))
 
@@ -114,16 +115,17 @@ def design_at(aircraft: Model, design: Design, degrees: float) -> DesignModel:
 
 @pytest.mark.parametrize("name", PEER)
 @pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
-def test_the_peer_s_settings_give_the_peer_s_gains(
+def test_the_peer_s_settings_give_peer_s_gains(
     published_aircraft: Model, name: str, degrees: str
 ) -> None:
+    """The peer s settings give the peer s gains."""
     theirs = np.array(PEER[name][degrees])
     ours = solve_game(design_at(published_aircraft, simvfa_design(name), float(degrees)).game()).K
     assert np.linalg.norm(ours - theirs) <= 2e-5 * np.linalg.norm(theirs)
 
 
 @pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
-def test_in_the_peer_s_air_its_own_parameters_give_every_digit_of_its_gains(degrees: str) -> None:
+def test_the_peers_air_gives_every_digit_of_gains(degrees: str) -> None:
     """Six digits are stored; 1e-5 of the air, the altitude of the standard atmosphere, moves the
     last two of them."""
     own, in_its_air = released_simulation()
@@ -139,7 +141,8 @@ def test_in_the_peer_s_air_its_own_parameters_give_every_digit_of_its_gains(degr
             assert (np.abs(ours - theirs) <= half_units).all() == digits
 
 
-def test_the_paper_s_design_is_the_paper_s_game(published_aircraft: Model, game: Game) -> None:
+def test_the_paper_s_design_is_paper_s_game(published_aircraft: Model, game: Game) -> None:
+    """The paper s design is the paper s game."""
     built = design_at(published_aircraft, load_design("paper", hfa.aircraft()), 15.0).game()
     for name in ("A", "B", "E", "Q", "R"):
         np.testing.assert_array_equal(getattr(built, name), getattr(game, name))
@@ -147,7 +150,7 @@ def test_the_paper_s_design_is_the_paper_s_game(published_aircraft: Model, game:
     assert published_game(game.A, game.B).delta == 200.0
 
 
-def test_the_loop_of_a_servo_brings_the_integrated_outputs_to_zero(
+def test_loop_of_servo_brings_integrated_outputs_to_zero(
     published_aircraft: Model,
 ) -> None:
     """A constant disturbance of the input is rejected: the integrals' inputs vanish at rest."""
@@ -188,7 +191,7 @@ def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-def test_the_integral_of_a_short_period_output_feels_the_air(dynamics: str) -> None:
+def test_the_integral_of_short_period_output_feels_air(dynamics: str) -> None:
     """In flight e' = ... + F w. Without this term the differences show it."""
     aircraft = hfa.aircraft(dynamics)
     built = design_at(
@@ -202,9 +205,10 @@ def test_the_integral_of_a_short_period_output_feels_the_air(dynamics: str) -> N
     assert not np.allclose(without, found, rtol=1e-6, atol=1e-9)
 
 
-def test_sensors_are_states_or_outputs_in_the_order_of_their_names(
+def test_sensors_states_or_outputs_in_order_of_names(
     published_aircraft: Model,
 ) -> None:
+    """Sensors are states or outputs in the order of their names."""
     names = (
         "dihedral_integral",
         "load_factor",
@@ -246,9 +250,10 @@ def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Mode
         design_at(published_aircraft, at_once, 11.0)
 
 
-def test_an_output_and_its_short_period_part_may_both_be_named(
+def test_output_and_short_period_part_may_both_named(
     published_aircraft: Model,
 ) -> None:
+    """An output and its short period part may both be named."""
     name = "vertical_acceleration"
     design = replace(simvfa_design("simvfa-1"), sensors={name: 1.0, f"{name}_short_period": 1.0})
     built = design_at(published_aircraft, design, 11.0)
@@ -322,7 +327,7 @@ def test_what_cannot_be_designed_is_refused(make: Callable[[], object], message:
 
 @pytest.mark.parametrize("entry", ["weights", "actuators", "sensors"])
 @pytest.mark.parametrize("value", [3, "text", [1.0]])
-def test_a_value_in_place_of_a_table_of_a_variant_is_named(entry: str, value: object) -> None:
+def test_value_in_place_of_table_of_variant_named(entry: str, value: object) -> None:
     """`[newton] weights = 3` was a TypeError."""
     table = {"states": {"alpha": 1.0}} if entry == "weights" else {}
     data = {"inputs": ["throttle"], entry: table, "newton": {entry: value}}

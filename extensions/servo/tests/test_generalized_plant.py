@@ -71,7 +71,7 @@ def smallest_of(seed: int, feedthrough: float = 1.0) -> DeltaMin:
 @pytest.mark.parametrize(
     "seed", [8, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 22, *range(100, 130)))]
 )
-def test_the_smallest_gain_is_that_of_slycot_and_the_loop_keeps_it(seed: int) -> None:
+def test_smallest_gain_is_of_slycot_and_loop_keeps(seed: int) -> None:
     """For some of 30 plants slycot stops too high, for others it states a gain that its loop does
     not reach: none is below ours."""
     plant = random_plant(seed, seed % 3)
@@ -89,7 +89,7 @@ def test_the_smallest_gain_is_that_of_slycot_and_the_loop_keeps_it(seed: int) ->
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(8, marks=pytest.mark.slow)])
-def test_X_and_Y_solve_the_general_equations_and_to_sixty_digits(seed: int) -> None:
+def test_X_Y_solve_general_equations_to_sixty_digits(seed: int) -> None:
     """With R = [D11 D12]'[D11 D12] - blkdiag(δ² I, 0), as the book has them (Theorem 17.1), and as
     games."""
     plant = random_plant(seed)
@@ -130,7 +130,7 @@ def test_state_feedback_is_the_game_where_nothing_crosses(game: Game) -> None:
 
 
 @pytest.mark.parametrize("seed", [pytest.param(3, marks=pytest.mark.slow), 5])
-def test_state_feedback_is_the_limit_of_measuring_every_state_ever_better(seed: int) -> None:
+def test_state_feedback_limit_measuring_every_state_ever_better(seed: int) -> None:
     """With cross terms and D11, whose whole size bounds delta: the gain does not see w."""
     plant = random_plant(seed, 0.3)
     state = replace(plant, C2=None, D21=None, D22=None)
@@ -151,7 +151,8 @@ def test_state_feedback_is_the_limit_of_measuring_every_state_ever_better(seed: 
     assert loop.poles().real.max() < 0.0
 
 
-def test_what_u_adds_to_y_at_once_changes_nothing() -> None:
+def test_what_u_adds_to_y_once_changes_nothing() -> None:
+    """What u adds to y at once changes nothing."""
     plant = random_plant(8)
     smallest = smallest_of(8).value
     without = replace(plant, D22=np.zeros_like(plant.D22))
@@ -241,7 +242,8 @@ def octave_14(weighted: bool = True) -> Any:
     return control.append(one, weight, one) * plain if weighted else plain
 
 
-def test_the_plants_of_public_issues_are_refused_by_name() -> None:
+def test_plants_of_public_issues_are_refused_by_name() -> None:
+    """The plants of public issues are refused by name."""
     for system in (python_control_367(), octave_13(), octave_14()):
         with pytest.raises(
             BadInputError,
@@ -289,7 +291,8 @@ def test_an_integrator_without_disturbance_is_named_through_dust(reach: float) -
 
 @pytest.mark.parametrize("size", [1e-3, pytest.param(0.1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("system", [python_control_367, octave_14, lambda: octave_14(False)])
-def test_the_plants_of_public_issues_with_noise_agree_with_slycot(system: Any, size: float) -> None:
+def test_plants_public_issues_with_noise_agree_with_slycot(system: Any, size: float) -> None:
+    """The plants of public issues with noise agree with slycot."""
     plant = with_noise(system(), size)
     smallest = plant.minimum_delta().value
     # Ours ends within 2.5e-7, SB10AD within 1e-10.
@@ -403,7 +406,8 @@ def test_plants_that_are_none_are_refused(changes: dict[str, Any], words: str) -
         GeneralizedPlant(**DOUBLE | changes)
 
 
-def test_the_command_solves_a_file_and_says_what_to_change(tmp_path: Any) -> None:
+def test_command_solves_file_and_says_what_to_change(tmp_path: Any) -> None:
+    """The command solves a file and says what to change."""
     path = tmp_path / "plant.json"
     path.write_text(json.dumps(DOUBLE), "utf-8")
     data = json.loads(hfa("solve", "--model", str(path), "--json").out)
@@ -497,7 +501,8 @@ def test_the_smallest_delta_is_found_whatever_its_size(size: float) -> None:
     assert all(check.ok for check in solve_plant(scaled, 2.0 * size * expected).checks)
 
 
-def test_the_smallest_delta_of_a_scalar_plant_and_its_report() -> None:
+def test_smallest_delta_of_scalar_plant_and_its_report() -> None:
+    """The smallest delta of a scalar plant and its report."""
     smallest, refused, condition = scalar().minimum_delta()
     assert refused < smallest <= refused * (1 + 1e-6)
     assert condition == "coupling condition"
@@ -550,7 +555,7 @@ def test_without_disturbance_it_is_lqg(servo: tuple[Game, np.ndarray, Generalize
     assert found.coupling == 0.0
 
 
-def test_with_every_state_measured_well_it_is_the_state_feedback_game(game: Game) -> None:
+def test_with_every_state_measured_well_state_feedback_game(game: Game) -> None:
     """As the noise decreases, the filter's part of the coupling vanishes, and the smallest delta
     becomes that of the game."""
     n = len(game.A)
@@ -566,7 +571,7 @@ def test_with_every_state_measured_well_it_is_the_state_feedback_game(game: Game
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.slow)])
-def test_units_of_the_states_over_16_decades_change_nothing(seed: int) -> None:
+def test_units_of_states_over_16_decades_change_nothing(seed: int) -> None:
     """z = u y: delta_min, the coupling, the response; X and Y in the new units."""
     rng = np.random.default_rng(seed)
     A, B, E, C = (rng.standard_normal(shape) for shape in ((3, 3), (3, 1), (3, 2), (2, 3)))

@@ -58,7 +58,8 @@ def exact(name: str) -> tuple[Game, Solution]:
 
 @pytest.mark.parametrize("starts", [2, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", SIZES)
-def test_every_start_ends_certified_at_the_exact_solution_in_time(name: str, starts: int) -> None:
+def test_every_start_ends_certified_at_exact_solution_time(name: str, starts: int) -> None:
+    """Every start ends certified at the exact solution in time."""
     game, solution = exact(name)
     functions = basis("quadratic", len(game.A))
     assert (len(game.A), functions.size) == SIZES[name]

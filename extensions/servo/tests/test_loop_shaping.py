@@ -50,7 +50,7 @@ def random_plant(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("degrees", [11.0, 20.0, None])
-def test_gamma_min_is_that_of_the_hankel_norm_and_of_slycot(degrees: float | None) -> None:
+def test_gamma_min_of_hankel_norm_and_of_slycot(degrees: float | None) -> None:
     """γ_min² = 1/(1 - ‖[N M]‖_H²) (Glover and McFarlane), and sb10ad's search on the four-block
     problem of it."""
     slycot = pytest.importorskip("slycot")
@@ -91,7 +91,7 @@ def test_gamma_min_is_that_of_the_hankel_norm_and_of_slycot(degrees: float | Non
     assert least == pytest.approx(found.gamma_min, rel=1e-6)
 
 
-def test_the_loop_is_as_robust_as_gamma_says_and_a_planted_error_is_found() -> None:
+def test_loop_as_robust_gamma_says_planted_error_found() -> None:
     """By slycot's norm of the closed loop; a factor in the observer's gain makes it less robust
     than promised."""
     slycot = pytest.importorskip("slycot")
@@ -115,7 +115,8 @@ def test_the_loop_is_as_robust_as_gamma_says_and_a_planted_error_is_found() -> N
     assert not robust_check(A, B, C, found._replace(H=0.2 * found.H)).ok
 
 
-def test_a_mode_that_is_not_seen_has_no_controller() -> None:
+def test_mode_that_is_not_seen_has_no_controller() -> None:
+    """A mode that is not seen has no controller."""
     with pytest.raises(NoSolutionError, match="no robust controller"):
         robust_controller(np.diag([1.0, -1.0]), np.ones((2, 1)), np.array([[0.0, 1.0]]))
 
@@ -133,9 +134,7 @@ def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController
 
 @pytest.mark.parametrize("angles", [(1, 20), pytest.param(range(21), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
-def test_every_loop_has_6_db_and_45_deg_behind_all_four_actuators(
-    dynamics: str, angles: Sequence[int]
-) -> None:
+def test_every_loop_has_6_db_and_45_deg(dynamics: str, angles: Sequence[int]) -> None:
     """At every integer angle, also between the angles of the design; and 20 ms of delay in all
     inputs at once."""
     table = check_margins(hfa.aircraft(dynamics), servo(dynamics), np.radians(angles), (2.0, 10.0))
@@ -147,7 +146,7 @@ def test_every_loop_has_6_db_and_45_deg_behind_all_four_actuators(
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-def test_it_is_stable_with_half_the_effectiveness_and_20_ms(dynamics: str) -> None:
+def test_it_stable_with_half_effectiveness_and_20_ms(dynamics: str) -> None:
     """The delay as a Padé approximant of order 3 in every input, which is closer than 1e-6 below 20
     rad/s."""
     from control import pade, ss, tf
@@ -205,7 +204,7 @@ def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> Non
         assert np.isnan(w) or min(both) < 1e-9
 
 
-def test_a_double_integrator_has_the_margins_of_the_book(published_aircraft: Model) -> None:
+def test_a_double_integrator_has_the_margins_of_book(published_aircraft: Model) -> None:
     """l = 1/(s (s + 1)): 51.83 deg at 0.7862 rad/s, no gain ends it."""
     from hfa_servo.servo_loop import ServoLoop
 
@@ -219,7 +218,7 @@ def test_a_double_integrator_has_the_margins_of_the_book(published_aircraft: Mod
         assert each.gain == np.inf
 
 
-def test_the_model_answers_a_command_and_the_loop_feels_none_of_it(
+def test_model_answers_command_and_loop_feels_none_of(
     published_aircraft: Model,
 ) -> None:
     """Behind the actuators that the model has, measured and modelled outputs agree: measuring adds
@@ -321,7 +320,7 @@ def pencil_of(
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("degrees", [5.0, 11.0, 20.0])
-def test_two_surfaces_alone_leave_the_phugoid_undamped_and_four_inputs_do_not(
+def test_two_surfaces_alone_leave_the_phugoid_undamped(
     dynamics: str, degrees: float
 ) -> None:
     """s at which [A - s I, B; C, D] loses rank: poles of the loop that holds both outputs as

@@ -90,7 +90,7 @@ def agree(one: DeltaMin, other: DeltaMin) -> bool:
     return max(one.refused, other.refused) <= most
 
 
-def test_the_smallest_delta_is_that_of_slycot_and_of_every_copy() -> None:
+def test_smallest_delta_of_slycot_and_of_every_copy() -> None:
     """Its poles are from 0.1 to 25,000 rad/s."""
     plant = mixed_sensitivity(98)
     smallest = plant.minimum_delta()
@@ -102,7 +102,8 @@ def test_the_smallest_delta_is_that_of_slycot_and_of_every_copy() -> None:
 
 
 @pytest.mark.slow
-def test_what_holds_above_the_smallest_delta_and_not_below_holds_of_every_copy() -> None:
+def test_copies_agree_above_and_below_the_smallest_delta() -> None:
+    """What holds above the smallest delta and not below holds of every copy."""
     found: Counter[str] = Counter()
     for seed in range(8):
         plant = mixed_sensitivity(seed)
@@ -127,7 +128,7 @@ def test_what_cancels_in_turned_axes_hides_nothing() -> None:
         assert conditions(copy.problem, 1.2845).exists is False, copy.kind
 
 
-def test_a_turned_plant_is_solved_as_the_given_one() -> None:
+def test_a_turned_plant_is_solved_as_given_one() -> None:
     """Its poles are from 2e-4 to 1000 rad/s; the gain of the controller is that in the plant's own
     axes, rounded."""
     plant = mixed_sensitivity(12)
@@ -190,7 +191,7 @@ def test_the_loop_keeps_a_gain_near_the_smallest() -> None:
 
 
 @pytest.mark.slow
-def test_the_smallest_delta_of_many_plants_is_that_of_slycot_and_of_every_copy() -> None:
+def test_smallest_delta_of_many_plants_slycot_every_copy() -> None:
     """Nothing is refused that slycot attains, nor stated that it does not."""
     changed = []
     opened: Counter[str] = Counter()

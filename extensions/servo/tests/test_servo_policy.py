@@ -83,9 +83,10 @@ def test_outputs_are_those_of_the_linear_model(
         outputs.at(Measurements(ca.SX(x), ca.SX(x), ca.SX(0, 1), ca.SX(0, 1)))
 
 
-def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
+def test_in_moving_air_accelerometer_feels_alpha_through_air(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
+    """In moving air an accelerometer feels alpha through the air."""
     names = (Z, "load_factor", "pitch_rate", "aileron_outer_position")
     outputs = MeasuredOutputs(published_aircraft, point, names)
     still = ca.SX(6, 1)
@@ -104,7 +105,7 @@ def test_in_moving_air_an_accelerometer_feels_alpha_through_the_air(
     )  # an updraft w is an alpha of w / V
 
 
-def test_the_flight_on_the_linear_model_is_the_loop_written_out(
+def test_flight_on_linear_model_is_loop_written_out(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
     """The prediction of `fly` against the same loop in NumPy, with matrices looked up by the
@@ -138,7 +139,7 @@ def test_the_flight_on_the_linear_model_is_the_loop_written_out(
     assert own_modes == pytest.approx(2.0)
 
 
-def test_the_anti_windup_input_is_what_was_not_applied(
+def test_anti_windup_input_is_what_was_not_applied(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
     """With W = w the integral gets w (u_applied - u): nothing while no limit acts, and less of it
@@ -162,7 +163,8 @@ TIMES = np.array([1.0, 4.0, 9.0])
 VALUES = np.array([[1.0, -2.0], [0.5, 0.0], [0.0, 3.0]])
 
 
-def test_a_signal_is_the_same_at_one_time_at_many_and_as_an_expression() -> None:
+def test_signal_same_at_one_time_at_many_expression() -> None:
+    """A signal is the same at one time at many and as an expression."""
     rng = np.random.default_rng(2)
     constant, slope, sine, cosine = rng.normal(size=(4, 3))
     signal = Waveform(constant, slope, (Harmonic(1.3, sine, cosine), Harmonic(0.2, cosine, -sine)))
@@ -185,7 +187,8 @@ def steps(damping: float = 2.0) -> CommandSteps:
 
 
 @pytest.mark.parametrize("damping", [0.6, 1.0, 1.5, 2.0])
-def test_the_closed_form_solves_the_equation_of_the_filter(damping: float) -> None:
+def test_the_closed_form_solves_the_equation_of_filter(damping: float) -> None:
+    """The closed form solves the equation of the filter."""
     commands = steps(damping)
     w = 0.5
     y = np.zeros(4)

@@ -27,9 +27,10 @@ SWEEP = (
 
 
 @pytest.mark.slow
-def test_a_job_that_filled_the_disk_goes_on_when_there_is_room(
+def test_job_filled_disk_goes_on_when_there_room(
     small_disk: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
+    """A job that filled the disk goes on when there is room."""
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     full = hfa_process(*SWEEP, folder=small_disk, TMPDIR=str(elsewhere))
     assert (full.code, full.out) == (BAD_INPUT, "")

@@ -28,9 +28,10 @@ SLOW = pytest.mark.slow
         (signal.SIGKILL, -signal.SIGKILL, None),
     ],
 )
-def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
+def test_run_ended_leaves_no_worker_no_temporary_folder(
     tmp_path: Path, number: signal.Signals, code: int, said: str | None
 ) -> None:
+    """A run that is ended leaves no worker and no temporary folder."""
     ended = leaves_nothing(tmp_path, LONG, number)
     assert ended.code == code
     assert said is None or ended.err == said
@@ -38,5 +39,6 @@ def test_a_run_that_is_ended_leaves_no_worker_and_no_temporary_folder(
 
 @proc
 @pytest.mark.slow
-def test_ended_at_random_moments_and_continued_it_comes_to_the_same_bits(tmp_path: Path) -> None:
+def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
+    """Ended at random moments and continued it comes to the same bits."""
     comes_to_the_same_bits(tmp_path, THREE_CHUNKS)

@@ -7,5 +7,6 @@ from pathlib import Path
 from units_of_outputs import assert_store_in_metres
 
 
-def test_a_store_in_metres_is_the_store_in_feet(tmp_path: Path) -> None:
+def test_a_store_in_metres_is_store_in_feet(tmp_path: Path) -> None:
+    """A store in metres is the store in feet."""
     assert_store_in_metres("sweep", "--dihedral", "5,15", name="states", folder=tmp_path)

@@ -41,7 +41,8 @@ def test_every_task_has_its_result(count: int) -> None:
     assert _gone()
 
 
-def test_an_error_of_a_task_is_raised_and_no_worker_is_left() -> None:
+def test_error_of_task_raised_and_no_worker_left() -> None:
+    """An error of a task is raised and no worker is left."""
     with open_workers(2) as run, pytest.raises(NoSolutionError, match="no root of -3"):
         list(run(_square, ((key, (-key,)) for key in (0, 3))))
     assert _gone()
@@ -54,7 +55,8 @@ def test_a_job_that_is_left_leaves_no_worker() -> None:
     assert _gone()
 
 
-def test_a_worker_that_dies_ends_the_job_in_one_line() -> None:
+def test_worker_that_dies_ends_job_in_one_line() -> None:
+    """A worker that dies ends the job in one line."""
     with (
         pytest.raises(NoSolutionError, match=r"a worker died; .*continue with --resume"),
         open_workers(2) as run,
@@ -63,7 +65,8 @@ def test_a_worker_that_dies_ends_the_job_in_one_line() -> None:
     assert _gone()
 
 
-def test_where_no_more_files_may_be_open_no_worker_is_started() -> None:
+def test_no_worker_starts_without_free_file_handles() -> None:
+    """Where no more files may be open no worker is started."""
     resource = pytest.importorskip("resource")
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     next_descriptor = os.dup(0)
@@ -78,7 +81,8 @@ def test_where_no_more_files_may_be_open_no_worker_is_started() -> None:
 
 
 @pytest.mark.slow
-def test_a_task_that_kills_the_workers_of_a_cluster_is_one_line() -> None:
+def test_task_kills_workers_of_cluster_is_one_line() -> None:
+    """A task that kills the workers of a cluster is one line."""
     dask = pytest.importorskip("dask")
     distributed = pytest.importorskip("distributed")
     # The cluster gives up after one lost worker, not four.

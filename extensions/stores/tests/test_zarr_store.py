@@ -87,7 +87,8 @@ def resumed(path: Path, **options: Any) -> list[tuple[float, float]]:
     return told
 
 
-def test_what_was_computed_is_read_with_names_and_units(made: Path) -> None:
+def test_what_was_computed_read_with_names_and_units(made: Path) -> None:
+    """What was computed is read with names and units."""
     dataset = open_store(made)
     expected = numbers(0, ROWS)
     for name in ("square", "empty", "pole"):
@@ -97,9 +98,7 @@ def test_what_was_computed_is_read_with_names_and_units(made: Path) -> None:
     assert dataset.square.attrs == {"units": "ft"}
 
 
-def test_two_processes_write_the_bytes_of_one_and_a_resume_changes_none(
-    made: Path, tmp_path: Path
-) -> None:
+def test_two_processes_write_bytes_one_resume_changes_none(made: Path, tmp_path: Path) -> None:
     """A chunk without a trim, nan+0j, was read back as nan+nanj, and so reported as damaged."""
     fill_store(row_job(), tmp_path / "two.zarr", workers=2)
     assert resumed(tmp_path / "two.zarr") == []  # a warning would be an error
@@ -142,7 +141,8 @@ if __name__ == "__main__":
 """
 
 
-def test_a_kill_loses_the_chunks_in_work_and_no_more(made: Path, tmp_path: Path) -> None:
+def test_kill_loses_chunks_in_work_and_no_more(made: Path, tmp_path: Path) -> None:
+    """A kill loses the chunks in work and no more."""
     (tmp_path / "killed.py").write_text(KILLED)
     words = [sys.executable, "killed.py", str(Path(__file__).parent)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -203,9 +203,10 @@ def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
         fill_store(row_job(), path, resume=True)
 
 
-def test_a_store_is_neither_overwritten_nor_continued_by_another_job(
+def test_store_neither_overwritten_nor_continued_by_another_job(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A store is neither overwritten nor continued by another job."""
     with pytest.raises(BadInputError, match="exists; continue it with --resume"):
         fill_store(row_job(), path)
     with pytest.raises(BadInputError, match="belongs to another test"):
@@ -224,7 +225,7 @@ def test_a_store_is_neither_overwritten_nor_continued_by_another_job(
     assert open_store(path).square.shape == (ROWS, 2)  # any version reads it
 
 
-def test_a_store_appears_whole_and_takes_no_folder_beside_it(
+def test_store_appears_whole_and_takes_no_folder_beside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A folder such as .a.zarr.my-backup-202612 was taken for a leftover of a killed run and
@@ -338,9 +339,10 @@ class Runs:
 RUNS = pickle.dumps(Runs())
 
 
-def test_nothing_in_a_store_of_another_format_is_run(
+def test_nothing_in_store_of_another_format_is_run(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Nothing in a store of another format is run."""
     monkeypatch.chdir(tmp_path)
     theirs = tmp_path / "theirs.zarr"
     of_format_2(theirs, row_job())
@@ -376,7 +378,7 @@ def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_chunk_that_is_of_something_else_is_computed_again(
+def test_chunk_is_of_something_else_is_computed_again(
     made: Path, path: Path, tmp_path: Path, what: str
 ) -> None:
     """Whole chunks with a right CRC-32C."""
@@ -413,9 +415,7 @@ def refusal(path: Path) -> str:
 @pytest.mark.parametrize(
     "count", [5, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
 )
-def test_random_changes_of_the_metadata_are_refused_in_one_line(
-    made: Path, path: Path, count: int
-) -> None:
+def test_random_changes_of_metadata_refused_in_one_line(made: Path, path: Path, count: int) -> None:
     """Bytes of any file that describes something: another byte, a part left out, JSON of another
     kind."""
     random = np.random.default_rng(8)

@@ -78,9 +78,10 @@ def identified() -> tuple[Fit, list[float]]:
     return identify(seed=0)
 
 
-def test_all_rough_starts_fit_the_print_as_well_as_rounding_allows(
+def test_all_rough_starts_fit_print_well_rounding_allows(
     identified: tuple[Fit, list[float]],
 ) -> None:
+    """All rough starts fit the print as well as rounding allows."""
     best, sums = identified
     assert len(sums) == 8
     np.testing.assert_allclose(sums, best.sum_of_squares, rtol=1e-6)
@@ -129,7 +130,7 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
 
 
 @pytest.mark.parametrize("matrix_row_column", THIRD, ids="-".join)
-def test_one_entry_changed_by_a_hundredth_cannot_be_fitted(
+def test_one_entry_changed_by_hundredth_cannot_be_fitted(
     parameters: Parameters, matrix_row_column: tuple[str, str, str]
 ) -> None:
     """Each printed entry of the 5 degree pair is held in place by all the others."""
@@ -167,7 +168,7 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Variant
         (lambda x: 0.0, 1 / 6, 1.2, 1.22),
     ],
 )
-def test_of_the_coupling_two_terms_are_needed_and_the_square_changes_nothing(
+def test_of_coupling_two_terms_needed_square_changes_nothing(
     speed: Callable[[State], Any], square: float, lowest: float, highest: float
 ) -> None:
     """Terms added to the coupling: m s V times `speed`, m s² cos η sin η η'² times `square`."""
@@ -181,7 +182,7 @@ def test_of_the_coupling_two_terms_are_needed_and_the_square_changes_nothing(
     assert lowest < fit(published_models(), variant).largest < highest
 
 
-def test_the_expected_sum_is_what_drawn_rounding_errors_leave(
+def test_expected_sum_is_what_drawn_rounding_errors_leave(
     parameters: Parameters, identified: tuple[Fit, list[float]]
 ) -> None:
     """Errors drawn uniformly within a half unit, one for a number that is printed alike at both
@@ -268,7 +269,7 @@ def test_the_released_constants_lie_within_two_standard_errors(parameter_set: Pa
 
 
 @pytest.mark.parametrize(("density", "half_units"), [(THIN, (0.0, 1.0)), (1.0, (100.0, 200.0))])
-def test_the_released_constants_in_their_thinner_air_print_the_paper(
+def test_released_constants_in_their_thinner_air_print_paper(
     parameters: Parameters, density: float, half_units: tuple[float, float]
 ) -> None:
     """Within one half unit of the last digit; in the standard atmosphere by no means."""

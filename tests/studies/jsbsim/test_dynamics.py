@@ -19,7 +19,8 @@ def test_slopes_and_thrust_are_those_of_jsbsim() -> None:
 
 
 @pytest.mark.slow
-def test_an_aircraft_with_other_fuel_is_not_taken_for_the_same() -> None:
+def test_aircraft_with_other_fuel_not_taken_for_same() -> None:
+    """An aircraft with other fuel is not taken for the same."""
     model, _ = trimmed("T38")
     fuel = dict(zip(model.parameters, model.p, strict=True))["tank0"]
     lighter, point = trimmed("T38", tank0=0.5 * fuel)

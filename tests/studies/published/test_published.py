@@ -30,7 +30,8 @@ def test_a_row_is_what_the_command_makes(path: Path) -> None:
     assert row_of(path) in load_results(), STALE
 
 
-def test_the_results_have_every_file_and_the_page_is_theirs() -> None:
+def test_results_have_every_file_and_page_is_theirs() -> None:
+    """The results have every file and the page is theirs."""
     rows = load_results()
     assert results_of(rows) == RESULTS.read_text("utf-8"), STALE
     assert page_of(rows) == PAGE.read_text("utf-8"), STALE

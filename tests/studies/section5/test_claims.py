@@ -194,7 +194,8 @@ def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, ver
     assert found["findings"][EXACT]["value"] == (2.0 if np.isinf(lost_at) else None)
 
 
-def test_claims_about_the_print_are_those_of_the_printed_matrices() -> None:
+def test_claims_about_print_are_those_of_printed_matrices() -> None:
+    """Claims about the print are those of the printed matrices."""
     at_15, at_5 = published_models()
     about = {
         claim.number: claim
@@ -226,9 +227,10 @@ def test_claims_about_the_print_are_those_of_the_printed_matrices() -> None:
         (INTEGRAL, False, 0.5, False),  # not a law of this project
     ],
 )
-def test_a_flight_fails_when_it_is_lost_or_its_critic_is_refused(
+def test_flight_fails_when_it_lost_or_critic_refused(
     law: str, certified: bool, lost_at: float | None, failed: bool
 ) -> None:
+    """A flight fails when it is lost or its critic is refused."""
     flight = {
         "name": "planted",
         "law": law,

@@ -177,7 +177,8 @@ def test_the_law_as_printed_overflows_at_once() -> None:
     assert record.metrics["learning"]["facts"]["alpha2"] > 1e20
 
 
-def test_the_modified_law_learns_in_flight_and_can_be_frozen() -> None:
+def test_modified_law_learns_in_flight_and_can_frozen() -> None:
+    """The modified law learns in flight and can be frozen."""
     free, frozen = (flown(BRIEF, FlightPlan(5.0, MODIFIED), section) for section in ("5.1", "5.3"))
     assert free.held
     assert (
@@ -188,7 +189,8 @@ def test_the_modified_law_learns_in_flight_and_can_be_frozen() -> None:
     np.testing.assert_array_equal(free.critic.weights[:50], frozen.critic.weights[:50])
 
 
-def test_the_certified_law_applies_a_baseline_and_then_the_exact_gain() -> None:
+def test_certified_law_applies_baseline_and_then_exact_gain() -> None:
+    """The certified law applies a baseline and then the exact gain."""
     setting = make_setting(section5_configuration(BRIEF))
     forward = constants_of(setting, CERTIFIED_FF, 0.5)
     exact = setting.case(5.0).exact.K
@@ -201,7 +203,8 @@ def test_the_certified_law_applies_a_baseline_and_then_the_exact_gain() -> None:
     np.testing.assert_allclose(record.inputs[-1], -exact @ record.errors[-1], rtol=1e-6)
 
 
-def test_integral_learning_applies_its_start_until_it_has_data() -> None:
+def test_integral_learning_applies_start_until_it_has_data() -> None:
+    """Integral learning applies its start until it has data."""
     setting = default_setting()
     constants = constants_of(setting, INTEGRAL, 5.0)
     np.testing.assert_allclose(
@@ -211,7 +214,8 @@ def test_integral_learning_applies_its_start_until_it_has_data() -> None:
     assert np.linalg.norm(constants(1999)[:30].reshape(6, 5).T - lq) < 1e-6 * np.linalg.norm(lq)
 
 
-def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
+def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
+    """Uncertainty and noise reach the plant and the sensor."""
     setting = make_setting(
         section5_configuration(BRIEF | {"flight": {"duration": 1.0, "step": 1e-3}})
     )
@@ -248,9 +252,7 @@ def test_uncertainty_and_noise_reach_the_plant_and_the_sensor() -> None:
         ("{} with that of the dihedral's", (7.0, 0.1, 0.0, 0.0, -0.5, 0.0)),
     ],
 )
-def test_the_error_of_alpha_with_other_signs_is_the_one_of_the_document(
-    said: str, changes: Any
-) -> None:
+def test_error_of_alpha_with_other_signs_one_document(said: str, changes: Any) -> None:
     """The angle of attack misses its command whatever the lost signs are, and docs/experiments.md
     says by how much."""
     if isinstance(changes, tuple):
@@ -261,9 +263,10 @@ def test_the_error_of_alpha_with_other_signs_is_the_one_of_the_document(
     assert said.format(f"{error:.3g}") in " ".join(document.split())
 
 
-def test_learning_in_flight_flies_the_baseline_then_certified_gains_and_knows_nothing_of_the_future(
+def test_learning_in_flight_begins_with_the_baseline(
     newton: FlownCase,
 ) -> None:
+    """Learning in flight flies the baseline then certified gains and knows nothing of the future."""
     learned = learned_value(newton.game, "certified", 0, predefined_time=2.0)
     gains, certified_from = certified_gains(newton.game, learned, 0.01)
     assert 0.0 < certified_from < 2.0

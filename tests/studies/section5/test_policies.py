@@ -162,7 +162,8 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
         )
 
 
-def test_a_constant_reference_has_a_constant_feedforward_and_a_free_motion_none(game: Game) -> None:
+def test_constant_reference_constant_feedforward_and_free_motion_none(game: Game) -> None:
+    """A constant reference has a constant feedforward and a free motion none."""
     P = solve_game(game).P
     level = np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0])
     P_s = exosystem_feedforward(game, P, exosystem(level, np.zeros(6)))

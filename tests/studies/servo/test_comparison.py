@@ -128,9 +128,8 @@ THEIRS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
-def test_the_numbers_of_simvfa_and_the_stored_ones_come_out_again(
-    published_aircraft: Model, case: str
-) -> None:
+def test_numbers_of_simvfa_stored_ones_come_out_again(published_aircraft: Model, case: str) -> None:
+    """The numbers of simvfa and the stored ones come out again."""
     flights = {flight.law: flight for flight in fly_case(published_aircraft, CASES[case], {})}
     for (where, law), theirs in THEIRS.items():
         if where == case:
@@ -145,7 +144,8 @@ def test_the_numbers_of_simvfa_and_the_stored_ones_come_out_again(
 
 
 @pytest.mark.slow
-def test_the_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -> None:
+def test_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -> None:
+    """The largest gust is where flights begin to end."""
     controller = designed_servo(published_aircraft)
     model = model_at(11.0)
     acting = Actuator(2, 2.0)
@@ -178,7 +178,8 @@ def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
 
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
-def test_20_ms_are_stood_at_half_the_effectiveness_and_a_planted_gain_is_not(dynamics: str) -> None:
+def test_20_ms_stood_half_effectiveness_planted_gain_not(dynamics: str) -> None:
+    """20 ms are stood at half the effectiveness and a planted gain is not."""
     aircraft = hfa.aircraft(dynamics)
     controller = designed_servo(aircraft)
     assert slowest_delayed(aircraft, controller, (0.0, 11.0, 20.0)) < 0.0
@@ -204,7 +205,8 @@ def test_the_stored_requirements_are_of_the_shipped_design(dynamics: str) -> Non
     assert A_Z in table.rows[0].loops
 
 
-def test_the_lags_of_the_air_reach_the_servo_and_make_its_loop_unstable() -> None:
+def test_lags_of_air_reach_servo_make_loop_unstable() -> None:
+    """The lags of the air reach the servo and make its loop unstable."""
     servo = design_controller(hfa.aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0]))
     assert margins("published", 5.0, servo, 1) == pytest.approx((-0.133, 1.63), abs=6e-3)
     assert margins("newton", 15.0, servo, 1) == pytest.approx((-0.101, 1.07), abs=6e-3)

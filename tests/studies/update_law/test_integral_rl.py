@@ -49,7 +49,8 @@ def test_integrals_are_those_of_the_flight() -> None:
 
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
-def test_each_iteration_is_the_value_of_the_last_policies(form: str) -> None:
+def test_each_iteration_is_the_value_of_last_policies(form: str) -> None:
+    """Each iteration is the value of the last policies."""
     law = stable_learning(form=form, iterations=4)
     weights = run(law).history["weights"]
     matrices = [law.basis.matrix(w) for w in weights]

@@ -121,7 +121,7 @@ def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
     assert np.linalg.norm(second) > 0.01 * np.linalg.norm(residuals)
 
 
-def test_explicit_steps_are_stable_below_the_limit_and_not_above() -> None:
+def test_explicit_steps_stable_below_limit_and_not_above() -> None:
     """Growth of a small disturbance of the weights under forward Euler, frozen policies."""
     sample = random_sample(3)
     gamma = 0.2
@@ -191,7 +191,8 @@ def test_defaults_are_those_of_the_paper() -> None:
 
 
 @pytest.mark.parametrize("kind", ["root", pytest.param("squared", marks=pytest.mark.slow)])
-def test_stored_policies_lead_to_their_own_value_in_the_time_of_the_theorem(kind: str) -> None:
+def test_stored_policies_lead_to_value_in_time_theorem(kind: str) -> None:
+    """Stored policies lead to their own value in the time of the theorem."""
     game, exact = published(PUBLISHED[1])
     recorded = reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P
     value = value_of_policies(game, recorded)
@@ -210,7 +211,8 @@ def test_stored_policies_lead_to_their_own_value_in_the_time_of_the_theorem(kind
     assert own[result.times >= 0.9 * 5.0 / 2.0].max() < 1e-8 * own[0]
 
 
-def test_reevaluated_policies_can_reach_the_game_from_a_stabilizing_start() -> None:
+def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
+    """Reevaluated policies can reach the game from a stabilizing start."""
     game, exact = published(PUBLISHED[1])
     start = tuple(
         QUADRATIC.weights(reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P)
@@ -221,7 +223,7 @@ def test_reevaluated_policies_can_reach_the_game_from_a_stabilizing_start() -> N
     assert relative_error(result.P, exact.P) < 1e-9
 
 
-def test_gains_by_hand_fly_with_the_plant_and_end_uncertified() -> None:
+def test_gains_by_hand_fly_with_plant_end_uncertified() -> None:
     """z' = A z + B û runs in parallel with the learning: Euler steps of both, against a
     hand-written loop."""
     game = stable_game()

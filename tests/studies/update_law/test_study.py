@@ -83,7 +83,8 @@ def test_another_outcome_is_seen() -> None:
             assert_same_outcome(other, row)
 
 
-def test_ends_that_hang_on_the_ninth_digit_of_the_start_are_told() -> None:
+def test_ends_hang_on_ninth_digit_of_start_told() -> None:
+    """Ends that hang on the ninth digit of the start are told."""
     row = COMMITTED["theorem gains, implicit"]
     assert {len(run["P_errors_nearby"]) for run in row["runs"]} == {2}
     hanging = [run for run in row["runs"] if by_rounding(run)]
@@ -105,7 +106,8 @@ def test_the_document_shows_the_stored_numbers() -> None:
     assert shown == table(STORED["rows"]).splitlines()[2:]
 
 
-def test_the_causes_that_the_document_gives_are_in_the_runs() -> None:
+def test_the_causes_that_document_gives_are_in_runs() -> None:
+    """The causes that the document gives are in the runs."""
     runs = [row["runs"] for row in COMMITTED.values()]
     assert sum(map(len, runs)) == 136
     explicit, implicit, raw, scaled, helped, frozen, rich, poor = runs

@@ -159,7 +159,7 @@ def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
     return 1 + size * ca.exp(-((50 * (dihedral - np.radians(degrees))) ** 2))
 
 
-def test_cos_squared_with_a_free_factor_fits_the_print_and_fails_outside(
+def test_cos_squared_fits_the_print_and_fails_outside(
     parameters: Parameters, published_aircraft: Model
 ) -> None:
     """Two printed angles fix its two constants and so cannot refute it; 30 ft/s up to 45 deg
@@ -189,7 +189,7 @@ def test_cos_squared_with_a_free_factor_fits_the_print_and_fails_outside(
     ("variant", "at_0", "at_45"),
     [(PrintedInertia(), -7.22, -9.06), (NewtonInertia(), -40.7, -17.7)],
 )
-def test_gibsons_figure_was_not_drawn_with_his_printed_hinge_inertia(
+def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
     parameters: Parameters, variant: Variant, at_0: float, at_45: float
 ) -> None:
     """The figure shows -7.25 at 0 and -7.85 at 45 deg: + and cos(η²)."""
@@ -202,7 +202,7 @@ def test_gibsons_figure_was_not_drawn_with_his_printed_hinge_inertia(
     "degrees",
     [pytest.param(each, marks=[pytest.mark.slow] if each != 15 else []) for each in ANGLES],
 )
-def test_an_inertia_that_is_off_at_one_angle_is_seen(
+def test_inertia_is_off_at_one_angle_is_seen(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, degrees: float
 ) -> None:
     """The hinge inertia is off by 2e-5, the pitch inertia by 3e-4."""

@@ -94,7 +94,8 @@ def test_the_policy_and_the_constants(folder: Path, aircraft: Model) -> None:
 @pytest.mark.parametrize(
     "aircraft", ["published", pytest.param("newton", marks=pytest.mark.slow)], indirect=True
 )
-def test_the_loop_of_100_hz_flies_and_has_a_static_footprint(folder: Path) -> None:
+def test_loop_of_100_hz_flies_and_static_footprint(folder: Path) -> None:
+    """The loop of 100 hz flies and has a static footprint."""
     assert list(ran(folder, EXAMPLE, SOURCE))[:2] == ["speed", "alpha"]
     text, data, bss, asked = footprint(folder, SOURCE)
     assert asked <= {
@@ -144,7 +145,8 @@ def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> No
         assert list(ran(tmp_path, EXAMPLE, SOURCE)) == list(model.states)
 
 
-def test_an_operation_that_c_does_not_have_is_named() -> None:
+def test_operation_that_c_does_not_have_is_named() -> None:
+    """An operation that c does not have is named."""
     x = ca.SX.sym("x")
     with pytest.raises(BadInputError, match="rates: the operation OP_ERF cannot be written as C"):
         c_function(ca.Function("f", [x], [ca.erf(x)]), "rates", ("x",), ("y",))
@@ -273,7 +275,8 @@ def test_a_step_is_the_exponential(controller: ScheduledController, law_folder: 
     assert "0.001 s or less" in (law_folder / LAW_HEADER).read_text("utf-8")
 
 
-def test_the_footprint_is_static_and_the_names_are_there(law_folder: Path) -> None:
+def test_the_footprint_is_static_and_names_are_there(law_folder: Path) -> None:
+    """The footprint is static and the names are there."""
     text, data, bss, asked = footprint(law_folder, LAW_SOURCE)
     assert asked <= {"fmin", "fmax", "ceil", "__stack_chk_fail"}
     assert text < 16_000
@@ -328,7 +331,7 @@ def without_memory_and_commands(aircraft: Model) -> ScheduledController:
 @pytest.mark.parametrize(
     "made", [with_memory, pytest.param(without_memory_and_commands, marks=pytest.mark.slow)]
 )
-def test_it_flies_what_we_fly_and_says_its_time(
+def test_it_flies_what_we_fly_and_says_time(
     made: Callable[[Model], ScheduledController],
     published_aircraft: Model,
     point: OperatingPoint,

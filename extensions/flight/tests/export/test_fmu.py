@@ -118,7 +118,8 @@ def test_60_seconds_are_ours(unit: Unit) -> None:
     assert abs(unit.known[-1, 0] - unit.known[0, 0]) > 0.1  # it moved
 
 
-def test_the_validator_is_content_and_sees_a_planted_unit(unit: Unit, tmp_path: Path) -> None:
+def test_the_validator_is_content_and_sees_planted_unit(unit: Unit, tmp_path: Path) -> None:
+    """The validator is content and sees a planted unit."""
     path = unit.path
     assert fmpy.validation.validate_fmu(str(path)) == []
     read = fmpy.read_model_description(str(path))
@@ -138,7 +139,8 @@ def test_the_validator_is_content_and_sees_a_planted_unit(unit: Unit, tmp_path: 
     assert fmpy.validation.validate_fmu(str(tmp_path / "wrong.fmu"))
 
 
-def test_a_state_is_kept_and_a_wrong_guid_refused(unit: Unit, tmp_path: Path) -> None:
+def test_a_state_is_kept_and_wrong_guid_refused(unit: Unit, tmp_path: Path) -> None:
+    """A state is kept and a wrong guid refused."""
     path = unit.path
     states = len(unit.loop.states)
     count = 2 * states + len(unit.loop.outputs) + len(unit.loop.inputs)
@@ -177,7 +179,7 @@ def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:
     compiled(tmp_path / "sources", "-Wno-shadow", "-fsyntax-only", fmu.WRAPPER, fmu.SOURCE)
 
 
-def test_a_model_interpolated_over_two_variables_is_an_fmu(tmp_path: Path) -> None:
+def test_a_model_interpolated_over_two_variables_is_fmu(tmp_path: Path) -> None:
     """Between the points of the grid, against another integrator with NumPy's A and B there; and of
     any model."""
     between = InterpolatedModel(

@@ -23,7 +23,8 @@ def model() -> InterpolatedModel:
     return InterpolatedModel(sweep(hfa.aircraft(), GRID))
 
 
-def test_it_is_exact_at_the_points_and_bilinear_between(model: InterpolatedModel) -> None:
+def test_it_is_exact_at_points_and_bilinear_between(model: InterpolatedModel) -> None:
+    """It is exact at the points and bilinear between."""
     exact = level_model(hfa.aircraft(), float(GRID["dihedral"][2]))
     here = model.at(dihedral=GRID["dihedral"][2], speed=68.0)
     np.testing.assert_allclose(here.A, exact.A, rtol=1e-9, atol=1e-9)
@@ -63,7 +64,7 @@ def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
     np.testing.assert_array_equal(function([0.5, 80.0])[2], function([eta[-1], 76.0])[2])
 
 
-def test_the_error_falls_with_the_square_of_the_step(model: InterpolatedModel) -> None:
+def test_the_error_falls_with_the_square_of_step(model: InterpolatedModel) -> None:
     """At the middles of the cells, where exact models are made anew."""
     finer = {name: np.linspace(axis[0], axis[-1], 2 * len(axis) - 1) for name, axis in GRID.items()}
     errors = []

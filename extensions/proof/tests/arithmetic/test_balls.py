@@ -32,7 +32,8 @@ def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
 
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
-def test_the_rest_along_a_box_is_of_third_order(dynamics: str) -> None:
+def test_the_rest_along_box_is_of_third_order(dynamics: str) -> None:
+    """The rest along a box is of third order."""
     function = BallFunction(rates_function(VARIANTS[dynamics]))
     point = model_at(12.0, dynamics).point
     parameters = hfa_model.parameters_of(family(dynamics).model)
@@ -116,7 +117,7 @@ def test_errors_of_parameters_are_carried_to_first_order() -> None:
     )
 
 
-def test_a_number_over_a_taylor_model_and_a_taylor_model_over_a_number() -> None:
+def test_number_over_taylor_model_taylor_model_over_number() -> None:
     """2 / (3 + s / 5) and its inverse, at random s."""
     model = TaylorModel(arb(3), arb(0.2))
     for found, exact in (

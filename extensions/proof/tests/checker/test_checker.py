@@ -28,7 +28,8 @@ Content = dict[str, Any]
 
 
 @pytest.mark.parametrize("kind", PROOFS)
-def test_what_was_proved_is_verified_and_all_of_it_is_reported(kind: str, tmp_path: Path) -> None:
+def test_what_was_proved_verified_and_all_of_reported(kind: str, tmp_path: Path) -> None:
+    """What was proved is verified and all of it is reported."""
     path = forge(tmp_path / "own.json", certificate(kind))
     verified = check_certificate(path, model=model_of(kind))
     assert content_of(verified.statement) == certificate(kind)["statement"]
@@ -38,7 +39,8 @@ def test_what_was_proved_is_verified_and_all_of_it_is_reported(kind: str, tmp_pa
     assert report.data["statement_sha256"][:16] in report.text()
 
 
-def test_a_statement_is_read_back_as_it_was_written() -> None:
+def test_statement_is_read_back_as_it_was_written() -> None:
+    """A statement is read back as it was written."""
     for kind in PROOFS:
         own = certificate(kind)
         statement = read_statement(own["kind"], copy.deepcopy(own["statement"]), model_of(kind))
@@ -46,9 +48,8 @@ def test_a_statement_is_read_back_as_it_was_written() -> None:
 
 
 @pytest.mark.parametrize("name", ["loop", "modes", "motion"])
-def test_what_no_box_proves_is_refused_unless_it_is_said_to_be_open(
-    name: str, tmp_path: Path
-) -> None:
+def test_what_no_box_proves_refused_unless_said_open(name: str, tmp_path: Path) -> None:
+    """What no box proves is refused unless it is said to be open."""
     own = copy.deepcopy(certificate("rate"))
     boxes = own["witness"]["motion"]["boxes"] if name == "motion" else own["witness"][name]
     last = boxes.pop()["range"]
@@ -96,7 +97,7 @@ def test_what_is_no_certificate_is_said(tmp_path: Path, text: str) -> None:
         check_certificate(path)
 
 
-def test_where_alpha_is_free_the_derivative_follows_the_pitch_with_it(
+def test_where_alpha_is_free_derivative_follows_pitch_with(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Derivatives of the trim's equations along each unknown, compared with central differences;

@@ -218,7 +218,8 @@ def test_more_equations_than_unknowns_have_no_trim() -> None:
         _root_offsets([_one(0.0), _one(0.0)], slopes, [arb(1)])
 
 
-def test_bounds_of_a_distance_hold_all_of_a_box() -> None:
+def test_bounds_of_a_distance_hold_all_of_box() -> None:
+    """Bounds of a distance hold all of a box."""
     least, most = distance_bounds(_one(3.0, 0.5, 0.0, 0.0), None)
     assert least <= 2.5
     assert most >= 3.5

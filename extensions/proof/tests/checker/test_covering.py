@@ -81,7 +81,8 @@ def test_ends_that_are_no_numbers_are_refused(end: float) -> None:
         assert not is_covered([interval], [[interval]])
 
 
-def test_reversed_ends_and_other_numbers_of_coordinates_are_refused() -> None:
+def test_reversed_ends_and_other_numbers_of_coordinates_refused() -> None:
+    """Reversed ends and other numbers of coordinates are refused."""
     assert not is_covered([(1.0, 0.0)], [[(0.0, 1.0)]])
     assert not is_covered([(0.0, 1.0)], [[(1.0, 0.0)]])
     assert not is_covered([(0.0, 1.0)], [[(0.0, 1.0)], [(2.0, -1.0)]])
@@ -95,7 +96,8 @@ def test_a_gap_of_one_double_is_one() -> None:
     assert is_covered([(0.0, 1.0)], [[(0.5, 1.0)], [(0.0, 0.5)]])
 
 
-def test_points_inside_an_interval_are_no_evidence_for_it() -> None:
+def test_points_inside_interval_are_no_evidence_for_it() -> None:
+    """Points inside an interval are no evidence for it."""
     points = [[(value, value)] for value in np.linspace(0.0, 1.0, 11).tolist()]
     assert not is_covered([(0.0, 1.0)], points)
     assert is_covered([(0.5, 0.5)], points)

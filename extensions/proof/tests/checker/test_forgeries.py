@@ -131,7 +131,7 @@ def test_a_known_forgery_is_refused(name: str, tmp_path: Path) -> None:
     assert_refused(made, kind, tmp_path / "forged.json")
 
 
-def test_the_other_trim_has_a_certificate_of_its_own(tmp_path: Path) -> None:
+def test_the_other_trim_has_certificate_of_its_own(tmp_path: Path) -> None:
     """The certificate is refused as evidence about the first trim and accepted for its own; both
     are named."""
     for kind in ("two trims", "one of two"):

@@ -117,9 +117,8 @@ def test_there_are_thousands_of_them() -> None:
 
 
 @pytest.mark.parametrize("kind", ["scalar", "plant", *LARGE_GAMES])
-def test_a_wrong_critic_of_which_nothing_is_claimed_is_not_proved(
-    kind: str, tmp_path: Path
-) -> None:
+def test_wrong_critic_of_nothing_is_claimed_not_proved(kind: str, tmp_path: Path) -> None:
+    """A wrong critic of which nothing is claimed is not proved."""
     for name, change in wrong_critics_without_a_claim(kind).items():
         made = changed(kind, change)
         assert made is not None
@@ -132,7 +131,8 @@ def test_a_wrong_critic_of_which_nothing_is_claimed_is_not_proved(
             assert report.title.startswith("Verified, proved") is report.data["proved"], name
 
 
-def test_the_gain_of_a_refuted_critic_is_in_the_first_line(tmp_path: Path) -> None:
+def test_gain_of_refuted_critic_is_in_first_line(tmp_path: Path) -> None:
+    """The gain of a refuted critic is in the first line."""
     made = changed(
         "plant",
         put(array(lambda K: -5.0 * K), *CLAIM, "critic", "K"),
@@ -169,7 +169,8 @@ def test_no_piece_proves_no_bandwidth(
     assert checked(made, "actuators", tmp_path) is None
 
 
-def test_a_decay_rate_of_loops_of_which_nothing_is_proved_is_refused(tmp_path: Path) -> None:
+def test_decay_rate_of_loops_of_nothing_proved_refused(tmp_path: Path) -> None:
+    """A decay rate of loops of which nothing is proved is refused."""
     opened = put(lambda runs: [[runs[0][0], runs[-1][1], 0, 6]], *CLAIM, "loop")
     made = changed("rate", opened, put(1e6, *CLAIM, "decay_rate"))
     assert made is not None

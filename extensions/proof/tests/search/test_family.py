@@ -52,7 +52,8 @@ def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) ->
 
 
 @pytest.mark.parametrize("name", ["panel_mass", "hinge_damping"])
-def test_what_the_error_of_a_parameter_does_lies_in_its_enclosure(name: str) -> None:
+def test_what_error_of_parameter_does_lies_in_enclosure(name: str) -> None:
+    """What the error of a parameter does lies in its enclosure."""
     values = default_parameters().values
     ends = []
     width = 1e-4 * getattr(values, name)
@@ -77,7 +78,7 @@ def test_the_remainder_shrinks_with_the_third_power() -> None:
     assert np.all((orders > 2.8) & (orders < 3.6))
 
 
-def test_where_there_is_no_enclosure_no_trim_or_none_within_limits_is_said() -> None:
+def test_an_interval_without_a_trim_is_named() -> None:
     """Beyond 40 deg elevator_center reaches 30 deg: a box that ends just before the last trim
     cannot rule it out."""
     search = TrimSearch(family(), 0.0, 50.0)
@@ -112,7 +113,8 @@ def test_doubles_alone_give_a_sharper_model() -> None:
     assert 1e-16 < float(models[1][3, 1].rad()) < 1e-11
 
 
-def test_trims_that_a_statement_is_not_about_are_refused() -> None:
+def test_trims_that_statement_is_not_about_are_refused() -> None:
+    """Trims that a statement is not about are refused."""
     flights = family()
     flights.check(0.0, 20.0)
     assert len(flights.condition(10.0).free) == 4

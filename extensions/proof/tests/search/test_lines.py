@@ -43,14 +43,15 @@ def test_an_eigenvalue_on_the_axis_is_left_open(A: list[list[float]]) -> None:
     assert unstable_modes(matrix(A)) is None
 
 
-def test_a_ball_that_holds_both_and_dependent_eigenvectors_are_left_open() -> None:
+def test_ball_holds_both_and_dependent_eigenvectors_left_open() -> None:
+    """A ball that holds both and dependent eigenvectors are left open."""
     A = np.diag([-1.0, -1e-9])
     assert unstable_modes(matrix(A)) == 0
     assert unstable_modes(widened(A, np.full((2, 2), 2e-9))) is None
     assert unstable_modes(matrix(np.array([[-1.0, 1.0], [0.0, -1.0]]))) in (0, None)
 
 
-def test_additions_that_do_less_than_their_entries_could_are_counted() -> None:
+def test_additions_do_less_than_entries_could_are_counted() -> None:
     """|E| <= N with a spectral radius of |Re λ|⁻¹ N below 1, though |Re λ|⁻¹ does not prove it."""
     A = np.diag([-1.0, -1.5])
     N = np.array([[0.0, 2.0], [0.3, 0.0]])
@@ -67,7 +68,7 @@ def test_additions_that_do_less_than_their_entries_could_are_counted() -> None:
         ([[-1.0, 1.0], [0.0, -1.0]], (0, 0)),
     ],
 )
-def test_modes_on_the_axis_are_bounded_from_both_sides(
+def test_modes_on_axis_are_bounded_from_both_sides(
     A: list[list[float]], bounds: tuple[int, int]
 ) -> None:
     """A double integrator has two modes on the axis, and dependent eigenvectors."""
@@ -87,5 +88,6 @@ def test_modes_on_the_axis_are_bounded_from_both_sides(
         (np.array([[0.0, 1.0], [1.0, 0.0]]), -1),
     ],
 )
-def test_the_sign_of_the_lowest_eigenvalue_is_decided_exactly(Q: np.ndarray, sign: int) -> None:
+def test_the_sign_of_lowest_eigenvalue_is_decided_exactly(Q: np.ndarray, sign: int) -> None:
+    """The sign of the lowest eigenvalue is decided exactly."""
     assert lowest_sign(Q) == sign

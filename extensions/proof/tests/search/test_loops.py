@@ -105,9 +105,7 @@ def test_the_loop_is_that_of_its_parts(order: int) -> None:
 
 
 @pytest.mark.parametrize("apart", [0.0, 200.0])
-def test_a_loop_with_memory_may_move_as_fast_as_is_proved_and_verified(
-    tmp_path: Any, apart: float
-) -> None:
+def test_loop_with_memory_may_move_fast_proved_verified(tmp_path: Any, apart: float) -> None:
     """Filters and actuators of different speed, and of the same: modes that are equal, in their
     vectors too."""
     speeds = np.diag(np.linspace(400.0, 400.0 + apart, len(SENSORS)))
@@ -129,7 +127,8 @@ def test_a_loop_with_memory_may_move_as_fast_as_is_proved_and_verified(
         check_certificate(forge(tmp_path / "certificate.json", faster))
 
 
-def test_a_lag_that_is_too_long_is_refuted_and_what_a_proof_does_not_take_is_said() -> None:
+def test_too_long_a_lag_is_refuted() -> None:
+    """A lag that is too long is refuted and what a proof does not take is said."""
     model = family().model
     loop = loop_of_servo(filtered(lag=20.0), fast(), model)
     proof = prove_schedule(family(), loop, 14.0, 14.25)
@@ -138,7 +137,7 @@ def test_a_lag_that_is_too_long_is_refuted_and_what_a_proof_does_not_take_is_sai
         loop_of_servo(filtered(), {}, model)
 
 
-def test_an_output_that_reaches_the_inputs_at_once_is_part_of_the_loop() -> None:
+def test_output_reaches_inputs_at_once_part_of_loop() -> None:
     """Feedback of the acceleration itself: the loop is the one of doubles, by central numbers."""
     model = model_at(14.0)
     loop = loop_of_servo(filtered(direct=1e-5), fast(), family().model)
@@ -155,9 +154,7 @@ def test_an_output_that_reaches_the_inputs_at_once_is_part_of_the_loop() -> None
 @pytest.mark.parametrize(
     ("delay", "slowest"), [(0.02, 1.8), pytest.param(0.5, 1.8, marks=pytest.mark.slow), (0.0, 0.02)]
 )
-def test_a_loop_through_actuators_is_proved_and_beyond_the_true_limit_left_open(
-    delay: float, slowest: float
-) -> None:
+def test_a_loop_with_actuators_is_proved_or_open(delay: float, slowest: float) -> None:
     """By the delay equation's own eigenvalues the loop stands 0.02 s and not 0.5 s; actuators of
     0.02 rad/s leave the aircraft, which is unstable at 14 deg, to itself."""
     loop = through_actuators(14.0, 14.125, delay=delay, slowest=slowest)
@@ -183,7 +180,7 @@ def test_a_loop_through_actuators_is_proved_and_beyond_the_true_limit_left_open(
         assert delayed_abscissa(loop, model.A, model.B, w, arrives, seconds, 14.0) < 0.0
 
 
-def test_one_lyapunov_function_serves_its_points_and_none_is_found_for_an_unstable_one() -> None:
+def test_one_lyapunov_function_serves_all_stable_points() -> None:
     """x' = -x + k (x + d) with |d| <= |x|/2, k from 0 to 0.5: V = x² decreases; with k up to 0.7 it
     does not."""
     for most, exists in ((0.5, True), (0.7, False)):
@@ -229,7 +226,8 @@ def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
     assert prove_schedule(flights, negated, 160.0, 161.0).data["refuted"]
 
 
-def test_the_gtm_is_proved_and_verified_by_the_command(tmp_path: Any) -> None:
+def test_the_gtm_is_proved_and_verified_by_command(tmp_path: Any) -> None:
+    """The gtm is proved and verified by the command."""
     own = ("--aircraft", "examples/gtm.py:GTM")
     saved = str(tmp_path / "gtm.json")
     assert (
@@ -245,7 +243,7 @@ def test_the_gtm_is_proved_and_verified_by_the_command(tmp_path: Any) -> None:
     ("kink", "proved"),
     [(ca.fabs, None), (lambda v: ca.fmax(v, 0), 1), (lambda v: ca.fmin(v, 1), 0)],
 )
-def test_a_kink_is_refused_by_name_unless_balls_decide_it(kink: Any, proved: int | None) -> None:
+def test_kink_is_refused_by_name_unless_balls_decide(kink: Any, proved: int | None) -> None:
     """v' = u - p v + kink(v) at v = 1, the parameter p scheduled: proved away from the kink, and
     open at it."""
     model = Model(

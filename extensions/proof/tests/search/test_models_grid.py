@@ -17,7 +17,8 @@ from hfa_proof.search.checked_report import checked_report
 WITHIN = 4.9e-4
 
 
-def test_the_error_stays_below_its_bound_and_not_far(tmp_path: Path) -> None:
+def test_error_stays_below_its_bound_and_not_far(tmp_path: Path) -> None:
+    """The error stays below its bound and not far."""
     grid = prove_models(family(), 14.0, 14.5, WITHIN)
     data = grid.data
     report = grid.report()

@@ -84,7 +84,7 @@ def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
     assert max(fastest) > 0.0
 
 
-def test_a_rate_that_the_search_is_wrong_about_is_not_proved(
+def test_rate_search_is_wrong_about_is_not_proved(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Half as fast again as the same function allows; the loop is proved."""
@@ -98,9 +98,10 @@ def test_a_rate_that_the_search_is_wrong_about_is_not_proved(
 @pytest.mark.parametrize(
     ("end", "unstable"), [(15.03, 1), pytest.param(15.06, 0, marks=pytest.mark.slow)]
 )
-def test_an_instability_between_two_angles_is_found_and_refuted(
+def test_instability_between_two_angles_is_found_and_refuted(
     end: float, unstable: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """An instability between two angles is found and refuted."""
     if end < 15.06:  # boxes twice as wide take less time
         monkeypatch.setattr("hfa_proof.search.schedule_proof.NARROWEST", 2.0**-9)
     loop = unstable_between(15.0, 15.06)
@@ -138,7 +139,7 @@ def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
     assert proof.proved
 
 
-def test_how_many_modes_may_be_unstable_within_the_errors_is_said() -> None:
+def test_how_many_modes_may_unstable_within_errors_said() -> None:
     """At 11.5 deg `published` has none or two unstable modes, which depends on the parameters; four
     are far left."""
     wide = replace(family(), spread=default_parameters().standard_errors)
@@ -147,7 +148,7 @@ def test_how_many_modes_may_be_unstable_within_the_errors_is_said() -> None:
 
 
 @pytest.mark.slow
-def test_an_interrupted_proof_is_continued_to_the_same_bits(
+def test_an_interrupted_proof_is_continued_to_same_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After the loop of a part, and after the modes of A of a part."""

@@ -30,7 +30,8 @@ ONE = np.eye(1)
 
 
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
-def test_the_solution_of_the_paper_s_game_is_proved(dynamics: str) -> None:
+def test_the_solution_of_paper_s_game_is_proved(dynamics: str) -> None:
+    """The solution of the paper s game is proved."""
     proof = prove_solution(game_at(15.0, dynamics), family(dynamics), 15.0)
     assert proof.proved
     assert ("A - S P is Hurwitz", "proved") in proof.report().parts[0].rows
@@ -103,7 +104,8 @@ def test_a_plant_with_integrators_is_proved(A: list[list[float]], tmp_path: Path
     assert "A has 0 to 2 unstable modes" in verified.text()
 
 
-def test_a_q_that_is_not_quite_semidefinite_is_refused() -> None:
+def test_q_that_is_not_quite_semidefinite_is_refused() -> None:
+    """A q that is not quite semidefinite is refused."""
     game = Game(A=-np.eye(2), B=np.eye(2), E=np.eye(2), Q=np.eye(2), R=np.eye(2), delta=5.0)
     slightly = replace(game, Q=np.array([[1.0, 1.0], [1.0, np.nextafter(1.0, 0.0)]]))
     with pytest.raises(NoSolutionError, match="Q has a negative eigenvalue in exact arithmetic"):
@@ -118,7 +120,8 @@ def test_the_search_says_what_it_does() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-3])
-def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
+def test_spoiled_critic_is_as_far_as_it_moved(size: float) -> None:
+    """A spoiled critic is as far as it was moved."""
     game = game_at(15.0)
     functions = basis("quadratic", 6)
     exact = solve_game(game)
@@ -132,7 +135,8 @@ def test_a_spoiled_critic_is_as_far_as_it_was_moved(size: float) -> None:
     assert proof.data["closed_loop_hurwitz"]
 
 
-def test_what_has_no_value_or_does_not_fit_is_refused() -> None:
+def test_what_has_no_value_or_not_fit_refused() -> None:
+    """What has no value or does not fit is refused."""
     with pytest.raises(NoSolutionError, match="delta_min"):
         prove_solution(game_at(15.0).with_delta(50.0))
     square = ca.Function("square", [x := ca.SX.sym("x", 6)], [x.T @ x])
@@ -140,7 +144,8 @@ def test_what_has_no_value_or_does_not_fit_is_refused() -> None:
         prove_critic(game_at(15.0), from_network(game_at(15.0), square))
 
 
-def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_path: Path) -> None:
+def test_a_plant_below_delta_min_has_a_certificate(tmp_path: Path) -> None:
+    """A plant of a file with an eigenvalue on the axis below delta min."""
     own = content(proved("scalar"))
     assert "frequencies" in own["witness"]
     data = checked_report(check_certificate(forge(tmp_path / "scalar.json", own))).data
@@ -150,9 +155,10 @@ def test_a_plant_of_a_file_with_an_eigenvalue_on_the_axis_below_delta_min(tmp_pa
         check_certificate(forge(tmp_path / "scalar.json", own))
 
 
-def test_a_gain_that_does_not_stabilize_is_certified_so_and_one_on_the_axis_is_not(
+def test_an_unstable_gain_is_certified_as_such(
     tmp_path: Path,
 ) -> None:
+    """A gain that does not stabilize is certified so and one on the axis is not."""
     proof = prove_critic(game_at(15.0), from_gain(game_at(15.0), np.zeros((5, 6))))
     assert proof.data["closed_loop_hurwitz"] is False
     assert (
