@@ -320,9 +320,7 @@ def pencil_of(
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("degrees", [5.0, 11.0, 20.0])
-def test_two_surfaces_alone_leave_the_phugoid_undamped(
-    dynamics: str, degrees: float
-) -> None:
+def test_two_surfaces_alone_leave_the_phugoid_undamped(dynamics: str, degrees: float) -> None:
     """s at which [A - s I, B; C, D] loses rank: poles of the loop that holds both outputs as
     tightly as can be. With two surfaces they are at 0.67 rad/s, which gusts excite, and in the
     right half plane; pitch in the place of A_z has none there. With the inputs of the servo the
