@@ -5,9 +5,9 @@ Forces and moments, with q̄ the dynamic pressure, S, b, c the wing's area, span
     L, D, Y = q̄ S (C_L, C_D, C_Y),  moments = q̄ S (b C_l, c C_m, b C_n)
 
 Each coefficient is linear in alpha - alpha_0, beta, p b/2V, q c/2V, r b/2V, alphadot c/2V, the Mach
-number less that of the condition, and the deflections. C_D also has C_D,CL2 C_L². The moments and
-the inertias are about the body axes in which alpha_0 is the angle of attack of the condition: with
-alpha_0 = 0 these are the stability axes.
+number less that of the condition, and the deflections. C_D also has C_D,CL2 C_L². Inertias are
+about the body axes in which alpha_0 is the angle of attack of the condition; so are C_l, C_n, p and
+r, or about the stability axes, turned from these by alpha_0.
 """
 
 from __future__ import annotations
@@ -136,6 +136,8 @@ class _Equations:
         self._angle = values.get("thrust_angle", 0.0)
         self._height = values.get("thrust_height", 0.0)
         self._alpha = values.get("alpha", 0.0)
+        #: Turns components in the axes of the coefficients into those in body axes.
+        self._turn = wind_axes(self._alpha if table.axes == "stability" else 0.0, 0.0)
         sound = float(air_at(values.get("altitude", 0.0), table.system).sound)
         self._mach = values["speed"] / sound
 
@@ -143,7 +145,8 @@ class _Equations:
         """Rates and outputs."""
         sizes = SimpleNamespace(**self._table.values)
         motion = Motion(x, p.gravity, self._table.system)
-        arguments = self._arguments(x, u, motion.mach - self._mach)
+        rates = ca.mtimes(self._turn.T, motion.rates)
+        arguments = self._arguments(x, u, rates, motion.mach - self._mach)
         lift = self._coefficient("CL", p, arguments)
         drag = self._coefficient("CD", p, arguments) + self._value(p, INDUCED) * lift**2
         side = self._coefficient("CY", p, arguments)
@@ -161,15 +164,20 @@ class _Equations:
         moments = [self._coefficient(name, p, arguments) for name in ("Cl", "Cm", "Cn")]
         arms = ca.vertcat(sizes.span, sizes.chord, sizes.span)
         pitching = ca.vertcat(0.0, self._height * u.thrust * ca.cos(self._angle), 0.0)
-        moment = force * arms * ca.vertcat(*moments) - pitching
+        moment = ca.mtimes(self._turn, force * arms * ca.vertcat(*moments)) - pitching
         inertia = inertia_matrix((p.Ixx, p.Iyy, p.Izz), (0.0, p.Ixz, 0.0))
-        rates, outputs = motion.rates_and_outputs(specific + lag_force / p.mass, moment, inertia)
+        specific += lag_force / p.mass
+        state_rates, outputs = motion.rates_and_outputs(specific, moment, inertia)
         coefficients = {"lift_coefficient": lift + lift_lag, "drag_coefficient": drag + drag_lag}
-        return rates, outputs | coefficients
+        return state_rates, outputs | coefficients
 
-    def _arguments(self, x: Any, u: Any, mach: Any) -> dict[str, Any]:
+    def _arguments(self, x: Any, u: Any, rates: Any, mach: Any) -> dict[str, Any]:
         """Return the variables in which the coefficients are linear, except alphadot, by the suffix
-        of their derivatives."""
+        of their derivatives.
+
+        rates: (3,) of rotation about the axes of the coefficients. mach: less that of the
+        condition.
+        """
         sizes = self._table.values
         half_span = sizes["span"] / (2.0 * x.speed)
         half_chord = sizes["chord"] / (2.0 * x.speed)
@@ -178,9 +186,9 @@ class _Equations:
             "0": 1.0,
             "alpha": x.alpha - self._alpha,
             "beta": x.beta,
-            "p": x.roll_rate * half_span,
-            "q": x.pitch_rate * half_chord,
-            "r": x.yaw_rate * half_span,
+            "p": rates[0] * half_span,
+            "q": rates[1] * half_chord,
+            "r": rates[2] * half_span,
             "mach": mach,
             **deflections,
         }

@@ -33,6 +33,7 @@ _TEXTS: dict[str, tuple[str, ...] | None] = {
     "source": None,
     "units": SYSTEMS,
     "per": ("rad", "deg"),
+    "axes": ("body", "stability"),
 }
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
 
@@ -62,6 +63,7 @@ class Table:
     meanings: name -> the derivative that it means.
     surfaces: control surface -> its limits, rad.
     thrust: its limits.
+    axes: of the rolling and yawing moments and rates, "body" or "stability".
     """
 
     name: str
@@ -72,6 +74,7 @@ class Table:
     meanings: Mapping[str, Derivative]
     surfaces: Mapping[str, tuple[float, float]]
     thrust: tuple[float, float]
+    axes: str
 
     def unit(self, name: str) -> str:
         """The unit of an entry that is no derivative."""
@@ -164,7 +167,8 @@ def _checked(entries: dict[str, Entry], source: tuple[str, str], stem: str) -> T
     _refuse_missing(values, derivatives, source[0] or "the table")
     _refuse_sizes(values, entries)
     name = texts["name"] or stem
-    return Table(name, system, source, values, derivatives, meanings, limits, thrust)
+    axes = texts["axes"] or "body"
+    return Table(name, system, source, values, derivatives, meanings, limits, thrust, axes)
 
 
 def _text(name: str, entries: Mapping[str, Entry]) -> str:
