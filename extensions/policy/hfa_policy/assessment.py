@@ -30,7 +30,7 @@ from hfa_policy.reach import (
     seconds_to_converge,
 )
 from hfa_policy.rough_flights import RoughFlights
-from hfa_policy.sampled_loop import Chain, Delays, Margins, chain_of, delays, margins
+from hfa_policy.sampled_loop import Chain, Delays, Margins, chain_of, delays, margins, slowest_swing
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
@@ -238,19 +238,29 @@ class Assessor:
             if np.isfinite(states[number]).all():
                 elsewhere = search.from_point(states[number], inputs[number])
                 equilibrium = _nearer(equilibrium, elsewhere, states[number], search, widths)
-            places.append(self._place(search.point, widths, equilibrium))
+            places.append(self._place(search, widths, equilibrium))
         return places
 
     def _place(
-        self, point: OperatingPoint, widths: np.ndarray, equilibrium: Equilibrium | None
+        self, search: EquilibriumSearch, widths: np.ndarray, equilibrium: Equilibrium | None
     ) -> Place:
         """The trim with its equilibrium and the modes within reach."""
+        point = search.point
         if equilibrium is None:
             return Place(point, widths, None, False, steady=self.steady)
         reach = reach_of(self.deployed, equilibrium, widths)
-        radius = self._chain(reach).radius
-        seconds = seconds_to_converge(radius, self.deployed.deployment.dt)
-        return Place(point, widths, equilibrium, radius < 1.0, reach, seconds, self.steady)
+        chain = self._chain(reach)
+        return Place(
+            point,
+            widths,
+            equilibrium,
+            stable=chain.radius < 1.0,
+            reach=reach,
+            seconds=seconds_to_converge(chain.radius, chain.dt),
+            swing=slowest_swing(chain),
+            drift=search.drift(equilibrium),
+            steady=self.steady,
+        )
 
     def _widths(self, point: OperatingPoint) -> np.ndarray:
         widths = start_box(self.deployed.model, point)

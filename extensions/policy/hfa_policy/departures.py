@@ -44,15 +44,15 @@ def first_departure(
     X, *_, push, _ = flight.slices
     advance = RowFunction(flight.sample())
     moving = rows.copy()
-    for number in range(round(seconds / flight.dt)):
-        if number == round(pushed / flight.dt):
-            moving[:, push] = 0.0
-        moving = advance(moving)[0]
+    for number in range(round(seconds / flight.dt) + 1):
         left = ~envelope.within(moving[:, X]).all(axis=1)
         if left.any():
             first = int(np.argmax(left))
-            times = np.array([(number + 1) * flight.dt])
+            times = np.array([number * flight.dt])
             return first, departure(envelope, times, moving[first, X][None], False)
+        if number == round(pushed / flight.dt):
+            moving[:, push] = 0.0
+        moving = advance(moving)[0]
     return 0, None
 
 

@@ -125,6 +125,22 @@ class EquilibriumSearch:
         z[self.moving] = start[self.moving]
         return self._by_newton(z) or self._by_newton(self._least(z))
 
+    def drift(self, equilibrium: Equilibrium) -> np.ndarray:
+        """Return the slopes (k, n) of the linear states of the equilibrium with respect to the
+        states outside the linear model, by the implicit function theorem; 0 for the others."""
+        X, U = equilibrium.states, equilibrium.inputs
+        z = np.concatenate([X, U])
+        others = [number for number in range(len(X)) if number not in self.rows]
+        _, jacobian = self._system(z)
+        _, by_states, _ = self.deployed.command_slopes(X, U, self.trim)
+        by_others = -np.array(by_states)[np.ix_(self.columns, others)]
+        moved = np.vstack([self.model.at(X, U).A[np.ix_(self.rows, others)], by_others])
+        scaled = jacobian * self.scales / self.residual_scales[:, None]
+        steps = np.linalg.lstsq(scaled, -moved / self.residual_scales[:, None], rcond=1e-12)[0]
+        slopes = np.zeros((len(self.rows), len(X)))
+        slopes[:, others] = (steps * self.scales[:, None])[: len(self.rows)]
+        return slopes
+
     def _least(self, z: np.ndarray) -> np.ndarray:
         """Return the z with the least residual nearby, by the method of Levenberg and Marquardt."""
         from scipy.optimize import least_squares

@@ -3,6 +3,7 @@ neither."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,6 +83,9 @@ class Place:
         then converged.
     reach: states that the actions move there; None without an equilibrium.
     seconds: length of a flight.
+    swing: s, half a period of the slowest oscillation about the equilibrium.
+    drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model;
+        flights converge to the equilibrium at their altitude.
     steady: the trim with the rates of the equilibrium; default: the point.
     """
 
@@ -91,6 +95,8 @@ class Place:
     stable: bool
     reach: Reach | None = None
     seconds: float = HORIZON
+    swing: float = 0.0
+    drift: np.ndarray | None = None
     steady: OperatingPoint | None = None
 
     @property
@@ -175,9 +181,17 @@ class FlownRows:
             for place in places
         ]
         self.centres = np.array(centres)[owners]
+        self.trims = np.array([place.point.states for place in places], dtype=float)[owners]
+        still = np.zeros((len(model.linear), len(model.states)))
+        drifts = [still if place.drift is None else place.drift for place in places]
+        self.drifts = np.array(drifts)[owners]
         self.balls = np.array([BALL * place.box for place in places])[owners]
         self.stable = np.array([place.stable for place in places])[owners]
         self.judged = np.array([place.judged for place in places])[owners]
+        window = flight.samples_in_window * flight.dt
+        enough = [2 + math.ceil(place.swing / window - 1e-9) for place in places]
+        self.enough = np.array(enough)[owners]
+        self.in_ball = np.zeros(len(rows), dtype=int)
         self.nearest = np.full(len(rows), np.inf)
         self.earlier = np.full(len(rows), np.inf)
         self.standing = np.zeros(len(rows), dtype=int)
@@ -243,18 +257,19 @@ class FlownRows:
         _, _, low_X, high_X, *_ = self.flight.slices
         lowest = rows[:, low_X][:, self.linear]
         highest = rows[:, high_X][:, self.linear]
-        centre = self.centres[flying]
+        moved = rows[:, self.flight.slices[0]] - self.trims[flying]
+        centre = self.centres[flying] + np.einsum("nij,nj->ni", self.drifts[flying], moved)
         farthest = np.maximum(highest - centre, centre - lowest) / self.balls[flying]
         judged = self.judged[flying]
         distance = np.nan_to_num(np.where(judged, farthest, 0.0).max(axis=1), nan=np.inf)
         return distance, np.where(judged, (highest - lowest) / 2.0 / self.balls[flying], 0.0)
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """Return the mask of the flights about a stable equilibrium that stayed in the ball for two
-        windows."""
-        before = self.nearest[flying]
-        in_ball = (distance <= 1.0) & (before <= 1.0)
-        return np.asarray(self.stable[flying] & in_ball & (distance <= before))
+        """Return the mask of the flights about a stable equilibrium that stayed in the ball for so
+        many windows that an oscillation would have left it."""
+        self.in_ball[flying] = np.where(distance <= 1.0, self.in_ball[flying] + 1, 0)
+        stays = self.in_ball[flying] >= self.enough[flying]
+        return np.asarray(self.stable[flying] & stays & (distance <= self.nearest[flying]))
 
     def _standing(self, flying: np.ndarray, distance: np.ndarray, swings: np.ndarray) -> np.ndarray:
         """Return the mask of the flights that have been at another equilibrium for long enough."""

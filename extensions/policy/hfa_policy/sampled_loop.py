@@ -24,6 +24,8 @@ from hfa_policy.equilibrium import Equilibrium
 
 #: Seconds of delay up to which the delay that is lost is sought.
 MOST_SECONDS = 3.0
+#: An oscillation is damped where half a period leaves no more than this part of it.
+_DAMPED = 0.05
 #: Parts of a sample in which the last one is searched.
 _PARTS = 20
 #: A delay within this part of a sample of a whole number of them is that number.
@@ -65,6 +67,16 @@ class Chain(NamedTuple):
     def radius(self) -> float:
         """The spectral radius of the closed loop."""
         return abs(self.slowest)
+
+
+def slowest_swing(chain: Chain) -> float:
+    """Half the period, s, of the slowest oscillation of a loop that half a period does not damp to
+    a twentieth; 0 without one."""
+    values = np.linalg.eigvals(chain.closed)
+    values = values[np.angle(values) != 0.0]
+    halves = math.pi * chain.dt / np.abs(np.angle(values))
+    remaining = np.abs(values) ** (halves / chain.dt)
+    return float(halves[remaining > _DAMPED].max(initial=0.0))
 
 
 def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
