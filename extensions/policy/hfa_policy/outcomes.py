@@ -110,7 +110,8 @@ class Outcome(Result):
     """The outcomes of the flights of one place.
 
     starts: number of flights.
-    returned: number that converged: within the ball about the equilibrium for 1 s.
+    returned: number that converged: within the ball about the equilibrium for half a period of the
+        slowest oscillation and two seconds, or at the end.
     lost: number that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
     worst_ends: "lost", "is not back" or "returns", the end of the worst flight.

@@ -14,7 +14,7 @@ import hfa
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor
 from hfa_policy.cost_lost import cost_lost, lqr_at
-from hfa_policy.sampled_loop import chain_of, delays, held, margins
+from hfa_policy.sampled_loop import Chain, chain_of, delays, held, margins, slowest_swing
 from hfa_policy.trims import trims_of
 
 DT = 0.02
@@ -50,6 +50,17 @@ def test_the_sampled_aircraft_is_that_of_python_control(case):
     expected = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
     np.testing.assert_allclose(Phi, expected.A, atol=1e-12)
     np.testing.assert_allclose(Gamma, expected.B, atol=1e-12)
+
+
+def test_half_a_period_of_the_slowest_oscillation():
+    """Of modes of 0.5 and 3 rad/s; one that half a period damps to a twentieth does not count."""
+    for damping, expected in ((0.05, math.pi / 0.5), (0.8, math.pi / 3.0)):
+        real = -0.5 * damping / math.sqrt(1.0 - damping**2)
+        slow, fast = np.array([[real, 0.5], [-0.5, real]]), np.array([[-0.2, 3.0], [-3.0, -0.2]])
+        A = np.block([[slow, np.zeros((2, 2))], [np.zeros((2, 2)), fast]])
+        Phi, _ = held(A, np.zeros((4, 1)), DT)
+        loop = Chain(Phi, np.zeros((4, 1)), np.zeros((1, 4)), 4, DT, np.eye(4))
+        assert slowest_swing(loop) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("samples", [1, 3])
