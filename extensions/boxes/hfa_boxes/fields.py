@@ -21,8 +21,7 @@ FIELDS: FieldTable = {
     **_PLANT,
     "policy": Field("policy"),
     "equilibrium": Field(),
-    "P": Field(),
-    "rho": Field(),
+    "piece": Field(),
     "extents": Field(),
 }
 COST_FIELDS: FieldTable = {

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from hfa_boxes.check.checker import VerifiedBoxes
-from hfa_boxes.check.statement import BoxStatement
+from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_boxes.results import CheckedBoxes, FoundBoxes
 from hfa_boxes.search.region import BoxRegion
 from hfa_proof.outward import at_least, at_most
 from hfa_proof.results import limits_in_words, place_in_words
+from hfa_proof.subject import taken_from_certificate
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_values
 
@@ -17,37 +20,56 @@ NOT_COVERED = "sampling, delay, actuators, disturbances not covered"
 
 
 def found_report(
-    region: BoxRegion, policy: str, flight: str | None, not_covered: str = NOT_COVERED
+    region: BoxRegion,
+    policy: str,
+    flight: str | None,
+    not_covered: str = NOT_COVERED,
+    reason: str = "",
 ) -> Report:
     """Return the report of a proved region and its bounds.
 
     policy: its description
     flight: end of a flight from the state with V' >= 0; None without one
     not_covered: of the loop, in the title
+    reason: why boxes prove it; "" where the user chose
     """
     statement = region.statement
-    level, place = region.rises
+    level, place, rises = region.bound
     fails = None
     lines = [f"V is {region.origin}; V' < 0 is proved on {region.boxes} boxes."]
+    if reason:
+        lines.append(f"Proved on boxes, not by sums of squares: {reason}.")
     if place is None:
-        lines.append("No state with V' >= 0 was found within the limits.")
+        lines.append("No state with V' >= 0 or beyond a limit was found about the set.")
     else:
-        fails = dict(zip(statement.loop.states, place.tolist(), strict=True))
+        what = "V' >= 0" if rises else "A limit is passed"
+        if rises:
+            fails = dict(zip(statement.loop.states, place.tolist(), strict=True))
         share = np.sqrt(statement.rho / level)
         lines.append(
-            f"V' >= 0 at V = {level:.6g}, {place_in_words(statement.loop, place)}: the proved set "
+            f"{what} at V = {level:.6g}, {place_in_words(statement.loop, place)}: the proved set "
             f"reaches {share:.3g} of that level, linearly."
         )
         if flight is not None:
             lines.append(f"A flight from that state {flight}.")
-    lines.append(f"No larger level is proved: {region.stopped}.")
+    lines.append(f"No larger set is proved: {region.stopped}.")
     found = FoundBoxes(statement, region.boxes, region.origin, fails, region.stopped)
     parts: tuple[str | Table, ...] = (_sentence(statement, policy), _extents(statement), *lines)
     return Report(_title(statement, "Proved", not_covered), parts, data=found.as_data())
 
 
-def checked_report(verified: VerifiedBoxes, policy: str, not_covered: str = NOT_COVERED) -> Report:
-    """Return the report of a checked certificate."""
+def checked_report(
+    verified: VerifiedBoxes,
+    policy: str,
+    not_covered: str = NOT_COVERED,
+    not_given: Sequence[str] = (),
+) -> Report:
+    """Return the report of a checked certificate.
+
+    policy: its description
+    not_covered: of the loop, in the title
+    not_given: subjects that the user did not give
+    """
     statement = verified.statement
     loop = statement.loop
     checked = CheckedBoxes(statement, verified.boxes, verified.written)
@@ -62,15 +84,22 @@ def checked_report(verified: VerifiedBoxes, policy: str, not_covered: str = NOT_
         _sentence(statement, policy),
         _extents(statement),
         inputs,
+        *_coefficients(statement),
         f"V' < 0 is proved on {verified.boxes} boxes.",
     )
-    title = _title(statement, "Verified, proved", not_covered)
+    title = _title(statement, "Verified, proved", not_covered, not_given)
     return Report(title, parts, data=checked.as_data())
 
 
-def _title(statement: BoxStatement, verdict: str, not_covered: str) -> str:
-    title = statement.loop.model.title
-    return f"{verdict}: region of attraction of {title}; {not_covered}"
+def _title(
+    statement: BoxStatement, verdict: str, not_covered: str, not_given: Sequence[str] = ()
+) -> str:
+    """Return the first line, with the subjects that the user did not give, else with what is not
+    covered, which then follows in the next line."""
+    claim = f"{verdict}: region of attraction of {statement.loop.model.title}"
+    if not_given:
+        return f"{claim}{taken_from_certificate(not_given)}\n{not_covered}"
+    return f"{claim}; {not_covered}"
 
 
 def _sentence(statement: BoxStatement, policy: str) -> str:
@@ -78,21 +107,36 @@ def _sentence(statement: BoxStatement, policy: str) -> str:
     held = statement.loop.held
     kept = f" {', '.join(held)} held at the trim's." if held else ""
     level = at_least(statement.rho, 6)
+    V = "z'P z" if statement.degree == 2 else "W(M z)"
+    cube = "" if statement.degree == 2 else ", |(M z)_i| <= 1"
     return (
-        f"Every trajectory that begins in V(z) = z'P z <= {level} stays there and within all "
-        "limits, and converges to the equilibrium of the loop; z: deviation from that. "
-        f"Policy: {policy}. Inputs saturated: {saturated}.{kept}"
+        f"Every trajectory that begins in V(z) = {V} <= {level}{cube} stays there and within all "
+        "limits, and converges to the equilibrium of the loop; z: deviation from that. V is of "
+        f"degree {statement.degree}. Policy: {policy}. Inputs saturated: {saturated}.{kept}"
     )
 
 
 def _extents(statement: BoxStatement) -> Table:
     model = statement.loop.model
     rows = []
-    for name, extent in statement.extents.items():
+    for name, (low, high) in statement.extents.items():
         unit = model.unit(name)
-        reach = f"{at_most(float(shown_values(extent, unit)), 6)} {shown_unit(unit)}"
+        least = f"{at_least(float(shown_values(low, unit)), 6)} {shown_unit(unit)}"
+        most = f"{at_most(float(shown_values(high, unit)), 6)} {shown_unit(unit)}"
         at = model.describe(name, statement.equilibrium[name])
         trim = model.describe(name, statement.loop.trim[name])
-        rows.append((name, reach, at, trim, *limits_in_words(statement.loop, name)))
-    header = ("the set reaches", "by", "about", "trim", "lowest", "highest")
+        rows.append((name, least, most, at, trim, *limits_in_words(statement.loop, name)))
+    header = ("the set lies within", "from", "to", "about", "trim", "lowest", "highest")
     return Table(header, rows)
+
+
+def _coefficients(statement: BoxStatement) -> tuple[Table, ...]:
+    """K of a policy of coefficients."""
+    if not isinstance(statement.policy, Gain):
+        return ()
+    loop = statement.loop
+    rows = [
+        (name, *(f"{entry:.6g}" for entry in row))
+        for name, row in zip(loop.inputs, statement.policy.K.tolist(), strict=True)
+    ]
+    return (Table(("K", *loop.states), rows),)

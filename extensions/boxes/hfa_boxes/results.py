@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from hfa_boxes.check.loop import Loop
-from hfa_boxes.check.statement import BoxStatement
+from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_proof.results import ProvedResult
-from hfa_support.reporting.results import Matrix
+from hfa_support.reporting.results import Matrix, Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +22,10 @@ class BoxSet(ProvedResult):
     boxes: number of boxes on which V' < 0.
     """
 
-    keys = "proved prover rho states state_units trim equilibrium policy limits extents P boxes"
+    keys = (
+        "proved prover rho states state_units trim equilibrium policy limits extents "
+        "degree P? M coefficients powers boxes"
+    )
 
     statement: BoxStatement
     boxes: int
@@ -36,7 +42,7 @@ class BoxSet(ProvedResult):
 
     @property
     def rho(self) -> float:
-        """Level of V: the set is z'P z <= rho, z the deviations from the equilibrium."""
+        """Level of V: the set is V <= rho."""
         return self.statement.rho
 
     @property
@@ -45,19 +51,48 @@ class BoxSet(ProvedResult):
         return self.statement.equilibrium
 
     @property
-    def policy(self) -> str:
-        """SHA-256 of the policy."""
-        return self.statement.digest
+    def policy(self) -> str | Mapping[str, Any]:
+        """SHA-256 of the policy, or the coefficients K and terms of u0 - K z + q(z)."""
+        stated = self.statement.policy
+        return stated.content() if isinstance(stated, Gain) else stated
 
     @property
     def extents(self) -> Mapping[str, float]:
         """State -> how far the set reaches from the equilibrium, or less."""
-        return self.statement.extents
+        return {name: max(-low, high) for name, (low, high) in self.statement.extents.items()}
 
     @property
-    def P(self) -> Matrix:
-        """(n, n), of V = z'P z."""
-        return self.statement.P
+    def degree(self) -> int:
+        """Degree of V."""
+        return self.statement.degree
+
+    @property
+    def P(self) -> Matrix | None:
+        """(n, n), of V = z'P z, to the rounding of doubles; None of a higher degree."""
+        if self.degree > 2:
+            return None
+        M = self.M
+        S = np.zeros((len(M), len(M)))
+        for value, powers in self.statement.piece.W.terms:
+            i, j = np.repeat(np.arange(len(M)), powers)
+            S[i, j] += value / 2
+            S[j, i] += value / 2
+        return np.asarray(M.T @ S @ M)
+
+    @property
+    def M(self) -> Matrix:
+        """(n, n): V is a polynomial in y = M z, and the set lies in |y_i| < 1."""
+        return self.statement.piece.M
+
+    @property
+    def coefficients(self) -> Vector:
+        """Of the monomials of V in y."""
+        return np.array([value for value, _ in self.statement.piece.W.terms])
+
+    @property
+    def powers(self) -> Sequence[Sequence[int]]:
+        """(terms, n), of each monomial."""
+        return [powers for _, powers in self.statement.piece.W.terms]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +106,7 @@ class FoundBoxes(BoxSet):
     """
 
     schema = "hfa.region-boxes/1"
-    made_by = "hfa prove region --weights NETWORK"
+    made_by = "hfa prove region --prover boxes"
     keys = f"{BoxSet.keys} origin decrease_fails_at stopped"
 
     origin: str

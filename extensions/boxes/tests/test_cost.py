@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from hfa_aircraft.model import Model, Signal
-from hfa_boxes.check.cost import CostInequality, Guess, Polynomial
+from hfa_boxes.check.cost import CostInequality, Guess
 from hfa_boxes.check.cost_checker import CostWitness, check_cost, equilibrium_of, read_cost
-from hfa_boxes.check.cost_statement import CostStatement, Piece, is_semidefinite
+from hfa_boxes.check.cost_statement import CostStatement, is_semidefinite
 from hfa_boxes.check.cover import Boxes
+from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Equilibrium, Plant
 from hfa_boxes.search.cost import CostBound, CostSearch
 from hfa_proof.checker.checker import SCHEMA
@@ -212,11 +213,9 @@ def test_no_inputs_lose_more_than_the_bound() -> None:
     inequality = CostInequality(
         plant,
         Equilibrium(np.zeros(3), np.zeros(3)),
+        Piece(ONE, Polynomial(1, ((k, (2,)),)), 1.0),
         ONE,
         np.eye(2),
-        ONE,
-        Polynomial(1, ((k, (2,)),)),
-        1.0,
     )
     y = 0.5
 
@@ -280,7 +279,7 @@ def test_the_loss_covers_guesses_that_vary_over_box() -> None:
     k = 0.75
     equilibrium = Equilibrium(np.zeros(2), np.zeros(2))
     W = Polynomial(1, ((k, (2,)),))
-    inequality = CostInequality(plant, equilibrium, ONE, ONE, ONE, W, 1.0)
+    inequality = CostInequality(plant, equilibrium, Piece(ONE, W, 1.0), ONE, ONE)
     y = 0.5
     box = Boxes(np.array([[y]]), np.array([[40]]))
     loss = inequality._loss(box, Guess(np.array([[-0.2]]), np.array([[[0.1]]])))[0]
@@ -300,7 +299,7 @@ def test_an_input_without_slope_may_be_used() -> None:
     plant = Plant(twisted, {}, {"position": 0.0}, {"pull": 0.0, "push": 0.0}, {}, limits)
     equilibrium = Equilibrium(np.zeros(3), np.zeros(3))
     W = Polynomial(1, ((0.75, (2,)),))
-    inequality = CostInequality(plant, equilibrium, ONE, np.eye(2), ONE, W, 1.0)
+    inequality = CostInequality(plant, equilibrium, Piece(ONE, W, 1.0), ONE, np.eye(2))
     radii = inequality._best_inputs_within(Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int)))
     y = 0.5
     best = -np.linalg.solve([[2.0, 1.35 * y], [1.35 * y, 2.0]], [1.5 * y, 0.0])

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from hfa_aircraft.model import Model, Signal
-from hfa_boxes.check.cost import Polynomial
 from hfa_boxes.check.cost_checker import check_cost, read_cost
-from hfa_boxes.check.cost_statement import CostStatement, Piece
+from hfa_boxes.check.cost_statement import CostStatement
+from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
 from hfa_proof.checker.checker import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError

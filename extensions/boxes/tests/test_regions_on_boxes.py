@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,31 +18,53 @@ from small_networks import imitation
 from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
-from hfa_boxes.check.checker import BoxWitness, _check_extents, check_region, read_content
-from hfa_boxes.check.cover import (
-    Boxes,
-    Inequality,
-    OpenBoxError,
-    RefutedError,
-    cover,
-    in_ball,
-    outside_ball,
-)
+from hfa_boxes.check.checker import BoxWitness, _check_limits, check_region, read_content
+from hfa_boxes.check.cover import Boxes, OpenBoxError, RefutedError, cover, refute
 from hfa_boxes.check.loop import Loop
-from hfa_boxes.check.plant import zero_near
-from hfa_boxes.check.statement import BoxStatement
+from hfa_boxes.check.piece import Piece, Polynomial
+from hfa_boxes.check.plant import Equilibrium, zero_near
+from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_boxes.commands.region import scalars
 from hfa_boxes.enclosure.program import Program
-from hfa_boxes.enclosure.taylor import TaylorProgram
+from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
+from hfa_boxes.search.region import RegionSearch
+from hfa_boxes.search.shape import Shape
 from hfa_support.errors import BadInputError, NoSolutionError
 
 PENDULUM = "examples/pendulum.py:PENDULUM"
 K = np.array([[1.97725, 0.97624]])
 
 
-def inequality(expression: ca.SX, y: ca.SX, hole: int | None = None) -> Inequality:
-    taylor = TaylorProgram(Program(ca.Function("f", [y], [expression]), "f"))
-    return Inequality(y.numel(), taylor.over, taylor.at_once, hole, outside_ball, in_ball)
+@dataclass(frozen=True, eq=False)
+class Positive:
+    """Functions of y are positive in the cube, the first but for |y_i| <= 2^-hole."""
+
+    taylor: TaylorProgram
+    hole: int | None
+    within: Callable[[np.ndarray], bool] = lambda place: True
+
+    @property
+    def n(self) -> int:
+        return self.taylor.n
+
+    @property
+    def at_once(self) -> int:
+        return self.taylor.at_once
+
+    def is_outside(self, boxes: Boxes) -> np.ndarray:
+        return np.zeros(len(boxes.centres), dtype=bool)
+
+    def undecided(self, boxes: Boxes) -> np.ndarray:
+        models = self.taylor.over(boxes.centres, boxes.half_widths)
+        proved = lowest(models, self.n) > 0.0
+        if self.hole is not None:
+            proved[0] |= boxes.reach <= 2.0**-self.hole
+        refute(boxes.centres, np.min(models.value + models.radius, axis=0), self.within)
+        return ~proved.all(axis=0)
+
+
+def inequality(expression: ca.SX, y: ca.SX, hole: int | None = None) -> Positive:
+    return Positive(TaylorProgram(Program(ca.Function("f", [y], [expression]), "f")), hole)
 
 
 def test_a_planted_negative_place_is_found() -> None:
@@ -73,7 +97,7 @@ def proved(
     words = ["--aircraft", PENDULUM, "--Q", "1,1", "--R", "1", "--weights", str(network)]
     words += ["--set", "activation=tanh", "--network", "policy="]
     path = folder / "proved.json"
-    assert main(["prove", "region", *words, "-o", str(path)]) == 0
+    assert main(["prove", "region", *words, "--seconds", "3", "-o", str(path)]) == 0
     return json.loads(path.read_text()), [*words, "--check", str(path)]
 
 
@@ -84,7 +108,7 @@ def test_a_network_is_proved_and_checked(proved: Any, capsys: pytest.CaptureFixt
     assert out.startswith(
         "Verified, proved: region of attraction of pendulum; sampling, delay, actuators"
     )
-    assert content["statement"]["extents"]["angle"] > np.radians(20.0)
+    assert content["statement"]["extents"]["angle"][1] > np.radians(20.0)
 
 
 def test_another_network_is_not_what_was_proved(proved: Any, tmp_path: Path) -> None:
@@ -99,23 +123,24 @@ def test_the_checker_needs_the_users_network(proved: Any) -> None:
     assert main(["prove", *words[-2:]]) == 2
 
 
-def statement_of(policy: ca.Function, **changed: Any) -> tuple[BoxStatement, BoxWitness]:
+def statement_of(policy: ca.Function, rho: float = 0.05) -> tuple[BoxStatement, BoxWitness]:
     """V = z'P z of the pendulum with a level that holds."""
     P = np.array([[2.0, 0.3], [0.3, 0.1]])
-    rho = 0.05
-    T = np.sqrt(rho) * (1 + 1e-9) * np.linalg.inv(np.linalg.cholesky(P)).T
-    model = load_model(PENDULUM)
     names = ("angle", "rate")
+    shape = Shape.of_matrix(P / rho, -np.eye(2), 2).in_cube()
+    ends, multipliers = shape.extents()
     loop = Loop(
-        model, {}, dict.fromkeys(names, 0.0), {"torque": 0.0}, {}, {"torque": (-0.7, 0.7)}, policy
+        load_model(PENDULUM),
+        {},
+        dict.fromkeys(names, 0.0),
+        {"torque": 0.0},
+        {},
+        {"torque": (-0.7, 0.7)},
+        policy,
     )
-    extents = dict(zip(names, (np.linalg.norm(T, axis=1) * 1.001).tolist(), strict=True))
-    fields = {"P": P, "rho": rho, "extents": extents, "T": T} | changed
-    T = fields.pop("T")
-    statement = BoxStatement(
-        loop, "", dict.fromkeys(names, 0.0), fields["P"], fields["rho"], fields["extents"]
-    )
-    return statement, BoxWitness(T, 10**5)
+    extents = {name: (low, high) for name, (low, high) in zip(names, ends.tolist(), strict=True)}
+    statement = BoxStatement(loop, "", dict.fromkeys(names, 0.0), shape.piece(), extents)
+    return statement, BoxWitness(multipliers, 10**5)
 
 
 def linear(gain: np.ndarray) -> ca.Function:
@@ -124,21 +149,24 @@ def linear(gain: np.ndarray) -> ca.Function:
 
 
 FORGED: dict[str, Any] = {
-    "rho": lambda s, w: s.update(rho=s["rho"] * 4.0),
-    "P": lambda s, w: s.update(P=(np.array(s["P"]) * 0.5).tolist()),
-    "P indefinite": lambda s, w: s.update(P=(-np.array(s["P"])).tolist()),
-    "extents": lambda s, w: s["extents"].update(angle=s["extents"]["angle"] * 0.9),
+    "level": lambda s, w: s["piece"].update(c=s["piece"]["c"] * 4.0),
+    "W": lambda s, w: s["piece"]["W"][0].__setitem__(0, s["piece"]["W"][0][0] * 0.25),
+    "W negative": lambda s, w: s["piece"]["W"][0].__setitem__(0, -s["piece"]["W"][0][0]),
+    "W linear": lambda s, w: s["piece"]["W"].append([1.0, [1, 0]]),
+    "W twice": lambda s, w: s["piece"]["W"].append(s["piece"]["W"][0]),
+    "extents": lambda s, w: s["extents"].update(angle=[0.9 * e for e in s["extents"]["angle"]]),
     "equilibrium": lambda s, w: s["equilibrium"].update(angle=0.01),
-    "T smaller": lambda s, w: w.update(T=(np.array(w["T"]) * 0.9).tolist()),
-    "T singular": lambda s, w: w.update(T=[[1.0, 1.0], [1.0, 1.0]]),
+    "larger set": lambda s, w: s["piece"].update(M=(np.array(s["piece"]["M"]) * 0.6).tolist()),
+    "M singular": lambda s, w: s["piece"].update(M=[[1.0, 1.0], [1.0, 1.0]]),
+    "multipliers": lambda s, w: w["multipliers"][0].__setitem__(0, -w["multipliers"][0][0]),
     "boxes": lambda s, w: w.update(boxes=3),
     "limits wider": lambda s, w: s["limits"].update(torque=[-7.0, 7.0]),
     "limits narrower": lambda s, w: s["limits"].update(torque=[-0.5, 0.7]),
     "angle above a limit": lambda s, w: s["limits"].update(
-        angle=[-9.0, 0.5 * s["extents"]["angle"]]
+        angle=[-9.0, 0.5 * s["extents"]["angle"][1]]
     ),
     "angle below a limit": lambda s, w: s["limits"].update(
-        angle=[-0.5 * s["extents"]["angle"], 9.0]
+        angle=[0.5 * s["extents"]["angle"][0], 9.0]
     ),
     "limits gone": lambda s, w: s["limits"].clear(),
     "policy": lambda s, w: s.update(policy="0" * 64),
@@ -188,12 +216,6 @@ def test_rest_at_no_decrease_is_refused() -> None:
         cover(inequality(-(x[0] * x[1] - x[1] * x[0]), x, hole=3), 10**4)
 
 
-def test_boxes_that_touch_the_ball_are_not_outside() -> None:
-    """Their nearest corners are at .97 and 1.06."""
-    corners = Boxes(np.array([[0.75, 0.75], [0.8125, 0.8125]]), np.full((2, 2), 4))
-    assert outside_ball(corners).tolist() == [False, True]
-
-
 def test_the_hole_is_one_of_first_function_alone() -> None:
     """The hole is one of the first function alone."""
     y = ca.SX.sym("y", 2)
@@ -212,23 +234,91 @@ def test_an_output_beyond_its_limits_is_refused(limits: tuple[float, float]) -> 
         "sink", {"angle": Signal("rad")}, {}, equations, outputs={"load": Signal("rad")}, trim={}
     )
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
-    one = np.eye(1)
+    piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.8)
+    witness = BoxWitness(np.full((1, 2), 0.55), 10**4)
     for pair in ((-9.0, 9.0), limits):
         loop = Loop(model, {}, {"angle": 0.0}, {}, {}, {"load": pair}, none)
-        statement = BoxStatement(loop, "", {"angle": 0.0}, one, 0.9, {"angle": 1.1})
+        statement = BoxStatement(loop, "", {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
         if pair == limits:
             with pytest.raises(NoSolutionError, match="inequality"):
-                check_region(statement, BoxWitness(one, 10**4))
+                check_region(statement, witness)
         else:
-            assert check_region(statement, BoxWitness(one, 10**4)) > 0
+            assert check_region(statement, witness) > 0
 
 
 @pytest.mark.parametrize("held", [-1.0, 2.0])
 def test_a_state_held_beyond_its_limits_is_refused(held: float) -> None:
     loop = SimpleNamespace(states=(), held={"flap": held}, limits={"flap": (0.0, 1.0)})
-    decrease = SimpleNamespace(equilibrium=None, reach=lambda: [])
     with pytest.raises(NoSolutionError, match="flap is held beyond its limits"):
-        _check_extents(SimpleNamespace(loop=loop), decrease)
+        _check_limits(SimpleNamespace(loop=loop), None)
+
+
+@pytest.mark.parametrize("extent", [0.6, 0.7])
+def test_a_state_beyond_its_limit_is_refused(extent: float) -> None:
+    loop = SimpleNamespace(states=("angle",), held={}, limits={"angle": (-1.0, 1.0)})
+    statement = SimpleNamespace(loop=loop, extents={"angle": (-0.5, extent)})
+    at = Equilibrium(np.array([0.35]), np.zeros(1))
+    if extent > 0.65:
+        with pytest.raises(NoSolutionError, match="angle may leave its limits"):
+            _check_limits(statement, at)
+    else:
+        _check_limits(statement, at)
+
+
+@pytest.mark.parametrize("quartic", [0.5, -0.6])
+def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
+    """Of x' = -x every set {y² + a y⁴ <= 1} in the cube is proved where it meets no face."""
+    model = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
+    none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
+    loop = Loop(model, {}, {"x": 0.0}, {}, {}, {}, none)
+    piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)), (quartic, (4,)))), 1.0)
+    statement = BoxStatement(loop, "", {"x": 0.0}, piece, {"x": (-1.0, 1.0)})
+    witness = BoxWitness(np.zeros((1, 2)), 10**4)
+    if quartic > 0.0:
+        assert check_region(statement, witness) > 0
+    else:
+        with pytest.raises(NoSolutionError, match="inequality"):
+            check_region(statement, witness)
+
+
+@pytest.mark.parametrize("margin", [1e-13, -1e-13])
+def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
+    """Of x' = -x (x - 1/2)² + u with the relu network u = -margin x the margin alone is left of
+    V' at x = 1/2."""
+    z = ca.SX.sym("z", 1)
+    hidden = ca.fmax(ca.vertcat(z, -z), 0)
+    network = ca.Function("u", [z], [ca.DM([[-margin, margin]]) @ hidden])
+    model = Model(
+        "tank",
+        {"level": Signal("m")},
+        {"valve": Signal("m/s")},
+        lambda x, u, p, w: ({"level": u.valve - x.level * (x.level - 0.5) ** 2}, {}),
+        trim={"level": 0.0},
+    )
+    loop = Loop(model, {}, {"level": 0.0}, {"valve": 0.0}, {}, {}, network)
+    piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.81)
+    statement = BoxStatement(loop, "", {"level": 0.0}, piece, {"level": (-0.91, 0.91)})
+    witness = BoxWitness(np.full((1, 2), 0.55), 10**6)
+    if margin > 0.0:
+        assert check_region(statement, witness) > 0
+    else:
+        with pytest.raises(NoSolutionError, match="inequality"):
+            check_region(statement, witness)
+
+
+def test_an_interruption_keeps_what_is_proved() -> None:
+    saved = []
+
+    def interrupt(done: float, whole: float, text: str = "") -> None:
+        if saved:
+            raise KeyboardInterrupt
+
+    gain = Gain(K, {})
+    loop = statement_of(gain.function(("torque",)))[0].loop
+    search = RegionSearch(loop, gain, [], seconds=30.0, progress=interrupt, save=saved.append)
+    found = search.found()
+    assert found.stopped == "interrupted"
+    assert found.statement is saved[-1].statement
 
 
 def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
@@ -255,8 +345,9 @@ def test_a_hole_is_proved_everywhere_in_it() -> None:
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(model, {}, {"angle": 0.0}, {}, {}, {}, none)
     for reach, rho in ((0.19, 0.03), (1.0, 0.9)):
-        statement = BoxStatement(loop, "", {"angle": 0.0}, np.eye(1), rho, {"angle": 1.1})
-        witness = BoxWitness(reach * np.eye(1), 10**4)
+        piece = Piece(np.eye(1) / reach, Polynomial(1, ((reach**2, (2,)),)), rho)
+        statement = BoxStatement(loop, "", {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
+        witness = BoxWitness(np.zeros((1, 2)), 10**4)
         if rho == 0.9:
             with pytest.raises(NoSolutionError, match="inequality"):
                 check_region(statement, witness)

@@ -158,10 +158,12 @@ def _sizes(statement: RegionStatement) -> str:
 def _where_proved(statement: RegionStatement, parts: int) -> str:
     if statement.loop.disturbances:
         return (
-            f"V' < 0 is proved on {parts} parts of V = rho, by what each input does and the end "
-            "that each disturbance is at."
+            f"V' < 0 is proved by sums of squares on {parts} parts of V = rho, by what each input "
+            "does and the end that each disturbance is at."
         )
-    return f"V' < 0 is proved on {parts} parts of the set, by what each input does."
+    return (
+        f"V' < 0 is proved by sums of squares on {parts} parts of the set, by what each input does."
+    )
 
 
 def _not_covered(statement: RegionStatement) -> str:

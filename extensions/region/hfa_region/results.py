@@ -29,7 +29,10 @@ class ProvedSet(ProvedResult):
     reaches: state -> lowest and highest deviation in the set.
     """
 
-    keys = "proved rho states state_units trim K policy limits disturbances extents terms P? parts"
+    keys = (
+        "proved prover rho states state_units trim K policy limits disturbances extents terms P? "
+        "parts"
+    )
 
     statement: RegionStatement
     parts: int
@@ -39,6 +42,11 @@ class ProvedSet(ProvedResult):
     def subject(self) -> SaturatedLoop:
         """The model with its policy."""
         return self.statement.loop
+
+    @property
+    def prover(self) -> str:
+        """squares: sums of squares."""
+        return "squares"
 
     @property
     def rho(self) -> float:

@@ -1,14 +1,15 @@
 """Checks a region: reads its statement, and proves it by repeating the subdivision.
 
-The theorem. S = {z'P z <= rho} lies in the unit ball of y, z = T y. In S, V' < 0 except at the
-equilibrium: about it by the enclosed Jacobian, elsewhere on boxes that cover the ball. All limits
-hold in S. A trajectory exists while it is in S, V decreases along it, and it never leaves S. It
-converges to the only point of S where V' = 0 (LaSalle). Where the equations switch, trajectories
-are those of Filippov. The search is not trusted: the checker uses only its T, a choice of
-coordinates, and the number of boxes after which it gives up.
+The theorem. S = {V <= rho} in the cube |y_i| <= 1, y = M z, meets no face of it. In S, V' < 0
+except at the equilibrium: about it by the enclosed Jacobian, elsewhere on boxes that cover the
+cube. All limits hold in S. A trajectory exists while it is in S, V decreases along it, and it
+never leaves S. It converges to the only point of S where V' = 0 (LaSalle). Where the equations
+switch, trajectories are those of Filippov. The search is not trusted: the checker uses only its
+multipliers of extents and the number of boxes after which it gives up.
 
     loop.py       equilibrium, V', the hole     cover.py    branch and bound
-    statement.py  the claim                     ../enclosure/  Taylor models"""
+    piece.py      V and its set                 statement.py  the claim
+    ../enclosure/  Taylor models"""
 
 from __future__ import annotations
 
@@ -23,9 +24,10 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_boxes.check.cover import OpenBoxError, cover, rejected
 from hfa_boxes.check.loop import Decrease, equilibrium_near
+from hfa_boxes.check.plant import Equilibrium
 from hfa_boxes.check.statement import SAME_EQUILIBRIUM, BoxStatement
 from hfa_proof.checker.checker import SCHEMA, claims_of, read_sealed, sealed
-from hfa_proof.checker.reading import Rejected, naming
+from hfa_proof.checker.reading import Rejected, naming, require
 from hfa_support.files import write_text
 from hfa_support.jsonable import jsonable
 from hfa_support.progress import Progress
@@ -40,11 +42,11 @@ _MOST_BOXES = 100_000_000
 class BoxWitness:
     """The data of a checker besides the claim.
 
-    T: (n, n), coordinates
+    multipliers: (n, 2), of c - V in the proof of each extent
     boxes: largest number of boxes
     """
 
-    T: np.ndarray
+    multipliers: np.ndarray
     boxes: int
 
 
@@ -73,25 +75,24 @@ def check_region(
     distance = np.abs(equilibrium.x - stated) + equilibrium.radius
     if not np.all(distance <= SAME_EQUILIBRIUM * nominal):
         raise Rejected("the equilibrium is another than is stated")
-    decrease = Decrease(loop, equilibrium, statement.P, witness.T)
-    decrease.check_level(statement.rho)
-    _check_extents(statement, decrease)
+    _check_limits(statement, equilibrium)
+    extents = np.array([statement.extents[name] for name in loop.states])
+    decrease = Decrease(loop, equilibrium, statement.piece, extents, witness.multipliers)
     try:
-        return cover(decrease.inequality, witness.boxes, progress)
+        return cover(decrease, witness.boxes, progress)
     except OpenBoxError as error:
         raise rejected(error) from error
 
 
-def _check_extents(statement: BoxStatement, decrease: Decrease) -> None:
-    """Rejected unless every state stays within its extent, and with it within its limits."""
+def _check_limits(statement: BoxStatement, at: Equilibrium) -> None:
+    """Rejected unless every state within its extents is within its limits."""
     loop = statement.loop
-    at = decrease.equilibrium
-    for index, (name, reach) in enumerate(zip(loop.states, decrease.reach(), strict=True)):
-        if not reach <= statement.extents[name]:
-            raise Rejected(f"the set may be larger in {name} than is claimed")
+    for index, name in enumerate(loop.states):
+        least, most = statement.extents[name]
         low, high = loop.limits.get(name, (-np.inf, np.inf))
-        room = (reach + at.radius[index]) * (1.0 + 1e-12) + 1e-15 * abs(at.x[index])
-        if not (low <= at.x[index] - room and at.x[index] + room <= high):
+        off = at.radius[index] + 1e-15 * abs(at.x[index])
+        room = (max(-least, most) + off) * 1e-12 + off
+        if not (low <= at.x[index] + least - room and at.x[index] + most + room <= high):
             raise Rejected(f"{name} may leave its limits in the set")
     for name, value in loop.held.items():
         low, high = loop.limits.get(name, (-np.inf, np.inf))
@@ -100,12 +101,16 @@ def _check_extents(statement: BoxStatement, decrease: Decrease) -> None:
 
 
 def check_certificate(
-    path: Path, policy: ca.Function, progress: Progress | None = None, model: Model | None = None
+    path: Path,
+    policy: ca.Function | None,
+    progress: Progress | None = None,
+    model: Model | None = None,
 ) -> VerifiedBoxes:
     """Return the region that a file proves for a policy.
 
     path: the certificate
-    policy: the user's; deviations of the states -> those of the inputs
+    policy: the user's; deviations of the states -> those of the inputs. None where the certificate
+        has its coefficients
     progress: called with the number of boxes
     model: the user's aircraft, for a certificate about it
 
@@ -120,7 +125,7 @@ def check_certificate(
 
 
 def read_content(
-    content: dict[str, Any], model: Model | None, policy: ca.Function
+    content: dict[str, Any], model: Model | None, policy: ca.Function | None
 ) -> tuple[BoxStatement, BoxWitness]:
     """Return statement and witness of a certificate's content; Malformed names an invalid entry."""
     entries = claims_of(content)
@@ -128,7 +133,9 @@ def read_content(
     statement = BoxStatement.read(entries.value("statement", lambda value: True), model, policy)
     found = entries.fields("witness")
     n = len(statement.loop.states)
-    witness = BoxWitness(found.array("T", n, n), found.count("boxes", _MOST_BOXES))
+    multipliers = found.array("multipliers", n, 2)
+    require(bool(np.all(multipliers >= 0.0)), "witness: multipliers")
+    witness = BoxWitness(multipliers, found.count("boxes", _MOST_BOXES))
     found.close()
     entries.close()
     return statement, witness
@@ -143,6 +150,6 @@ def write_certificate(
         "kind": KIND,
         "toolchain": VERSION,
         "statement": statement.content(),
-        "witness": {"T": witness.T.tolist(), "boxes": witness.boxes},
+        "witness": {"multipliers": witness.multipliers.tolist(), "boxes": witness.boxes},
     }
     write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,68 +21,17 @@ import numpy as np
 from flint import arb, arb_mat
 
 from hfa_boxes.check.cover import Boxes, refute
-from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.check.piece import ROUNDING, OnPiece
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.taylor import TaylorProgram, highest, lowest
 from hfa_proof.arithmetic.balls import is_positive_definite, matrix
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import BadInputError
 
-Terms = tuple[tuple[float, tuple[int, ...]], ...]
-#: Of a few sums and products of doubles, relative to the sizes.
-_ROUNDING = 1e-13
 _TINY = 1e-290
 #: Steps that improve a guess of the best inputs, which nothing depends on.
 _STEPS = 12
 _SMALLEST_HOLE = 24
-
-
-class Polynomial(NamedTuple):
-    """W(y) = Σ coefficient Π y_i^power.
-
-    n: of y
-    terms: pairs of coefficient and powers
-    """
-
-    n: int
-    terms: Terms
-
-    def expressions(self, y: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """W and its gradient (n,); every product of a coefficient with a power is exact."""
-        known: dict[tuple[int, ...], ca.SX] = {(0,) * self.n: ca.SX(1)}
-
-        def monomial(powers: tuple[int, ...]) -> ca.SX:
-            if powers not in known:
-                first = next(i for i, power in enumerate(powers) if power)
-                known[powers] = monomial(lowered(powers, first)) * y[first]
-            return known[powers]
-
-        parts = [ca.SX(0) for _ in range(self.n)]
-        slopes = [ca.SX(0) for _ in range(self.n)]
-        for coefficient, powers in self.terms:
-            first = next(i for i, power in enumerate(powers) if power)
-            parts[first] += coefficient * monomial(lowered(powers, first))
-            for i, power in enumerate(powers):
-                if power:
-                    slopes[i] += (power * coefficient) * monomial(lowered(powers, i))
-        return ca.dot(ca.vertcat(*parts), y), ca.vertcat(*slopes)
-
-    def at(self, y: np.ndarray) -> np.ndarray:
-        """W at (N, n), in doubles."""
-        total = np.zeros(len(y))
-        for coefficient, powers in self.terms:
-            total += coefficient * np.prod(y ** np.array(powers), axis=1)
-        return total
-
-
-def lowered(powers: tuple[int, ...], index: int) -> tuple[int, ...]:
-    """The powers of a monomial divided by its variable `index`."""
-    return (*powers[:index], powers[index] - 1, *powers[index + 1 :])
-
-
-def is_exact(coefficient: float, powers: Sequence[int]) -> bool:
-    """Return whether the products of a coefficient with its powers are doubles."""
-    return all(Fraction(power) * Fraction(coefficient) == power * coefficient for power in powers)
 
 
 class Guess(NamedTuple):
@@ -97,30 +45,18 @@ class Guess(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class CostInequality:
+class CostInequality(OnPiece):
     """The inequality of a lower bound; a question for `cover`.
 
     plant: whose limits of states are the envelope
     equilibrium: of states and inputs, enclosed
+    piece: W and its level
     Q: (n, n), symmetric
     R: (m, m), symmetric
-    M: (n, n), of y = M z
-    W: polynomial of y
-    c: level
     """
 
-    plant: Plant
-    equilibrium: Equilibrium
     Q: np.ndarray
     R: np.ndarray
-    M: np.ndarray
-    W: Polynomial
-    c: float
-
-    @property
-    def n(self) -> int:
-        """Dimension of the boxes."""
-        return len(self.Q)
 
     @property
     def m(self) -> int:
@@ -131,19 +67,6 @@ class CostInequality:
     def at_once(self) -> int:
         """Boxes of a batch."""
         return self._values.at_once
-
-    @cached_property
-    def inverse(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n, n) each: N near the inverse of M, and by how much it is off; Rejected where M is
-        singular."""
-        try:
-            exact = matrix(self.M).inv()
-        except ZeroDivisionError as error:
-            raise Rejected("the coordinates are not independent") from error
-        entries = [[exact[i, j] for j in range(self.n)] for i in range(self.n)]
-        N = np.array([[float(entry.mid()) for entry in row] for row in entries])
-        radius = np.array([[float(entry.rad()) for entry in row] for row in entries])
-        return N, (radius + 1e-15 * np.abs(N)) * (1.0 + _ROUNDING)
 
     @cached_property
     def ends(self) -> np.ndarray:
@@ -171,16 +94,16 @@ class CostInequality:
         )
 
     @cached_property
-    def _expressions(self) -> tuple[ca.SX, ca.SX]:
-        """g and W."""
+    def _margin(self) -> ca.SX:
+        """g."""
         y, z, v, e = self._symbols
         at = ca.DM(self.equilibrium.x)
         rates, _ = self.plant.rates_at(
             at[: self.n] + z + e[: self.n], at[self.n :] + v + e[self.n :]
         )
-        W, slopes = self.W.expressions(y)
+        _, slopes = self.piece.W.expressions(y)
         price = ca.dot(ca.DM(self.Q) @ z, z) + ca.dot(ca.DM(self.R) @ v, v)
-        return ca.dot(slopes, ca.DM(self.M) @ rates) + price, W
+        return ca.dot(slopes, ca.DM(self.piece.M) @ rates) + price
 
     def _program(self, outputs: Sequence[ca.SX]) -> Program:
         inputs = ca.vertcat(*self._symbols)
@@ -190,25 +113,19 @@ class CostInequality:
     @cached_property
     def _values(self) -> TaylorProgram:
         """g."""
-        return TaylorProgram(self._program([self._expressions[0]]), n=self.n)
+        return TaylorProgram(self._program([self._margin]), n=self.n)
 
     @cached_property
     def _slopes(self) -> TaylorProgram:
         """The slopes of g in v."""
-        slopes = ca.gradient(self._expressions[0], self._symbols[2])
+        slopes = ca.gradient(self._margin, self._symbols[2])
         return TaylorProgram(self._program([slopes]), n=self.n)
-
-    @cached_property
-    def _level(self) -> TaylorProgram:
-        """W, of y alone."""
-        function = ca.Function("W", [self._symbols[0]], [self._expressions[1]])
-        return TaylorProgram(Program(function, self.plant.model.name))
 
     @cached_property
     def _bent(self) -> tuple[TaylorProgram, np.ndarray]:
         """Second derivatives of g in v, (m m,), and which v they depend on; BadInputError where one
         of these has no limits."""
-        g, _ = self._expressions
+        g = self._margin
         v = self._symbols[2]
         second = ca.hessian(g, v)[0]
         taken = np.array(ca.which_depends(ca.densify(ca.vec(second)), v, 1, False), dtype=bool)
@@ -223,9 +140,9 @@ class CostInequality:
     @cached_property
     def _centre(self) -> ca.Function:
         """(z, v) -> gradient in v, Hessian in v, its slope in z, in doubles."""
-        g, _ = self._expressions
+        g = self._margin
         y, z, v, e = self._symbols
-        here = ca.substitute(g, ca.vertcat(y, e), ca.vertcat(ca.DM(self.M) @ z, 0 * e))
+        here = ca.substitute(g, ca.vertcat(y, e), ca.vertcat(ca.DM(self.piece.M) @ z, 0 * e))
         slope = ca.gradient(here, v)
         outputs = [slope, ca.vec(ca.jacobian(slope, v)), ca.vec(ca.jacobian(slope, z))]
         return ca.Function("centre", [z, v], [ca.densify(each) for each in outputs])
@@ -272,17 +189,11 @@ class CostInequality:
             boxes.half_widths @ np.abs(N).T + (np.abs(boxes.centres) + boxes.half_widths) @ off.T
         )
         at = self.equilibrium.x[: self.n]
-        reach = reach * (1.0 + _ROUNDING) + self.equilibrium.radius[: self.n]
+        reach = reach * (1.0 + ROUNDING) + self.equilibrium.radius[: self.n]
         reach = reach + 1e-14 * (np.abs(centres) + np.abs(at))
         low, high = self.plant.ends(self.plant.states).T
         beyond = (at + centres - reach > high) | (at + centres + reach < low)
         return np.asarray(beyond.any(axis=1))
-
-    def within(self, place: np.ndarray) -> bool:
-        """Return whether a place is in the set, in doubles."""
-        low, high = self.plant.ends(self.plant.states).T
-        x = self.equilibrium.x[: self.n] + self.inverse[0] @ place
-        return bool(np.all((low <= x) & (x <= high)) and self.W.at(place[None])[0] <= self.c)
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
         """Return the mask of the boxes neither outside the set nor proved; RefutedError where g <
@@ -292,7 +203,7 @@ class CostInequality:
 
     def _undecided(self, boxes: Boxes) -> np.ndarray:
         N = self.inverse[0]
-        left = ~self._is_beyond(boxes)
+        left = ~self.is_beyond(boxes)
         near = np.flatnonzero(left)
         if not len(near):
             return left
@@ -310,27 +221,10 @@ class CostInequality:
         left[near[proved]] = False
         return left
 
-    def _is_beyond(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask of the boxes with W > c everywhere."""
-        linear = np.zeros((self.n, 1 + self.n, len(boxes.centres)))
-        linear[:, 0] = boxes.centres.T
-        linear[np.arange(self.n), np.arange(1, self.n + 1)] = boxes.half_widths.T
-        models = self._level.of(linear, np.zeros((self.n, len(boxes.centres))))
-        return np.asarray(lowest(models, self.n)[0] > self.c)
-
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
         """Taylor models of y, z, v and the error of the equilibrium."""
         n, m = self.n, self.m
-        count = len(boxes.centres)
-        N, off = self.inverse
-        linear = np.zeros((3 * n + 2 * m, 1 + n, count))
-        radius = np.zeros((3 * n + 2 * m, count))
-        linear[:n, 0] = boxes.centres.T
-        linear[np.arange(n), np.arange(1, n + 1)] = boxes.half_widths.T
-        linear[n : 2 * n, 0] = N @ boxes.centres.T
-        linear[n : 2 * n, 1:] = N[:, :, None] * boxes.half_widths.T[None]
-        sizes = np.abs(boxes.centres) + boxes.half_widths
-        radius[n : 2 * n] = ((off + 1e-15 * (n + 2) * np.abs(N)) @ sizes.T) * (1.0 + _ROUNDING)
+        linear, radius = self.deviations(boxes, 3 * n + 2 * m)
         linear[2 * n : 2 * n + m, 0] = guess.value.T
         linear[2 * n : 2 * n + m, 1:] = guess.slopes.transpose(1, 2, 0)
         radius[2 * n + m :] = self.equilibrium.radius[:, None]
@@ -344,7 +238,7 @@ class CostInequality:
         m = self.m
         if not m or not len(boxes.centres):
             return np.zeros(len(boxes.centres))
-        reach = np.abs(guess.slopes).sum(axis=2) * (1.0 + _ROUNDING)
+        reach = np.abs(guess.slopes).sum(axis=2) * (1.0 + ROUNDING)
         low, high = self.ends.T
         least = np.minimum(low, guess.value - reach)
         most = np.maximum(high, guess.value + reach)
@@ -356,7 +250,7 @@ class CostInequality:
         above = _least(b_low, curvature, np.maximum(from_guess[0], 0.0), from_guess[1])
         below = _least(-b_high, curvature, np.maximum(-from_guess[1], 0.0), -from_guess[0])
         loss = -np.minimum(np.minimum(above, below), 0.0).sum(axis=1)
-        return np.asarray(loss * (1.0 + _ROUNDING) + _TINY)
+        return np.asarray(loss * (1.0 + ROUNDING) + _TINY)
 
     def _curvature(self, boxes: Boxes, least: np.ndarray, most: np.ndarray) -> np.ndarray:
         """(boxes, m), λ with Σ λ_i d_i² below the second derivative in every direction d, for all v
@@ -368,7 +262,7 @@ class CostInequality:
         )
         middle = np.where(taken, 0.5 * (least + most), 0.0)
         linear[2 * n : 2 * n + m, 0] = middle.T
-        width = np.where(taken, np.maximum(most - middle, middle - least) * (1.0 + _ROUNDING), 0.0)
+        width = np.where(taken, np.maximum(most - middle, middle - least) * (1.0 + ROUNDING), 0.0)
         radius[2 * n : 2 * n + m] = width.T
         models = program.of(linear, radius)
         low = lowest(models, n).T.reshape(-1, m, m)
@@ -378,7 +272,7 @@ class CostInequality:
         own = low[:, diagonal, diagonal]
         sizes[:, diagonal, diagonal] = 0.0
         others = sizes.sum(axis=2)
-        return np.asarray(own - others - _ROUNDING * (np.abs(own) + others))
+        return np.asarray(own - others - ROUNDING * (np.abs(own) + others))
 
     @cached_property
     def hole(self) -> int:
@@ -426,7 +320,7 @@ class CostInequality:
         balls = [arb(float(a)).union(arb(float(b))) for a, b in zip(low, high, strict=True)]
         full = arb_mat(size, size, balls)
         lift = np.zeros((size, n + m))
-        lift[:n, :n] = self.M
+        lift[:n, :n] = self.piece.M
         lift[n:, :] = np.eye(n + m)
         lifted = matrix(lift).transpose() * full * matrix(lift)
         middle = np.array([[float(lifted[i, j].mid()) for j in range(n + m)] for i in range(n + m)])
@@ -440,7 +334,7 @@ class CostInequality:
     @cached_property
     def _hessian(self) -> TaylorProgram:
         """Second derivatives of g in (y, z, v)."""
-        g, _ = self._expressions
+        g = self._margin
         y, z, v, _ = self._symbols
         second = ca.hessian(g, ca.vertcat(y, z, v))[0]
         return TaylorProgram(self._program([ca.vec(second)]), n=self.n)
@@ -450,7 +344,7 @@ def _least(b: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarr
     """Below b d + curvature d² / 2 for all low <= d <= high, 0 <= low; 0 where there is no d."""
     vertex = np.where(curvature > 0.0, -b / np.where(curvature > 0.0, curvature, 1.0), low)
     inside = (curvature > 0.0) & (vertex > low) & (vertex < high)
-    at_vertex = -0.5 * b * b / np.where(inside, curvature, 1.0) * (1.0 + _ROUNDING)
+    at_vertex = -0.5 * b * b / np.where(inside, curvature, 1.0) * (1.0 + ROUNDING)
     at_low = _parabola(b, curvature, low)
     at_high = np.where(curvature > 0.0, at_low, _parabola(b, curvature, high))
     at_high = np.where(

@@ -93,7 +93,7 @@ def check_cost(
     counts = []
     try:
         for piece, most in zip(statement.pieces, witness.boxes, strict=True):
-            inequality = CostInequality(plant, equilibrium, statement.Q, statement.R, *piece)
+            inequality = CostInequality(plant, equilibrium, piece, statement.Q, statement.R)
             counts.append(cover(inequality, most, progress))
     except OpenBoxError as error:
         raise rejected(error) from error

@@ -6,39 +6,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_boxes.check.cost import Polynomial, is_exact
+from hfa_boxes.check.piece import Piece
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.check.statement import facts, numbers_of, pair_of, read_plant
 from hfa_proof.checker.reading import Fields, require
-
-#: Higher degrees are refused.
-HIGHEST = 12
-_MOST_TERMS = 5000
-
-
-class Piece(NamedTuple):
-    """No flight costs less than the lesser of W(y) and c where it begins in the cube |y_i| < 1,
-    y = M z, and none less than c where it begins elsewhere.
-
-    M: (n, n)
-    W: polynomial of y without terms of degree 0 and 1
-    c: level
-    """
-
-    M: np.ndarray
-    W: Polynomial
-    c: float
-
-    def bound(self, z: np.ndarray) -> np.ndarray:
-        """(N,), at deviations z (N, n) from the equilibrium, in doubles."""
-        y = z @ self.M.T
-        inside = np.all(np.abs(y) < 1.0, axis=1)
-        return np.where(inside, np.minimum(self.W.at(y), self.c), self.c)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +53,7 @@ class CostStatement:
         R = entries.symmetric("R", m)
         require(is_semidefinite(Q), "statement: Q: not positive semidefinite")
         require(is_semidefinite(R), "statement: R: not positive semidefinite")
-        pieces = tuple(_piece(fields, n) for fields in entries.items("pieces"))
+        pieces = tuple(Piece.read(fields, n) for fields in entries.items("pieces"))
         require(bool(pieces), "statement: pieces")
         entries.close()
         return cls(plant, equilibrium, Q, R, pieces)
@@ -95,14 +71,7 @@ class CostStatement:
             "equilibrium": dict(self.equilibrium),
             "Q": self.Q.tolist(),
             "R": self.R.tolist(),
-            "pieces": [
-                {
-                    "M": piece.M.tolist(),
-                    "W": [[value, list(powers)] for value, powers in piece.W.terms],
-                    "c": piece.c,
-                }
-                for piece in self.pieces
-            ],
+            "pieces": [piece.content() for piece in self.pieces],
         }
 
     def bound(self, z: np.ndarray) -> np.ndarray:
@@ -129,31 +98,6 @@ def is_semidefinite(S: np.ndarray) -> bool:
             for j in range(k + 1, n):
                 rows[i][j] -= factor * rows[k][j]
     return True
-
-
-def _piece(entries: Fields, n: int) -> Piece:
-    piece = Piece(entries.array("M", n, n), _polynomial(entries, n), entries.number("c", above=0.0))
-    entries.close()
-    return piece
-
-
-def _polynomial(entries: Fields, n: int) -> Polynomial:
-    """Read the terms of a polynomial, each of degree 2 or more and listed once."""
-    listed = entries.value("W", lambda value: isinstance(value, list))
-    require(0 < len(listed) <= _MOST_TERMS, "W", len(listed))
-    terms = []
-    for number, entry in enumerate(listed):
-        where = f"{entries.where}: W {number}"
-        require(isinstance(entry, list) and len(entry) == 2, where, entry)
-        value = Fields(where, {"coefficient": entry[0]}).number("coefficient")
-        powers = entry[1]
-        require(isinstance(powers, list) and len(powers) == n, where, powers)
-        require(all(type(power) is int and power >= 0 for power in powers), where, powers)
-        require(2 <= sum(powers) <= HIGHEST, where, powers)
-        require(is_exact(value, powers), where, value)
-        terms.append((value, tuple(powers)))
-    require(len({powers for _, powers in terms}) == len(terms), f"{entries.where}: W")
-    return Polynomial(n, tuple(terms))
 
 
 def _check_limits(plant: Plant) -> None:

@@ -8,21 +8,16 @@ it needs no tree."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from hfa_boxes.enclosure.taylor import Models, lowest
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
 #: A box with narrower edges than 2^-this is not halved: what holds there by less is not proved.
 _DEEPEST = 40
-
-#: Slack for the rounding of a sum of squares of doubles.
-_OUTSIDE = 1.0 + 1e-12
 #: How often the search is reported.
 _TOLD = 4
 
@@ -104,53 +99,12 @@ class Question(Protocol):
         """Return the mask of the boxes to halve; RefutedError at a place where the answer is no."""
 
 
-@dataclass(frozen=True, eq=False)
-class Inequality:
-    """Functions are positive on a set.
-
-    n: of y
-    over: Taylor models of the functions over boxes
-    at_once: how many boxes it takes at a time
-    hole: no box within |y_i| <= 2^-hole needs the first function; None without
-    is_outside: boxes -> which do not meet the set
-    within: place (n,) -> whether it is in the set
-    """
-
-    n: int
-    over: Callable[[np.ndarray, np.ndarray], Models]
-    at_once: int
-    hole: int | None
-    is_outside: Callable[[Boxes], np.ndarray]
-    within: Callable[[np.ndarray], bool]
-
-    def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask of the boxes not proved; RefutedError where a function is negative."""
-        models = self.over(boxes.centres, boxes.half_widths)
-        proved = lowest(models, self.n) > 0.0
-        if self.hole is not None:
-            proved[0] |= boxes.reach <= 2.0**-self.hole
-        at_centre = np.min(models.value + models.radius, axis=0)
-        refute(boxes.centres, at_centre, self.within)
-        return np.asarray(~proved.all(axis=0))
-
-
 def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], bool]) -> None:
     """RefutedError at the centre (N, n) in the set with the lowest of the values (N,) below 0."""
     refuted = np.flatnonzero(values < 0.0)
     for index in refuted[np.argsort(values[refuted])]:
         if within(centres[index]):
             raise RefutedError("not positive at a place of the set", centres[index])
-
-
-def outside_ball(boxes: Boxes) -> np.ndarray:
-    """Return the mask of the boxes that do not meet the unit ball."""
-    nearest = np.maximum(np.abs(boxes.centres) - boxes.half_widths, 0.0)
-    return np.asarray(np.sum(nearest * nearest, axis=1) > _OUTSIDE)
-
-
-def in_ball(place: np.ndarray) -> bool:
-    """Return whether a place is in the unit ball."""
-    return bool(place @ place <= 1.0)
 
 
 def cover(question: Question, most: int, progress: Progress | None = None) -> int:

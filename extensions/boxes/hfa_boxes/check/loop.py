@@ -1,8 +1,10 @@
-"""A loop of any policy, its inputs saturated: its equilibrium enclosed, V' about it enclosed."""
+"""A loop of any policy, its inputs saturated: its equilibrium enclosed, V' about it enclosed.
+
+V is the polynomial W of a piece, in coordinates y = M z."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,15 +12,16 @@ import casadi as ca
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_boxes.check.cover import Inequality, in_ball, outside_ball
+from hfa_boxes.check.cover import Boxes, refute
+from hfa_boxes.check.piece import OnPiece
 from hfa_boxes.check.plant import ROUNDING, Equilibrium, Plant, zero_near
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
-from hfa_boxes.enclosure.taylor import TaylorProgram
-from hfa_proof.arithmetic.balls import exact, is_positive_definite, matrix
+from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
+from hfa_proof.arithmetic.balls import is_positive_definite, matrix
 from hfa_proof.checker.reading import Rejected
 
-#: The hole about the equilibrium is |y_i| <= 2^-k for the first k that closes.
+#: The hole about the equilibrium is |y_i| <= 2^-k for the first k that closes, up to this one.
 _SMALLEST_HOLE = 30
 
 
@@ -72,88 +75,104 @@ def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
 
 
 @dataclass(frozen=True, eq=False)
-class Decrease:
-    """-V' of a loop about its equilibrium in coordinates y, z = T y, V = z'P z.
+class Decrease(OnPiece):
+    """-W' > 0 on the set of a piece but at the equilibrium, limits and extents; a question for
+    `cover`.
 
-    loop: with its policy
-    equilibrium: enclosed, z = 0
-    P: (n, n), symmetric
-    T: (n, n)
+    plant: the loop
+    extents: (n, 2), lowest and highest z in the set
+    multipliers: (n, 2), at least 0: of c - W in the proof of each extent
     """
 
-    loop: Loop
-    equilibrium: Equilibrium
-    P: np.ndarray
-    T: np.ndarray
+    plant: Loop
+    extents: np.ndarray
+    multipliers: np.ndarray
+
+    @property
+    def at_once(self) -> int:
+        """Boxes of a batch."""
+        return self._functions.at_once
+
+    @property
+    def is_outside(self) -> Callable[[Boxes], np.ndarray]:
+        """Boxes -> which do not meet the set."""
+        return self.is_beyond
+
+    def undecided(self, boxes: Boxes) -> np.ndarray:
+        """Which boxes are not proved; RefutedError at a place where a function is negative."""
+        models = self._functions.of(*self._inputs(boxes))
+        proved = lowest(models, self.n) > 0.0
+        proved[0] |= boxes.reach <= 2.0**-self.hole
+        refute(boxes.centres, np.min(models.value + models.radius, axis=0), self.within)
+        return np.asarray(~(proved.all(axis=0) & (boxes.reach < 1.0)))
+
+    def _inputs(self, boxes: Boxes) -> tuple[np.ndarray, np.ndarray]:
+        """Taylor models of y, z and the error of the equilibrium."""
+        linear, radius = self.deviations(boxes, 3 * self.n)
+        radius[2 * self.n :] = self.equilibrium.radius[:, None]
+        return linear, radius
 
     @cached_property
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """y, the error of the equilibrium, z."""
-        n = len(self.P)
-        y = ca.SX.sym("y", n)
-        return y, ca.SX.sym("e", n), ca.DM(self.T) @ y
+        """y, z, the error of the equilibrium."""
+        return ca.SX.sym("y", self.n), ca.SX.sym("z", self.n), ca.SX.sym("e", self.n)
 
     @cached_property
     def _rates(self) -> tuple[ca.SX, ca.SX]:
-        _, error, z = self._symbols
-        return self.loop.rates(ca.DM(self.equilibrium.x) + z + error)
+        """z' and the limited outputs."""
+        _, z, error = self._symbols
+        return self.plant.rates(ca.DM(self.equilibrium.x) + z + error)
 
     @cached_property
-    def inequality(self) -> Inequality:
-        """-V' > 0 but in the hole, and outputs within their limits, in the unit ball."""
-        y, error, z = self._symbols
+    def _functions(self) -> TaylorProgram:
+        """-W', then what is positive where limits and extents hold.
+
+        An extent h of z_i holds in the set where h - z_i > k (c - W), k >= 0."""
+        y, z, _ = self._symbols
         rates, outputs = self._rates
-        functions = [-2 * ca.dot(ca.DM(self.P) @ z, rates)]
-        for name, output in zip(self.loop.limited_outputs, ca.vertsplit(outputs), strict=True):
-            low, high = self.loop.limits[name]
+        W, slopes = self.piece.W.expressions(y)
+        functions = [-ca.dot(slopes, ca.DM(self.piece.M) @ rates)]
+        for name, output in zip(self.plant.limited_outputs, ca.vertsplit(outputs), strict=True):
+            low, high = self.plant.limits[name]
             functions += [output - low] if np.isfinite(low) else []
             functions += [high - output] if np.isfinite(high) else []
-        program = Program(_function(y, error, functions), self.loop.model.name)
-        taylor = TaylorProgram(program, self.equilibrium.radius)
-        return Inequality(
-            len(self.P), taylor.over, taylor.at_once, self.hole(), outside_ball, in_ball
-        )
+        room = self.piece.c - W
+        for i, ((low, high), (of_low, of_high)) in enumerate(
+            zip(self.extents.tolist(), self.multipliers.tolist(), strict=True)
+        ):
+            functions += [z[i] - low - of_low * room, high - z[i] - of_high * room]
+        return TaylorProgram(self._program(functions), n=self.n)
 
+    def _program(self, outputs: Sequence[ca.SX]) -> Program:
+        inputs = ca.vertcat(*self._symbols)
+        function = ca.Function("f", [inputs], [ca.densify(ca.vertcat(*outputs))])
+        return Program(function, self.plant.model.name)
+
+    @cached_property
     def hole(self) -> int:
-        """k: V' < 0 for 0 < |y_i| <= 2^-k; Rejected where that is not proved for any.
+        """k: W' < 0 for 0 < |y_i| <= 2^-k; Rejected where that is not proved for any.
 
-        The rates are J y, J in the enclosure, so that V' = y'(S + S') y with S = T'P J."""
-        y, error, _ = self._symbols
-        program = Program(_function(y, error, [self._rates[0]]), self.loop.model.name)
-        left = (matrix(self.T).transpose() * matrix(self.P)).tolist()
-        n = len(self.P)
+        The slopes of W are G y and the rates J z, G and J in the enclosures, so that
+        W' = y'(S + S') y / 2 with S = G'M J M⁻¹."""
+        n = self.n
+        y, _, _ = self._symbols
+        slopes = self._program([self.piece.W.expressions(y)[1], self._rates[0]])
+        M = matrix(self.piece.M)
+        N, off = self.inverse
         for k in range(1, _SMALLEST_HOLE + 1):
-            radius = np.concatenate([np.full(n, 2.0**-k), self.equilibrium.radius])
-            slopes = jacobian(program, Intervals(np.zeros(2 * n), radius)).slopes
-            if np.all(np.isfinite(slopes.middle)) and np.all(np.isfinite(slopes.radius)):
-                J = _balls(Intervals(slopes.middle[:, :n], slopes.radius[:, :n]))
-                S = arb_mat(left) * J
+            reach = 2.0**-k * (np.abs(N) + off).sum(axis=1) * (1.0 + ROUNDING)
+            radius = np.concatenate([np.full(n, 2.0**-k), reach, self.equilibrium.radius])
+            found = jacobian(slopes, Intervals(np.zeros(3 * n), radius)).slopes
+            if np.all(np.isfinite(found.middle)) and np.all(np.isfinite(found.radius)):
+                G = _balls(Intervals(found.middle[:n, :n], found.radius[:n, :n]))
+                J = _balls(Intervals(found.middle[n:, n : 2 * n], found.radius[n:, n : 2 * n]))
+                S = G.transpose() * M * J * M.inv()
                 if is_positive_definite(-(S + S.transpose())):
                     return k
         raise Rejected(
             "V' < 0 is not proved about the equilibrium: V is not a Lyapunov function of the "
             "linearization, or a kink is at the equilibrium"
         )
-
-    def reach(self) -> np.ndarray:
-        """(n,), the largest |z_i| in the unit ball, rounded upward."""
-        return np.asarray(np.sqrt(np.sum(self.T**2, axis=1)) * (1.0 + ROUNDING))
-
-    def check_level(self, rho: float) -> None:
-        """Rejected unless {V <= rho} lies in the unit ball: T'P T - rho is positive definite, so
-        that V > rho |y|²."""
-        T = matrix(self.T)
-        n = len(self.P)
-        square = T.transpose() * matrix(self.P) * T
-        level = arb_mat(
-            n, n, [exact(rho) if i == j else arb(0) for i in range(n) for j in range(n)]
-        )
-        if not is_positive_definite(square - level):
-            raise Rejected("the set is not proved to lie in the unit ball of the coordinates")
-
-
-def _function(y: ca.SX, error: ca.SX, outputs: Sequence[ca.SX]) -> ca.Function:
-    return ca.Function("f", [ca.vertcat(y, error)], [ca.vertcat(*outputs)])
 
 
 def _balls(values: Intervals) -> arb_mat:

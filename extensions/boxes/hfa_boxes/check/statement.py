@@ -6,13 +6,16 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import reduce
+from operator import mul
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_boxes.check.loop import Loop
+from hfa_boxes.check.piece import Piece, Terms, read_terms
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.enclosure.program import LARGEST
 from hfa_proof.checker.reading import Fields, require
@@ -21,57 +24,110 @@ from hfa_support.errors import BadInputError
 
 #: By how much the stated equilibrium may be off the enclosed one, in nominal values.
 SAME_EQUILIBRIUM = 1e-6
+#: Highest degree of a polynomial policy.
+HIGHEST_POLICY = 12
+
+
+class Gain(NamedTuple):
+    """The policy u0 - K z + q(z), z: deviations from the trim, before the limits.
+
+    K: (m, n)
+    terms: input -> the terms of degree 2 and more of its q; inputs without have q = 0
+    """
+
+    K: np.ndarray
+    terms: Mapping[str, Terms]
+
+    def function(self, inputs: tuple[str, ...]) -> ca.Function:
+        """z (n,) -> deviations of the inputs (m,)."""
+        m, n = self.K.shape
+        z = ca.SX.sym("z", n)
+        deviations = ca.SX.zeros(m)
+        for index, name in enumerate(inputs):
+            total = ca.SX(0)
+            for j in range(n):
+                total -= self.K[index, j] * z[j]
+            for coefficient, powers in self.terms.get(name, ()):
+                factors = [z[j] for j, power in enumerate(powers) for _ in range(power)]
+                total += coefficient * reduce(mul, factors)
+            deviations[index] = total
+        return ca.Function("gain", [z], [ca.densify(deviations)])
+
+    def content(self) -> dict[str, Any]:
+        """The policy as a file has it."""
+        rows = {
+            name: [[value, list(powers)] for value, powers in terms]
+            for name, terms in self.terms.items()
+        }
+        return {"K": self.K.tolist(), "terms": rows}
 
 
 @dataclass(frozen=True, eq=False)
 class BoxStatement:
-    """Every trajectory of the loop that begins in {z'P z <= rho} exists for all time, stays there
-    and within all limits, and converges to the equilibrium; z: deviations from that.
+    """Every trajectory of the loop that begins in the set of the piece exists for all time, stays
+    there and within all limits, and converges to the equilibrium; z: deviations from that.
+
+    The set of a V of degree 2 is {V <= rho}: V > rho outside the cube too.
 
     loop: the model with its policy and saturated inputs
-    digest: of the policy
+    policy: the SHA-256 of its instructions, or its coefficients
     equilibrium: moving state -> value, within `SAME_EQUILIBRIUM` nominal values
-    P: (n, n), symmetric
-    rho: level
-    extents: moving state -> the set reaches no farther from the equilibrium
+    piece: V and its level, in coordinates
+    extents: moving state -> lowest and highest deviation in the set, or beyond
     """
 
     loop: Loop
-    digest: str
+    policy: str | Gain
     equilibrium: Mapping[str, float]
-    P: np.ndarray
-    rho: float
-    extents: Mapping[str, float]
+    piece: Piece
+    extents: Mapping[str, tuple[float, float]]
+
+    @property
+    def rho(self) -> float:
+        """Level of V."""
+        return self.piece.c
+
+    @property
+    def degree(self) -> int:
+        """Of V."""
+        return max(sum(powers) for _, powers in self.piece.W.terms)
 
     @classmethod
-    def read(cls, content: Any, own: Model | None, policy: ca.Function) -> BoxStatement:
+    def read(cls, content: Any, own: Model | None, policy: ca.Function | None) -> BoxStatement:
         """The statement of a certificate.
 
         content: of its entry `statement`
         own: the user's model, where it is about one
-        policy: the user's; deviations of the states -> those of the inputs
+        policy: the user's; deviations of the states -> those of the inputs. None where the
+            certificate has its coefficients
 
         Malformed names the first entry that cannot be; BadInputError another model or policy.
         """
         entries = Fields("statement", content)
         plant = read_plant(entries, content, own)
         states = plant.states
-        loop = Loop(**vars(plant), policy=policy)
-        digest = entries.value("policy", lambda value: isinstance(value, str))
-        if digest != digest_of(policy):
+        stated = _read_policy(entries, plant)
+        if isinstance(stated, Gain):
+            policy = stated.function(tuple(plant.inputs))
+        elif policy is None:
+            raise BadInputError("is about a network; give it by --weights or --policy")
+        elif stated != digest_of(policy):
             raise BadInputError("is about another policy; give that one's --weights and options")
+        loop = Loop(**vars(plant), policy=policy)
         equilibrium = numbers_of(entries, "equilibrium", states)
-        P = entries.symmetric("P", len(states))
-        rho = entries.number("rho", above=0.0)
-        extents = numbers_of(entries, "extents", states)
-        require(all(extent > 0.0 for extent in extents.values()), "extents", extents)
+        piece = Piece.read(entries.fields("piece"), len(states))
+        listed = entries.fields("extents")
+        extents = {name: listed.pair(name) for name in states}
+        listed.close()
+        require(all(low < 0.0 < high for low, high in extents.values()), "extents", extents)
         entries.close()
         _check_limits(loop)
-        return cls(loop, digest, equilibrium, P, rho, extents)
+        return cls(loop, stated, equilibrium, piece, extents)
 
     def content(self) -> dict[str, Any]:
         """The statement as a file has it; `read` reads it back."""
         loop = self.loop
+        policy = self.policy.content() if isinstance(self.policy, Gain) else self.policy
         return {
             **facts(loop.model),
             "parameters": dict(loop.parameters),
@@ -79,12 +135,27 @@ class BoxStatement:
             "inputs": dict(loop.inputs),
             "held": dict(loop.held),
             "limits": {name: pair_of(pair) for name, pair in loop.limits.items()},
-            "policy": self.digest,
+            "policy": policy,
             "equilibrium": dict(self.equilibrium),
-            "P": self.P.tolist(),
-            "rho": self.rho,
-            "extents": dict(self.extents),
+            "piece": self.piece.content(),
+            "extents": {name: list(pair) for name, pair in self.extents.items()},
         }
+
+
+def _read_policy(entries: Fields, plant: Plant) -> str | Gain:
+    stated = entries.value("policy", lambda value: isinstance(value, (str, dict)))
+    if isinstance(stated, str):
+        return stated
+    gain = Fields("policy", stated)
+    K = gain.array("K", len(plant.inputs), len(plant.states))
+    rows = gain.fields("terms")
+    terms = {}
+    for name in plant.inputs:
+        if rows.has(name):
+            terms[name] = read_terms(rows, name, len(plant.states), HIGHEST_POLICY)
+    rows.close()
+    gain.close()
+    return Gain(K, terms)
 
 
 def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:

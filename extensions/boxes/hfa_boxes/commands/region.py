@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -14,12 +14,20 @@ from hfa.options.trims import OutputOptions
 from hfa.output import ProgressLine, print_report, show
 from hfa_boxes.check.checker import check_certificate, write_certificate
 from hfa_boxes.check.loop import Loop
-from hfa_boxes.check.statement import digest_of, facts, model_limits, pair_of
+from hfa_boxes.check.statement import (
+    BoxStatement,
+    Gain,
+    digest_of,
+    facts,
+    model_limits,
+    pair_of,
+)
 from hfa_boxes.fields import FIELDS
 from hfa_boxes.report import NOT_COVERED, checked_report, found_report
-from hfa_boxes.search.region import BoxRegion, RegionSearch, Samples, flown
+from hfa_boxes.search.region import BoxRegion, RegionSearch, flown
 from hfa_proof.subject import Given, compare, within
 from hfa_support.errors import BadInputError
+from hfa_support.files import forget_read
 
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model
@@ -32,6 +40,7 @@ class ProvedPolicy:
 
     function: as `Loop.policy`
     words: its description
+    gain: its coefficients, where it is a polynomial
     known: candidates for V, by description
     not_covered: of its loop, in the title
     """
@@ -40,6 +49,20 @@ class ProvedPolicy:
     words: str
     known: Sequence[tuple[str, np.ndarray]] = ()
     not_covered: str = NOT_COVERED
+    gain: Gain | None = None
+
+    @classmethod
+    def of_gain(
+        cls, gain: Gain, inputs: tuple[str, ...], words: str, P: np.ndarray | None
+    ) -> ProvedPolicy:
+        """A policy of coefficients.
+
+        inputs: names, in order
+        words: its description
+        P: of the game or the critic; None without one
+        """
+        known = [] if P is None else [("P of the game", P)]
+        return cls(gain.function(inputs), words, known, gain=gain)
 
 
 def loop_of(linear: LinearModel, policy: ProvedPolicy) -> Loop:
@@ -71,9 +94,28 @@ def scalars(policy: ca.Function) -> ca.Function:
         ) from error
 
 
-def prove(request: OutputOptions, linear: LinearModel, policy: ProvedPolicy, seconds: float) -> int:
+@dataclass(frozen=True)
+class SearchSettings:
+    """Settings of a search.
+
+    seconds: of processor time
+    degree: the highest of V
+    resume: whether the certificate of -o is an earlier run's
+    reason: why boxes prove it, for the report; "" where the user chose
+    """
+
+    seconds: float
+    degree: int
+    resume: bool = False
+    reason: str = ""
+
+
+def prove(
+    request: OutputOptions, linear: LinearModel, policy: ProvedPolicy, settings: SearchSettings
+) -> int:
     """Prove the largest region found, write its certificate to -o, print it; the exit code."""
     loop = loop_of(linear, policy)
+    stated = policy.gain or digest_of(loop.policy)
 
     def save(region: BoxRegion) -> None:
         if request.output is not None:
@@ -81,15 +123,42 @@ def prove(request: OutputOptions, linear: LinearModel, policy: ProvedPolicy, sec
             write_certificate(request.output, region.statement, region.witness, origin)
 
     search = RegionSearch(
-        loop, policy.known, seconds=seconds, progress=ProgressLine("region"), save=save
+        loop,
+        stated,
+        policy.known,
+        seconds=settings.seconds,
+        degree=settings.degree,
+        progress=ProgressLine("region"),
+        save=save,
     )
-    region = search.found()
-    place = region.rises[1]
+    earlier = None
+    if settings.resume:
+        assert request.output is not None
+        earlier = _earlier(request.output, loop, stated)
+    region = search.found(earlier)
+    place = region.bound.place
     flight = None
-    if place is not None:
-        flight = flown(Samples(loop, search.equilibrium), search.J, place, region)
-    print_report(found_report(region, policy.words, flight, policy.not_covered), request)
+    if place is not None and region.bound.rises:
+        flight = flown(search.samples, search.J, place, region)
+    print_report(
+        found_report(region, policy.words, flight, policy.not_covered, settings.reason), request
+    )
     return 0
+
+
+def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
+    """The statement of an earlier run, verified; BadInputError where it is of another loop."""
+    statement = check_certificate(path, loop.policy, ProgressLine("check"), loop.model).statement
+    forget_read(path)
+    if _subject(statement.loop, statement.policy) != _subject(loop, policy):
+        raise BadInputError(f"{path}: is of another loop; write to another file")
+    return statement
+
+
+def _subject(loop: Loop, policy: str | Gain) -> list[Any]:
+    """Return the identity of a loop."""
+    stated = policy.content() if isinstance(policy, Gain) else policy
+    return [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), stated]
 
 
 def check(

@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_boxes.check.cost import CostInequality, Polynomial
+from hfa_boxes.check.cost import CostInequality
 from hfa_boxes.check.cost_checker import CostWitness
-from hfa_boxes.check.cost_statement import CostStatement, Piece
+from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.check.cover import Boxes, OpenBoxError, RefutedError, SmallestBoxError, cover
+from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Equilibrium, Plant
 from hfa_boxes.search.cost_fit import CostProblem, Fit, Wanted
 from hfa_proof.checker.reading import Rejected
@@ -248,7 +249,7 @@ class CostSearch:
 
     def _inequality(self, piece: Piece) -> CostInequality:
         problem = self._problem
-        return CostInequality(problem.plant, problem.equilibrium, problem.Q, problem.R, *piece)
+        return CostInequality(problem.plant, problem.equilibrium, piece, problem.Q, problem.R)
 
     def _stretched(self, piece: Piece, places: np.ndarray) -> Piece:
         """The piece with coordinates divided by powers of 2, so that boxes are long where that

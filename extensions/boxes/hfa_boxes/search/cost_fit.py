@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linprog
 
-from hfa_boxes.check.cost import Polynomial
 from hfa_boxes.check.cover import OpenBoxError
+from hfa_boxes.check.piece import Polynomial
 from hfa_boxes.check.plant import Equilibrium, Plant
 from hfa_boxes.search.cost_flights import Inputs, flown_costs, running_cost
+from hfa_boxes.search.monomials import Monomials
 
 #: The part of the margin that the rows of the linear programs keep.
 _KEPT = 0.6
@@ -38,8 +38,6 @@ _ON_FACE = 1e-6
 _LEAST_SQUARE = 0.01
 #: Coefficients are at most so many levels.
 _LARGEST = 30.0
-#: Bits of a coefficient, so that its products with powers are doubles.
-_BITS = 45
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,14 +121,10 @@ class Fit:
         n = len(problem.P)
         self.M = self._coordinates()
         self.N = np.linalg.inv(self.M)
-        powers = []
-        for degree in range(2, problem.degree + 1):
-            for chosen in combinations_with_replacement(range(n), degree):
-                powers.append(tuple(chosen.count(i) for i in range(n)))
-        self._powers = np.array(powers)
+        self._basis = Monomials(n, problem.degree)
         square = (1.0 - problem.margin) * self.N.T @ problem.P @ self.N
-        self._fixed = np.array([_square_term(square, each) for each in powers])
-        self._free = self._powers.sum(axis=1) > 2
+        self._fixed = self._basis.quadratic(square)
+        self._free = self._basis.degrees > 2
         self._coefficients = self._fixed.copy()
         self._rows: list[np.ndarray] = []
         self._sides: list[np.ndarray] = []
@@ -157,7 +151,7 @@ class Fit:
                 break
             self._rows.append(rows[worst])
             self._sides.append(sides[worst])
-        return self._polynomial()
+        return self._basis.polynomial(self._coefficients)
 
     def places(self, count: int) -> np.ndarray:
         """(N, n), coordinates of at most so many samples in the set, off the faces of the cube."""
@@ -180,7 +174,7 @@ class Fit:
             return
         near = y + 0.05 * self._random.normal(size=(30, len(y)))
         near = np.where(on_face, np.sign(y), np.clip(near, -1.0, 1.0))
-        self._rows.append(self._monomials(np.concatenate([y[None], near])) / self.c)
+        self._rows.append(self._basis.at(np.concatenate([y[None], near])) / self.c)
         self._sides.append(np.full(1 + len(near), 1.02))
 
     def _coordinates(self) -> np.ndarray:
@@ -212,14 +206,6 @@ class Fit:
                 break
         return found[:count]
 
-    def _polynomial(self) -> Polynomial:
-        """With coefficients of few bits."""
-        mantissa, exponent = np.frexp(self._coefficients)
-        rounded = np.ldexp(np.round(np.ldexp(mantissa, _BITS)), exponent - _BITS)
-        pairs = zip(rounded.tolist(), self._powers.tolist(), strict=True)
-        terms = tuple((value, tuple(powers)) for value, powers in pairs if value)
-        return Polynomial(len(self.M), terms)
-
     def _solve(self) -> None:
         """The coefficients of the largest W: its mean over samples, and the least ratio t of W to
         the wanted costs."""
@@ -229,8 +215,8 @@ class Fit:
         if self._begun:
             y = y[self._values(y) <= self.c]
         linear = self._problem.linear_cost(y @ self.N.T)
-        gain = np.mean(self._monomials(y) / linear[:, None], axis=0)
-        wanted = self._monomials(self._wanted.z @ self.M.T) / self._wanted.costs[:, None]
+        gain = np.mean(self._basis.at(y) / linear[:, None], axis=0)
+        wanted = self._basis.at(self._wanted.z @ self.M.T) / self._wanted.costs[:, None]
         if len(wanted):
             gain += np.mean(wanted, axis=0)
         # W / c of order 1
@@ -261,35 +247,14 @@ class Fit:
 
     _begun = False
 
-    def _monomials(self, y: np.ndarray) -> np.ndarray:
-        table = _power_table(y, self._problem.degree)
-        values = np.ones((len(y), len(self._powers)))
-        for i in range(y.shape[1]):
-            values *= table[self._powers[:, i], :, i].T
-        return values
-
     def _values(self, y: np.ndarray) -> np.ndarray:
-        return np.asarray(self._monomials(y) @ self._coefficients)
-
-    def _slopes(self, y: np.ndarray) -> np.ndarray:
-        """(N, terms, n), of each monomial."""
-        table = _power_table(y, self._problem.degree)
-        n = y.shape[1]
-        slopes = np.empty((len(y), len(self._powers), n))
-        for j in range(n):
-            powers = self._powers.copy()
-            powers[:, j] = np.maximum(powers[:, j] - 1, 0)
-            values = np.broadcast_to(self._powers[:, j].astype(float), slopes.shape[:2]).copy()
-            for i in range(n):
-                values *= table[powers[:, i], :, i].T
-            slopes[:, :, j] = values
-        return slopes
+        return np.asarray(self._basis.at(y) @ self._coefficients)
 
     def _row(self, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows and sides of: grad W · f + (1 - kept margin) cost >= 0, in units of the cost."""
         problem = self._problem
         f = problem.inputs.rates(z, v) @ self.M.T
-        rows = np.einsum("ktj,kj->kt", self._slopes(z @ self.M.T), f)
+        rows = np.einsum("ktj,kj->kt", self._basis.slopes(z @ self.M.T), f)
         scale = running_cost(problem.Q, problem.R, z, v) + 1e-12 * self.c
         return rows / scale[:, None], np.full(len(z), -(1.0 - _KEPT * problem.margin))
 
@@ -309,7 +274,7 @@ class Fit:
         far = inner[self._problem.linear_cost(inner @ self.N.T) > self._beyond * self.c]
         y = np.concatenate([faces, far])
         y = y[self._problem.in_envelope(y @ self.N.T)]
-        values = self._monomials(y) / self.c
+        values = self._basis.at(y) / self.c
         is_low = values @ self._coefficients < 1.01
         chosen = np.ones(len(y), dtype=bool) if every else is_low
         self._rows.append(values[chosen])
@@ -318,21 +283,5 @@ class Fit:
 
     def _best_inputs(self, z: np.ndarray) -> np.ndarray:
         y = z @ self.M.T
-        p = np.einsum("ktj,t->kj", self._slopes(y), self._coefficients) @ self.M
+        p = np.einsum("ktj,t->kj", self._basis.slopes(y), self._coefficients) @ self.M
         return self._problem.inputs.best(z, p)
-
-
-def _square_term(S: np.ndarray, powers: tuple[int, ...]) -> float:
-    """The coefficient of a monomial of degree 2 in y'S y; 0 of a higher one."""
-    if sum(powers) != 2:
-        return 0.0
-    i, j = (i for i, power in enumerate(powers) for _ in range(power))
-    return float(S[i, i] if i == j else S[i, j] + S[j, i])
-
-
-def _power_table(y: np.ndarray, degree: int) -> np.ndarray:
-    """(degree + 1, N, n), y to each power."""
-    table = np.ones((degree + 1, *y.shape))
-    for power in range(1, degree + 1):
-        table[power] = table[power - 1] * y
-    return table

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_boxes.check.statement import BoxStatement, facts
 from hfa_proof.checker.riccati import SAME_GAIN
 from hfa_proof.commands.given import aircraft_option, at_one_value, names_aircraft
 from hfa_proof.subject import Given, close_to, within
@@ -45,7 +46,7 @@ def given_for(
     if names_aircraft(request):
         given |= _given_aircraft(statement, request)
     if at_a_trim:
-        given |= _given_trim(statement, request)
+        given |= _given_trim(request)
     if any(name in request.typed for name in _OF_THE_POLICY):
         given |= _given_policy(request)
     elif not statement.loop.inputs and "dynamics" in given:
@@ -55,6 +56,42 @@ def given_for(
     if sizes:
         given["disturbances"] = Given(dict(sizes), "--disturbance")
     return given
+
+
+def given_on_boxes(
+    statement: BoxStatement, request: CheckRequest | RegionRequest
+) -> dict[str, Given]:
+    """Return path of an entry -> value from the user's options, for a region proved on boxes.
+
+    statement: which was proved, with the coefficients of its policy
+    request: options of the command
+
+    BadInputError or TrimError where the options do not define a loop.
+    """
+    given: dict[str, Given] = {}
+    at_a_trim = request.own or request.at is not None
+    if names_aircraft(request):
+        model = request.flown_aircraft()
+        option = aircraft_option(request)
+        parameters = {name: signal.start for name, signal in model.parameters.items()}
+        given = {name: Given(fact, option) for name, fact in facts(model).items()}
+        given["parameters"] = Given(parameters, option)
+        if tuple(model.linear) == statement.loop.states:
+            states = {**statement.loop.trim, **statement.loop.held}
+            limits = model_limits(model, states, parameters)
+            given["limits"] = Given(limits, option, _not_wider(tuple(model.inputs)))
+    if at_a_trim:
+        given |= _given_trim(request)
+    if any(name in request.typed for name in _OF_THE_POLICY):
+        of_squares = _given_policy(request)
+        own = {"K": of_squares["K"].value, "terms": of_squares["policy"].value}
+        given["policy"] = Given(own, of_squares["K"].option, _same_coefficients)
+    return given
+
+
+def _same_coefficients(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+    same_gain = close_to(SAME_GAIN)(stated["K"], own["K"])
+    return same_gain and _same_policy(stated["terms"], own["terms"])
 
 
 def _given_aircraft(
@@ -90,9 +127,7 @@ def _ends(pair: Any) -> tuple[float, float]:
     return (-np.inf if low is None else low, np.inf if high is None else high)
 
 
-def _given_trim(
-    statement: RegionStatement, request: CheckRequest | RegionRequest
-) -> dict[str, Given]:
+def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
     """The trim that the options name, within `SAME_TRIM` of each nominal value."""
     model: Model = request.flown_aircraft()
     point = request.operating_point(model)

@@ -1,4 +1,4 @@
-"""`hfa prove region` of a network or a deployment file, which boxes prove."""
+"""`hfa prove region` on boxes: of a network, a deployment file or a polynomial policy."""
 
 from __future__ import annotations
 
@@ -6,21 +6,62 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import casadi as ca
+import numpy as np
 
 from controller.critic.critic import symbols_for
-from hfa_boxes.commands.region import ProvedPolicy, check, prove
+from hfa_boxes.check.statement import Gain
+from hfa_boxes.commands.region import ProvedPolicy, SearchSettings, check, prove
 from hfa_policy.deployed import Deployed
 from hfa_policy.deployment import Deployment
-from hfa_support.errors import BadInputError, said_of
+from hfa_support.errors import BadInputError, NoSolutionError, said_of
 from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
+    from hfa_proof.commands.check import CheckRequest
+    from hfa_region.check.statement import SaturatedLoop
     from hfa_region.commands.region import RegionRequest
 
 #: Options of the other prover.
-_OF_SQUARES = ("degree", "disturbance", "resume", "picture")
+_OF_SQUARES = ("disturbance", "picture")
 _OF_NETWORKS = ("weights", "basis", "network", "set")
+#: Numbers of states of which boxes prove larger sets than sums of squares, as measured on the GTM.
+_STATES = (3, 4)
+#: Of V for a network, unless the user chooses.
+_DEGREE = 2
+
+
+def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
+    """Why boxes prove the region of a polynomial policy better than sums of squares do; "" where
+    they don't."""
+    from hfa_region.check.loop import Equilibrium
+
+    if request.disturbance or request.picture is not None:
+        return ""
+    try:
+        Equilibrium(loop)
+    except BadInputError:
+        return "the equations have kinks, tables or functions without a series"
+    except (NoSolutionError, ZeroDivisionError):
+        return ""
+    if len(loop.states) in _STATES and request.degree > 2:
+        return "of three or four states boxes prove larger sets"
+    return ""
+
+
+def prove_gain_on_boxes(
+    request: RegionRequest, linear: LinearModel, gain: Gain, P: np.ndarray | None, reason: str
+) -> int:
+    """Prove the region of a polynomial policy; the exit code.
+
+    P: of the game or the critic; None without one
+    reason: as of `better_on_boxes`
+    """
+    request.refuse(_OF_SQUARES, "is of --prover squares; leave it out")
+    words = "that of the game" if request.weights is None else str(request.weights)
+    policy = ProvedPolicy.of_gain(gain, linear.inputs, words, P)
+    settings = SearchSettings(request.seconds, request.degree, request.resume, reason)
+    return prove(request, linear, policy, settings)
 
 
 def prove_on_boxes(request: RegionRequest) -> int:
@@ -28,16 +69,36 @@ def prove_on_boxes(request: RegionRequest) -> int:
     from controller.riccati.gare import solve_game
 
     request.refuse(_OF_SQUARES, "does not go with a network or --policy; leave it out")
+    if request.prover == "squares":
+        raise BadInputError("--prover squares takes a gain or a polynomial; use boxes")
     linear, policy, game = _policy_of(request)
     known = [("P of the game", solve_game(game).P), *policy.known]
     tried = ProvedPolicy(policy.function, policy.words, known, policy.not_covered)
-    return prove(request, linear, tried, request.seconds)
+    degree = request.degree if "degree" in request.typed else _DEGREE
+    return prove(request, linear, tried, SearchSettings(request.seconds, degree, request.resume))
 
 
 def checked_on_boxes(request: RegionRequest, certificate: Path) -> int:
     """Verify the certificate of a region that is proved on boxes; the exit code."""
     linear, policy, _ = _policy_of(request)
     return check(request, certificate, linear, policy, request.model if request.own else None)
+
+
+def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
+    """Verify the certificate of a polynomial policy; the exit code."""
+    from hfa.output import ProgressLine, show
+    from hfa_boxes.check.checker import check_certificate
+    from hfa_boxes.fields import FIELDS
+    from hfa_boxes.report import checked_report
+    from hfa_proof.subject import compare
+    from hfa_region.commands.given import given_on_boxes
+
+    own = request.model if request.own else None
+    verified = check_certificate(certificate, None, ProgressLine("check"), own)
+    given = given_on_boxes(verified.statement, request)
+    not_given = compare(verified.statement.content(), FIELDS, given)
+    show(checked_report(verified, "that of K", not_given=not_given), request)
+    return 0
 
 
 def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]:

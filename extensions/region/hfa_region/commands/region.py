@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from hfa_region.search.function import PolynomialFunction
 
 #: What changes nothing beside a certificate.
-_OF_THE_SEARCH = ("degree", "seconds", "resume", "picture")
+_OF_THE_SEARCH = ("degree", "seconds", "resume", "picture", "prover")
 
 
 def _size(model: Model, name: str, text: str) -> float:
@@ -70,6 +70,11 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         positive,
         default=60.0,
     )
+    prover: str | None = option(
+        "squares (sums of squares) or boxes (branch and bound); default: the one that proves more",
+        "NAME",
+        lambda text: one_of("squares", "boxes")(text),
+    )
     disturbance: Mapping[str, float] = option(
         "prove an invariant set, not a region of attraction, for every disturbance NAME of the "
         "model up to SIZE; repeatable",
@@ -97,8 +102,8 @@ def region(request: RegionRequest) -> int:
     the set is invariant under every disturbance up to its size; convergence is not claimed. The
     report also names the state at which V' >= 0 was found, an initial condition that does not
     converge, and the limits that bind. -o FILE.json writes a certificate; --check FILE verifies
-    one, for a network or a deployment file again with --weights or --policy. Not covered: tables
-    and kinks of the model, sampling, actuators, delays, and a linearization that is not Hurwitz.
+    one, for a network or a deployment file again with --weights or --policy. Not covered:
+    sampling, actuators, delays, and a linearization that is not Hurwitz.
     Exit code 0 when the set is proved. The command needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
@@ -110,7 +115,7 @@ def region(request: RegionRequest) -> int:
         raise BadInputError(f"{request.output}: a certificate is a .json file; name one")
     if request.resume and request.output is None:
         raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
-    if request.policy is None and (request.weights is None or not is_network(request.weights)):
+    if request.policy is None and not _is_network(request):
         return _prove(request)
     from hfa_region.commands.on_boxes import prove_on_boxes
 
@@ -146,19 +151,23 @@ def _checked(request: RegionRequest, certificate: Path) -> int:
 
 def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     """Verify the certificate of a region that is proved on boxes; the exit code."""
-    from hfa_region.commands.on_boxes import checked_on_boxes
+    from hfa_region.commands.on_boxes import checked_gain_on_boxes, checked_on_boxes
 
-    if not isinstance(request, RegionRequest) or (request.weights or request.policy) is None:
-        raise BadInputError(
-            f"{certificate}: is about a network; give it by `hfa prove region --weights NETWORK "
-            "--check FILE` or `--policy CARD.toml`, with the options of its proof"
-        )
-    return checked_on_boxes(request, certificate)
+    request.refuse(_OF_THE_SEARCH, "does not go with --check: it changes nothing")
+    if isinstance(request, RegionRequest) and (request.policy or _is_network(request)):
+        return checked_on_boxes(request, certificate)
+    return checked_gain_on_boxes(request, certificate)
+
+
+def _is_network(request: RegionRequest) -> bool:
+    return request.weights is not None and is_network(request.weights)
 
 
 def _prove(request: RegionRequest) -> int:
+    from hfa_boxes.check.statement import Gain
     from hfa_region.check.certificate import write_certificate
     from hfa_region.check.loop import refuse_curved
+    from hfa_region.commands.on_boxes import better_on_boxes, prove_gain_on_boxes
     from hfa_region.report import region_report
     from hfa_region.search.invariant import invariant_region
     from hfa_region.search.level import ProvedLevel
@@ -168,6 +177,9 @@ def _prove(request: RegionRequest) -> int:
     linear, K, P, policy = loop_of(request)
     loop = saturated_loop(linear, K, policy)
     refuse_curved(replace(loop, disturbances=request.disturbance))
+    reason = "" if request.prover else better_on_boxes(request, loop)
+    if reason or request.prover == "boxes":
+        return prove_gain_on_boxes(request, linear, Gain(K, policy), P, reason)
     known = _known(request, loop)
     origin = request.provenance.to_dict()
 

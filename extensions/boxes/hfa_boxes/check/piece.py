@@ -1,0 +1,208 @@
+"""A polynomial W about an equilibrium, and the set where it is at most c, on boxes.
+
+With z the deviations of the states from the equilibrium and y = M z the set is {W(y) <= c} in the
+cube |y_i| <= 1, which it does not leave: W > c on every box that meets a face of the cube."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_boxes.check.cover import Boxes
+from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.enclosure.program import Program
+from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
+from hfa_proof.arithmetic.balls import matrix
+from hfa_proof.checker.reading import Fields, Rejected, require
+
+Terms = tuple[tuple[float, tuple[int, ...]], ...]
+#: Higher degrees are refused.
+HIGHEST = 12
+_MOST_TERMS = 5000
+#: Of a few sums and products of doubles, relative to the sizes.
+ROUNDING = 1e-13
+
+
+class Polynomial(NamedTuple):
+    """W(y) = Σ coefficient Π y_i^power.
+
+    n: of y
+    terms: pairs of coefficient and powers
+    """
+
+    n: int
+    terms: Terms
+
+    def expressions(self, y: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """W and its gradient (n,); every product of a coefficient with a power is exact."""
+        known: dict[tuple[int, ...], ca.SX] = {(0,) * self.n: ca.SX(1)}
+
+        def monomial(powers: tuple[int, ...]) -> ca.SX:
+            if powers not in known:
+                first = next(i for i, power in enumerate(powers) if power)
+                known[powers] = monomial(lowered(powers, first)) * y[first]
+            return known[powers]
+
+        parts = [ca.SX(0) for _ in range(self.n)]
+        slopes = [ca.SX(0) for _ in range(self.n)]
+        for coefficient, powers in self.terms:
+            first = next(i for i, power in enumerate(powers) if power)
+            parts[first] += coefficient * monomial(lowered(powers, first))
+            for i, power in enumerate(powers):
+                if power:
+                    slopes[i] += (power * coefficient) * monomial(lowered(powers, i))
+        return ca.dot(ca.vertcat(*parts), y), ca.vertcat(*slopes)
+
+    def at(self, y: np.ndarray) -> np.ndarray:
+        """W at (N, n), in doubles."""
+        total = np.zeros(len(y))
+        for coefficient, powers in self.terms:
+            total += coefficient * np.prod(y ** np.array(powers), axis=1)
+        return total
+
+
+def lowered(powers: tuple[int, ...], index: int) -> tuple[int, ...]:
+    """The powers of a monomial divided by its variable `index`."""
+    return (*powers[:index], powers[index] - 1, *powers[index + 1 :])
+
+
+def is_exact(coefficient: float, powers: Sequence[int]) -> bool:
+    """Whether the products of a coefficient with its powers are doubles."""
+    return all(Fraction(power) * Fraction(coefficient) == power * coefficient for power in powers)
+
+
+class Piece(NamedTuple):
+    """{W(y) <= c}, y = M z.
+
+    M: (n, n)
+    W: polynomial of y without terms of degree 0 and 1
+    c: level
+    """
+
+    M: np.ndarray
+    W: Polynomial
+    c: float
+
+    @classmethod
+    def read(cls, entries: Fields, n: int) -> Piece:
+        """The piece of a certificate; Malformed names the first entry that cannot be."""
+        M = entries.array("M", n, n)
+        piece = cls(M, _polynomial(entries, n), entries.number("c", above=0.0))
+        entries.close()
+        return piece
+
+    def content(self) -> dict[str, Any]:
+        """The piece as a file has it; `read` reads it back."""
+        terms = [[value, list(powers)] for value, powers in self.W.terms]
+        return {"M": self.M.tolist(), "W": terms, "c": self.c}
+
+    def contains(self, z: np.ndarray) -> np.ndarray:
+        """(N,), which deviations z (N, n) are in the set, in doubles."""
+        y = z @ self.M.T
+        return np.asarray(np.all(np.abs(y) < 1.0, axis=1) & (self.W.at(y) <= self.c))
+
+    def bound(self, z: np.ndarray) -> np.ndarray:
+        """(N,), at deviations z (N, n): the lesser of W and c in the cube, else c; in doubles."""
+        y = z @ self.M.T
+        inside = np.all(np.abs(y) < 1.0, axis=1)
+        return np.where(inside, np.minimum(self.W.at(y), self.c), self.c)
+
+
+def _polynomial(entries: Fields, n: int) -> Polynomial:
+    """Read W, the products of whose coefficients with their powers are doubles."""
+    terms = read_terms(entries, "W", n, HIGHEST)
+    for number, (value, powers) in enumerate(terms):
+        require(is_exact(value, powers), f"{entries.where}: W {number}", value)
+    return Polynomial(n, terms)
+
+
+def read_terms(entries: Fields, name: str, n: int, highest: int) -> Terms:
+    """Read the terms of a polynomial, each of degree 2 to `highest` and listed once."""
+    listed = entries.value(name, lambda value: isinstance(value, list))
+    require(0 < len(listed) <= _MOST_TERMS, name, len(listed))
+    terms = []
+    for number, entry in enumerate(listed):
+        where = f"{entries.where}: {name} {number}"
+        require(isinstance(entry, list) and len(entry) == 2, where, entry)
+        value = Fields(where, {"coefficient": entry[0]}).number("coefficient")
+        powers = entry[1]
+        require(isinstance(powers, list) and len(powers) == n, where, powers)
+        require(all(type(power) is int and power >= 0 for power in powers), where, powers)
+        require(2 <= sum(powers) <= highest, where, powers)
+        terms.append((value, tuple(powers)))
+    require(len({powers for _, powers in terms}) == len(terms), f"{entries.where}: {name}")
+    return tuple(terms)
+
+
+@dataclass(frozen=True, eq=False)
+class OnPiece:
+    """A property of an aircraft on the set of a piece; a base of questions for `cover`.
+
+    plant: with limits
+    equilibrium: enclosed
+    piece: the set
+    """
+
+    plant: Plant
+    equilibrium: Equilibrium
+    piece: Piece
+
+    @property
+    def n(self) -> int:
+        """Dimension of the boxes."""
+        return len(self.piece.M)
+
+    @cached_property
+    def inverse(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n, n) each: N near the inverse of M, and by how much it is off; Rejected where M is
+        singular."""
+        try:
+            exact = matrix(self.piece.M).inv()
+        except ZeroDivisionError as error:
+            raise Rejected("the coordinates are not independent") from error
+        entries = [[exact[i, j] for j in range(self.n)] for i in range(self.n)]
+        N = np.array([[float(entry.mid()) for entry in row] for row in entries])
+        radius = np.array([[float(entry.rad()) for entry in row] for row in entries])
+        return N, (radius + 1e-15 * np.abs(N)) * (1.0 + ROUNDING)
+
+    def within(self, place: np.ndarray) -> bool:
+        """Whether a place y (n,) is in the set and the limits of states, in doubles."""
+        low, high = self.plant.ends(self.plant.states).T
+        x = self.equilibrium.x[: self.n] + self.inverse[0] @ place
+        is_allowed = bool(np.all((low <= x) & (x <= high)))
+        return is_allowed and bool(self.piece.W.at(place[None])[0] <= self.piece.c)
+
+    def is_beyond(self, boxes: Boxes) -> np.ndarray:
+        """Which boxes have W > c everywhere."""
+        level = self._level.over(boxes.centres, boxes.half_widths)
+        return np.asarray(lowest(level, self.n)[0] > self.piece.c)
+
+    @cached_property
+    def _level(self) -> TaylorProgram:
+        """W of y."""
+        y = ca.SX.sym("y", self.n)
+        function = ca.Function("W", [y], [self.piece.W.expressions(y)[0]])
+        return TaylorProgram(Program(function, self.plant.model.name))
+
+    def deviations(self, boxes: Boxes, inputs: int) -> tuple[np.ndarray, np.ndarray]:
+        """Taylor models of y and z on boxes, the first of so many inputs; the others are 0.
+
+        Coefficients (inputs, 1 + n, boxes) and radii (inputs, boxes)."""
+        n = self.n
+        count = len(boxes.centres)
+        N, off = self.inverse
+        linear = np.zeros((inputs, 1 + n, count))
+        radius = np.zeros((inputs, count))
+        linear[:n, 0] = boxes.centres.T
+        linear[np.arange(n), np.arange(1, n + 1)] = boxes.half_widths.T
+        linear[n : 2 * n, 0] = N @ boxes.centres.T
+        linear[n : 2 * n, 1:] = N[:, :, None] * boxes.half_widths.T[None]
+        sizes = np.abs(boxes.centres) + boxes.half_widths
+        radius[n : 2 * n] = ((off + 1e-15 * (n + 2) * np.abs(N)) @ sizes.T) * (1.0 + ROUNDING)
+        return linear, radius

@@ -1,0 +1,77 @@
+"""Monomials of several variables at many points at once."""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from hfa_boxes.check.piece import Polynomial
+
+#: Bits of a coefficient, so that its products with powers are doubles.
+_BITS = 45
+
+
+class Monomials:
+    """All monomials of degree 2 to a highest one.
+
+    n: number of variables
+    degree: the highest
+    """
+
+    def __init__(self, n: int, degree: int) -> None:
+        self.n = n
+        self.degree = degree
+        powers = []
+        for total in range(2, degree + 1):
+            for chosen in combinations_with_replacement(range(n), total):
+                powers.append(tuple(chosen.count(i) for i in range(n)))
+        self.powers = np.array(powers)
+
+    @property
+    def degrees(self) -> np.ndarray:
+        """(K,), of each monomial."""
+        return np.asarray(self.powers.sum(axis=1))
+
+    def quadratic(self, S: np.ndarray) -> np.ndarray:
+        """(K,), the coefficients of y'S y."""
+        coefficients = np.zeros(len(self.powers))
+        for index in np.flatnonzero(self.degrees == 2):
+            i, j = np.repeat(np.arange(self.n), self.powers[index])
+            coefficients[index] = S[i, i] if i == j else S[i, j] + S[j, i]
+        return coefficients
+
+    def at(self, y: np.ndarray) -> np.ndarray:
+        """(N, K), of points (N, n)."""
+        table = self._table(y)
+        values = np.ones((len(y), len(self.powers)))
+        for i in range(self.n):
+            values *= table[self.powers[:, i], :, i].T
+        return values
+
+    def slopes(self, y: np.ndarray) -> np.ndarray:
+        """(N, K, n), of each monomial at points (N, n)."""
+        table = self._table(y)
+        slopes = np.empty((len(y), len(self.powers), self.n))
+        for j in range(self.n):
+            powers = self.powers.copy()
+            powers[:, j] = np.maximum(powers[:, j] - 1, 0)
+            values = np.broadcast_to(self.powers[:, j].astype(float), slopes.shape[:2]).copy()
+            for i in range(self.n):
+                values *= table[powers[:, i], :, i].T
+            slopes[:, :, j] = values
+        return slopes
+
+    def polynomial(self, coefficients: np.ndarray) -> Polynomial:
+        """The polynomial with coefficients (K,) rounded to few bits."""
+        mantissa, exponent = np.frexp(coefficients)
+        rounded = np.ldexp(np.round(np.ldexp(mantissa, _BITS)), exponent - _BITS)
+        pairs = zip(rounded.tolist(), self.powers.tolist(), strict=True)
+        return Polynomial(self.n, tuple((value, tuple(powers)) for value, powers in pairs if value))
+
+    def _table(self, y: np.ndarray) -> np.ndarray:
+        """(degree + 1, N, n), y to each power."""
+        table = np.ones((self.degree + 1, *y.shape))
+        for power in range(1, self.degree + 1):
+            table[power] = table[power - 1] * y
+        return table

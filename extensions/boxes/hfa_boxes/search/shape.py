@@ -1,0 +1,424 @@
+"""V as a polynomial by samples: its sets, where V' >= 0 or a limit is passed, and larger sets.
+
+Nothing that is proved depends on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import linprog
+
+from hfa_boxes.check.loop import Loop
+from hfa_boxes.check.piece import Piece
+from hfa_boxes.check.plant import Equilibrium
+from hfa_boxes.search.monomials import Monomials
+
+#: Rays from the equilibrium and shells of a search, how often it is refined.
+_RAYS = 1000
+_SHELLS = 25
+_TURNS = 8
+#: Where V is looked for along a ray, over the unit ball, and in how many steps.
+_FARTHEST = 3.0
+_STEPS = 150
+#: Coordinates of a set are at most 1 over it.
+_ROOM = 1.25
+#: Extents of a set are so much larger than found, relative.
+_BEYOND = 1e-3
+#: -V' is at least this part of its value for the first V and the linear loop.
+_DECAY = 0.03
+#: How near to 0 a quarter of the samples are, over the set.
+_NEAR = 0.01
+#: How much less V' may fall where V is larger than 1, over the same.
+_LEEWAY = 20.0
+#: Levels to which a set may grow at once, linearly.
+_GROWTHS: tuple[float, ...] = (1.3, 1.12, 1.04)
+#: Fits of one level, and the least growth of a set, linearly.
+_FITS = 8
+_GAIN = 1.01
+#: A set that is changed where a place refutes it keeps this part of its size, or is not changed.
+_KEPT = 0.97
+#: Samples of a linear program, rows that a turn adds, turns, and the largest coefficient.
+_FIRST = 3000
+_CHECKED = 12_000
+_ADDED = 400
+_PROGRAMS = 6
+_LARGEST = 100.0
+
+
+class Samples:
+    """A loop at many states at once, in doubles.
+
+    loop: with its policy
+    equilibrium: z = 0
+    """
+
+    def __init__(self, loop: Loop, equilibrium: Equilibrium) -> None:
+        x = ca.SX.sym("x", len(loop.states))
+        rates, outputs = loop.rates(x)
+        functions = [ca.densify(rates), ca.densify(outputs)]
+        self._function = ca.Function("loop", [x], functions)
+        self._x = equilibrium.x
+        ends = loop.ends((*loop.states, *loop.limited_outputs))
+        self._low, self._high = ends.T
+
+    def rates(self, z: np.ndarray) -> np.ndarray:
+        """z' of deviations (N, n)."""
+        return np.array(self._function((z + self._x).T)[0]).T
+
+    def beyond(self, z: np.ndarray) -> np.ndarray:
+        """(N,), which deviations (N, n) are beyond a limit of a state or an output."""
+        x = z + self._x
+        signals = np.hstack([x, np.array(self._function(x.T)[1]).T.reshape(len(z), -1)])
+        return np.asarray(np.any((signals < self._low) | (signals > self._high), axis=1))
+
+
+class Bound(NamedTuple):
+    """What was found first as the level grows.
+
+    level: of V
+    place: deviation z (n,); None where nothing was found
+    rises: whether V' >= 0 there, or else a limit is passed
+    """
+
+    level: float
+    place: np.ndarray | None
+    rises: bool
+
+
+class Extents(NamedTuple):
+    """Lowest and highest z in a set, (n, 2), and multipliers (n, 2) that prove them."""
+
+    ends: np.ndarray
+    multipliers: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """V(y) = Σ coefficient monomial, y = M z; its set is {V <= 1} about 0.
+
+    M: (n, n)
+    basis: the monomials
+    coefficients: (K,)
+    """
+
+    M: np.ndarray
+    basis: Monomials
+    coefficients: np.ndarray
+
+    @classmethod
+    def of_matrix(cls, P: np.ndarray, J: np.ndarray, degree: int) -> Shape:
+        """z'P z in coordinates in which V' of z' = J z is diagonal."""
+        T = np.linalg.inv(np.linalg.cholesky(P)).T
+        S = T.T @ P @ J @ T
+        M = np.linalg.inv(T @ np.linalg.eigh(S + S.T)[1])
+        basis = Monomials(len(P), degree)
+        return cls(M, basis, basis.quadratic(np.eye(len(P))))
+
+    @classmethod
+    def of_piece(cls, piece: Piece, degree: int) -> Shape:
+        """V of a statement, its level 1, as one of a higher degree where that is asked for."""
+        powers = [powers for _, powers in piece.W.terms]
+        basis = Monomials(len(piece.M), max(degree, *(sum(each) for each in powers)))
+        coefficients = np.zeros(len(basis.powers))
+        listed = basis.powers.tolist()
+        for value, each in piece.W.terms:
+            coefficients[listed.index(list(each))] = value / piece.c
+        return cls(piece.M, basis, coefficients)
+
+    def of_degree(self, degree: int) -> Shape:
+        """The same V as one of a higher degree."""
+        return Shape.of_piece(self.piece(), degree)
+
+    @cached_property
+    def N(self) -> np.ndarray:
+        """(n, n), z = N y."""
+        return np.linalg.inv(self.M)
+
+    def values(self, z: np.ndarray) -> np.ndarray:
+        """(N,), of deviations (N, n)."""
+        return np.asarray(self.basis.at(z @ self.M.T) @ self.coefficients)
+
+    def gradients(self, z: np.ndarray) -> np.ndarray:
+        """(N, n), ∂V/∂z."""
+        slopes = np.einsum("ktj,t->kj", self.basis.slopes(z @ self.M.T), self.coefficients)
+        return np.asarray(slopes @ self.M)
+
+    def of_level(self, level: float) -> Shape:
+        """V divided by a level."""
+        return replace(self, coefficients=self.coefficients / level)
+
+    def stretched(self, factors: np.ndarray) -> Shape:
+        """The same V in coordinates divided by factors (n,)."""
+        scale = np.prod(factors**self.basis.powers, axis=1)
+        return replace(self, M=self.M / factors[:, None], coefficients=self.coefficients * scale)
+
+    def in_cube(self) -> Shape:
+        """The same V in coordinates whose cube is larger than the set."""
+        return self.stretched(_ROOM * np.abs(self.edge_points(4 * _RAYS)).max(axis=0))
+
+    def piece(self) -> Piece:
+        """The set as a statement has it."""
+        return Piece(self.M, self.basis.polynomial(self.coefficients), 1.0)
+
+    def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
+        """(N,), the first share of rays y (N, n) at which V reaches a level."""
+        values = self.basis.at(rays) * self.coefficients
+        degrees = np.unique(self.basis.degrees)
+        parts = [values[:, self.basis.degrees == degree].sum(axis=1) for degree in degrees]
+        shares = np.linspace(0.0, _FARTHEST, _STEPS + 1)[1:]
+        along = sum(
+            part[:, None] * shares**degree for part, degree in zip(parts, degrees, strict=True)
+        )
+        is_beyond = np.asarray(along) >= level
+        first = np.where(is_beyond.any(axis=1), is_beyond.argmax(axis=1), _STEPS - 1)
+        low, high = shares[first] - shares[0], shares[first]
+        for _ in range(30):
+            middle = 0.5 * (low + high)
+            there = sum(part * middle**degree for part, degree in zip(parts, degrees, strict=True))
+            high = np.where(there >= level, middle, high)
+            low = np.where(there >= level, low, middle)
+        return np.asarray(high)
+
+    def edge_points(self, count: int) -> np.ndarray:
+        """(count, n), y where V = 1."""
+        rays = _unit(np.random.default_rng(2).normal(size=(count, self.basis.n)))
+        return np.asarray(rays * self.edges(rays)[:, None])
+
+    def size(self) -> float:
+        """The n-th root of the volume of the set over that of the unit ball."""
+        n = self.basis.n
+        lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
+        return float((np.mean(lengths**n) / abs(np.linalg.det(self.M))) ** (1.0 / n))
+
+    def bound(self, samples: Samples, level: float, *, quick: bool = False) -> Bound:
+        """What bounds the level, up to a highest one.
+
+        quick: with a tenth of the samples and fewer turns"""
+
+        def margins(z: np.ndarray) -> np.ndarray:
+            slope = np.sum(self.gradients(z) * samples.rates(z), axis=1)
+            margin = -slope / self.values(z)
+            return np.where(samples.beyond(z) | np.isnan(margin), -np.inf, margin)
+
+        found = self._first(margins, level, quick)
+        if found is None:
+            return Bound(np.inf, None, False)
+        at, place = found
+        slope = float(np.sum(self.gradients(place[None]) * samples.rates(place[None])))
+        return Bound(at, place, not slope < 0.0)
+
+    def _first(
+        self, margins: Callable[[np.ndarray], np.ndarray], level: float, quick: bool
+    ) -> tuple[float, np.ndarray] | None:
+        """The lowest level at which a margin of 0 or less was found, and the place z (n,).
+
+        margins: z (N, n) -> (N,)"""
+        count = _RAYS // 10 if quick else _RAYS
+        n = self.basis.n
+        generator = np.random.default_rng(0)
+        shells = np.arange(1, _SHELLS + 1)
+        rays = _unit(generator.normal(size=(count, n)))
+        best = level
+        place = None
+        spread = 0.5
+        for _ in range(_TURNS // 4 if quick else _TURNS):
+            edges = self.edges(rays, best)[:, None] * rays
+            shares = (shells - generator.uniform(0.0, 1.0, _SHELLS)) / _SHELLS
+            shares[-1] = 1.0
+            z = (shares[:, None, None] * edges) @ self.N.T
+            margin = margins(z.reshape(-1, n)).reshape(len(shares), len(rays))
+            bad = margin <= 0.0
+            first = np.where(bad.any(axis=0), bad.argmax(axis=0), len(shares))
+            order = np.lexsort((margin.min(axis=0), first))[:12]
+            if first[order[0]] < len(shares):
+                place = z[first[order[0]], order[0]]
+                best = min(best, float(self.values(place[None])[0]))
+            near = np.repeat(rays[order], count // 24, axis=0)
+            near = near + spread * generator.normal(size=near.shape) / np.sqrt(n)
+            far = generator.normal(size=(count // 2, n))
+            rays = _unit(np.concatenate([rays[order], near, far]))
+            spread *= 0.6
+        return None if place is None else (best, place)
+
+    def extents(self) -> Extents:
+        """Of the set of level 1."""
+        n = self.basis.n
+        generator = np.random.default_rng(3)
+        inside = generator.uniform(size=(4 * _RAYS, 1)) ** (1.0 / n)
+        z = inside * (self.edge_points(4 * _RAYS) @ self.N.T)
+        room = 1.0 - self.values(z)
+        ends = np.zeros((n, 2))
+        multipliers = np.zeros((n, 2))
+        for i in range(n):
+            for side, sign in enumerate((-1.0, 1.0)):
+                place = self._farthest(sign * self.N[i])
+                gradient = self.gradients(place[None])[0]
+                multipliers[i, side] = max(sign * gradient[i], 0.0) / (gradient @ gradient)
+                reach = np.max(sign * z[:, i] + multipliers[i, side] * room)
+                ends[i, side] = sign * max(sign * place[i], reach) * (1.0 + _BEYOND)
+        return Extents(ends, multipliers)
+
+    def _farthest(self, direction: np.ndarray) -> np.ndarray:
+        """z of the set that is farthest in a direction (n,) of y."""
+        n = self.basis.n
+        generator = np.random.default_rng(4)
+        rays = _unit(generator.normal(size=(_RAYS, n)))
+        spread = 0.5
+        for _ in range(12):
+            y = rays * self.edges(rays)[:, None]
+            order = np.argsort(-(y @ direction))[:5]
+            near = np.repeat(rays[order], 60, axis=0)
+            near = near + spread * generator.normal(size=near.shape) / np.sqrt(n)
+            rays = _unit(np.concatenate([rays[order], near]))
+            spread *= 0.5
+        y = rays * self.edges(rays)[:, None]
+        return np.asarray(self.N @ y[np.argmax(y @ direction)])
+
+
+def _unit(rays: np.ndarray) -> np.ndarray:
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+
+class Growth:
+    """Linear programs for a V with a larger set.
+
+    samples: the loop
+    J: (n, n), its Jacobian
+    shape: the first V, its set good
+    tell: called before each linear program with what it does; may raise
+    """
+
+    def __init__(
+        self, samples: Samples, J: np.ndarray, shape: Shape, tell: Callable[[str], None]
+    ) -> None:
+        self._samples = samples
+        self._tell = tell
+        self._random = np.random.default_rng(1)
+        decay = shape.M @ J @ shape.N
+        self._decay = -(decay + decay.T)
+        self._first_M = shape.M
+        self._refuted = np.zeros((0, len(J)))
+        self._growths = _GROWTHS
+        self.shape = shape
+
+    def refuted(self, place: np.ndarray) -> Shape | None:
+        """A V that falls at and about a place z (n,) too, its set hardly smaller; None without
+        one."""
+        self._add(place)
+        found = self._good(1.0)
+        if found is None or found.size() < _KEPT * self.shape.size():
+            return None
+        self.shape = found
+        return found
+
+    def _add(self, place: np.ndarray) -> None:
+        """Rows at and about a place z (n,)."""
+        near = self._random.normal(size=(30, len(place))) * 0.02 * np.abs(place)
+        self._refuted = np.concatenate([self._refuted, place[None], place + near])
+
+    def grown(self) -> Shape | None:
+        """A V whose set is larger than that of the last one; None where none is found."""
+        while self._growths:
+            found = self._good(self._growths[0] ** 2)
+            if found is not None and found.size() > _GAIN * self.shape.size():
+                self.shape = found
+                return found
+            self._growths = self._growths[1:]
+        return None
+
+    def of_degree(self, degree: int) -> None:
+        """Go on with polynomials of a higher degree."""
+        self.shape = self.shape.of_degree(degree)
+        self._growths = _GROWTHS
+
+    def _good(self, level: float) -> Shape | None:
+        """The largest good set of fits up to a level; what bounds one is a row of the next."""
+        best = None
+        largest = 0.0
+        for _ in range(_FITS):
+            found = self._fitted(level)
+            if found is None:
+                break
+            # beyond its level 1 nothing is known
+            bound = found.bound(self._samples, 1.0)
+            found = found.of_level(min(bound.level, 1.0))
+            size = found.size()
+            if size > largest:
+                best, largest = found, size
+            if bound.place is None:
+                break
+            self._add(bound.place)
+        return best
+
+    def _fitted(self, level: float) -> Shape | None:
+        """The V of least mean with V >= 1 where the last one reaches a level, V' < 0 before."""
+        last = self.shape.in_cube()
+        basis = last.basis
+        inner = self._inside(last, level, _FIRST)
+        inner = np.concatenate([inner, self._refuted @ last.M.T])
+        edge = self._edge(last, level, _FIRST // 2)
+        falls, least = self._rows(last, inner)
+        rows = [basis.at(edge), falls]
+        sides = [np.full(len(edge), 1.02), least]
+        mean = basis.at(inner).mean(axis=0)
+        shape = None
+        for _ in range(_PROGRAMS):
+            self._tell(f"V of degree {basis.degree}, size {self.shape.size():.4g}")
+            found = linprog(
+                mean,
+                -np.concatenate(rows),
+                -np.concatenate(sides),
+                bounds=(-_LARGEST, _LARGEST),
+                method="highs",
+            )
+            if found.x is None:
+                return None
+            shape = replace(last, coefficients=found.x)
+            walls = basis.at(self._edge(last, level, _CHECKED))
+            low = walls[walls @ found.x < 1.005]
+            more = self._inside(last, level, _CHECKED)
+            more = more[basis.at(more) @ found.x <= 1.0]
+            falls, least = self._rows(last, more)
+            slack = falls @ found.x - least
+            worst = np.argsort(slack)[:_ADDED]
+            worst = worst[slack[worst] < -0.5 * _DECAY]
+            if not len(worst) and not len(low):
+                break
+            rows += [low, falls[worst]]
+            sides += [np.full(len(low), 1.02), least[worst]]
+        return shape
+
+    def _edge(self, shape: Shape, level: float, count: int) -> np.ndarray:
+        """(count, n), y at a level."""
+        rays = _unit(self._random.normal(size=(count, shape.basis.n)))
+        return np.asarray(rays * shape.edges(rays, level)[:, None])
+
+    def _inside(self, shape: Shape, level: float, count: int) -> np.ndarray:
+        """(count, n), y up to a level."""
+        n = shape.basis.n
+        rays = _unit(self._random.normal(size=(count, n)))
+        shares = self._random.uniform(size=(count, 1))
+        shares[::2] **= 1.0 / n
+        shares[1::4] *= _NEAR
+        return np.asarray(shares * rays * shape.edges(rays, level)[:, None])
+
+    def _rows(self, last: Shape, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, K) and (N,): a V falls where it is at most 1 if its rows are at least the sides.
+
+        The rows are -V' + k (V - 1), k >= 0 larger where the last V is, over the decay of the first
+        V in the linear loop; beyond a limit they are V."""
+        z = y @ last.N.T
+        rates = self._samples.rates(z) @ last.M.T
+        first = z @ self._first_M.T
+        decay = np.einsum("ki,ij,kj->k", first, self._decay, first)
+        slopes = np.einsum("ktj,kj->kt", last.basis.slopes(y), rates)
+        monomials = last.basis.at(y)
+        k = _LEEWAY * np.clip((monomials @ last.coefficients - 0.9) / 0.2, 0.0, 1.0)
+        rows = k[:, None] * monomials - slopes / decay[:, None]
+        beyond = self._samples.beyond(z)
+        return np.where(beyond[:, None], monomials, rows), np.where(beyond, 1.02, _DECAY + k)

@@ -1,0 +1,77 @@
+"""The provers of `hfa prove region`: which one is taken, and what boxes prove of gains."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hfa.main import main
+
+PENDULUM = "examples/pendulum.py:PENDULUM"
+VAN_DER_POL = "examples/pendulum.py:VAN_DER_POL"
+KINKED = """
+import casadi as ca
+from hfa import Model, Signal
+
+def equations(x, u, p, w):
+    spring = ca.if_else(x.angle < 0.4, 1.2 * x.angle, 0.48 + 0.5 * (x.angle - 0.4))
+    damping = 0.2 * x.rate + 0.3 * ca.fmax(x.rate - 0.5, 0)
+    return {"angle": x.rate, "rate": 3 * ca.sin(x.angle) - spring - damping + 8 * u.torque}, {}
+
+KINKED = Model(
+    "kinked pendulum",
+    {"angle": Signal("rad"), "rate": Signal("rad/s")},
+    {"torque": Signal("N m", 1.0, -0.7, 0.7)},
+    equations,
+    trim={"angle": 0.0, "rate": 0.0},
+)
+"""
+
+
+@pytest.fixture
+def kinked(tmp_path: Path) -> list[str]:
+    """Words that name a pendulum with a table and a kink inside its set."""
+    path = tmp_path / "kinked.py"
+    path.write_text(KINKED)
+    return ["--aircraft", f"{path}:KINKED"]
+
+
+def test_kinks_and_tables_are_proved_on_boxes(
+    kinked: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The set goes beyond both kinks; its certificate states K, so that it is checked alone."""
+    proof = str(tmp_path / "proof.json")
+    words = ["prove", "region", *kinked, "--degree", "2", "--seconds", "3", "-o", proof]
+    assert main(words) == 0
+    assert "Proved on boxes, not by sums of squares: the equations have kinks" in (
+        capsys.readouterr().out
+    )
+    extents = json.loads(Path(proof).read_text())["statement"]["extents"]
+    assert extents["angle"][1] > 0.5
+    assert extents["rate"][1] > 0.7
+    assert main(["prove", *kinked, "--check", proof]) == 0
+    assert "kinked pendulum, of the policy in the certificate\n" in capsys.readouterr().out
+    assert main(["prove", "region", *kinked, "--Q", "1,9", "--R", "1", "--check", proof]) == 1
+    assert "is about another K than the game gives" in capsys.readouterr().err
+    assert main([*words[:-2], "--prover", "squares"]) == 2
+
+
+@pytest.mark.slow
+def test_a_quartic_is_proved_on_boxes_and_resumed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It reaches farther than the quadratic one; a later run proves no smaller set."""
+    proof = tmp_path / "proof.json"
+    words = ["prove", "region", "--aircraft", VAN_DER_POL, "--prover", "boxes", "-o", str(proof)]
+    words += ["--json"]
+    assert main([*words, "--degree", "2", "--seconds", "4"]) == 0
+    quadratic = json.loads(capsys.readouterr().out)
+    assert (quadratic["prover"], quadratic["degree"]) == ("boxes", 2)
+    assert main([*words, "--degree", "4", "--resume", "--seconds", "12"]) == 0
+    quartic = json.loads(capsys.readouterr().out)
+    assert quartic["degree"] == 4
+    assert quartic["extents"]["velocity"] > 1.05 * quadratic["extents"]["velocity"]
+    mine = ["prove", "region", "--aircraft", PENDULUM, "--prover", "boxes", "--resume"]
+    assert main([*mine, "-o", str(proof)]) == 2
