@@ -148,7 +148,7 @@ def _record(quick: bool) -> list[Row]:
     rows = []
     for peer, residuals, repeats, target in (
         ("least_squares and solve_ivp of SciPy", case.by_scipy, 1, 10.0),
-        ("least_squares with the same compiled simulation", case.compiled(), 5, 0.5),
+        ("least_squares with the same compiled simulation", case.compiled(), 2, 0.5),
     ):
         timing = in_turn(
             case.ours, lambda residuals=residuals: case.fitted(residuals), repeats=repeats

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import os
 import runpy
 import shlex
 import shutil
@@ -40,6 +41,35 @@ def run(site: Path, folder: Path, *words: str) -> Result:
     return hfa_process(*words, folder=folder, PYTHONPATH=str(site))
 
 
+#: Runs commands one after the other: loading the packages once takes most of the time of each.
+IN_TURN = """
+import contextlib, io, json, sys
+from hfa.main import main
+results = []
+for words in json.loads(sys.argv[1]):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(words)
+    results.append((code, out.getvalue(), err.getvalue()))
+print(json.dumps(results))
+"""
+
+
+def run_in_turn(site: Path, folder: Path, *commands: str) -> list[Result]:
+    """Each `hfa ...` in one new process, where the packages of a folder are installed too."""
+    words = [shlex.split(command)[1:] for command in commands]
+    done = subprocess.run(
+        [sys.executable, "-c", IN_TURN, json.dumps(words)],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(site)},
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    return [Result(*each) for each in json.loads(done.stdout.splitlines()[-1])]
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with the aircraft of docs/extending.md."""
@@ -49,17 +79,22 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> None:
-    trimmed = run(site, folder, "trim", "--aircraft", "trainer.pm", "--at", "55", "--json")
+    trimmed, overview, unknown, trim_help = run_in_turn(
+        site,
+        folder,
+        "hfa trim --aircraft trainer.pm --at 55 --json",
+        "hfa --help",
+        "hfa level speed",
+        "hfa trim --help",
+    )
     assert trimmed.code == 0, trimmed.err
     lift = json.loads(trimmed.out)["operating_point"]["inputs"]["lift_coefficient"]
     assert lift == pytest.approx(1200 * 9.80665 / (0.5 * 1.225 * 55**2 * 16.2))
-    overview = run(site, folder, "--help").out
-    assert "\npoint mass" in overview
-    assert "\n  level thrust    thrust and lift-to-drag ratio" in overview
-    unknown = run(site, folder, "level", "speed")
+    assert "\npoint mass" in overview.out
+    assert "\n  level thrust    thrust and lift-to-drag ratio" in overview.out
     assert (unknown.code, unknown.out) == (2, "")
     assert "unknown word 'speed' behind `hfa level`" in unknown.err
-    assert "FILE.pm" in run(site, folder, "trim", "--help").out
+    assert "FILE.pm" in trim_help.out
 
 
 def test_commands_of_the_page_run(site: Path, folder: Path) -> None:
@@ -69,8 +104,8 @@ def test_commands_of_the_page_run(site: Path, folder: Path) -> None:
     ]
     commands = [found for block in consoles for found in COMMAND.finditer(block.text)]
     assert len(commands) >= 5
-    for command in commands:
-        done = run(site, folder, *shlex.split(command[1])[1:])
+    results = run_in_turn(site, folder, *(command[1] for command in commands))
+    for command, done in zip(commands, results, strict=True):
         assert done.code == int(command[2] or 0), f"{command[1]}: {done.out}{done.err}"
         assert not difference(command[3], done.out + done.err)
 

@@ -53,8 +53,8 @@ def test_some_forgeries_of_every_kind_are_refused(tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
     for kind in PROOFS:
         of_kind = [forgery for forgery in everything if forgery[0] == kind]
-        for number in rng.permutation(len(of_kind))[:2]:
-            assert_refused(forged(*of_kind[number]), kind, tmp_path / "forged.json")
+        forgery = of_kind[rng.integers(len(of_kind))]
+        assert_refused(forged(*forgery), kind, tmp_path / "forged.json")
 
 
 @pytest.mark.slow
