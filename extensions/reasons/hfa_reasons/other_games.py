@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -171,8 +171,13 @@ def _in_steps(whose: str, game: Game, rate: float) -> Iterator[Family]:
     rule."""
     starts = tuple(math.log(time) for time in _TIMES)
     plausible = (math.log(_SHORTEST_STEP / rate), math.log(_LONGEST_STEP / rate))
-    for how, answer in _STEPPED.items():
-        stepped = _stepped(f"{whose}, in discrete time", how, partial(answer, game))
+    held_at = lru_cache(maxsize=None)(partial(held, game))  # the first two seek the same steps
+    for how, answer in (
+        ("", held_at),
+        (" and its whole cost", lambda step: of_whole_cost(held_at(step), step)),
+        (" of x + (A x + B u) dt", partial(euler, game)),
+    ):
+        stepped = _stepped(f"{whose}, in discrete time", how, answer)
         yield stepped._replace(starts=starts, plausible=plausible)
 
 
@@ -199,11 +204,10 @@ def held(game: Game, step: float) -> Answer:
     return Answer(*quick_discrete(sampled(game, step)))
 
 
-def held_whole(game: Game, step: float) -> Answer:
-    """Answer of the game whose cost is not multiplied by the length of the step."""
-    P, K = held(game, step)
-    assert P is not None
-    return Answer(P / step, K)
+def of_whole_cost(answer: Answer, step: float) -> Answer:
+    """Answer of the same game where the cost is not multiplied by the length of the step."""
+    assert answer.P is not None
+    return Answer(answer.P / step, answer.K)
 
 
 def euler(game: Game, step: float) -> Answer:
@@ -213,14 +217,6 @@ def euler(game: Game, step: float) -> Answer:
         A, step * game.B, step * game.E, step * game.Q, step * game.R, math.sqrt(step) * game.delta
     )
     return Answer(*quick_discrete(DiscreteGame(of_step)))
-
-
-#: How a game in discrete time is said to be made -> its answer.
-_STEPPED: Mapping[str, Callable[[Game, float], Answer]] = {
-    "": held,
-    " and its whole cost": held_whole,
-    " of x + (A x + B u) dt": euler,
-}
 
 
 def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:

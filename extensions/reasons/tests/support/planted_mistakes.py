@@ -14,7 +14,7 @@ from scipy.linalg import solve_continuous_are
 
 from controller.critic.critic import Critic
 from hfa import Game, from_gain, from_value, from_weights
-from hfa_reasons.other_games import discounted, euler, held, held_whole
+from hfa_reasons.other_games import discounted, euler, held, of_whole_cost
 from hfa_support.errors import NoSolutionError
 
 #: Radians in a degree.
@@ -264,7 +264,7 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     ),
     "cost a step, P": (
         "P",
-        lambda game: held_whole(game, 0.02).P,
+        lambda game: of_whole_cost(held(game, 0.02), 0.02).P,
         "in discrete time, a step of 0.02 s and its whole cost",
     ),
     "R scaled, K": (
