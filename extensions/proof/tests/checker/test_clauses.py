@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from flint import arb, arb_mat, ctx
-from forged_certificates import CLAIM, FLIGHT, Change, put, several
+from forged_certificates import CLAIM, FLIGHT, Change, array, put, several
 from proof_cases import certificate, content, forge, model_of, of_the_other_trim, two_trims
 
 import hfa
@@ -33,6 +33,7 @@ from hfa_proof.checker.statement import (
     read_statement,
 )
 from hfa_proof.checker.trims import (
+    _holds_root,
     _root_offsets,
     check_branches,
     linear_model_on,
@@ -189,6 +190,16 @@ FORGED |= {
         put([0.25, 1.25], *CLAIM, "uncertain_actuators", "effectiveness"),
         "not positive definite",
     ),
+    "a trim stated within the flights": (
+        "two trims",
+        put([{"breakpoint": 1.25, "unknowns": {"x": 1.5}}], *FLIGHT, "trims"),
+        "below the first stated one",
+    ),
+    "fixed actuators that do little": (
+        "memory",
+        put(array(lambda share: 1e-6 * share), *CLAIM, "fixed_actuators", "effectiveness"),
+        "not positive definite",
+    ),
     "a longer delay": (
         "actuators",
         put(0.1, *CLAIM, "uncertain_actuators", "delay"),
@@ -334,3 +345,15 @@ def test_a_loop_that_only_the_doubles_stabilize() -> None:
     assert check(decimals=False) == 1
     with pytest.raises(Rejected, match="not positive definite"):
         check(decimals=True)
+
+
+def test_trims_that_part_by_an_error_are_not_the_same() -> None:
+    """The trim of the other box is 0.5 +- 0.7; within 1 of 0 this one has no other."""
+
+    def box_at(center: float, error: float) -> Any:
+        polynomial = [arb(center), arb(0), arb(0), arb(error)]
+        trim = TrimBox(1.0, 1.0, {"x": polynomial}, {"x": arb(1)})
+        return SimpleNamespace(trim=trim, offsets={"x": arb(0)})
+
+    assert _holds_root(box_at(0.0, 0.0), box_at(0.5, 0.3), 1.0)
+    assert not _holds_root(box_at(0.0, 0.0), box_at(0.5, 0.7), 1.0)
