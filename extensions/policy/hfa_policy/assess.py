@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from hfa_aircraft.model import Model
 from hfa_flight.scenario import Scenario
-from hfa_policy.assessment import SAMPLES, Assessor
+from hfa_policy.assessment import SAMPLES, AssessedPoint, Assessor
 from hfa_policy.assessment_report import Assessment
+from hfa_policy.best_costs import BestCosts
 from hfa_policy.deployment import Deployment
 from hfa_policy.mistakes import mistakes_of
 from hfa_policy.rough_flights import rough_flights, rough_scenario
 from hfa_policy.trims import trims_of
 from hfa_policy.variations import changes_of, variations
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import refuse_unless_whole
+from hfa_support.errors import refuse_unknown, refuse_unless_positive, refuse_unless_whole
 from hfa_support.progress import Progress
 
 
@@ -30,6 +31,9 @@ def assess(
     progress: Progress | None = None,
     vary: Mapping[str, tuple[float, float]] | None = None,
     scenario: Scenario | None = None,
+    *,
+    box: Mapping[str, float] | None = None,
+    needs: Mapping[str, float] | None = None,
 ) -> Assessment:
     """Assess a policy as it is deployed.
 
@@ -44,6 +48,8 @@ def assess(
         on the changed aircraft too, with the trim values of the original
     scenario: sensor noise, gust or turbulence of at most 20 further flights from each trim, as for
         `hfa.fly`
+    box: linear state -> half-width of the box of initial conditions, in place of the usual
+    needs: requirement of `hfa assess --need`, such as "delay" (s) or "cost" (%) -> its value
 
     BadInputError where the deployment is not of this aircraft, TrimError where there is no trim.
 
@@ -65,13 +71,47 @@ def assess(
     changes = changes_of(deployed, vary or {})
     if scenario is not None:
         scenario = rough_scenario(scenario, model, samples)
-    assessor = Assessor(deployed, trims_of(model, points), samples, seed)
-    assessed = assessor.assessed(progress)
+    for name, width in (box or {}).items():
+        refuse_unknown("box names an unknown state", name, model.linear)
+        refuse_unless_positive(f"box of {name}", width)
+    assessor = Assessor(deployed, trims_of(model, points), samples, seed, box or {})
+    return judged(
+        assessor,
+        needs=needs or {},
+        changes=changes,
+        scenarios=[] if scenario is None else [scenario] * len(assessor.points),
+        progress_of=lambda _: progress,
+    )
+
+
+def judged(
+    assessor: Assessor,
+    *,
+    needs: Mapping[str, float],
+    changes: Sequence[tuple[str, float]],
+    scenarios: Sequence[Scenario],
+    progress_of: Callable[[str], Progress | None],
+    best: Callable[[AssessedPoint], BestCosts] | None = None,
+) -> Assessment:
+    """Return the assessment of a policy at its trims.
+
+    scenarios: one a trim, or none.
+    progress_of: words about a step -> its progress.
+    best: what a trim's best flights cost; None without these flights.
+    """
+    assessed = assessor.assessed(progress_of("fly"))
+    if best is not None:
+        assessed = [replace(at, best=best(at)) for at in assessed]
     mistakes = tuple(mistakes_of(assessor, assessed))
-    changed = variations(assessor, changes, progress)
-    if scenario is not None:
+    changed = variations(assessor, changes, progress_of("fly changed aircraft"))
+    if scenarios:
         rough = rough_flights(
-            deployed, assessor.points, [scenario] * len(assessed), samples, seed, progress
+            assessor.deployed,
+            assessor.points,
+            scenarios,
+            assessor.samples,
+            assessor.seed,
+            progress_of("fly in noise and moving air"),
         )
         assessed = [replace(at, rough=flown) for at, flown in zip(assessed, rough, strict=True)]
-    return Assessment(deployed, tuple(assessed), mistakes, variations=tuple(changed))
+    return Assessment(assessor.deployed, tuple(assessed), mistakes, needs, tuple(changed))

@@ -234,6 +234,21 @@ def test_the_nonlinearity_is_found_where_it_was_planted():
     assert "the command deviates from its linearization by up to" in str(result.report())
 
 
+def test_box_and_needs_are_those_of_the_command():
+    """`hfa.assess` takes the box and the needs that `hfa assess` has as options."""
+    model = aircraft("ppo_gtm")
+    o = ca.SX.sym("o", 4)
+    gain = gtm_card({"file": ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])})
+    result = assess(model, gain, [45.0], samples=0, box={"pitch": 0.01}, needs={"delay": 9.0})
+    place = model.linear.index("pitch")
+    assert result.points[0].place.box[place] == pytest.approx(0.01)
+    assert not result.ok
+    assert "delay 9" in result.unmet[0]
+    for wrong, said in (({"pich": 0.1}, "did you mean pitch"), ({"pitch": -1.0}, "box of pitch")):
+        with pytest.raises(hfa.BadInputError, match=said):
+            assess(model, gain, [45.0], samples=0, box=wrong)
+
+
 def test_a_gain_has_no_nonlinearity():
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
@@ -37,6 +37,9 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
 if TYPE_CHECKING:
+    from hfa_policy.assessment import AssessedPoint
+    from hfa_policy.best_costs import BestCosts
+    from hfa_policy.deployed import Deployed
     from hfa_policy.deployment import Deployment
 
 _MOST_POINTS = 1000
@@ -196,6 +199,17 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         return rough_scenario(replace(scenario, gust=gust), point.model, self.samples)
 
 
+def _best_flights(
+    request: AssessRequest, deployed: Deployed
+) -> Callable[[AssessedPoint], BestCosts] | None:
+    """Return a function of an assessed trim: the cost of its best flights; None without --best."""
+    if not request.best:
+        return None
+    costs = part(PARTS, "assess.best", "--best")
+    progress = ProgressLine("optimize")
+    return lambda at: costs(deployed, at, request.best, request.seed, progress, request.bound)
+
+
 @command(AssessRequest)
 def assess(request: AssessRequest) -> int:
     """Assess a policy as it is deployed: sampled, held, with its normalizer and its delay.
@@ -206,13 +220,11 @@ def assess(request: AssessRequest) -> int:
     when the policy holds at every trim and meets every --need. Exit code 1 when it does not, or
     when its files prove a mistake of the deployment file."""
     from hfa_identify.draws.report import reported
+    from hfa_policy.assess import judged
     from hfa_policy.assessment import Assessor
-    from hfa_policy.assessment_report import Assessment
     from hfa_policy.comparison import Comparison
     from hfa_policy.drawn_aircraft import drawn_policy
-    from hfa_policy.mistakes import mistakes_of
-    from hfa_policy.rough_flights import rough_flights
-    from hfa_policy.variations import changes_of, variations
+    from hfa_policy.variations import changes_of
 
     model = request.flown_aircraft()
     deployed = [deployment.on(model) for deployment in request.deployments(model)]
@@ -233,25 +245,21 @@ def assess(request: AssessRequest) -> int:
     results = []
     for each, changes_of_each in zip(deployed, changes, strict=True):
         assessor = Assessor(each, points, request.samples, request.seed, request.box)
-        assessed = assessor.assessed(ProgressLine("fly"))
-        if request.best:
-            costs = part(PARTS, "assess.best", "--best")
-            asked = (request.best, request.seed, ProgressLine("optimize"), request.bound)
-            assessed = [replace(at, best=costs(each, at, *asked)) for at in assessed]
-        mistakes = tuple(mistakes_of(assessor, assessed))
-        changed = variations(assessor, changes_of_each, ProgressLine("fly changed aircraft"))
-        if scenarios:
-            flying = ProgressLine("fly in noise and moving air")
-            rough = rough_flights(each, points, scenarios, request.samples, request.seed, flying)
-            assessed = [replace(at, rough=flown) for at, flown in zip(assessed, rough, strict=True)]
-        found = Assessment(each, tuple(assessed), mistakes, request.need, tuple(changed))
+        found = judged(
+            assessor,
+            needs=request.need,
+            changes=changes_of_each,
+            scenarios=scenarios,
+            progress_of=ProgressLine,
+            best=_best_flights(request, each),
+        )
         results.append(found)
     if request.draws is not None and len(results) > 1:
         raise BadInputError("--draws is of one deployment; name one")
     if len(results) == 1:
         report = results[0].report()
         if request.draws is not None:
-            draws = drawn_policy(assessor, assessed, request)
+            draws = drawn_policy(assessor, results[0].points, request)
             report = reported(report, draws)
         show(report, request, figure=results[0].figure, notes=results[0].warnings)
         return 0 if results[0].ok else 1
