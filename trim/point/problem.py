@@ -102,6 +102,8 @@ class TrimProblem:
 
     def unwound(self, z: np.ndarray) -> np.ndarray:
         """A solution (k,), angles far out less whole turns where that is a solution too."""
+        if not self.system.far_out(z).any():
+            return z
         shorter = self.system.wrapped(z)
         return shorter if self.solved(shorter) else z
 
