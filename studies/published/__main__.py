@@ -24,9 +24,6 @@ SOURCES = Path(__file__).parent / "sources"
 RESULTS = Path(__file__).with_name("results.csv")
 PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
-HEADER = ("file", "verdict")
-#: How the verdicts begin that name the mistake.
-NAMED = ("the answer belongs to another plant", "one entry of the answer")
 _HEAD = """# Printed answers of others
 
 `hfa printed` judges an answer that a paper, a manual or a repository prints with its plant:
@@ -87,17 +84,11 @@ def load_results() -> list[Row]:
 
 
 def page_of(rows: list[Row]) -> str:
-    """docs/published.md: how many answers have each verdict, then those with a named mistake, each
-    with the first part of its verdict."""
+    """Return docs/published.md: how many answers have each verdict."""
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
-    mistakes = [
-        (row.name, row.verdict.partition(";")[0]) for row in rows if row.verdict.startswith(NAMED)
-    ]
     parts = [
         _HEAD,
         markdown_table(Table(("verdict", "files"), counts.most_common())),
-        "\n## Mistakes that are named\n",
-        markdown_table(Table(HEADER, mistakes)),
     ]
     return "\n".join(parts) + "\n"
 
