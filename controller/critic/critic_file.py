@@ -182,7 +182,7 @@ def entries_in(path: str | Path) -> dict[str, Any]:
 
 
 def _part_by_shape(array: np.ndarray, game: Game) -> str:
-    """W, P or K, which the shape of an array without a name is."""
+    """Return W, P or K, by the shape of an array without a name."""
     shapes = {"P": game.A.shape, "K": game.B.T.shape}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]
     if not fitting and max(array.shape, default=1) == array.size:

@@ -51,8 +51,7 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 
 
 def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
-    """Laid out here where it is made of points: to have it laid out, matplotlib draws all of it,
-    and then once more."""
+    """Write a figure. The layout of a PNG is computed here: matplotlib would draw it twice."""
     _take_literally(figure)
     engine = figure.get_layout_engine()
     if kind == "png" and figure.axes and engine is not None:

@@ -36,12 +36,12 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
         data = read_json(path)
     except OSError as error:
         raise BadInputError(
-            f"{path}: cannot be read ({error.strerror}); give a saved operating point"
+            f"{path} cannot be read ({error.strerror}); give a saved operating point"
         ) from error
     if isinstance(data, dict):
         data = data.get("operating_point", data)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
-        raise BadInputError(f"{path}: is not an operating point of schema {SCHEMA}")
+        raise BadInputError(f"{path} is not an operating point of schema {SCHEMA}")
     names = {
         kind: {f"{name}*": NUMBER for name in getattr(model, kind)} for kind in ("states", "inputs")
     }

@@ -138,7 +138,7 @@ def read_document(path: str) -> Document:
     try:
         root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, RecursionError) as error:
-        raise BadInputError(f"{path}: is not XML ({error}); correct the file") from error
+        raise BadInputError(f"{path} is not XML ({error}); correct the file") from error
     for element in root.iter():
         element.tag = str(element.tag).rpartition("}")[2]
     if root.tag != "DAVEfunc":

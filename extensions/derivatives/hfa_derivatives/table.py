@@ -123,7 +123,7 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
     try:
         rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise BadInputError(f"{path}: is not a CSV file ({error}); save it as UTF-8") from error
+        raise BadInputError(f"{path} is not a CSV file ({error}); save it as UTF-8") from error
     entries: dict[str, Entry] = {}
     for number, row in enumerate(rows, start=1):
         cells = [cell.strip() for cell in row]

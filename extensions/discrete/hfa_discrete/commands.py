@@ -99,9 +99,7 @@ def verify_discounted(
 
     assert request.discount is not None
     if critic.time is not None:
-        raise BadInputError(
-            f"{path}: --discount judges one critic and this is over time; give one row of it"
-        )
+        raise BadInputError(f"{path}: --discount needs one critic, not a history; give one row")
     scope = replace(scope, progress=ProgressLine("prove"))
     return check_discounted(
         game, critic, request.discount, request.dt, limit=request.limit_error, scope=scope

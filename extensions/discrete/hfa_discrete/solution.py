@@ -198,7 +198,9 @@ def _certified(form: StepForm) -> _Certified:
         refuse_failures(checks)
         checks += agreement_checks(X, by_refined_sign(form.equivalent))
     except np.linalg.LinAlgError as error:
-        raise NoSolutionError("delta^2 I - discount E'P E is singular on the way") from error
+        raise NoSolutionError(
+            "delta^2 I - discount E'P E becomes singular during the iteration"
+        ) from error
     refuse_failures(checks)
     return _Certified(X, form, Certificate(checks))
 

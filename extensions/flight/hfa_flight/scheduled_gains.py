@@ -132,8 +132,8 @@ def scheduled_gains(
         )
     if schedule.gains.shape[-1] != len(model.linear):
         raise BadInputError(
-            f"K has {schedule.gains.shape[-1]} columns; a schedule that flies takes"
-            f" {len(model.linear)}, no memory"
+            f"K has {schedule.gains.shape[-1]} columns; give {len(model.linear)},"
+            " one for each state of the linear model"
         )
     for commanded in commands.names:
         if commanded != model.schedule:

@@ -90,7 +90,7 @@ def record_of(
         known = ("time", *model.inputs, *model.states, *model.outputs)
         refuse_unknown(f"{name}: unknown column", column, known)
     if "time" not in columns:
-        raise BadInputError(f"{name}: has no column time; add it, in s")
+        raise BadInputError(f"{name} has no column time; add it, in s")
     arrays = {column: _numbers(name, column, values) for column, values in columns.items()}
     time = arrays.pop("time")
     _check_time(name, time)
@@ -102,13 +102,13 @@ def record_of(
     missing = [each for each in model.inputs if each not in arrays and each not in held]
     if missing:
         raise BadInputError(
-            f"{name}: has no column {missing[0]}; add it, or hold it (--hold {missing[0]}=VALUE)"
+            f"{name} has no column {missing[0]}; add it, or hold it (--hold {missing[0]}=VALUE)"
         )
     inputs = [arrays.pop(each, np.full(len(time), held.get(each))) for each in model.inputs]
     _check_inputs(name, list(model.inputs), inputs)
     measured = {each: values for each, values in arrays.items() if np.isfinite(values).any()}
     if not measured:
-        raise BadInputError(f"{name}: has no measured state or output; add one")
+        raise BadInputError(f"{name} has no measured state or output; add one")
     for each, values in measured.items():
         _check_measured(name, each, values)
     for each, values in (*zip(model.inputs, inputs, strict=True), *measured.items()):
@@ -146,10 +146,10 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     try:
         rows = list(csv.reader(io.StringIO(path.read_text("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise BadInputError(f"{path}: is not a CSV file ({error}); save it as UTF-8") from error
+        raise BadInputError(f"{path} is not a CSV file ({error}); save it as UTF-8") from error
     rows = [row for row in rows if any(cell.strip() for cell in row)]
     if not rows:
-        raise BadInputError(f"{path}: is empty; give a first row of names, then samples")
+        raise BadInputError(f"{path} is empty; give a first row of names, then samples")
     heads = [_head(path, cell, model) for cell in rows[0]]
     names = [name for name, _ in heads]
     if len(set(names)) < len(names):
@@ -158,7 +158,7 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(names):
             raise BadInputError(
-                f"{path}, row {number}: has {len(row)} cells, the first row {len(names)}; give one"
+                f"{path}, row {number} has {len(row)} cells, the first row {len(names)}; give one"
                 " a column"
             )
         table[number - 2] = [
@@ -217,7 +217,7 @@ def _numbers(record: str, name: str, values: Any) -> np.ndarray:
 def _check_time(name: str, time: np.ndarray) -> None:
     """BadInputError unless time increases and has enough samples."""
     if len(time) < FEWEST:
-        raise BadInputError(f"{name}: has {len(time)} samples; give at least {FEWEST}")
+        raise BadInputError(f"{name} has {len(time)} samples; give at least {FEWEST}")
     if not np.isfinite(time).all():
         first = int(np.flatnonzero(~np.isfinite(time))[0])
         raise BadInputError(f"{name}: sample {first + 1} has no time; leave that row out")

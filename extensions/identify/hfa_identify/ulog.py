@@ -65,7 +65,7 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
     series = {each.name: _series(path, log, each) for each in listed}
     measured = {name: each for name, each in series.items() if name not in model.inputs}
     if not measured:
-        raise BadInputError(f"{table}: has no measured state or output; add one")
+        raise BadInputError(f"{table} has no measured state or output; add one")
     densest = max(measured, key=lambda name: len(measured[name][0]))
     time = _cut(table, data, series[densest][0], log.start_timestamp * _MICRO)
     columns = {"time": time - time[0]}
@@ -83,7 +83,7 @@ def _listed(table: Path, data: Mapping[str, Any], model: Model) -> list[LoggedCo
         refuse_unknown(f"{table}: unknown key", key, ("columns", "flight"))
     rows = data.get("columns")
     if not isinstance(rows, Mapping) or not rows:
-        raise BadInputError(f"{table}: has no [columns]; {_ADVICE}")
+        raise BadInputError(f"{table} has no [columns]; {_ADVICE}")
     listed = []
     for name, row in rows.items():
         known = (*model.inputs, *model.states, *model.outputs)
@@ -115,14 +115,14 @@ def _log(path: Path) -> Any:
         raise
     except Exception as error:  # pyulog raises errors of many kinds on files that are no logs
         reason = str(error) or type(error).__name__
-        raise BadInputError(f"{path}: is not a log of PX4 ({reason}); give a .ulg file") from error
+        raise BadInputError(f"{path} is not a log of PX4 ({reason}); give a .ulg file") from error
 
 
 def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.ndarray]:
     """Times, s, and values of a column in a log."""
     messages = {(each.name, each.multi_id): each.data for each in log.data_list}
     names = sorted({name for name, _ in messages})
-    refuse_unknown(f"{path}: has no message", column.message, names)
+    refuse_unknown(f"{path} has no message", column.message, names)
     fields = messages.get((column.message, column.instance))
     if fields is None:
         raise BadInputError(

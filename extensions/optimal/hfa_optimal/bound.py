@@ -105,7 +105,7 @@ def lower_bound(
     prove its statement.
     """
     if problem.inputs != tuple(problem.model.inputs):
-        raise BadInputError(f"{path}: is of flights in which all inputs move; leave inputs out")
+        raise BadInputError(f"{path} is of flights in which all inputs move; leave inputs out")
     verified = check_cost_certificate(path, progress, problem.model)
     weights = {"Q": problem.Q, "R": problem.R}
     try:

@@ -179,7 +179,7 @@ class Assessment(Result, Reported):
         return any(point.flights is not None for point in self.points)
 
     def _changed(self) -> str:
-        """The first changed aircraft that it does not hold, and how many."""
+        """Return the first changed aircraft that the policy does not hold, and their number."""
         failing = [variation for variation in self.variations if not variation.holds]
         if not failing:
             return ""

@@ -124,7 +124,7 @@ class Deployment(Shown):
         try:
             entries = read_toml(path)
         except OSError as error:
-            raise BadInputError(f"{path}: cannot be read ({error.strerror or error})") from error
+            raise BadInputError(f"{path} cannot be read ({error.strerror or error})") from error
         tables = ("policy", "observation", "action", "timing", "cost")
         for name in entries:
             if name not in tables:

@@ -74,7 +74,7 @@ def _exchanges(card: Deployment) -> Iterator[Repair]:
 
 
 def _signs(card: Deployment) -> Iterator[Repair]:
-    """One action of the other sign, and all of them."""
+    """Yield the changes of sign: of each action alone, and of all actions."""
     turned = {name: _times(entry, -1.0) for name, entry in card.action.items()}
     for number, name in enumerate(card.action):
         changed = card.changed(action={**card.action, name: turned[name]})

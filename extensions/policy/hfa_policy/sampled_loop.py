@@ -164,7 +164,7 @@ def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays
 
 
 def _first_lost(equilibrium: Equilibrium, dt: float, deployed_delay: float, samples: int) -> float:
-    """The first delay of the last sample before `samples` that is lost, in parts of it."""
+    """Return the first unstable delay within the last sample before `samples`, in parts of it."""
     for part in range(1, _PARTS):
         delay = (samples - 1 + part / _PARTS) * dt
         if delay >= deployed_delay and chain_of(equilibrium, dt, delay).radius >= 1.0:

@@ -94,7 +94,7 @@ def load_printed(path: Path) -> PrintedFile:
     try:
         content = read_toml(path)
     except OSError as error:
-        raise BadInputError(f"{path}: cannot be read ({error.strerror})") from error
+        raise BadInputError(f"{path} cannot be read ({error.strerror})") from error
     note_read(path)
     with said_of(path):
         return _printed_file(content)
@@ -155,7 +155,7 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
     for row in rows:
         for word in row:
             if not re.fullmatch(r"[+-]?\d*\.?\d*", word):
-                raise BadInputError(f"{name}: {shown(word)} does not go with a common factor")
+                raise BadInputError(f"{name}: {shown(word)} cannot have a common factor")
         multiplied.append(
             [f"0e{exponent - decimals}" if word == "0" else f"{word}e{exponent}" for word in row]
         )

@@ -200,7 +200,7 @@ def discounted(game: Game, rate: float) -> Game:
 
 
 def held(game: Game, step: float) -> Answer:
-    """The answer with u and d held over each step, s."""
+    """Return the solution with u and d held over each step, s."""
     return Answer(*quick_discrete(sampled(game, step)))
 
 

@@ -161,8 +161,7 @@ class Design:
     model: Model = field(kw_only=True, compare=False)
 
     def of(self, model: Model) -> Design:
-        """This design for a model: what its file has for equations of that name, in that model's
-        names."""
+        """Return this design for a model, with the file's entries for equations of that name."""
         return replace(self.variants.get(model.name, self), model=model)
 
     def __post_init__(self) -> None:

@@ -148,11 +148,11 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         written = {key: on_one_line(str(origin[key])) for key in ("version", "command", "date")}
     except (OSError, ValueError, LookupError, AttributeError, TypeError) as error:
         raise BadInputError(
-            f"{path}: is not a certificate; name a file of `hfa prove ... -o`"
+            f"{path} is not a certificate; name a file of `hfa prove ... -o`"
         ) from error
     if schema != SCHEMA:
         raise BadInputError(
-            f"{path}: is a certificate of another version, {on_one_line(schema)}; prove it again"
+            f"{path} is a certificate of another version, {on_one_line(schema)}; prove it again"
         )
     if edited:
         raise BadInputError(

@@ -234,7 +234,7 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
     statement = check_certificate(path, model=own).statement
     forget_read(path)
     if _subject(statement.loop) != _subject(loop):
-        raise BadInputError(f"{path}: is of another loop; write to another file")
+        raise BadInputError(f"{path} is of another loop; write to another file")
     return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
 
 

@@ -385,7 +385,7 @@ def gone_starts(
 def _first_lost(
     rays: np.ndarray, low: np.ndarray, shells: np.ndarray, gone: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The rays on which a start is lost, and the shares of each between which it begins.
+    """Return the rays with a start that does not converge, and the shares between which it lies.
 
     rays: (N, n)
     low: (N,), shares that return
