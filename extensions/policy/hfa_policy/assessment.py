@@ -257,7 +257,8 @@ class Assessor:
             stable=chain.radius < 1.0,
             reach=reach,
             seconds=seconds_to_converge(chain.radius, chain.dt),
-            swing=slowest_swing(chain),
+            # A mode of the aircraft that is not judged moves the others away from it later.
+            swing=slowest_swing(chain) if reach.judged.all() else 0.0,
             drift=search.drift(equilibrium),
             steady=self.steady,
         )

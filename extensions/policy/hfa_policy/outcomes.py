@@ -83,7 +83,8 @@ class Place:
         then converged.
     reach: states that the actions move there; None without an equilibrium.
     seconds: length of a flight.
-    swing: s, half a period of the slowest oscillation about the equilibrium.
+    swing: s, half a period of the slowest oscillation about the equilibrium; 0 where modes are not
+        judged.
     drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model;
         flights converge to the equilibrium at their altitude.
     steady: the trim with the rates of the equilibrium; default: the point.

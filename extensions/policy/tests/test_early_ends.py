@@ -54,16 +54,18 @@ def test_a_flight_that_has_converged_stays(stays):
     """The phugoid of a small aircraft under a weak gain takes 16 s and drifts in altitude. Half of
     it is waited for; without that flights leave the ball again."""
     model = load_model(f"{ROOT}/examples/uav.toml")
-    o = ca.SX.sym("o", 1)
+    o = ca.SX.sym("o", 2)
+    weak = ca.vertcat(0.002 * o[0], -0.05 * o[1])
     deployment = Deployment(
-        policy={"file": ca.Function("gain", [o], [0.002 * o])},
-        observation={"pitch": {}},
-        action={"elevator": {}},
+        policy={"file": ca.Function("gain", [o], [weak])},
+        observation={"pitch": {}, "roll": {}},
+        action={"elevator": {}, "aileron": {}},
         timing={"dt": 0.1},
     )
     assessor = Assessor(deployment.on(model), trims_of(model, None), 40)
     flight = assessor.flight()
     (place,) = assessor.places(flight)
+    assert place.judged.all()
     if not stays:
         place = replace(place, swing=0.0)
     starts, pushes = seeded_starts(place, 40, 1, pushed=True)
