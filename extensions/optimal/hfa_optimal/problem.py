@@ -23,7 +23,7 @@ from trim.point.operating_point import OperatingPoint
 
 #: How far inside the limits of the states a proposal stays, as a part of the distance from the
 #: trim, so that a flight that follows it stays within them.
-MARGIN = 2e-3
+MARGIN = 4e-3
 #: Half-width of a smoothed kink, in standard deviations of its argument over points within the
 #: limits that are nearer to the trim than so many nominal sizes.
 KINK_WIDTH = 0.02

@@ -27,7 +27,7 @@ from hfa_support.errors import BadInputError, NoSolutionError
 INTERVALS = 25
 _DIVISIONS = 4
 #: How much farther inside the limits a proposal stays after its flight left them.
-_TIGHTER = 4.0
+_TIGHTER = 3.0
 _TIGHTENINGS = 1
 #: Two meshes agree to this part of the cost, and a flight with its proposal.
 MESHES_AGREE = 0.005
@@ -38,6 +38,8 @@ TAIL = 0.001
 DRIFTING_TAIL = 0.005
 #: Costs of one optimum on the coarsest mesh differ by less than this part.
 _SAME_OPTIMUM = 0.002
+#: Costs of one optimum on one mesh differ by less than this part.
+_EQUAL = 1e-6
 #: So many different optima of the coarsest mesh are followed on the next.
 _FOLLOWED = 2
 #: Guess that begins with the optimum at a larger R, and how many times larger.
@@ -245,7 +247,8 @@ class BestFlights:
             first["fast decay"] = self._decay(start, 10.0 / seconds)
         else:
             first["linear loop"] = self._flown_guess(linear)
-        proposals = self._solved(start, seconds, first)
+        adapted: list[tuple[Proposal, Proposal]] = []
+        proposals = self._solved(start, seconds, first, adapted)
         costs = [proposal.cost for proposal in proposals.values()]
         if len(costs) == len(first) and max(costs) <= (1.0 + _SAME_OPTIMUM) * min(costs):
             return proposals
@@ -254,25 +257,36 @@ class BestFlights:
             "inputs at their highest": self._decay(start, 3.0 / seconds, highest),
             "inputs at their lowest": self._decay(start, 3.0 / seconds, lowest),
         }
-        proposals |= self._solved(start, seconds, more)
-        proposals |= self._solved(start, seconds, {_COSTLY: first["linear loop"]}, _COSTLY_PRICE)
+        proposals |= self._solved(start, seconds, more, adapted)
+        costly = {_COSTLY: first["linear loop"]}
+        proposals |= self._solved(start, seconds, costly, [], _COSTLY_PRICE)
         if not proposals:
             raise NoSolutionError(f"no flight found: {_NONE_WITHIN}")
         return proposals
 
     def _solved(
-        self, start: np.ndarray, seconds: float, guesses: Mapping[str, Guess], price: float = 1.0
+        self,
+        start: np.ndarray,
+        seconds: float,
+        guesses: Mapping[str, Guess],
+        adapted: list[tuple[Proposal, Proposal]],
+        price: float = 1.0,
     ) -> dict[str, Proposal]:
         """Guess -> proposal on the coarsest mesh after that was adapted to a first one.
 
-        price: with which the first one counts R"""
+        adapted: first proposals and what became of them so far, which is not computed again; those
+            of these guesses are added. price: with which a first one counts R"""
         lengths = self._mesh(seconds, INTERVALS)
         coarsest = self._transcription(INTERVALS)
         proposals = {}
         for name, guess in guesses.items():
-            proposal = coarsest.solve(start, lengths, *_sampled(guess, lengths), price=price)
-            if proposal.feasible:
-                proposal = self._finer(INTERVALS, proposal, MARGIN)
+            rough = coarsest.solve(start, lengths, *_sampled(guess, lengths), price=price)
+            if not rough.feasible:
+                continue
+            proposal = next((each for known, each in adapted if _equal(known, rough)), None)
+            if proposal is None:
+                proposal = self._finer(INTERVALS, rough, MARGIN)
+                adapted.append((rough, proposal))
             if proposal.feasible:
                 proposals[name] = proposal
         return proposals
@@ -359,6 +373,11 @@ def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     tau = np.array(collocation_points(DEGREE, "radau"))
     inside = (ends[:-1, None] + lengths[:, None] * tau).ravel()
     return guess(inside)[0], guess(ends)[1]
+
+
+def _equal(one: Proposal, other: Proposal) -> bool:
+    """Whether two proposals on one mesh cost the same, as far as IPOPT tells."""
+    return abs(one.cost - other.cost) <= _EQUAL * abs(one.cost)
 
 
 def refutation(flown: Flown, proposal: Proposal) -> str:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.policies import Measurements, Policy
-from hfa_optimal.collocation import DEGREE, Proposal
+from hfa_optimal.collocation import Proposal
 from hfa_optimal.problem import FlightProblem
 
 #: Growth e^x of the linear costate equations within one step of the Riccati recursion, at most.
@@ -77,7 +77,7 @@ def held_size(problem: FlightProblem) -> int:
 
 def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
     """(N, m, k), K of the time-varying LQR about a proposal, with the linear cost at its end; each
-    interval has the slopes at its middle collocation point."""
+    interval has the slopes in its middle."""
     A, B = _slopes(problem, proposal)
     S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))
     k = A.shape[1]
@@ -115,11 +115,10 @@ def exponentials(matrices: np.ndarray) -> np.ndarray:
 
 
 def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
-    """A (N, k, k) and B (N, k, m) at the middle collocation point of each interval."""
+    """A (N, k, k) and B (N, k, m) in the middle of each interval."""
     of_states, of_inputs = problem.sizes
-    middle = DEGREE // 2
-    v = 0.5 * (proposal.v[1:] + proposal.v[:-1])
-    both = np.hstack([proposal.z[:, middle] / of_states, v / of_inputs])
+    z, v = proposal.at(proposal.ends[:-1] + 0.5 * proposal.lengths)
+    both = np.hstack([z / of_states, v / of_inputs])
     rows = np.array(problem.slopes.map(len(both))(both.T))
     k = len(problem.states)
     followed = len(of_states)
