@@ -25,7 +25,7 @@ from trim.point.operating_point import OperatingPoint
 #: trim, so that a flight that follows it stays within them.
 MARGIN = 4e-3
 #: Half-width of a smoothed kink, in standard deviations of its argument over points within the
-#: limits that are nearer to the trim than so many nominal sizes.
+#: limits whose states are nearer to the trim than so many nominal sizes.
 KINK_WIDTH = 0.02
 _NEAR = 3.0
 _KINK_POINTS = 500
@@ -175,7 +175,11 @@ class FlightProblem:
         below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
         rng = np.random.default_rng(0)
         shape = (_KINK_POINTS, len(below))
-        near = rng.uniform(np.maximum(below, -_NEAR), np.minimum(above, _NEAR), shape)
+        most = np.full(len(below), _NEAR)
+        is_bounded = np.isfinite(above - below)
+        is_bounded[: len(of_states)] = False
+        most[is_bounded] = np.inf
+        near = rng.uniform(np.maximum(below, -most), np.minimum(above, most), shape)
         return smoothed(self.rates, near, KINK_WIDTH)
 
     @cached_property

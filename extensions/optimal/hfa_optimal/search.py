@@ -32,6 +32,10 @@ _TIGHTENINGS = 1
 #: Two meshes agree to this part of the cost, and a flight with its proposal.
 MESHES_AGREE = 0.005
 FLIGHT_AGREES = 0.01
+#: An input that goes so often from half of one limit to half of the other alternates. A mesh of so
+#: many intervals is then not divided again: a finer one only lets the input alternate faster.
+_ALTERNATES = 6
+_ALTERNATING_MESH = 200
 #: The linear cost of the end is below this part of the cost.
 TAIL = 0.001
 #: The same where an altitude that no cost holds moves the equilibrium.
@@ -203,12 +207,15 @@ class BestFlights:
         for _ in range(_DIVISIONS):
             before, last = list(meshes.values())[-2:]
             change = abs(last / before - 1.0)
-            reason = f"two meshes differ by {100 * change:.2g} %"
+            alternating = self._alternating(best)
+            reason = f"two meshes differ by {100 * change:.2g} %{alternating}"
             if change <= MESHES_AGREE:
                 flown, followed = self._flown(best, seconds)
                 reason = refutation(flown, followed)
                 if not reason:
                     return flown, followed
+            elif alternating and intervals >= _ALTERNATING_MESH:
+                break
             intervals *= 2
             if 2 * intervals * self.flights.step > seconds:
                 break
@@ -217,6 +224,18 @@ class BestFlights:
                 break
             meshes[intervals] = best.cost
         raise NoSolutionError(reason)
+
+    def _alternating(self, proposal: Proposal) -> str:
+        """Which inputs of a proposal alternate between its limits; "" where none does."""
+        lowest, highest = self.problem.input_limits
+        texts = []
+        for column, name in enumerate(self.problem.inputs):
+            v = proposal.v[:, column]
+            side = np.where(v > 0.5 * highest[column], 1, np.where(v < 0.5 * lowest[column], -1, 0))
+            turns = int((np.diff(side[side != 0]) != 0).sum())
+            if turns >= _ALTERNATES:
+                texts.append(f"; {name} alternates between its limits {turns} times")
+        return "".join(texts)
 
     def _flown(self, best: Proposal, seconds: float) -> tuple[Flown, Proposal]:
         """The flight of a proposal, of one that stays farther inside the limits where it left them;
@@ -292,10 +311,15 @@ class BestFlights:
         return proposals
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
-        """The proposal of a finer mesh that begins from that of a coarser one."""
-        lengths = adapted_mesh(guess, intervals, self.flights.step, self._weights)
-        z, v = _sampled(guess.at, lengths)
-        return self._transcription(intervals).solve(guess.start, lengths, z, v, margin)
+        """The proposal of a finer mesh that begins from that of a coarser one; of a mesh that is
+        not adapted to it where IPOPT does not solve that one."""
+        adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
+        for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
+            z, v = _sampled(guess.at, lengths)
+            proposal = self._transcription(intervals).solve(guess.start, lengths, z, v, margin)
+            if proposal.feasible:
+                break
+        return proposal
 
     @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
