@@ -31,7 +31,7 @@ class ColumnError(Result):
     half: half-width of its 95 % band; None likewise.
     unit: of both.
     moves: the parameter that this half-width moves most, in its own bands.
-    bands: by how many of its half-widths.
+    bands: by how many of its half-widths; None without end.
     shift: by how many the estimated error moves any parameter.
     """
 
@@ -39,7 +39,7 @@ class ColumnError(Result):
     half: float | None
     unit: str
     moves: str
-    bands: float
+    bands: float | None
     shift: float
 
     @property
@@ -82,7 +82,7 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
         unit = known[name].signal(model).unit
         moves = responses.free[worst]
         if m < _CONFOUNDED * M[place, place]:
-            errors[name] = ColumnError(None, None, unit, moves, math.inf, 0.0)
+            errors[name] = ColumnError(None, None, unit, moves, None, 0.0)
             continue
         value = float(along @ g) / m
         deviation = math.sqrt(max(_variance(at, along, value, fitted), m)) / m

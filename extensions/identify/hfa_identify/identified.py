@@ -231,18 +231,18 @@ class Identified(Result, Reported):
         """A table of delays, and of biases that move an estimate beyond its band unseen."""
         rows = []
         for name, each in self.column_errors.items():
-            is_shown = name.startswith("delay") or (name.startswith("bias") and each.bands > 1.0)
-            if not is_shown:
+            is_unseen = each.bands is None or each.bands > 1.0
+            if not (name.startswith("delay") or (name.startswith("bias") and is_unseen)):
                 continue
             value = half = "any"
             if each.value is not None and each.half is not None:
                 value = shown_value(each.value, each.unit)
                 half = shown_value(each.half, each.unit)
-            moved = f"{each.moves} by {each.bands:.2g} bands"
-            if not np.isfinite(each.bands):
+            moved = "-"
+            if each.bands is None:
                 moved = f"{each.moves} without end"
-            elif each.bands < 1.0:
-                moved = "-"
+            elif each.bands > 1.0:
+                moved = f"{each.moves} by {each.bands:.2g} bands"
             rows.append((name, value, half, shown_unit(each.unit), moved))
         if not rows:
             return []
