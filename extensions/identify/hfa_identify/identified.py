@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Residuals of which a smaller share of lags is white are coloured.
 _WHITE = 0.8
+#: Bands that are widened by more are not to be trusted: the noise is slower than the manoeuvre.
+_BEYOND = 8.0
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,8 @@ class Identified(Result, Reported):
             yield "the search did not end at a maximum of the likelihood"
         if self.unexplained:
             yield f"the model does not explain {', '.join(self.unexplained)}"
+        if self.coloured > _BEYOND:
+            yield "residuals are coloured beyond the correction of the bands"
         if self.at_bounds:
             yield f"at a limit of the model: {', '.join(self.at_bounds)}"
         if self.undetermined:

@@ -234,29 +234,45 @@ def test_biases_that_nothing_tells_are_stated():
     assert result.column_errors["bias_elevator"].value is None
 
 
-def test_a_second_minimum_is_named():
-    """Planted: a rate that depends on the square of its parameter, begun so far off that the
-    opposite side of the estimate has the other sign."""
+def lag(rates, start):
+    """A model of one state, its rate from (u, k, x), and the state after a pulse of 2 s for the
+    rate u - x."""
     model = hfa.Model(
         name="lag",
         states={"x": hfa.Signal("1", nominal=1.0)},
         inputs={"u": hfa.Signal("1", nominal=1.0)},
-        parameters={"k": hfa.Signal("1/s", nominal=1.0, start=3.5)},
-        equations=lambda x, u, p, w: ({"x": u.u - p.k**2 * x.x}, {}),
+        parameters={"k": hfa.Signal("1/s", nominal=1.0, start=start)},
+        equations=lambda x, u, p, w: ({"x": rates(u.u, p.k, x.x)}, {}),
         trim={"x": 0.0},
     )
-    time = np.arange(0.0, 10.0, 0.05)
+    time = np.arange(0.0, 10.0, 0.0125)
     pulse = np.where((time > 1.0) & (time < 3.0), 1.0, 0.0)
-    after = time - 1.0
-    rise = 1.0 - np.exp(-after)
+    rise = 1.0 - np.exp(-(time - 1.0))
     fall = rise[time <= 3.0][-1] * np.exp(-(time - 3.0))
     x = np.where(time < 1.0, 0.0, np.where(time <= 3.0, rise, fall))
-    x = x + 0.01 * np.random.default_rng(0).standard_normal(len(time))
-    result = identify(model, {"time": time, "u": pulse, "x": x}, ["k"], inputs="steps")
+    return model, {"time": time, "u": pulse, "x": x}
+
+
+def test_a_second_minimum_is_named():
+    """Planted: a rate that depends on the square of its parameter, begun so far off that the
+    opposite side of the estimate has the other sign."""
+    model, columns = lag(lambda u, k, x: u - k**2 * x, 3.5)
+    noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
+    result = identify(model, columns | {"x": columns["x"] + 0.01 * noise}, ["k"], inputs="steps")
     found = result.parameters["k"].value
     assert abs(found) == pytest.approx(1.0, abs=0.1)
     assert result.other_minimum["k"] == pytest.approx(-found, abs=0.01)
     assert "two minima explain the records: k is" in result.first_line
+
+
+def test_noise_slower_than_the_manoeuvre_fails():
+    """Noise of about a second, as of turbulence: the bands cannot be corrected for it."""
+    model, columns = lag(lambda u, k, x: u - k * x, 1.2)
+    noise = np.random.default_rng(0).standard_normal(2000)
+    slow = lfilter([1.0], [1.0, -0.985], noise)[-len(columns["x"]) :]
+    result = identify(model, columns | {"x": columns["x"] + 0.02 * slow}, ["k"], inputs="steps")
+    assert result.coloured > 8.0
+    assert "residuals are coloured beyond the correction" in result.first_line
 
 
 def test_errors_of_sensors_are_estimated():
