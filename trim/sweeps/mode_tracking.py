@@ -62,6 +62,10 @@ def track_modes(
     pairings are followed along the tree of neighbours that are most alike. The first point is
     ordered fastest first, positive imaginary part first.
 
+    Between two points the columns of modes that cross can still change places where their shapes
+    are nearly parallel or turn by much from point to point: 3 % of random crossings of shapes a few
+    degrees apart, on 11 to 41 points. More points pair them rightly.
+
     Eigenvalues that meet at a point have no shapes of their own there: behind it they are paired
     with the last point at which they were apart. Those that meet at every point, such as two
     integrators, need no order.
