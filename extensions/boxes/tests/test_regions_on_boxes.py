@@ -118,6 +118,30 @@ def test_another_network_is_not_what_was_proved(proved: Any, tmp_path: Path) -> 
     assert main(["prove", "region", *swapped]) == 2
 
 
+def test_a_recurrent_network_is_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "lstm.npz"
+    names = ("weight_ih_l0", "weight_hh_l0", "bias_ih_l0", "bias_hh_l0")
+    shapes = ((16, 2), (16, 4), (16,), (16,))
+    arrays = {f"lstm.{name}": np.ones(shape) for name, shape in zip(names, shapes, strict=True)}
+    np.savez(path, **arrays, **{"out.weight": np.ones((1, 4)), "out.bias": np.zeros(1)})
+    assert main(_words_of(path)) == 2
+    assert "'lstm.weight_ih_l0' (16, 2) is not a weight" in capsys.readouterr().err
+
+
+def test_a_network_too_large_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = imitation(tmp_path / "wide.npz", K, np.array([1.0, 4.0]), hidden=(120, 170))
+    assert main(_words_of(path)) == 2
+    assert "operations; at most 40000 are proved" in capsys.readouterr().err
+
+
+def _words_of(network: Path) -> list[str]:
+    words = ["prove", "region", "--aircraft", PENDULUM, "--Q", "1,1", "--R", "1"]
+    words += ["--weights", str(network), "--set", "activation=tanh", "--network", "policy="]
+    return words
+
+
 def test_the_checker_needs_the_users_network(proved: Any) -> None:
     _, words = proved
     assert main(["prove", *words[-2:]]) == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,21 @@ def test_another_subject_is_named(
 ) -> None:
     assert main(["prove", *AIRCRAFT, *words, "--check", str(certificate)]) in (1, 2)
     assert reason in capsys.readouterr().err
+
+
+def test_a_run_goes_on_from_its_certificate(
+    certificate: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The pieces of the earlier run stay; a certificate of other weights is refused."""
+    path = tmp_path / "cost.json"
+    shutil.copy(certificate, path)
+    words = ["prove", "cost", *AIRCRAFT, "--degree", "4", "--resume", "-o", str(path)]
+    assert main([*words, "--R", "9"]) == 2
+    assert "another R" in capsys.readouterr().err
+    before = json.loads(certificate.read_text())["statement"]["pieces"]
+    assert main([*words, "--seconds", "3", "--json"]) == 0
+    pieces = json.loads(capsys.readouterr().out)["pieces"]
+    assert [piece["c"] for piece in pieces][: len(before)] == [piece["c"] for piece in before]
 
 
 def test_a_state_that_flights_change_is_not_held(capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_boxes.check.cost import CostInequality
-from hfa_boxes.check.cost_checker import CostWitness
+from hfa_boxes.check.cost_checker import CostWitness, VerifiedCost
 from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.check.cover import Boxes, OpenBoxError, RefutedError, SmallestBoxError, cover
 from hfa_boxes.check.piece import Piece, Polynomial
@@ -83,6 +83,11 @@ class _Proved(NamedTuple):
     seconds: tuple[float, float]
 
 
+def _reached(proved: Sequence[_Proved], level: float) -> bool:
+    """Return whether a level is proved, nearly."""
+    return any(each.piece.c >= level * (1.0 - 1e-6) for each in proved)
+
+
 class OutOfTimeError(NoSolutionError):
     """The processor time was over."""
 
@@ -120,11 +125,16 @@ class CostSearch:
         self._progress = progress
         self._save = save
 
-    def found(self) -> CostBound:
+    def found(self, earlier: VerifiedCost | None = None) -> CostBound:
         """Return the bounds on growing sets; NoSolutionError where none is proved.
+
+        earlier: proved in another run, from which this one goes on
 
         An interruption leaves what is proved."""
         proved: list[_Proved] = []
+        if earlier is not None:
+            for piece, boxes in zip(earlier.statement.pieces, earlier.boxes, strict=True):
+                proved.append(_Proved(piece, boxes, (0.0, 0.0)))
         stopped = ""
         try:
             for c in self._levels(proved):
@@ -154,9 +164,11 @@ class CostSearch:
         costs = self._flights.costs
         linear = self._problem.linear_cost(self.starts)
         largest = _ABOVE * float(np.max(costs, initial=linear.max(), where=np.isfinite(costs)))
-        for count, share in enumerate(_SHARES, start=1):
-            yield share * largest
-            if len(proved) < count:
+        for share in _SHARES:
+            level = share * largest
+            if not _reached(proved, level):
+                yield level
+            if not _reached(proved, level):
                 break
         for quarters in range(1, _QUARTERED + 1):
             if proved:

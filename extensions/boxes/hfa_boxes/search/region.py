@@ -34,7 +34,7 @@ _FIRST = 0.3
 _REFUTED = 12
 #: Lyapunov matrices that are tried, and those of them that are sampled more.
 _CANDIDATES = 40
-_SAMPLED = 8
+_SAMPLED = 4
 #: Higher levels than this of a V are not looked at, over that of its set.
 _HIGHEST = 1.5
 #: More than are proved in any time that is given.

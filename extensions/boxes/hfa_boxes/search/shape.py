@@ -18,8 +18,11 @@ from hfa_boxes.check.piece import Piece
 from hfa_boxes.check.plant import Equilibrium
 from hfa_boxes.search.monomials import Monomials
 
-#: Rays from the equilibrium and shells of a search, how often it is refined.
+#: Rays from the equilibrium and shells of a search, how often it is refined; the fewest rays, and
+#: operations of a loop that has the usual number.
 _RAYS = 1000
+_FEWEST = 50
+_OPERATIONS = 1500
 _SHELLS = 25
 _TURNS = 8
 #: Where V is looked for along a ray, over the unit ball, and in how many steps.
@@ -62,6 +65,8 @@ class Samples:
         rates, outputs = loop.rates(x)
         functions = [ca.densify(rates), ca.densify(outputs)]
         self._function = ca.Function("loop", [x], functions)
+        #: Part of the usual number of samples: fewer of a loop with many operations.
+        self.share = min(1.0, _OPERATIONS / self._function.n_instructions())
         self._x = equilibrium.x
         ends = loop.ends((*loop.states, *loop.limited_outputs))
         self._low, self._high = ends.T
@@ -205,7 +210,8 @@ class Shape:
             margin = -slope / self.values(z)
             return np.where(samples.beyond(z) | np.isnan(margin), -np.inf, margin)
 
-        found = self._first(margins, level, quick)
+        rays = max(int(samples.share * (_RAYS // 10 if quick else _RAYS)), _FEWEST)
+        found = self._first(margins, level, rays, _TURNS // 4 if quick else _TURNS)
         if found is None:
             return Bound(np.inf, None, False)
         at, place = found
@@ -213,12 +219,11 @@ class Shape:
         return Bound(at, place, not slope < 0.0)
 
     def _first(
-        self, margins: Callable[[np.ndarray], np.ndarray], level: float, quick: bool
+        self, margins: Callable[[np.ndarray], np.ndarray], level: float, count: int, turns: int
     ) -> tuple[float, np.ndarray] | None:
         """The lowest level at which a margin of 0 or less was found, and the place z (n,).
 
-        margins: z (N, n) -> (N,)"""
-        count = _RAYS // 10 if quick else _RAYS
+        margins: z (N, n) -> (N,); count: of rays"""
         n = self.basis.n
         generator = np.random.default_rng(0)
         shells = np.arange(1, _SHELLS + 1)
@@ -226,7 +231,7 @@ class Shape:
         best = level
         place = None
         spread = 0.5
-        for _ in range(_TURNS // 4 if quick else _TURNS):
+        for _ in range(turns):
             edges = self.edges(rays, best)[:, None] * rays
             shares = (shells - generator.uniform(0.0, 1.0, _SHELLS)) / _SHELLS
             shares[-1] = 1.0
@@ -359,6 +364,7 @@ class Growth:
         """The V of least mean with V >= 1 where the last one reaches a level, V' < 0 before."""
         last = self.shape.in_cube()
         basis = last.basis
+        checked = int(_CHECKED * max(self._samples.share, 0.1))
         inner = self._inside(last, level, _FIRST)
         inner = np.concatenate([inner, self._refuted @ last.M.T])
         edge = self._edge(last, level, _FIRST // 2)
@@ -381,7 +387,7 @@ class Growth:
             shape = replace(last, coefficients=found.x)
             walls = basis.at(self._edge(last, level, _CHECKED))
             low = walls[walls @ found.x < 1.005]
-            more = self._inside(last, level, _CHECKED)
+            more = self._inside(last, level, checked)
             more = more[basis.at(more) @ found.x <= 1.0]
             falls, least = self._rows(last, more)
             slack = falls @ found.x - least

@@ -15,16 +15,18 @@ from hfa.options.games import WeightOptions
 from hfa.options.request import OfModel, option
 from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions
 from hfa.output import ProgressLine, print_report, show
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.files import forget_read
 from trim.linear.linear_model import linearize
 
 if TYPE_CHECKING:
     from hfa.options.games import PlantOptions
+    from hfa_boxes.check.cost_checker import VerifiedCost
     from hfa_boxes.search.cost import CostBound
     from hfa_optimal.problem import FlightProblem
     from hfa_proof.commands.check import CheckRequest
 
-_OF_THE_SEARCH = ("degree", "margin", "seconds")
+_OF_THE_SEARCH = ("degree", "margin", "seconds", "resume")
 _DEGREES = ("2", "4", "6", "8", "10")
 
 
@@ -59,6 +61,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         names="--limit",
         named=True,
     )
+    resume: bool = option("continue with the pieces of the certificate that -o names", rare=True)
     check: Path | None = option(
         "verify a certificate instead of proving", "FILE", input_file(".json")
     )
@@ -99,6 +102,8 @@ def cost(request: CostRequest) -> int:
         return check(request, request.check)
     if request.output is not None and request.output.suffix.lower() != ".json":
         raise BadInputError(f"{request.output}: a certificate is a .json file; name one")
+    if request.resume and request.output is None:
+        raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
     return _prove(request)
 
 
@@ -160,5 +165,26 @@ def _prove(request: CostRequest) -> int:
         progress=ProgressLine("cost"),
         save=save,
     )
-    print_report(found_bound_report(search.found(), search.starts), request)
+    found = search.found(_earlier(request, problem))
+    print_report(found_bound_report(found, search.starts), request)
     return 0
+
+
+def _earlier(request: CostRequest, problem: FlightProblem) -> VerifiedCost | None:
+    """The bound of an earlier run, verified; BadInputError where it is of other flights."""
+    from hfa_boxes.check.cost_checker import check_cost_certificate
+    from hfa_boxes.fields import COST_FIELDS
+    from hfa_optimal.bound import given_of
+    from hfa_proof.subject import compare
+
+    if not request.resume:
+        return None
+    assert request.output is not None
+    verified = check_cost_certificate(request.output, ProgressLine("check"), problem.model)
+    forget_read(request.output)
+    given = given_of(problem, "this command", {"Q": problem.Q, "R": problem.R})
+    try:
+        compare(verified.statement.content(), COST_FIELDS, given)
+    except NoSolutionError as error:
+        raise BadInputError(f"{request.output}: {error}; write to another file") from error
+    return verified

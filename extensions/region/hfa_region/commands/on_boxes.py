@@ -44,8 +44,9 @@ def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
         return "the equations have kinks, tables or functions without a series"
     except (NoSolutionError, ZeroDivisionError):
         return ""
-    if len(loop.states) in _STATES and request.degree > 2:
-        return "of three or four states boxes prove larger sets"
+    is_limited = any(name in loop.limits for name in loop.states)
+    if len(loop.states) in _STATES and not is_limited:
+        return "of three or four states without limits boxes prove larger sets"
     return ""
 
 
