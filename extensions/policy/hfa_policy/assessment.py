@@ -250,6 +250,7 @@ class Assessor:
             return Place(point, widths, None, False, steady=self.steady)
         reach = reach_of(self.deployed, equilibrium, widths)
         chain = self._chain(reach)
+        drift = search.drift(equilibrium)
         return Place(
             point,
             widths,
@@ -259,7 +260,8 @@ class Assessor:
             seconds=seconds_to_converge(chain.radius, chain.dt),
             # A mode of the aircraft that is not judged moves the others away from it later.
             swing=slowest_swing(chain) if reach.judged.all() else 0.0,
-            drift=search.drift(equilibrium),
+            drift=drift,
+            lag=search.lag(equilibrium, drift),
             steady=self.steady,
         )
 

@@ -141,6 +141,18 @@ class EquilibriumSearch:
         slopes[:, others] = (steps * self.scales[:, None])[: len(self.rows)]
         return slopes
 
+    def lag(self, equilibrium: Equilibrium, drift: np.ndarray) -> np.ndarray:
+        """Return by how much (k,) the linear states lag behind an equilibrium that moves with the
+        states outside the linear model, as in a climb: x' = A x + B u is drift X'.
+
+        drift: as of `drift`
+        """
+        plant = self.model.at(equilibrium.states, equilibrium.inputs)
+        count = len(self.columns)
+        gain = np.linalg.lstsq(np.eye(count) - equilibrium.K_inputs, equilibrium.K, rcond=None)[0]
+        closed = equilibrium.A - equilibrium.B @ gain
+        return np.asarray(np.linalg.lstsq(closed, drift @ plant.f, rcond=1e-12)[0])
+
     def _least(self, z: np.ndarray) -> np.ndarray:
         """Return the z with the least residual nearby, by the method of Levenberg and Marquardt."""
         from scipy.optimize import least_squares

@@ -87,6 +87,7 @@ class Place:
         judged.
     drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model;
         flights converge to the equilibrium at their altitude.
+    lag: (k,), of the linear states behind that equilibrium.
     steady: the trim with the rates of the equilibrium; default: the point.
     """
 
@@ -98,6 +99,7 @@ class Place:
     seconds: float = HORIZON
     swing: float = 0.0
     drift: np.ndarray | None = None
+    lag: np.ndarray | None = None
     steady: OperatingPoint | None = None
 
     @property
@@ -182,7 +184,8 @@ class FlownRows:
             nowhere if place.equilibrium is None else place.equilibrium.states[self.linear]
             for place in places
         ]
-        self.centres = np.array(centres)[owners]
+        lags = [np.zeros(len(nowhere)) if place.lag is None else place.lag for place in places]
+        self.centres = (np.array(centres) + np.array(lags))[owners]
         self.trims = np.array([place.point.states for place in places], dtype=float)[owners]
         still = np.zeros((len(model.linear), len(model.states)))
         drifts = [still if place.drift is None else place.drift for place in places]

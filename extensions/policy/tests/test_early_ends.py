@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from policy_cases import ROOT, aircraft, card, gtm_card, trims
 
+import hfa
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor
 from hfa_policy.deployment import Deployment
@@ -127,3 +128,31 @@ def _distance(flown, rows, chosen):
     below = centres - rows[:, low][:, flown.linear]
     distance = np.maximum(above, below) / flown.balls[chosen]
     return np.where(flown.judged[chosen], distance, 0.0).max(axis=1)
+
+
+@pytest.mark.slow
+def test_states_lag_behind_an_equilibrium_that_climbs():
+    """In a climb the speed settles off the equilibrium of its altitude, by what is predicted."""
+    model = load_model(f"{ROOT}/examples/uav.toml")
+    point = hfa.find_operating_point(model, hold={"gamma": np.radians(1.0)})
+    o = ca.SX.sym("o", 2)
+    deployment = Deployment(
+        policy={"file": ca.Function("gain", [o], [ca.vertcat(0.5 * o[0], -0.05 * o[1])])},
+        observation={"pitch": {}, "roll": {}},
+        action={"elevator": {}, "aileron": {}},
+        timing={"dt": 0.1},
+    )
+    assessor = Assessor(deployment.on(model), (point,), 1)
+    flight = assessor.flight()
+    (place,) = assessor.places(flight)
+    trim = flight.deployed.trim_vector(point)[None]
+    states = np.array(point.states)[None]
+    row = flight.rows(states, trim, np.zeros((1, len(model.linear))))
+    window = flight.window(1, 120.0)
+    for _ in range(120):
+        row = window(row)
+    X = row[0, flight.slices[0]]
+    rows = [list(model.states).index(name) for name in model.linear]
+    off = (X - place.equilibrium.states)[rows] - place.drift @ (X - states[0])
+    assert abs(place.lag[0]) > 1e-3
+    assert off[0] == pytest.approx(place.lag[0], rel=0.1)
