@@ -136,7 +136,8 @@ def _in_data(name: str, root: Path | None) -> Path:
     """The file of an aircraft of JSBSim."""
     if root is None:
         raise BadInputError(
-            f"jsbsim:{shortened(name)}: there is no JSBSim here; install the package jsbsim, or set"
+            f"jsbsim:{shortened(name)}: JSBSim is not installed; type"
+            ' python -m pip install ".[jsbsim]", or set'
             " JSBSIM_ROOT to the folder that holds aircraft, engine and systems"
         )
     folders = sorted(folder.name for folder in (root / "aircraft").iterdir() if folder.is_dir())
