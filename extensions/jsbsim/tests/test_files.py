@@ -247,7 +247,7 @@ def test_a_component_stands_where_its_input_holds_it(tmp_path, component, positi
         assert outputs["elevator_position"] == pytest.approx(position, abs=1e-14)
 
 
-def test_actuator_with_hysteresis_rests_input_note_says_so(tmp_path):
+def test_an_actuator_rests_where_its_hysteresis_ends(tmp_path):
     """An actuator with hysteresis rests at its input and a note says so."""
     actuator = (
         '<actuator name="e"> <input>fcs/elevator-cmd-norm</input> <lag>60</lag>'
