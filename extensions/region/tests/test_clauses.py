@@ -17,7 +17,7 @@ from hfa_proof.checker.reading import Malformed, Rejected
 from hfa_region.check.loop import HIGHEST, LOWEST, Equilibrium, RegionLoop
 from hfa_region.check.polynomial import Polynomial
 from hfa_region.check.positivity import Evidence, Square, check_positive
-from hfa_region.check.statement import RegionStatement, SaturatedLoop
+from hfa_region.check.statement import RegionStatement, SaturatedLoop, limits_hold
 from hfa_region.check.taylor import Taylor
 from hfa_support.errors import BadInputError
 
@@ -319,3 +319,10 @@ def test_rates_that_are_curved_in_disturbance_are_refused() -> None:
     loop = SaturatedLoop(model, {}, {"x": 1.0}, {}, {}, np.zeros((0, 1)), {}, {}, {"w": 1.0})
     with pytest.raises(BadInputError, match="not affine in w"):
         RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+
+
+@pytest.mark.parametrize("stated", [(-2.0, 2.0), (-1.0, 3.0)])
+def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
+    own = {"x": (-1.0, 2.0)}
+    assert limits_hold({"x": (-0.5, 1.5)}, own, ()) is None
+    assert limits_hold({"x": stated}, own, ()) == "x"
