@@ -265,7 +265,6 @@ def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
 
 
 def test_a_bound_with_slope_at_trim_is_refused() -> None:
-    """The cost is 0 at the trim and not less beside it."""
     content = cart_bound(0.5).content()
     CostStatement.read(copy.deepcopy(content), CART)
     content["pieces"][0]["W"].append([0.01, [1]])

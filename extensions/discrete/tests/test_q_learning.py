@@ -51,7 +51,6 @@ def test_noise_in_steps_moves_gain_by_its_size():
 
 
 def test_what_has_no_value_and_poor_steps_refused():
-    """What has no value and poor steps are refused."""
     problem = _problem(2)
     smallest = minimum_delta_discrete(problem).value
     with pytest.raises(NoSolutionError, match="delta"):

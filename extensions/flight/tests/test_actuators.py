@@ -69,7 +69,6 @@ def test_a_lag_that_step_cannot_resolve_is_refused() -> None:
 
 
 def test_of_order_2_it_is_second_order_response() -> None:
-    """Of order 2 it is the second order response."""
     second = replace(FREE, order=2, damping=0.7)
     flight = flown(second, 1.0, -2.0, 0.0, 0.0, 0.0)
     w = 10.0

@@ -34,7 +34,6 @@ FLY = ("fly", "--dihedral", "15", "--law", "exact")
 
 
 def test_command_says_that_flight_held_and_writes_it() -> None:
-    """The command says that a flight held and writes it."""
     words = (
         *FLY,
         "--duration",
@@ -165,7 +164,6 @@ def _there(controllers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("_there")
 def test_controller_flies_commands_and_says_what_it_missed() -> None:
-    """A controller flies its commands and says what it missed."""
     result = hfa(
         *FLOWN,
         "--command",

@@ -221,7 +221,6 @@ def test_plans_are_equal_when_they_give_same_results(plan: MonteCarlo, gain: np.
 
 
 def test_what_monte_carlo_cannot_draw_or_repeat_refused(plan: MonteCarlo) -> None:
-    """What a monte carlo cannot draw or repeat is refused."""
     no_moment = hfa.aircraft(parameters=PARAMETERS._replace(zero_lift_moment=0.0))
     moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
     for said, make in (

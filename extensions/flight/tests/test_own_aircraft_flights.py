@@ -161,7 +161,6 @@ def test_exports_have_its_names() -> None:
     ],
 )
 def test_what_does_not_fit_model_is_one_line(words: str, named: str) -> None:
-    """What does not fit the model is one line."""
     command, *more = words.split()
     assert_refused(hfa(command, "--aircraft", NAVION, *more), 2, named)
 

@@ -67,7 +67,6 @@ def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["scheduler", "worker"])
 def test_what_is_lost_of_cluster_costs_no_result(tmp_path: Path, lost: str) -> None:
-    """What is lost of a cluster costs no result."""
     pytest.importorskip("distributed")
     dask = (sys.executable, "-m", "dask")
     scheduler_file = tmp_path / "scheduler.json"

@@ -209,7 +209,6 @@ def test_network_of_discounted_game_is_searched_and_flown(game: Game) -> None:
 
 
 def test_command_says_how_network_read_on_discrete_plant() -> None:
-    """The command says how a network was read on a discrete plant."""
     problem = problem_of()
     exact = exact_of(problem)
     step = problem.step

@@ -22,7 +22,6 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_what_torch_exports_by_default_read_and_policy(game: Game) -> None:
-    """What torch exports by default is read and has its policy."""
     pytest.importorskip("onnx", reason="the package onnx is not installed")
     expected = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["q"]
     path = HERE / "torch_2_13_q.onnx"

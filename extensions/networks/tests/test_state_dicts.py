@@ -163,7 +163,6 @@ def test_a_normalizer_of_another_size_is_refused() -> None:
 
 
 def test_another_policy_beside_named_one_is_left_alone() -> None:
-    """Another policy beside the named one is left alone."""
     path = torch_file("a.pt", actor("pitch.") | actor("roll."))
     found = network_in(path, STATES, "tanh", {"policy": "pitch"}).functions["policy"]
     assert isinstance(found, ca.Function)

@@ -62,7 +62,6 @@ def test_a_pair_that_is_not_regenerated_fails(job: MainJob) -> None:
 
 
 def test_a_game_without_solution_is_said_and_fails(job: MainJob, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    """A game without a solution is said and fails."""
 
     def unsolved(game: object) -> None:
         raise NoSolutionError("no solution: planted")

@@ -151,7 +151,6 @@ def test_a_flight_is_that_of_its_equations():
 
 
 def test_clip_active_at_rest_said_not_judged_stable():
-    """A clip that is active at rest is said and not judged as stable."""
     o = ca.SX.sym("o", 4)
     push = ca.Function("policy", [o], [ca.vertcat(2.0 + 0.1 * o[0], 0.0 * o[1])])
     action = {

@@ -162,7 +162,6 @@ def test_the_picture_of_an_episode_has_its_samples() -> None:
 
 
 def test_what_environment_cannot_be_made_of_one_line() -> None:
-    """What an environment cannot be made of is one line."""
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")
     with pytest.raises(BadInputError, match=r"action\.elevator has no box"):
         environment(model, gtm_card({}, action={"elevator": {}}), points)

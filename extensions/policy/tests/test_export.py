@@ -98,7 +98,6 @@ def test_the_exported_FMU_commands_what_the_card_commands(tmp_path, capsys):
 
 
 def test_what_card_says_is_no_option_beside_it(tmp_path, capsys):
-    """What a card says is no option beside it."""
     words = [
         "export",
         "--policy",

@@ -115,7 +115,6 @@ def test_card_is_flown_warns_of_what_files_prove(tmp_path):
 
 @pytest.mark.parametrize("words", [["fly", "--start", "speed=1"], ["export", "-o", "FOLDER"]])
 def test_fly_and_export_note_what_files_card_prove(tmp_path, capsys, words):
-    """Fly and export note what the files of a card prove."""
     given = [str(tmp_path / "out") if word == "FOLDER" else word for word in words]
     path = card_without_normalizer(tmp_path)
     where = ["--aircraft", GTM, "--hold", "speed=45", "--policy", str(path)]

@@ -115,7 +115,6 @@ def test_one_environment_of_SAC_does_not_show_normalizer():
 
 
 def test_normalizer_is_said_to_be_none_is_believed():
-    """A normalizer that is said to be none is believed."""
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer="none")) == []
 
 
@@ -416,7 +415,6 @@ def test_nothing_is_suggested_of_optimum_that_is_late(samples):
 
 @pytest.mark.slow
 def test_a_sign_is_suggested_of_late_optimum_too():
-    """Its delay alone does not prevent a good flight."""
     late = with_mistake("sign").changed(timing={"dt": 0.05, "delay": 0.1})
     assert "sign" in kinds_on_f16(late)
 

@@ -38,7 +38,6 @@ def of_every_operation() -> ca.Function:
 
 
 def test_every_operation_one_row_where_number_none_too() -> None:
-    """Every operation is that of one row where a number is none too."""
     function = of_every_operation()
     random = np.random.default_rng(0)
     pairs = [(a, b) for a in _SPECIAL for b in _SPECIAL]
@@ -80,7 +79,6 @@ def test_a_table_of_another_width_is_refused() -> None:
 
 
 def test_what_cannot_written_as_rows_called_by_casadi() -> None:
-    """What cannot be written as rows is called by casadi."""
     x = ca.SX.sym("x")
     function = ca.Function("error", [x], [ca.erf(x)])
     code = row_code(function)

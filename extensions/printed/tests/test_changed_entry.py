@@ -35,7 +35,6 @@ def judged(tmp_path) -> Callable[[str], tuple[str, str]]:
 
 @pytest.mark.parametrize("count", [6, pytest.param(200, marks=SLOW)])
 def test_most_planted_slips_are_named_none_wrong(judged, count) -> None:
-    """Of planted slips 85 of 100 that show are named and none wrong."""
     rng = np.random.default_rng(1)
     visible = 0
     named = 0
@@ -68,7 +67,6 @@ def test_learned_answers_accuse_no_entry(judged, count) -> None:
 
 @pytest.mark.slow
 def test_one_of_two_slips_is_not_named(judged) -> None:
-    """Of two slips none is named but where the other does not show."""
     rng = np.random.default_rng(4)
     for index in range(60):
         sample, first = printed_sample(index, rng).with_slip(SLIPS[index % len(SLIPS)], rng)

@@ -105,7 +105,6 @@ def test_a_certificate_is_bound_to_ones_own_data(
 
 
 def test_what_is_checked_is_the_aircraft_of_certificate(tmp_path: Path) -> None:
-    """What is checked is the aircraft of the certificate."""
     certificate = str(tmp_path / "newton.json")
     of_certificate = (
         "--dynamics",

@@ -188,7 +188,6 @@ def test_one_factor_on_everything_must_explain_99_percent(game: Game) -> None:
 
 
 def test_random_errors_gain_beside_value_get_no_cause(game: Game) -> None:
-    """Random errors of a gain beside its value get no cause."""
     rng = np.random.default_rng(2)
     for size in 10.0 ** rng.uniform(-4.0, -1.0, 20):
         wrong = gain(game) * (1.0 + size * rng.standard_normal(gain(game).shape))

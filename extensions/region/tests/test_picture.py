@@ -69,7 +69,6 @@ def test_picture_has_set_limits_lost_starts_and_box(region: Region) -> None:
 def test_the_label_states_a_much_larger_box(
     region: Region,
 ) -> None:
-    """Of a box much larger than the set the label says how far it reaches."""
     axes = axes_of(region_figure(region, np.radians([2000.0, 50.0])))
     assert axes.get_xlabel() == "angle, deg (box to ±2e+03)"
     assert axes.get_xlim()[1] < 100.0

@@ -103,7 +103,6 @@ def test_function_is_not_smooth_on_ball_is_undecided() -> None:
 def test_what_proved_said_and_bounded_by_what_found(
     aircraft: str, states: list[str], tmp_path: Path
 ) -> None:
-    """What is proved is said and bounded by what was found."""
     picture = tmp_path / "region.png"
     printed = quickly_proved(
         tmp_path / "region.json", aircraft, "--json", "--picture", str(picture)

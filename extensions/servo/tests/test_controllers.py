@@ -218,7 +218,6 @@ def test_what_is_no_controller_is_refused(published_aircraft: Model, tmp_path: P
 def test_its_table_limit_and_certificate_of_each_angle(
     published_aircraft: Model, limit: str
 ) -> None:
-    """Its table has the limit and the certificate of each angle."""
     rows = [
         {"dihedral": math.radians(degrees), limit: 7.25, "checks": [{"ok": True}, {"ok": ok}]}
         for degrees, ok in ((5.0, True), (10.0, False), (20.0, True))

@@ -152,7 +152,6 @@ def test_state_feedback_limit_measuring_every_state_ever_better(seed: int) -> No
 
 
 def test_what_u_adds_to_y_once_changes_nothing() -> None:
-    """What u adds to y at once changes nothing."""
     plant = random_plant(8)
     smallest = smallest_of(8).value
     without = replace(plant, D22=np.zeros_like(plant.D22))
@@ -407,7 +406,6 @@ def test_plants_that_are_none_are_refused(changes: dict[str, Any], words: str) -
 
 
 def test_command_solves_file_and_says_what_to_change(tmp_path: Any) -> None:
-    """The command solves a file and says what to change."""
     path = tmp_path / "plant.json"
     path.write_text(json.dumps(DOUBLE), "utf-8")
     data = json.loads(hfa("solve", "--model", str(path), "--json").out)

@@ -103,7 +103,6 @@ def test_smallest_delta_of_slycot_and_of_every_copy() -> None:
 
 @pytest.mark.slow
 def test_copies_agree_above_and_below_the_smallest_delta() -> None:
-    """What holds above the smallest delta and not below holds of every copy."""
     found: Counter[str] = Counter()
     for seed in range(8):
         plant = mixed_sensitivity(seed)

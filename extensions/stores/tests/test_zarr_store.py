@@ -88,7 +88,6 @@ def resumed(path: Path, **options: Any) -> list[tuple[float, float]]:
 
 
 def test_what_was_computed_read_with_names_and_units(made: Path) -> None:
-    """What was computed is read with names and units."""
     dataset = open_store(made)
     expected = numbers(0, ROWS)
     for name in ("square", "empty", "pole"):

@@ -84,7 +84,6 @@ def test_another_outcome_is_seen() -> None:
 
 
 def test_ends_hang_on_ninth_digit_of_start_told() -> None:
-    """Ends that hang on the ninth digit of the start are told."""
     row = COMMITTED["theorem gains, implicit"]
     assert {len(run["P_errors_nearby"]) for run in row["runs"]} == {2}
     hanging = [run for run in row["runs"] if by_rounding(run)]

@@ -24,7 +24,6 @@ def model() -> InterpolatedModel:
 
 
 def test_it_is_exact_at_points_and_bilinear_between(model: InterpolatedModel) -> None:
-    """It is exact at the points and bilinear between."""
     exact = level_model(hfa.aircraft(), float(GRID["dihedral"][2]))
     here = model.at(dihedral=GRID["dihedral"][2], speed=68.0)
     np.testing.assert_allclose(here.A, exact.A, rtol=1e-9, atol=1e-9)

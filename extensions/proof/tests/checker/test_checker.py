@@ -29,7 +29,6 @@ Content = dict[str, Any]
 
 @pytest.mark.parametrize("kind", PROOFS)
 def test_what_was_proved_verified_and_all_of_reported(kind: str, tmp_path: Path) -> None:
-    """What was proved is verified and all of it is reported."""
     path = forge(tmp_path / "own.json", certificate(kind))
     verified = check_certificate(path, model=model_of(kind))
     assert content_of(verified.statement) == certificate(kind)["statement"]
@@ -49,7 +48,6 @@ def test_statement_is_read_back_as_it_was_written() -> None:
 
 @pytest.mark.parametrize("name", ["loop", "modes", "motion"])
 def test_what_no_box_proves_refused_unless_said_open(name: str, tmp_path: Path) -> None:
-    """What no box proves is refused unless it is said to be open."""
     own = copy.deepcopy(certificate("rate"))
     boxes = own["witness"]["motion"]["boxes"] if name == "motion" else own["witness"][name]
     last = boxes.pop()["range"]

@@ -53,7 +53,6 @@ def test_the_program_s_models_lie_in_the_enclosure(dynamics: str, low: float) ->
 
 @pytest.mark.parametrize("name", ["panel_mass", "hinge_damping"])
 def test_what_error_of_parameter_does_lies_in_enclosure(name: str) -> None:
-    """What the error of a parameter does lies in its enclosure."""
     values = default_parameters().values
     ends = []
     width = 1e-4 * getattr(values, name)

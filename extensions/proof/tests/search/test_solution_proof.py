@@ -136,7 +136,6 @@ def test_spoiled_critic_is_as_far_as_it_moved(size: float) -> None:
 
 
 def test_what_has_no_value_or_not_fit_refused() -> None:
-    """What has no value or does not fit is refused."""
     with pytest.raises(NoSolutionError, match="delta_min"):
         prove_solution(game_at(15.0).with_delta(50.0))
     square = ca.Function("square", [x := ca.SX.sym("x", 6)], [x.T @ x])
