@@ -27,11 +27,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Intervals of the meshes, coarsest first. Two after each other agree to `_MESHES_AGREE`.
-_MESHES = (30, 60, 120)
+_MESHES = (40, 80, 160)
 _MESHES_AGREE = 0.005
 #: Parts of the distance from the trim to each limit that a proposal leaves to the policy that
-#: follows it; a larger one is tried where the flight left the limits or did not arrive.
-_RESERVES = (0.002, 0.008, 0.032)
+#: follows it; a larger one is tried where the flight left the limits or did not arrive, the last
+#: one on the finest mesh alone.
+_RESERVES = (0.002, 0.008)
+_LARGEST_RESERVE = 0.032
 #: The flight has arrived where each state is nearer to the trim than this part of its largest
 #: deviation on the way.
 ARRIVED = 0.02
@@ -293,7 +295,8 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
         if change > _MESHES_AGREE:
             continue
         proposal = best
-        for reserve in _RESERVES:
+        reserves = _RESERVES if count < _MESHES[-1] else (*_RESERVES, _LARGEST_RESERVE)
+        for reserve in reserves:
             if reserve > _RESERVES[0]:
                 proposal = program.solve(_on_finer(flights, proposal, count), reserve)
             if not proposal.feasible:

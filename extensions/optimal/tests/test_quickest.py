@@ -81,7 +81,7 @@ def test_the_aircraft_morphs_on_the_command_line(capsys: pytest.CaptureFixture[s
 @pytest.mark.slow
 @pytest.mark.parametrize(("begin", "seconds"), [(5.0, 1.571), (10.0, 0.861)])
 def test_the_aircraft_morphs_by_many_degrees(begin: float, seconds: float) -> None:
-    """The times are own results; meshes of 30 and 60 intervals differ by .5 % at most."""
+    """The times are own results; two meshes differ by .5 % at most."""
     model = hfa.aircraft()
     end, start = (
         hfa.find_operating_point(model, hold={"dihedral": np.radians(degrees)})
