@@ -105,14 +105,16 @@ def least_vectors(matrices: np.ndarray) -> np.ndarray:
 
     matrices: (K, p, n), p >= n
 
-    A singular triangle is moved by rounding. Source: Golub and Van Loan, Matrix Computations,
-    Section 5.5.7."""
+    A singular triangle is moved by rounding; where its inverse overflows (a chain of 20 integrators),
+    singular values are computed. Source: Golub and Van Loan, Matrix Computations, Section 5.5.7."""
     triangle = np.linalg.qr(matrices, mode="r")
     diagonal = np.einsum("kii->ki", triangle)  # a view
-    rounding = np.finfo(float).eps * np.abs(diagonal).max(axis=1, keepdims=True) + FAINT
+    rounding = np.finfo(float).eps * np.abs(triangle).max(axis=(1, 2))[:, None] + FAINT
     diagonal[np.abs(diagonal) < rounding] = 0.0
     diagonal += np.where(diagonal == 0.0, rounding, 0.0)
     inverse = np.linalg.inv(triangle)
+    if not np.isfinite(inverse).all():
+        return np.asarray(np.linalg.svd(matrices)[2][:, -1:].mT.conj())
     inverse = inverse / np.abs(inverse).max(axis=(1, 2), keepdims=True)
     squared = inverse @ inverse.mT.conj()
     largest = np.einsum("kii->ki", squared).real.argmax(axis=1)

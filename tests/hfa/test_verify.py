@@ -122,7 +122,7 @@ def test_a_critic_over_time_keeps_its_time() -> None:
     )
     discounted = ("--discount", "0.99", "--dt", "0.1")
     assert_refused(
-        hfa(*words, *discounted), BAD_INPUT, "--discount judges one critic and this is over time"
+        hfa(*words, *discounted), BAD_INPUT, "--discount needs one critic, not a history"
     )
     single = stored("single.npz", P=exact)
     refused = hfa("verify", "--model", plant, "--weights", single, "--set", "predefined_time=2")

@@ -73,7 +73,7 @@ def test_bad_input_of_printed_answer_is_one_line(tmp_path: Path) -> None:
 def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> None:
     file = tmp_path / "printed.toml"
     file.write_text(text)
-    assert_refused(hfa("printed", str(file)), BAD_INPUT, f"{file}: ")
+    assert_refused(hfa("printed", str(file)), BAD_INPUT, str(file))
 
 
 def test_a_plant_too_large_is_judged_without_search(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from controller.riccati.certificate import carefully_certified
 from controller.riccati.delta_search import Answer, smallest_delta
 from controller.riccati.existence import ROUNDING, existence, shown_gain, value_error
 from controller.riccati.normal_form import NormalForm
-from controller.riccati.reach import loses_rank, not_decaying
+from controller.riccati.reach import least_reach, loses_rank, not_decaying
 from hfa import Game, NoSolutionError, solve_game
 
 EXACT = 0.6823938
@@ -171,6 +171,16 @@ def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> N
     B = turn @ np.array([[1.0], [30.0], [reach], [10.0]])
     slow = min(np.linalg.eigvals(A), key=lambda value: abs(value - 0.03))
     assert loses_rank(A, B.T, complex(slow), not_decaying) is unreached
+
+
+@pytest.mark.parametrize("length", [2, 5, 30])
+def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
+    """An input reaches all from the last one and only itself from the first, whose triangle has the
+    diagonal 0."""
+    A = np.diag(np.ones(length - 1), 1)
+    end = np.eye(length)[:, [-1]]
+    begin = np.eye(length)[:, [0]]
+    assert least_reach(np.stack([A, A]), np.stack([end, begin])).tolist() == [1.0, 0.0]
 
 
 @pytest.mark.parametrize("seed", [3, 24, 46])
