@@ -105,8 +105,9 @@ def least_vectors(matrices: np.ndarray) -> np.ndarray:
 
     matrices: (K, p, n), p >= n
 
-    A singular triangle is moved by rounding; where its inverse overflows (a chain of 20 integrators),
-    singular values are computed. Source: Golub and Van Loan, Matrix Computations, Section 5.5.7."""
+    A singular triangle is moved by rounding. Singular values are computed where its inverse
+    overflows (a chain of 20 integrators). Source: Golub and Van Loan, Matrix Computations, Section
+    5.5.7."""
     triangle = np.linalg.qr(matrices, mode="r")
     diagonal = np.einsum("kii->ki", triangle)  # a view
     rounding = np.finfo(float).eps * np.abs(triangle).max(axis=(1, 2))[:, None] + FAINT
