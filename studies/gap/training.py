@@ -41,7 +41,7 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Its name, as files bear it."""
+        """Its name in files."""
         words = [*self.task.name.replace(",", "").replace("/", " ").split(), self.algorithm]
         return "-".join([*words, str(self.seed)])
 
@@ -52,7 +52,7 @@ class Run:
 
     @property
     def record(self) -> Path:
-        """What is known of the training."""
+        """The record of the training."""
         return self.folder / f"{self.name}.json"
 
     def decides(self) -> dict[str, Any]:

@@ -101,7 +101,7 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
 
 
 def _condition(name: str) -> dict[str, float]:
-    """What a trim of an aircraft imposes. KeyError where it has no level trim."""
+    """The conditions that a trim of an aircraft imposes. KeyError where it has no level trim."""
     if name in CONDITIONS:
         return dict(zip(("kcas", "altitude"), CONDITIONS[name], strict=True))
     for row in json.loads(RESULTS.read_text())["aircraft"]:

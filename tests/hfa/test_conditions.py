@@ -52,7 +52,7 @@ def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None
 
 
 def test_a_held_alpha_in_the_way_is_named() -> None:
-    """A held alpha that is in the way is said."""
+    """A held alpha that makes a trim impossible is named."""
     refused = hfa("solve", "--dihedral", "10", "--hold", "speed=50")
     assert refused.code == 1
     assert refused.err.rstrip().endswith(

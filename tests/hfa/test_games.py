@@ -52,7 +52,7 @@ def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None
     ],
 )
 def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str) -> None:
-    """Solve below the smallest delta gives no P and says what would do."""
+    """Solve below the smallest delta gives no P and names a delta that has one."""
     result = hfa("solve", *AT_15, "--delta", delta, "--json", "-o", "solution.json")
     assert (result.code, result.out) == (FAILED, "")
     assert result.err.count("\n") == 1

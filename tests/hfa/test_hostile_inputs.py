@@ -46,7 +46,7 @@ def test_a_hostile_input_is_a_result_or_line(way: str) -> None:
     ],
 )
 def test_the_unchanged_file_is_accepted(way: str) -> None:
-    """What is made hostile is accepted as it was."""
+    """Each input is accepted before it is made hostile."""
     for name, content in seeds().items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_bytes(content)

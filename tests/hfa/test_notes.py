@@ -81,7 +81,7 @@ def test_tables_fit_a_terminal_of_80_columns(
 def test_a_minutes_work_is_announced_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What takes more than a minute is announced once."""
+    """A task of more than a minute is announced once."""
     clock = iter(range(0, 1000, 2))
     # A clock of its own, in place of minutes.
     monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))

@@ -139,7 +139,7 @@ def test_a_critic_over_time_keeps_its_time() -> None:
 
 
 def test_the_cost_of_a_critic_can_decide(game: Game) -> None:
-    """The cost of a critic is told and can decide."""
+    """The cost of a critic is printed and can decide."""
     file = stored("P.json", P=1.004 * solve_game(game).P)
     words = ("verify", *AT_15, "--weights", file)
     graded = answer(*words, code=FAILED)["graded"]

@@ -22,7 +22,7 @@ DECLARED = {
 
 
 def test_what_is_declared_is_read_as_floats() -> None:
-    """What is as declared comes back with numbers as floats."""
+    """Data as declared come back with numbers as floats."""
     value = {
         "name": "x",
         "sizes": [[1, 2.5]],
@@ -57,7 +57,7 @@ def test_what_is_declared_is_read_as_floats() -> None:
     ],
 )
 def test_what_is_not_declared_is_named(change: dict[str, Any], said: str) -> None:
-    """What is not is one line with its place."""
+    """Data of another form give one line with their place."""
     with pytest.raises(BadInputError) as refusal:
         checked("f.toml", {"name": "x"} | change, DECLARED)
     assert str(refusal.value).startswith(said)

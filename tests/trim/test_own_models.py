@@ -467,7 +467,7 @@ FAULTS = {
 
 @pytest.mark.parametrize(("text", "words"), FAULTS.items())
 def test_a_wrong_file_is_named_in_one_line(text: str, words: str, tmp_path: Path) -> None:
-    """What is wrong with a file is said in one line."""
+    """A mistake in a file is named in one line."""
     path = tmp_path / "own.py"
     path.write_text(text)
     assert_refused(hfa("trim", "--aircraft", f"{path}:A"), 2, f"{path}: ", words)

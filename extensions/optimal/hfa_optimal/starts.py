@@ -174,7 +174,7 @@ class StartsTable(Result, Reported):
 
 @dataclass(frozen=True, eq=False)
 class WithFlights(Result):
-    """What `--flights N` adds to a result.
+    """The fields that `--flights N` adds to a result.
 
     flights: of the nonlinear aircraft, compared with the best found.
     """

@@ -256,7 +256,7 @@ def test_data_of_zip_of_another_type_are_refused(folder, entries):
     ],
 )
 def test_zip_of_another_class_is_refused_by_name(folder, entries, named):
-    """Its forward pass is the user's code, which is not run."""
+    """The user's code defines its forward pass and is not run."""
     stored = {
         name: {":serialized:": base64.b64encode(content).decode()}
         for name, content in entries.items()

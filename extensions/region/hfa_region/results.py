@@ -134,7 +134,7 @@ class NothingProved(Result):
 
 @dataclass(frozen=True, eq=False)
 class WithRegion(Result):
-    """What `--region S` adds to a result.
+    """The fields that `--region S` adds to a result.
 
     region: of attraction of the saturated loop.
     """

@@ -102,7 +102,7 @@ def test_loss_grows_with_the_squared_error() -> None:
 
 
 def test_a_start_costs_what_is_reported() -> None:
-    """A start is found that costs what is said."""
+    """The start found has the stated cost."""
     K = EXACT.K * (1.0 + 0.1 * NOISE)
     D = loss_matrix(GAME, EXACT, K)
     cost = flight_cost(GAME, EXACT, K)

@@ -46,7 +46,7 @@ def test_a_solution_below_ends_the_refusal() -> None:
 
 
 def test_an_open_answer_is_neither_refused_nor_good() -> None:
-    """What is open is neither refused nor called good."""
+    """An undecided delta is neither refused nor called good."""
 
     def ask(delta: float) -> Answer:
         return Answer(None, "rounding") if 0.4 < delta < 2.0 else truth(delta)

@@ -252,7 +252,7 @@ def test_existence_is_decided_as_by_the_reference(games: int) -> None:
 
 
 def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
-    """Delta below the minimum says what to ask for."""
+    """The message on a delta below the minimum names one that has a solution."""
     smallest = minimum_delta(game).value
     with pytest.raises(NoSolutionError) as refusal:
         solve_game(game.with_delta(80.0))

@@ -39,7 +39,7 @@ def test_every_model_has_its_own_solution(dynamics):
 
 
 def test_the_schur_form_decides_where_the_sign_fails(monkeypatch):
-    """What the matrix sign contradicts is decided by the schur form."""
+    """The Schur form decides where the matrix sign contradicts."""
     A, B = _models("published", 3)
     like = published_game(A[0], B[0])
     assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
@@ -85,7 +85,7 @@ def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
 
 
 def test_a_batch_refuses_what_is_refused_alone():
-    """Near the smallest delta a batch refuses what is refused alone."""
+    """Near the smallest delta a batch refuses the games that are refused alone."""
     rng = np.random.default_rng(8)
     A = rng.standard_normal((2, 4, 4))
     B = rng.standard_normal((2, 4, 2))

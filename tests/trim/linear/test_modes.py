@@ -48,7 +48,7 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
 )
 @pytest.mark.parametrize("seed", range(5))
 def test_an_eigenvalue_zero_by_rounding_is_zero(block: np.ndarray, seed: int) -> None:
-    """The table said "49065291640315728 s (half)"."""
+    """The table printed "49065291640315728 s (half)"."""
     basis = np.random.default_rng(seed).normal(size=(3, 3))
     A = basis @ block @ np.linalg.inv(basis)
     modes = modes_of(A, ("a", "b", "c"))

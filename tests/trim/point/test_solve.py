@@ -364,7 +364,7 @@ def test_a_missing_condition_is_the_models_trim() -> None:
 
 
 def test_holding_by_name_agrees_with_the_command() -> None:
-    """What is held and freed by name is what the command holds and frees."""
+    """Python holds and frees the same names as the command."""
     model = hfa.aircraft()
     point = hfa.find_operating_point(
         model, hold={"speed": 70.0, "aileron_center": 0.01}, free="dihedral_dot"

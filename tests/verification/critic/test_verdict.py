@@ -80,7 +80,7 @@ def test_the_l2_gain_is_no_error_at_agreement(game: Game) -> None:
 
 
 def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
-    """Entries that differ by rounding are not said to be the farthest off."""
+    """Entries that differ by rounding are not named as the farthest off."""
     exact = check_critic(game, from_value(game, value(game)))
     assert "12 of 51 entries; all differ by rounding only" in exact.report().text()
 
@@ -89,7 +89,7 @@ def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
 
 
 def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
-    """V of the network trained for it: its error is nowhere larger than said, also where the policy
+    """V of the network trained for it: its error is nowhere larger than stated, also where the policy
     is worst."""
     z = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 6)) * BOX
     layers = {

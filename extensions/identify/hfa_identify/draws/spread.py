@@ -93,7 +93,7 @@ class Draws(Result):
 
 @dataclass(frozen=True, eq=False)
 class WithDraws(Result):
-    """What `--draws N` adds to a result.
+    """The fields that `--draws N` adds to a result.
 
     draws: the result on drawn aircraft.
     """

@@ -1,4 +1,4 @@
-"""Forged certificates with right digests: none that claims what is false is accepted.
+"""Forged certificates with right digests: none with a false claim is accepted.
 
 A forgery is a false statement, false by construction, with a witness that an attacker may try: the
 one of the true statement, damaged, exaggerated, or made by the prover for another one.
