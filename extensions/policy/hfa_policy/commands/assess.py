@@ -31,7 +31,7 @@ from hfa_flight.options import (
 )
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_flight.turbulence import Turbulence
-from hfa_support.entry_points import PARTS, part
+from hfa_support.entry_points import PARTS, offered, part
 from hfa_support.errors import BadInputError, refuse_unknown
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
+#: Flights at each trim that are compared with the best ones, unless told otherwise.
+_COMPARED = 5
 
 
 def _need(name: str, text: str) -> float:
@@ -135,11 +137,11 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     )
     turbulence: Turbulence | None = turbulence_option()
     gust: tuple[float, ...] | None = gust_option()
-    best: int = option(
-        "compare K flights at each trim with the best flights found; default 0",
+    best: int | None = option(
+        "compare K flights at each trim with the best flights found; default 5 with [cost], 0 for "
+        "none",
         "K",
         whole(0, _MOST_SAMPLES),
-        default=0,
     )
     draws: int | None = draws_option()
     bound: Path | None = option(
@@ -184,6 +186,15 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
             for card in self.cards
         ]
 
+    def compared(self, deployment: Deployment) -> int:
+        """Return how many flights at each trim are compared with the best ones."""
+        if self.best is not None:
+            return self.best
+        has_best_flights = "assess.best" in offered(PARTS)
+        if deployment.cost is None or not has_best_flights:
+            return 0
+        return min(_COMPARED, self.samples)
+
     def is_rough(self) -> bool:
         """Return whether flights meet noise, a gust or turbulence."""
         return bool(self.noise) or self.turbulence is not None or self.gust is not None
@@ -202,12 +213,13 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
 def _best_flights(
     request: AssessRequest, deployed: Deployed
 ) -> Callable[[AssessedPoint], BestCosts] | None:
-    """Return a function of an assessed trim: the cost of its best flights; None without --best."""
-    if not request.best:
+    """Return a function of an assessed trim: the cost of its best flights; None without them."""
+    count = request.compared(deployed.deployment)
+    if count == 0:
         return None
     costs = part(PARTS, "assess.best", "--best")
     progress = ProgressLine("optimize")
-    return lambda at: costs(deployed, at, request.best, request.seed, progress, request.bound)
+    return lambda at: costs(deployed, at, count, request.seed, progress, request.bound)
 
 
 @command(AssessRequest)
