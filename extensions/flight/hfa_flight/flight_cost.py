@@ -6,15 +6,27 @@ import numpy as np
 
 
 def cost_of_flight(
-    times: np.ndarray, z: np.ndarray, v: np.ndarray, Q: np.ndarray, R: np.ndarray
+    times: np.ndarray,
+    z: np.ndarray,
+    v: np.ndarray,
+    Q: np.ndarray,
+    R: np.ndarray,
+    is_held: bool = False,
 ) -> float:
-    """∫ z'Qz + v'Rv dt of the rows of a flight, by the trapezoidal rule.
+    """∫ z'Qz + v'Rv dt of the rows of a flight, by the trapezoidal rule; exact of held inputs.
 
     times: (N,), s
     z: (N, k), deviations of the states from the trim that was asked for
     v: (N, m), deviations of the inputs
     Q: (k, k)
     R: (m, m)
+    is_held: inputs stay from each row to the next
     """
-    rates = np.einsum("ij,jk,ik->i", z, Q, z) + np.einsum("ij,jk,ik->i", v, R, v)
-    return float(np.trapezoid(rates, times))
+    of_states = np.einsum("ij,jk,ik->i", z, Q, z)
+    of_inputs = np.einsum("ij,jk,ik->i", v, R, v)
+    cost = np.trapezoid(of_states, times)
+    if is_held:
+        cost += of_inputs[:-1] @ np.diff(times)
+    else:
+        cost += np.trapezoid(of_inputs, times)
+    return float(cost)

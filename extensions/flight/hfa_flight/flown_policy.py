@@ -96,6 +96,8 @@ class PythonPolicy(Policy):
     tick: s
     """
 
+    is_held = True
+
     function: Callable[[float, Any], Any]
     point: OperatingPoint
     tick: float

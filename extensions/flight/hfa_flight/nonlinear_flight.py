@@ -366,7 +366,8 @@ class Flight(StatesAndInputs, Result, Reported):
         if self.weights is None:
             return None
         Q, R = self.weights
-        return cost_of_flight(self.times, self.flight.errors, self.flight.inputs, Q, R)
+        errors, inputs = self.flight.errors, self.flight.inputs
+        return cost_of_flight(self.times, errors, inputs, Q, R, self.loop.policy.is_held)
 
     @property
     def warnings(self) -> Sequence[str]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -48,7 +48,10 @@ class Policy(Shown):
     start: (l,), the memory at the beginning
     identity: data for JSON that identify it
     fastest: 1/s, size of its fastest mode, which determines the division of a step
+    is_held: whether its inputs stay from one tick to the next
     """
+
+    is_held: ClassVar[bool] = False
 
     name: str
     held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
@@ -178,6 +181,8 @@ def column_by_column(matrix: np.ndarray) -> np.ndarray:
 
 class OpenLoop(Policy):
     """u = the held inputs, whatever is measured."""
+
+    is_held = True
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """The held inputs."""

@@ -178,9 +178,9 @@ class Flights:
 
         with np.errstate(all="ignore"):
             rows = loop.fly(scenario, stop=stop, policy=policy)
-        return self.priced(loop.loop.policy.name, rows)
+        return self.priced(loop.loop.policy, rows)
 
-    def priced(self, name: str, rows: Deviations) -> Flown:
+    def priced(self, policy: Policy, rows: Deviations) -> Flown:
         """A flight with its cost, to the trim of the problem."""
         problem = self.problem
         trim = np.array(problem.point.states)
@@ -189,7 +189,7 @@ class Flights:
         states = rows.states + trim
         left = departure(problem.envelope, rows.times, states, moving_air=False)
         tail = float(z[-1] @ problem.P @ z[-1])
-        cost = cost_of_flight(rows.times, z, v, problem.Q, problem.R) + tail
+        cost = cost_of_flight(rows.times, z, v, problem.Q, problem.R, policy.is_held) + tail
         if not math.isfinite(cost) or tail > SETTLED * cost:
             cost = math.inf
         lowest, highest = problem.input_limits
@@ -197,4 +197,4 @@ class Flights:
         at_limit = ((v <= lowest + slack) | (v >= highest - slack)).any(axis=0)
         saturated = tuple(np.array(problem.inputs)[at_limit].tolist())
         inputs = rows.inputs + np.array(problem.point.inputs)
-        return Flown(name, rows.times, states, inputs, cost, tail, left, saturated)
+        return Flown(policy.name, rows.times, states, inputs, cost, tail, left, saturated)

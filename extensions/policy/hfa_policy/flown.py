@@ -40,6 +40,8 @@ class DeployedPolicy(Policy):
     point: the trim about which it flies.
     """
 
+    is_held = True
+
     deployed: Deployed
     point: OperatingPoint
 
