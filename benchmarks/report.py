@@ -339,7 +339,7 @@ def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
         axes.set(xlabel="points, flights, states, or units a layer", ylabel=name)
         axes.grid(alpha=0.3)
         if data["growth"]:
-            axes.legend(fontsize=7, loc="upper left")
+            axes.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     save(
         picture,
         path,
