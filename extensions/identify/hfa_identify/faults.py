@@ -285,7 +285,8 @@ def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
 
 
 def _candidates(search: Search) -> Iterator[_Undone]:
-    """Signs and units of the columns that move, and exchanges of two."""
+    """Yield the changes of a record to try: another sign or unit of a column that moves, and the
+    exchange of two columns."""
     model = search.responses.model
     for factor, text in _UNITS[model.time_unit].items():
         yield _Undone("time", 1.0 / factor, False, text)

@@ -153,7 +153,10 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
 
 
 def stored_gain(path: Path) -> np.ndarray | None:
-    """K of an .npz that has it, u = -K o; None of another file."""
+    """Return the gain K, (actions, observations), of an .npz file, u = -K o; None where the
+    file has no K or is no .npz.
+
+    BadInputError where the file cannot be read or K is not a finite matrix."""
     if path.suffix.lower() != ".npz":
         return None
     with said_of(path):

@@ -198,7 +198,7 @@ def test_many_episodes_at_once_are_those_of_one() -> None:
     assert observations.shape == (5, 4)
 
 
-def test_episodes_shared_by_threads_those_of_one_thread() -> None:
+def test_threads_do_not_change_episodes() -> None:
     """Episodes shared by threads are those of one thread."""
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
     many = Episodes(deployed, trims("ppo_gtm"), 520)
