@@ -7,7 +7,7 @@ from controller.critic.critic import (
     from_value as from_value,
     from_weights as from_weights,
 )
-from controller.critic.critic_file import read_critic as read_critic
+from controller.critic.critic_file import load_critic as load_critic
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.learning.certified import learn as learn
@@ -40,5 +40,11 @@ from verification.critic.critic_check import check_critic as check_critic
 from verification.critic.verdict import Verdict as Verdict
 
 from . import paper as paper
+
+# The words of the commands.
+trim = find_operating_point
+solve = solve_game
+verify = check_critic
+optimize = best_flight
 
 __version__: str

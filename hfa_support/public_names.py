@@ -11,14 +11,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-#: Words that users try first -> public names of `hfa`.
-_OTHER_WORDS = {
-    "load": "load_model",
-    "solve": "solve_game",
-    "trim": "find_operating_point",
-    "verify": "check_critic",
-}
-
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return `__getattr__` and `__dir__` of a package whose stub imports its public names.
@@ -42,6 +34,9 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
                         modules[public] = (dots + alias.name, "")
                     else:
                         modules[public] = (dots + statement.module, alias.name)
+            elif isinstance(statement, ast.Assign):
+                other, known = statement.targets[0], statement.value
+                modules[other.id] = modules[known.id]  # type: ignore[attr-defined]
         return modules
 
     def get(name: str) -> Any:
@@ -49,9 +44,8 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         if name == "__all__":
             return installed()
         if name not in modules():
-            near = _OTHER_WORDS.get(name)
-            if near not in modules():
-                near = next(iter(difflib.get_close_matches(name, modules(), n=1)), "")
+            longer = [known for known in modules() if known.startswith(name)]
+            near = " or ".join(difflib.get_close_matches(name, modules(), n=1) or longer)
             advice = f"; did you mean {near}?" if near else ""
             raise AttributeError(f"module {package!r} has no attribute {name!r}{advice}")
         module_name, name_there = modules()[name]

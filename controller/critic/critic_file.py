@@ -106,7 +106,7 @@ def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> C
 
 
 @checks_arguments
-def read_critic(
+def load_critic(
     path: str | Path,
     game: Game,
     *,
@@ -127,7 +127,7 @@ def read_critic(
     BadInputError, one line that names the file.
 
     >>> import hfa
-    >>> critic = hfa.read_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
+    >>> critic = hfa.load_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
     """
     return critic_in(path, game, Reading(basis, network, activation, scale))
 

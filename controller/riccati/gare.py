@@ -23,7 +23,7 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots
-from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table
+from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -80,6 +80,15 @@ class Solution(Result, Reported):
                 checks_block(self.certificate.checks),
             ),
             data=self.as_data(),
+            records=Table(
+                ("matrix", "row", "column", "value", "unit"),
+                entry_rows(
+                    (self.P,),
+                    (self.K,),
+                    (states, inputs),
+                    (self.names.state_units, self.names.input_units),
+                ),
+            ),
         )
 
 

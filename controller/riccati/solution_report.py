@@ -20,7 +20,7 @@ from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
-from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
+from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -102,7 +102,6 @@ def solution_report(analysed: AnalysedGame) -> Report:
     solution = analysed.solution
     states = solution.names.states
     inputs = solution.names.inputs
-    units = (solution.names.state_units, solution.names.input_units)
     disk = analysed.disk
     poles = [value for value in solution.closed_loop_eigenvalues if value.imag >= 0]
     return Report(
@@ -118,10 +117,7 @@ def solution_report(analysed: AnalysedGame) -> Report:
             f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s",
         ),
         data=analysed.as_data(),
-        records=Table(
-            ("matrix", "row", "column", "value", "unit"),
-            entry_rows((solution.P,), (solution.K,), (states, inputs), units),
-        ),
+        records=solution.report().records,
     )
 
 

@@ -92,6 +92,13 @@ def _caption(figure: Figure, text: str) -> None:
     figure.text(0.01, 0.2 * strip, "\n".join(lines), fontsize=6, color="0.4", va="bottom")
 
 
+def pyplot_figure(width: float, height: float) -> Figure:
+    """An empty figure of pyplot of that size in inches, which notebooks show."""
+    from matplotlib import pyplot
+
+    return pyplot.figure(figsize=(width, height), layout="constrained")
+
+
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of that size in inches, drawn without a display."""
     try:

@@ -135,6 +135,13 @@ class Reported:
         """Write the data as .json, .npz or .mat, or the records as .csv."""
         self.report().save(Path(path))
 
+    def to_pandas(self) -> Any:
+        """Return the records of the report as a `pandas.DataFrame`. Needs pandas."""
+        import pandas
+
+        header, rows = self.report().records
+        return pandas.DataFrame(list(rows), columns=list(header))
+
     def __repr__(self) -> str:
         return repr(self.report())
 

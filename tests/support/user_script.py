@@ -46,6 +46,7 @@ print(linear.select(["speed"], ["thrust"]).step(), linear.bode(inputs=["thrust"]
 sweep = hfa.sweep(model, {"speed": np.linspace(10.0, 12.0, 3)})
 length: int = len(sweep)
 point.report().save(Path("point.json"))
+print(hfa.trim(model), hfa.solve, hfa.verify, hfa.optimize)
 
 # Games and critics: matrices are arrays or lists.
 game: hfa.Game = hfa.game(linear, [1.0, 2.0], [[3.0]], delta=30.0)
@@ -58,7 +59,7 @@ for critic in (
     hfa.from_gain(game, [[1.0]]),
     hfa.from_value(game, solution.P),
     hfa.from_network(game, "critic.onnx"),
-    hfa.read_critic("K.npz", game),
+    hfa.load_critic("K.npz", game),
 ):
     verdict: hfa.Verdict = hfa.check_critic(game, critic)
     if not verdict.ok:

@@ -34,10 +34,23 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
         assert linear.simulate(u, time).outputs == pytest.approx(x, rel=1e-9, abs=1e-9)
     with pytest.raises(BadInputError, match="unknown input"):
         linear.simulate({"elevator_centre": 1.0}, time)
-    with pytest.raises(BadInputError, match="give one an instant"):
+    with pytest.raises(BadInputError, match="2001 values"):
         linear.simulate({"throttle": [1.0, 2.0]}, time)
     with pytest.raises(BadInputError, match=r"give \(5, 2001\)"):
-        linear.simulate(np.ones(2001), time)
+        linear.simulate(np.ones((7, 3)), time)
+    with pytest.raises(BadInputError, match="time has fewer"):
+        linear.simulate(np.ones((5, 9)))
+    assert linear.simulate({"throttle": 1.0}).outputs[:, -1] == pytest.approx(
+        linear.step().outputs[:, 0, -1]
+    )
+
+
+def test_other_attributes_are_those_of_python_control() -> None:
+    linear = _linear()
+    assert linear.ninputs == 5
+    assert linear.dcgain() == pytest.approx(linear.C @ -np.linalg.solve(linear.A, linear.B))
+    with pytest.raises(AttributeError, match="'StateSpace' object has no attribute 'dcgane'"):
+        linear.dcgane  # noqa: B018
 
 
 def test_zeros_lower_the_rank_of_the_system() -> None:
@@ -72,6 +85,8 @@ def test_a_sweep_is_a_sequence_of_linear_models() -> None:
         assert linear.point["speed"] == swept.values[index, 1]
     assert max(map(abs, linear.point.scaled_residuals.values())) < 1e-10
     assert swept[-1].point["dihedral"] == 0.2
+    assert np.concatenate([*swept.modes.values()], axis=1).shape == (4, 6)
+    assert swept.modes["short period"].shape == (4, 2)
     frame = swept.to_pandas()
     assert frame["dihedral [rad]"].tolist() == [0.1, 0.1, 0.2, 0.2]
     with pytest.raises(IndexError, match="has 4 points"):
@@ -79,6 +94,19 @@ def test_a_sweep_is_a_sequence_of_linear_models() -> None:
     failing = sweep(MODEL, {"dihedral": [0.2], "speed": [68.0, 5.0]})
     with pytest.raises(NoSolutionError, match="point 1 has no trim"):
         failing[1]
+
+
+def test_results_become_tables_of_pandas() -> None:
+    """The records of a point, a linear model, a solution and a verdict are tables of pandas."""
+    linear = _linear()
+    frame = linear.point.to_pandas().set_index(["kind", "name"])
+    assert frame.loc[("state", "alpha"), "value"] == linear.point["alpha"] == linear.point.x[1]
+    game = hfa.paper.published_game(linear)
+    solution = hfa.solve(game)
+    verdict = hfa.verify(game, hfa.from_value(game, solution.P))
+    assert len(solution.to_pandas()) == len(verdict.to_pandas()) == 66
+    assert {"P learned", "P exact"} <= {axes.get_title() for axes in verdict.plot()}
+    pyplot.close("all")
 
 
 def test_a_point_draws_its_limits() -> None:

@@ -158,9 +158,11 @@ class LinearModel(ByValue, Result, Reported):
 
         return step(self, time)
 
-    def simulate(self, u: Any, time: Any) -> control.TimeResponseData:
-        """Outputs over time (N,), (outputs, N), as deviations from rest; u: (m, N), or input ->
-        number or N values."""
+    def simulate(self, u: Any, time: Any = None) -> control.TimeResponseData:
+        """Outputs over time (N,), (outputs, N), as deviations from the operating point.
+
+        u: (m, N), or input -> number or N values.
+        time: (N,), s; python-control chooses it where u names inputs."""
         from trim.linear.responses import simulated
 
         return simulated(self, u, time)
@@ -193,6 +195,14 @@ class LinearModel(ByValue, Result, Reported):
         from trim.linear.exchange import state_space
 
         return state_space(self)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Return another attribute of `to_control()`: `damp`, `dcgain`, `sample`, `ninputs`."""
+            if name.startswith("_"):
+                raise AttributeError(name)
+            return getattr(self.to_control(), name)
 
     def to_xarray(self) -> Any:
         """Return the model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with
@@ -240,8 +250,7 @@ def linearize(
         disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
     else:
         positions("disturbance", disturbances, tuple(model.disturbances))
-    x, u = np.array(point.states), np.array(point.inputs)
-    slopes, kinks = linearization_at(model, x, u, shown, disturbances)
+    slopes, kinks = linearization_at(model, point.x, point.u, shown, disturbances)
     return LinearModel(
         A=slopes.A.take(rows, axis=0).take(rows, axis=1),
         B=slopes.B.take(rows, axis=0),

@@ -54,11 +54,14 @@ def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData
     """Return y for inputs over time from x = 0, (outputs, N).
 
     u: (m, N), or name of an input -> its number or its N values; others are 0.
-    time: (N,), evenly spaced.
+    time: (N,), evenly spaced; None for that of a step, where u names inputs.
 
     BadInputError when a name is unknown or the shapes do not agree."""
     import control
 
+    system = model.to_control()
+    if time is None and isinstance(u, Mapping):
+        time = control.step_response(system).time
     time = np.asarray(time, dtype=float)
     if time.ndim != 1 or time.size < 2:
         raise BadInputError(
@@ -70,15 +73,15 @@ def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData
             refuse_unknown("unknown input", name, model.inputs)
         u = [np.asarray(named.get(name, 0.0), dtype=float) for name in model.inputs]
         if any(row.shape not in ((), time.shape) for row in u):
-            raise BadInputError(f"an input has not {time.size} values; give one an instant")
-        u = [np.broadcast_to(row, time.shape) for row in u]
-    values = np.asarray(u, dtype=float).reshape(-1, time.size if np.size(u) else 0)
+            raise BadInputError(f"give each input {time.size} values, one for each instant")
+        u = np.reshape([np.broadcast_to(row, time.shape) for row in u], (-1, time.size))
+    values = np.array(u, dtype=float, ndmin=2)
     if values.shape != (len(model.inputs), time.size):
         raise BadInputError(
             f"u is of shape {np.shape(u)}; give ({len(model.inputs)}, {time.size}), a row an input,"
             " or a dictionary of inputs"
         )
-    return control.forced_response(model.to_control(), time, values, squeeze=False)
+    return control.forced_response(system, time, values, squeeze=False)
 
 
 def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
@@ -102,8 +105,8 @@ def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Any:
     loop = chosen(model, inputs, outputs)
     if len(loop.inputs) != 1 or len(loop.outputs) != 1:
         raise BadInputError(
-            f"{len(loop.inputs)} inputs and {len(loop.outputs)} outputs are no single loop; name "
-            "one of each, nyquist(inputs=..., outputs=...)"
+            f"{len(loop.inputs)} inputs and {len(loop.outputs)} outputs are not a single loop; "
+            "name one of each, nyquist(inputs=..., outputs=...)"
         )
     axes = pyplot.figure(layout="constrained").subplots()
     control.nyquist_plot(loop.to_control(), ax=axes)

@@ -9,6 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import write_text
@@ -96,6 +98,16 @@ class OperatingPoint(Result, Reported):
     def __iter__(self) -> Iterator[str]:
         """The names of the states, the inputs and the outputs."""
         return iter((*self.model.states, *self.model.inputs, *self.model.outputs))
+
+    @property
+    def x(self) -> np.ndarray:
+        """X0 as an array, (n,)."""
+        return np.array(self.states)
+
+    @property
+    def u(self) -> np.ndarray:
+        """U0 as an array, (m,)."""
+        return np.array(self.inputs)
 
     @property
     def dynamics(self) -> str:

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from hfa_support.errors import BadInputError
+from hfa_support.reporting.figure import pyplot_figure
 from trim.point.margins import Margin, all_margins
 from trim.point.operating_point import OperatingPoint
 
@@ -18,8 +19,6 @@ def draw_point(point: OperatingPoint) -> Axes:
     figure of pyplot; returns its Axes.
 
     BadInputError of a point that no search found, or of a model that declares no limits."""
-    from matplotlib import pyplot
-
     if point.problem is None:
         raise BadInputError("no search found this point, so it has no limits; trim the model")
     limited = []
@@ -29,8 +28,7 @@ def draw_point(point: OperatingPoint) -> Axes:
     if not limited:
         raise BadInputError("no variable has two limits; declare min and max of its Signal")
     limited.reverse()  # the first at the top
-    figure = pyplot.figure(figsize=(7.0, 1.2 + 0.3 * len(limited)), layout="constrained")
-    axes = figure.subplots()
+    axes = pyplot_figure(7.0, 1.2 + 0.3 * len(limited)).subplots()
     shares = [100 * (each.value - each.lowest) / (each.highest - each.lowest) for each in limited]
     rows = range(len(limited))
     axes.hlines(rows, 0.0, 100.0, color="0.85", linewidth=5, zorder=1)

@@ -15,7 +15,7 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.by_value import ByValue
-from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, RootTable, Stack
 from hfa_support.reporting.rows_made import RowsMade
@@ -182,6 +182,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return np.array([reason == "" for reason in self.reasons])
 
     @property
+    def modes(self) -> dict[str, np.ndarray]:
+        """Name of a mode -> its eigenvalues over the points, (N, 1 or more), 1/s."""
+        names = np.array(self.mode_names)
+        return {name: self.eigenvalues[:, names == name] for name in self.mode_names}
+
+    @property
     def slow(self) -> np.ndarray:
         """(k,) which eigenvalues stay slow: below a share of the fastest everywhere."""
         size = np.nanmax(np.abs(self.eigenvalues), axis=0)
@@ -209,10 +215,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         One color a mode, the slow ones enlarged; both ends marked. BadInputError when no point has
         a trim: there is nothing to draw.
         """
-        from matplotlib import pyplot
-
-        figure = pyplot.figure(figsize=_LOCUS_INCHES, layout="constrained")
-        return np.array(self._draw_locus(figure).axes)
+        return np.array(self._draw_locus(pyplot_figure(*_LOCUS_INCHES)).axes)
 
     def _draw_locus(self, figure: Figure) -> Figure:
         """The root locus, drawn on an empty figure."""
@@ -343,8 +346,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     def _table(self) -> Table:
         """The varied values and the eigenvalues of each mode, a row a point."""
-        modes = tuple(dict.fromkeys(self.mode_names))
-        columns = [[i for i, name in enumerate(self.mode_names) if name == mode] for mode in modes]
+        modes = self.modes
         varied = zip(self.variables, self.plan.units, strict=True)
         header = (
             *(f"{name} {shown_unit(unit)}" for name, unit in varied),
@@ -354,9 +356,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         def row(i: int) -> tuple[str, ...]:
             if self.reasons[i]:
                 return *self._varied(i), *("-" for _ in modes)
-            return *self._varied(i), *(
-                _mode_text(self.eigenvalues[i, chosen]) for chosen in columns
-            )
+            return *self._varied(i), *(_mode_text(roots[i]) for roots in modes.values())
 
         count = len(self.reasons)
         if count <= _LONGEST:
@@ -412,12 +412,6 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         from trim.sweeps.sweep_points import linear_model_at
 
         return linear_model_at(self, index)
-
-    def to_pandas(self) -> Any:
-        """`records` as a `pandas.DataFrame`, a row a point. Needs pandas."""
-        from trim.sweeps.sweep_points import frame
-
-        return frame(self)
 
     def to_xarray(self) -> Any:
         """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of

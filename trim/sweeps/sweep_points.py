@@ -1,8 +1,8 @@
-"""A point of a sweep as a linear model, and all points as a table of pandas."""
+"""A point of a sweep as a linear model."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hfa_aircraft.signals import record
 from hfa_support.errors import NoSolutionError
@@ -38,11 +38,3 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     problem = TrimProblem.of(condition, found)
     point = problem.point(problem.unknowns(found.values), Status.TRIMMED)
     return linearize(model, point)
-
-
-def frame(swept: Sweep) -> Any:
-    """Return the records of the sweep as a `pandas.DataFrame`, a row a point. Needs pandas."""
-    import pandas
-
-    header, rows = swept.records()
-    return pandas.DataFrame(list(rows), columns=list(header))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,11 +11,12 @@ import numpy as np
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure
 from verification.critic.error_table import COLUMNS
-from verification.critic.verdict import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from verification.critic.verdict import Verdict
 
 #: Entries below this share of the largest are drawn on a linear scale.
 _LINEAR_SHARE = 1e-4
@@ -26,7 +27,7 @@ _ROUNDED = 1e-12
 _LEAST_DIFFERENCE = 1e-6
 
 
-def verdict_figure(verdict: Verdict) -> Figure:
+def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = new_figure) -> Figure:
     """P learned, exact and their relative difference as heat maps (signed logarithmic scale), K
     where there is no P; where there is a table also its errors over time."""
     table = verdict.table
@@ -57,7 +58,7 @@ def verdict_figure(verdict: Verdict) -> Figure:
         title += f"; relative differences below {max(difference, _ROUNDED):.1g} in every entry"
     else:
         maps.append(("(learned - exact) / |exact|", relative, None))
-    figure = new_figure(4.0 * len(maps) + 0.5, 4.2 if table is None else 7.6)
+    figure = make(4.0 * len(maps) + 0.5, 4.2 if table is None else 7.6)
     figure.suptitle(title, fontsize=11)
     grid = figure.add_gridspec(1 if table is None else 2, len(maps))
     for index, (map_title, entries, size) in enumerate(maps):

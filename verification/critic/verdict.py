@@ -292,6 +292,13 @@ class Verdict(Checked, Result, Reported):
             records=records,
         )
 
+    def plot(self) -> np.ndarray:
+        """Draw P, or K without P, learned and exact, in a figure of pyplot; return its Axes."""
+        from hfa_support.reporting.figure import pyplot_figure
+        from verification.critic.figures import verdict_figure
+
+        return np.array(verdict_figure(self, pyplot_figure).axes)
+
     def _farthest_entries(
         self, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
     ) -> Part:

@@ -18,13 +18,11 @@ if TYPE_CHECKING:
     from hfa_policy.outcomes import Outcome
 
 
-def assessment_figure(assessment: Assessment) -> Figure:
+def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
     """Draw the spectral radius over the delay, a line a trim, and the outcomes of the flights, a
     bar a trim; where every flight converges, the disk margins in their place."""
     from matplotlib import colormaps
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     left, right = figure.subplots(1, 2)
     labels = []
     for number, point in enumerate(assessment.points):

@@ -20,6 +20,7 @@ from hfa_policy.rough_flights import RoughFlights, rough_table
 from hfa_policy.variations import Variation, variation_table
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.checks import verdict_text
+from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, short_number, shown_unit
@@ -461,9 +462,15 @@ class Assessment(Result, Reported):
 
     def figure(self) -> Figure:
         """Radius over delay, and outcomes of the flights over the trims."""
-        from hfa_policy.assessment_figure import assessment_figure
+        from hfa_policy.assessment_figure import drawn_assessment
 
-        return assessment_figure(self)
+        return drawn_assessment(self, new_figure(9.0, 4.0))
+
+    def plot(self) -> np.ndarray:
+        """Draw the picture of `figure` in a figure of pyplot; return its Axes."""
+        from hfa_policy.assessment_figure import drawn_assessment
+
+        return np.array(drawn_assessment(self, pyplot_figure(9.0, 4.0)).axes)
 
 
 def _meets(point: AssessedPoint, name: str, need: float) -> bool:
