@@ -25,6 +25,9 @@ from trim.sweeps.points import TRIMMED, trim_points
 
 #: Frames of JSBSim a second.
 _RATE = 120.0
+#: Episodes of one environment that are timed, as long as JSBSim's run: the first hundred steps
+#: after the work of another program take half as long again.
+_EPISODES = 20
 #: Rows of a call that is timed: its start is forgotten.
 _ROWS = 256
 
@@ -95,12 +98,13 @@ def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
         simulator[f"ic/{name}"] = value
     simulator.run_ic()
 
-    def ours() -> None:
-        if count == 1:
+    def of_one() -> None:
+        for _ in range(_EPISODES):
             one.reset()
             for _ in range(steps):
                 one.step(actions[0])
-            return
+
+    def of_many() -> None:
         episodes.begin(numbers, random)
         for _ in range(steps):
             episodes.step(actions)
@@ -110,9 +114,13 @@ def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
         for _ in range(20 * steps * frames):
             simulator.run()
 
-    timing = in_turn(ours, peer, count * steps, 20 * steps, repeats=1 if quick else 5)
+    repeats = 1 if quick else 5
+    if count == 1:
+        timing = in_turn(of_one, peer, _EPISODES * steps, 20 * steps, repeats=repeats)
+    else:
+        timing = in_turn(of_many, peer, count * steps, 20 * steps, repeats=repeats)
     function = step_of_integration(model.layout, model.linear).find_function("rate")
-    rate = row_code(function, together=1 if count == 1 else None)
+    rate = row_code(function, one_row=count == 1)
     still = np.zeros(len(model.linear))
     row = np.concatenate([point.states, point.inputs, still, model.p])
     table = np.tile(row, (_ROWS, 1))

@@ -176,8 +176,7 @@ class Episodes:
         BadInputError where they are of another shape, or one of them is not a number.
         """
         wanted = self._actions.shape
-        # The sum of squares is not a number where an action is none.
-        if actions.shape != wanted or math.isnan(np.vdot(actions, actions)):
+        if actions.shape != wanted or _has_nan(actions):
             raise BadInputError(
                 f"an action is {shown(actions.tolist())}; give {wanted[0]} x {wanted[1]} numbers"
             )
@@ -206,7 +205,7 @@ class Episodes:
     def _compiled(self) -> Callable[[], Any]:
         """One sample of all rows, in as many threads as there are processors where that pays."""
         count = len(self.owners)
-        code = row_code(self._sample(), together=1 if count == 1 else None)
+        code = row_code(self._sample(), one_row=count == 1)
         tables = (self._rows, self.outcomes, self._observed)
         if count < _MANY:
             return bound_rows(code, self._rows, tables)
@@ -236,6 +235,14 @@ class Episodes:
         row = ca.MX.sym("row", sum(self._flight.sizes))
         X, before, trim, _ = self._flight.observed(row)
         return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])
+
+
+def _has_nan(actions: np.ndarray) -> bool:
+    """Return whether an action of (N, m) is not a number, for one episode by the quickest way."""
+    if len(actions) == 1:
+        return any(map(math.isnan, actions[0].tolist()))
+    # The sum of squares is not a number where an action is none.
+    return math.isnan(np.vdot(actions, actions))
 
 
 def _ends_size(flight: SampledFlight) -> int:

@@ -14,6 +14,7 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole, shown
 
 _FIRST = np.array([0])
+_OBSERVED = np.dtype(np.float32)
 
 
 class AircraftEnvironment(gymnasium.Env):
@@ -74,14 +75,16 @@ class AircraftEnvironment(gymnasium.Env):
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One sample."""
-        self.episodes.advance(numbers_in("an action", action)[None])
+        if type(action) is not np.ndarray or action.dtype.kind != "f":
+            action = numbers_in("an action", action)
+        self.episodes.advance(action[None])
         reward, lost, over = self._outcome.tolist()
         info = self._info()
         if self.render_mode is not None:
             self._flown.append((info["X"], info["U"]))
         if lost:
             info["left"] = self.episodes.left(0)
-        return self._frame.astype(np.float32), reward, lost > 0.0, over > 0.0, info
+        return self._frame.astype(_OBSERVED), reward, lost > 0.0, over > 0.0, info
 
     def render(self) -> np.ndarray | None:
         """The picture of the episode so far, (height, width, 3)."""

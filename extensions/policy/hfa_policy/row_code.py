@@ -45,13 +45,31 @@ _FROM_MATH = {
 }
 _OPERATIONS = {**OPERATIONS, **_FROM_MATH, **_ON_LANES}
 
+#: Of one row: numbers themselves.
+_ON_ONE = {
+    **OPERATIONS,
+    ca.OP_FMIN: "lanes_fmin({0}, {1})",
+    ca.OP_FMAX: "lanes_fmax({0}, {1})",
+}
+
 _HEAD = """
 {target}
 #include <math.h>
+#define INLINE static inline __attribute__((always_inline, unused))
+"""
+_HEAD_OF_ONE = """
+#define LANES 1
+#define LANE(number, i) number
+typedef double real;
+
+INLINE real lanes_fmax(real a, real b) { return (a > b) | (b != b) ? a : b; }
+INLINE real lanes_fmin(real a, real b) { return (a < b) | (b != b) ? a : b; }
+"""
+_HEAD_OF_LANES = """
 #define LANES {lanes}
+#define LANE(number, i) number[i]
 typedef double real __attribute__((vector_size(8 * LANES)));
 typedef long long mask __attribute__((vector_size(8 * LANES)));
-#define INLINE static inline __attribute__((always_inline, unused))
 #define OF_ONE(name) INLINE real lanes_##name(real a) \\
     {{ for (int i = 0; i < LANES; i++) a[i] = name(a[i]); return a; }}
 #define OF_TWO(name) INLINE real lanes_##name(real a, real b) \\
@@ -80,10 +98,10 @@ void {symbol}(long long count, const double *const *tables, double *const *resul
 """
 _READ = """for (int j = 0; j < {size}; j++)
             for (int i = 0; i < LANES; i++)
-                {name}[j][i] = tables[{index}][(first + (i < rows ? i : 0)) * {size} + j];"""
+                LANE({name}[j], i) = tables[{index}][(first + (i < rows ? i : 0)) * {size} + j];"""
 _WRITE = """for (int j = 0; j < {size}; j++)
             for (int i = 0; i < rows; i++)
-                results[{index}][(first + i) * {size} + j] = {name}[j][i];"""
+                results[{index}][(first + i) * {size} + j] = LANE({name}[j], i);"""
 
 
 class RowCode:
@@ -130,15 +148,15 @@ def bound_rows(
     return evaluate
 
 
-def row_code(function: ca.Function, together: int | None = None) -> RowCode | RowFunction:
+def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunction:
     """A dense function as machine code for many rows; where its operations cannot be written as C,
     or with one note where no compiler works, as CasADi calls it.
 
-    together: rows side by side; as many as the registers take unless given.
+    one_row: whether it is made for one row at a time.
     """
     with MAKING:
         try:
-            text = _text(function, together)
+            text = _text(function, one_row)
         except (BadInputError, RuntimeError):
             return RowFunction(machine_code(function))
     code = compiled(
@@ -148,7 +166,7 @@ def row_code(function: ca.Function, together: int | None = None) -> RowCode | Ro
     return RowFunction(function) if code is None else code
 
 
-def _text(function: ca.Function, together: int | None) -> str:
+def _text(function: ca.Function, one_row: bool) -> str:
     """C of a function; RuntimeError where CasADi cannot write it in scalars, BadInputError where
     `c_function` cannot."""
     scalars = function if function.is_a("SXFunction") else function.expand()
@@ -170,12 +188,15 @@ def _text(function: ca.Function, together: int | None) -> str:
         names=", ".join([*arguments, *results]),
         write="\n        ".join(write),
     )
-    from_math = [f"OF_ONE({name})" for name in _OF_ONE] + [f"OF_TWO({name})" for name in _OF_TWO]
     target, lanes = _registers()
-    head = _HEAD.format(target=target, lanes=together or lanes) + "\n".join(from_math)
-    return "\n".join(
-        [head, c_function(scalars, "of_rows", arguments, results, "real", _OPERATIONS), loop]
-    )
+    head, operations = _HEAD_OF_ONE, _ON_ONE
+    if not one_row:
+        from_math = [f"OF_ONE({name})" for name in _OF_ONE]
+        from_math += [f"OF_TWO({name})" for name in _OF_TWO]
+        head = _HEAD_OF_LANES.format(lanes=lanes) + "\n".join(from_math)
+        operations = _OPERATIONS
+    body = c_function(scalars, "of_rows", arguments, results, "real", operations)
+    return "\n".join([_HEAD.format(target=target), head, body, loop])
 
 
 def _registers() -> tuple[str, int]:

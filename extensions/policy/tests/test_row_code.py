@@ -37,13 +37,14 @@ def of_every_operation() -> ca.Function:
     return ca.Function("operations", [a, b], [ca.vertcat(*entries)])
 
 
-def test_every_operation_one_row_where_number_none_too() -> None:
+@pytest.mark.parametrize("one_row", [False, True])
+def test_every_operation_one_row_where_number_none_too(one_row: bool) -> None:
     function = of_every_operation()
     random = np.random.default_rng(0)
     pairs = [(a, b) for a in _SPECIAL for b in _SPECIAL]
     pairs += random.normal(0.0, 3.0, (50, 2)).tolist()
     a, b = (np.array(column)[:, None] for column in zip(*pairs, strict=True))
-    code = row_code(function)
+    code = row_code(function, one_row)
     assert isinstance(code, RowCode)
     np.testing.assert_allclose(code(a, b)[0], RowFunction(function)(a, b)[0], rtol=1e-15)
 
@@ -52,6 +53,7 @@ def test_narrow_registers_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) ->
     function = of_every_operation()
     a, b = np.random.default_rng(1).normal(0.0, 3.0, (2, 101, 1))
     of_this_processor = row_code(function)(a, b)[0]
+    np.testing.assert_array_equal(row_code(function, one_row=True)(a, b)[0], of_this_processor)
     monkeypatch.setattr("hfa_policy.row_code._registers", lambda: ("", 2))
     np.testing.assert_array_equal(row_code(function)(a, b)[0], of_this_processor)
 
