@@ -10,7 +10,7 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,21 +28,23 @@ from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 
-#: Name -> how it is loaded, and how many starts are drawn.
+#: Name -> how it is loaded.
 AIRCRAFT = {
-    "GTM": ("examples/gtm.py:GTM", 50),
-    "pendulum": ("examples/pendulum.py:PENDULUM", 50),
-    "Navion": ("examples/navion.py:NAVION", 50),
-    "F-16": ("examples/f16.py:F16", 4),
-    "HFA, published": ("published", 50),
-    "HFA, newton": ("newton", 10),
-    "c172p (JSBSim)": ("jsbsim:c172p", 5),
-    "737 (JSBSim)": ("jsbsim:737", 5),
-    "A4 (JSBSim)": ("jsbsim:A4", 5),
-    "T38 (JSBSim)": ("jsbsim:T38", 5),
-    "Concorde (JSBSim)": ("jsbsim:Concorde", 5),
-    "B747 (JSBSim)": ("jsbsim:B747", 5),
+    "GTM": "examples/gtm.py:GTM",
+    "pendulum": "examples/pendulum.py:PENDULUM",
+    "Navion": "examples/navion.py:NAVION",
+    "F-16": "examples/f16.py:F16",
+    "HFA, published": "published",
+    "HFA, newton": "newton",
+    "c172p (JSBSim)": "jsbsim:c172p",
+    "737 (JSBSim)": "jsbsim:737",
+    "A4 (JSBSim)": "jsbsim:A4",
+    "T38 (JSBSim)": "jsbsim:T38",
+    "Concorde (JSBSim)": "jsbsim:Concorde",
+    "B747 (JSBSim)": "jsbsim:B747",
 }
+#: Initial conditions of each aircraft.
+_STARTS = 50
 #: Dihedral of the flexible aircraft, deg.
 _DIHEDRAL = 10.0
 #: Of the drawn starts.
@@ -176,6 +178,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "python -m studies.best_flights.examination", description=__doc__
     )
     parser.add_argument("--aircraft", action="append", choices=list(AIRCRAFT), metavar="NAME")
+    parser.add_argument("--starts", type=int, default=_STARTS, metavar="N")
     parser.add_argument(
         "-o",
         type=Path,
@@ -188,15 +191,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     stored = json.loads(path.read_text()) if path.exists() else {"aircraft": []}
     done = {row["aircraft"]: row for row in stored["aircraft"]}
     options.o.mkdir(parents=True, exist_ok=True)
-    for name in options.aircraft or AIRCRAFT:
-        if name in done and not options.aircraft:
-            continue
-        done[name] = examined(name, *AIRCRAFT[name])
-        rows = [done[each] for each in AIRCRAFT if each in done]
-        write_text(path, json_text({"seed": _SEED, "aircraft": rows}))
-    rows = [done[each] for each in AIRCRAFT if each in done]
-    print(Report("Best flights from seeded starts", (table(rows),)).text())
+    for name in options.aircraft or [each for each in AIRCRAFT if each not in done]:
+        done[name] = examined(name, AIRCRAFT[name], options.starts)
+        write_text(path, json_text({"seed": _SEED, "aircraft": in_order(done)}))
+    print(Report("Best flights from seeded starts", (table(in_order(done)),)).text())
     return 0
+
+
+def in_order(done: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows of the examined aircraft, in the order of the table."""
+    return [done[name] for name in AIRCRAFT if name in done]
 
 
 if __name__ == "__main__":

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 import hfa
-from hfa_flight.flight_cost import cost_of_flight
 from hfa_flight.scenario import Scenario
 from hfa_optimal.flights import Flights, Flown
 from hfa_optimal.pilots import Pilot, deployed_pilot, gain_pilot
-from hfa_optimal.problem import FlightProblem, flight_problem
+from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import AFTER, BestFlights
 from hfa_optimal.starts import drawn_starts
 from hfa_policy.flown import flown_deployment, sampled_scenario
@@ -65,7 +64,7 @@ def judged(task: Task, runs: Sequence[Run], progress: Progress | None = None) ->
             best.append(None)
             refused.append(str(error))
         flown = [pilot.fly(flights, start, (1.0 + AFTER) * seconds) for pilot in pilots]
-        rows.append([_outcome(problem, each) for each in flown])
+        rows.append([_outcome(each) for each in flown])
         if progress is not None:
             progress(number, STARTS)
     columns = list(zip(*rows, strict=True))
@@ -96,12 +95,9 @@ def _pilot(flights: Flights, run: Run, point: OperatingPoint) -> Pilot:
     return deployed_pilot(flights, run.name, policy, sampled_scenario(policy, calm, point))
 
 
-def _outcome(problem: FlightProblem, flown: Flown) -> Outcome:
-    z = flown.states[:, problem.places] - np.array(problem.point.states)[problem.places]
-    v = flown.inputs[:, problem.moved] - np.array(problem.point.inputs)[problem.moved]
-    cost = cost_of_flight(flown.times, z, v, problem.Q, problem.R)
+def _outcome(flown: Flown) -> Outcome:
     stays = flown.departure is None
-    return Outcome(stays, stays and flown.converges, cost)
+    return Outcome(stays, stays and flown.converges, flown.running_cost)
 
 
 def summary(

@@ -41,8 +41,9 @@ class Flown(NamedTuple):
 
     name: of the policy.
     times: (N,), s. states: (N, n), absolute. inputs: (N, m), absolute.
-    cost: with the linear cost of its end; inf where it does not end in the trim.
+    running_cost: until its end.
     tail: the linear cost of its end.
+    cost: the sum of both; inf where it does not end in the trim.
     departure: the state that first left the envelope; None without one.
     saturated: names of saturated inputs.
     """
@@ -51,8 +52,9 @@ class Flown(NamedTuple):
     times: np.ndarray
     states: np.ndarray
     inputs: np.ndarray
-    cost: float
+    running_cost: float
     tail: float
+    cost: float
     departure: Departure | None
     saturated: tuple[str, ...]
 
@@ -189,7 +191,8 @@ class Flights:
         states = rows.states + trim
         left = departure(problem.envelope, rows.times, states, moving_air=False)
         tail = float(z[-1] @ problem.P @ z[-1])
-        cost = cost_of_flight(rows.times, z, v, problem.Q, problem.R, policy.is_held) + tail
+        running = cost_of_flight(rows.times, z, v, problem.Q, problem.R, policy.is_held)
+        cost = running + tail
         if not math.isfinite(cost) or tail > SETTLED * cost:
             cost = math.inf
         lowest, highest = problem.input_limits
@@ -197,4 +200,5 @@ class Flights:
         at_limit = ((v <= lowest + slack) | (v >= highest - slack)).any(axis=0)
         saturated = tuple(np.array(problem.inputs)[at_limit].tolist())
         inputs = rows.inputs + np.array(problem.point.inputs)
-        return Flown(policy.name, rows.times, states, inputs, cost, tail, left, saturated)
+        costs = (running, tail, cost)
+        return Flown(policy.name, rows.times, states, inputs, *costs, left, saturated)

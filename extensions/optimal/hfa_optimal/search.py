@@ -144,19 +144,27 @@ class BestFlights:
             linear = self.flights.linear(start, (1.0 + AFTER) * horizon)
             proposals = self._from_guesses(start, horizon, linear)
             best = proposals[_cheapest_first(proposals)[0]]
-            share = best.tail / best.cost
-            if share <= (DRIFTING_TAIL if self.problem.carried else TAIL):
+            unfinished = self._unfinished(best)
+            if not unfinished:
                 return self._refined(horizon, linear, proposals)
             if seconds is not None:
                 raise BadInputError(
-                    f"{seconds:g} s are too short: {100 * share:.2g} % of the cost is left at the "
-                    f"end; give {_LONGER * seconds:.3g} s or more, or leave it out"
+                    f"{seconds:g} s are too short: {unfinished}; give {_LONGER * seconds:.3g} s or "
+                    "more, or leave it out"
                 )
             horizon *= _LONGER
-        raise NoSolutionError(
-            f"no flight found: after {horizon / _LONGER:.3g} s {100 * share:.2g} % of the cost is "
-            "still to come"
-        )
+        raise NoSolutionError(f"no flight found: after {horizon / _LONGER:.3g} s {unfinished}")
+
+    def _unfinished(self, proposal: Proposal) -> str:
+        """Why the linear policy cannot continue a flight after its horizon; "" where it can."""
+        share = proposal.tail / proposal.cost
+        if share > (DRIFTING_TAIL if self.problem.carried else TAIL):
+            return f"{100 * share:.2g} % of the cost is left at the end"
+        end = proposal.z[-1, -1, : len(proposal.start)]
+        after = self.flights.linear(end, AFTER * float(proposal.lengths.sum()))
+        if after.departure is not None:
+            return "the linear policy leaves the limits after the end"
+        return ""
 
     def horizon(self, start: np.ndarray) -> float:
         """s, until the linear loop has paid nearly all, and somewhat longer."""
@@ -234,7 +242,10 @@ class BestFlights:
             side = np.where(v > 0.5 * highest[column], 1, np.where(v < 0.5 * lowest[column], -1, 0))
             turns = int((np.diff(side[side != 0]) != 0).sum())
             if turns >= _ALTERNATES:
-                texts.append(f"; {name} alternates between its limits {turns} times")
+                texts.append(
+                    f"; {name} alternates between its limits {turns} times, on a finer mesh more "
+                    "often and for less: give it a larger R"
+                )
         return "".join(texts)
 
     def _flown(self, best: Proposal, seconds: float) -> tuple[Flown, Proposal]:

@@ -100,14 +100,20 @@ def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
 
 
 def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
-    """A proposal that is too cheap, and one whose inputs are another flight's, are refuted."""
+    """A proposal that is too cheap, one whose inputs are another flight's, and one from whose end
+    the linear policy exceeds the limit of alpha are refuted."""
     proposal = gtm.found.proposal
-    flights = BestFlights(gtm.problem).flights
+    search = BestFlights(gtm.problem)
+    flights = search.flights
     flown = flights.follow(proposal, 1.25 * gtm.seconds)
     assert refutation(flown, proposal) == ""
     assert "off the proposed" in refutation(flown, proposal._replace(cost=0.95 * proposal.cost))
     wrong = proposal._replace(v=proposal.v + np.array([0.2, 0.0]))
     assert refutation(flights.follow(wrong, 1.25 * gtm.seconds), wrong)
+    assert search._unfinished(proposal) == ""
+    z = proposal.z.copy()
+    z[-1, -1, 1:3] = [0.99, 0.9] * gtm.problem.state_limits[1][1:3]
+    assert "leaves the limits" in search._unfinished(proposal._replace(z=z, cost=1e9))
 
 
 def test_an_exploited_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
