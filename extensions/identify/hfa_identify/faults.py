@@ -30,6 +30,8 @@ _MATTERS = 0.3
 _OBVIOUS = 8.0
 #: At most so many are tried.
 _TRIED = 3
+#: A fault explains the records as well as another where residuals differ by less than this part.
+_ALIKE = 0.02
 _KNOT = 0.514444  # m/s
 _FOOT = 0.3048  # m
 _POUND = 4.448222  # N
@@ -221,42 +223,57 @@ def fault_of_columns(
     search: Search, fit: Fit | None, progress: Callable[[float, float], None] | None
 ) -> str:
     """Return the wrong sign or unit of a column, or the exchange of two, whose correction explains
-    the records and leaves parameters closer to their initial values; "" without one.
+    the records and leaves parameters closer to their initial values; "" without one. Faults that
+    explain them alike are joined by "or".
 
     fit: None where the simulation diverges
     """
     if fit is not None and not _suspicious(search, fit):
         return ""
+    explained: dict[str, float] = {}
+    for undone, corrected in _likeliest(search, progress):
+        try:
+            found = corrected.fit()
+        except FloatingPointError:
+            continue
+        likelihood = _compared(search, undone, found)
+        explains = not unexplained(found).any() and found.converged
+        if fit is not None:
+            likelier = likelihood - fit.likelihood
+            nearer = _change(search, found.theta) < 0.5 * _change(search, fit.theta)
+            explains &= likelier < -0.05 * fit.samples.sum() or (likelier < 5.0 and nearer)
+        if explains:
+            explained[f"{undone.column} {undone.text}"] = likelihood
+            samples = found.samples.sum()
+    if not explained:
+        return ""
+    alike = min(explained.values()) + _ALIKE * samples
+    return ", or ".join(text for text, level in explained.items() if level < alike)
+
+
+def _likeliest(
+    search: Search, progress: Callable[[float, float], None] | None
+) -> list[tuple[_Undone, Search]]:
+    """The faults that fit best once they are undone, each with the search on the corrected
+    records, by a few steps in short windows."""
     candidates = list(_candidates(search))
-    best: tuple[float, Search, _Undone] | None = None
+    tried: list[tuple[float, _Undone, Search]] = []
     for number, undone in enumerate(candidates):
         if progress is not None:
             progress(number + 1, len(candidates))
-        corrected = Search(
-            search.responses,
-            [undone.on(search, record) for record in search.records],
-            search.held,
-        )
+        records = [undone.on(search, record) for record in search.records]
+        corrected = Search(search.responses, records, search.held)
         try:
             rough = corrected.rough(most_steps=_TRIAL)
         except FloatingPointError:
             continue
         level = _compared(search, undone, rough) + _change(search, rough.theta)
-        if best is None or level < best[0]:
-            best = level, corrected, undone
-    if best is None:
-        return ""
-    _, corrected, undone = best
-    try:
-        found = corrected.fit()
-    except FloatingPointError:
-        return ""
-    explains = not unexplained(found).any() and found.converged
-    if fit is not None:
-        likelier = _compared(search, undone, found) - fit.likelihood
-        nearer = _change(search, found.theta) < 0.5 * _change(search, fit.theta)
-        explains &= likelier < -0.05 * fit.samples.sum() or (likelier < 5.0 and nearer)
-    return f"{undone.column} {undone.text}" if explains else ""
+        tried.append((level, undone, corrected))
+    tried.sort(key=lambda each: each[0])
+    likeliest: dict[tuple[str, str], tuple[_Undone, Search]] = {}
+    for _, undone, corrected in tried:
+        likeliest.setdefault((undone.column, undone.text), (undone, corrected))
+    return list(likeliest.values())[:_TRIED]
 
 
 def _suspicious(search: Search, fit: Fit) -> bool:

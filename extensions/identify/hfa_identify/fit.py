@@ -213,7 +213,9 @@ class OutputError:
         """L of simulations.
 
         FloatingPointError where it is not a number."""
-        likelihood = self._likelihood(self._residuals([each.y for each in simulated]), starts)
+        residuals = self._residuals([each.y for each in simulated])
+        with np.errstate(over="ignore"):
+            likelihood = self._likelihood(residuals, starts)
         if not math.isfinite(likelihood):
             raise FloatingPointError("the simulation diverges")
         return likelihood

@@ -7,7 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hfa
 from hfa.main import main
+from hfa_aircraft.loading import load_model
+from hfa_region.commands.on_boxes import card_policy
 
 PENDULUM = ["--aircraft", "examples/pendulum.py:PENDULUM", "--Q", "1,1", "--R", "1"]
 
@@ -32,6 +35,19 @@ delay = 0.04
     return ["prove", "region", *PENDULUM, "--policy", str(path)]
 
 
+def test_the_continuous_policy_is_that_of_the_file(tmp_path: Path) -> None:
+    """Its input at (angle, rate) = (0.1, -0.3) rad, rad/s; what it leaves out is stated."""
+    file = Path(card(tmp_path)[-1])
+    model = load_model(PENDULUM[1])
+    linear = hfa.linearize(model, hfa.find_operating_point(model))
+    policy = card_policy(file, linear)
+    trim = np.zeros(policy.function.numel_in(1))
+    torque = float(policy.function(np.array([0.1, -0.3]), trim))
+    assert torque == pytest.approx(-1.98 * 0.1 + 0.98 * 0.3)
+    assert policy.not_covered == "sample time 0.02 s, delay 0.04 s not covered"
+
+
+@pytest.mark.slow
 def test_a_deployment_file_is_proved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its certificate holds for this file, and for no file with another policy."""
     words = card(tmp_path)
