@@ -98,6 +98,7 @@ def test_a_file_is_registered_before_it_exists(
         remove_unfinished()  # as a signal does at this moment
         return handle
 
+    # No test can send a signal at this moment.
     monkeypatch.setattr(os, "open", interrupted)
     with pytest.raises(FileNotFoundError):
         write_text(tmp_path / "a.json", "1")

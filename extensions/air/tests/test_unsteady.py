@@ -143,6 +143,7 @@ def test_energies_see_a_planted_error(
             plate._replace(**{name: factor * getattr(plate, name)}) for plate in plates(p, air)
         )
 
+    # The planted fault: plates of another mass or chord.
     monkeypatch.setattr(source, "_plates", planted)
     assert min(worst()) > 1e-10
 

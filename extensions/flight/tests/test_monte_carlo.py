@@ -248,6 +248,7 @@ def test_chunks_workers_and_their_order_do_not_matter(
 ) -> None:
     six = replace(plan, members=6)
     steps = MEMBER_STEPS + plan.scenario.ticks * plan.scenario.steps_per_tick
+    # A true chunk takes minutes.
     monkeypatch.setattr(monte_carlo_store, "CHUNK_STEPS", 4 * steps)
     assert chunk_of(six) == 4
     whole = fly_members(plan, 0, 6)

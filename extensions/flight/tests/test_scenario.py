@@ -84,12 +84,14 @@ def test_errors_have_the_law_that_was_asked_for(plan: MonteCarlo) -> None:
 def test_a_seed_that_ignores_the_member_is_noticed(
     plan: MonteCarlo, monkeypatch, sequence, complaint: str
 ) -> None:
+    # The planted fault: one sequence for several members.
     monkeypatch.setattr(scenario, "_sequence", sequence)
     assert complaint in complaints_about_draws(plan, 300)
 
 
 def test_a_wrong_deviation_is_noticed(plan: MonteCarlo, monkeypatch: pytest.MonkeyPatch) -> None:
     honest = Uncertainty.factors
+    # The planted fault: factors of another deviation.
     monkeypatch.setattr(
         Uncertainty, "factors", lambda self, seed, member: honest(self, seed, member) ** 1.2
     )

@@ -94,6 +94,7 @@ def test_no_construct_differs_in_silence(tmp_path):
 
 @needs_jsbsim
 def test_a_difference_that_nothing_names_is_silent(tmp_path, monkeypatch):
+    # The planted fault: a reader that drops the construct.
     monkeypatch.setattr(judging, "read_model", lambda path: read_without_its_construct(tmp_path))
     (judgement,) = judge(["functions: force at the center of gravity"], tmp_path)
     assert judgement.verdict == "silent"

@@ -66,6 +66,7 @@ def test_a_game_without_solution_is_said_and_fails(job: MainJob, monkeypatch) ->
     def unsolved(game: object) -> None:
         raise NoSolutionError("no solution: planted")
 
+    # The game of the paper has a solution at every angle with a trim.
     monkeypatch.setattr("hfa_page.main_job.analyse_game", unsolved)
     angle = with_game(job.points[1])
     text = angle_report(job, angle).text()

@@ -180,6 +180,7 @@ def test_no_picture_is_left_of_report_that_fails(monkeypatch: pytest.MonkeyPatch
     def full(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")
 
+    # The disk is full between the two files, at no moment that a test can choose.
     monkeypatch.setattr("hfa_page.commands.report.write_text", full)
     result = hfa("report", "--dihedral", "15", "--sweep", "15", "-o", "page")
     assert result.code == BAD_INPUT

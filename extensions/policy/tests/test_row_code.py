@@ -54,6 +54,7 @@ def test_narrow_registers_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) ->
     a, b = np.random.default_rng(1).normal(0.0, 3.0, (2, 101, 1))
     of_this_processor = row_code(function)(a, b)[0]
     np.testing.assert_array_equal(row_code(function, one_row=True)(a, b)[0], of_this_processor)
+    # Registers of another processor.
     monkeypatch.setattr("hfa_policy.row_code._registers", lambda: ("", 2))
     np.testing.assert_array_equal(row_code(function)(a, b)[0], of_this_processor)
 
@@ -89,6 +90,7 @@ def test_what_cannot_written_as_rows_called_by_casadi() -> None:
 
 
 def test_without_a_compiler_casadi_serves(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    # The compiler is found once in a process.
     monkeypatch.setattr(generated, "c_compiler", lambda: None)
     assert isinstance(row_code(of_every_operation()), RowFunction)
     assert "no C compiler found" in capsys.readouterr().err

@@ -177,6 +177,7 @@ def test_a_planted_error_in_the_controller_is_seen(
 
     plant = random_plant(8)
     delta = 1.001 * smallest_of(8).value
+    # The planted fault: a controller that is off by 1 %.
     monkeypatch.setattr(generalized_plant, "central_controller", wrong)
     with pytest.raises(NoSolutionError, match="the controller is not certified: "):
         solve_plant(plant, delta)

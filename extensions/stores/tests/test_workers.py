@@ -106,6 +106,7 @@ def test_what_cannot_work_is_bad_input(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BadInputError, match="at least 1"), open_workers(0):
         pass
     pytest.importorskip("distributed")
+    # The true wait for a scheduler takes seconds.
     monkeypatch.setattr(module, "_ANSWER", "0.1s")
     with (
         pytest.raises(BadInputError, match="no Dask scheduler responds"),

@@ -34,6 +34,7 @@ def without_home(patched: pytest.MonkeyPatch) -> None:
         raise RuntimeError("Could not determine home directory.")
 
     patched.delenv("XDG_CACHE_HOME")
+    # The user of the tests has a home.
     patched.setattr(Path, "home", nowhere)
 
 
@@ -48,6 +49,7 @@ _BROKEN = {
     ),
     "no home": (without_home, "Could not determine home directory."),
     "another user": (
+        # The tests have one user.
         lambda patched: patched.setattr(generated.os, "geteuid", lambda: -1),
         "belongs to another user",
     ),

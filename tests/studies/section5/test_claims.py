@@ -247,6 +247,7 @@ def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.Mon
     """The smallest one, flown for a second with steps of 1 ms."""
     brief = {"flight": {"step": 1e-3, "duration": 1.0}, "learning": {"predefined_time": [0.5] * 4}}
     brief["criteria"] = {"late": [0.5, 1.0], "short_adjustment": 0.5}  # type: ignore[dict-item]
+    # The true section takes minutes.
     monkeypatch.setattr(section5, "section5_configuration", lambda: section5_configuration(brief))
     words = ["5.4", "--workers", "1", "-o", str(tmp_path)]
     assert section5.main(words) == 0
@@ -262,6 +263,7 @@ def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.Mon
     def refuse(*_: object) -> None:
         raise AssertionError("a finished section is run again")
 
+    # Nothing but the call shows that the section is run again.
     monkeypatch.setattr(section5, "run_section", refuse)
     assert section5.main([*words, "--resume"]) == 0
     again = json.loads((tmp_path / "claims.json").read_text())

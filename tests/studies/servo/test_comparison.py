@@ -50,6 +50,7 @@ def test_a_case_is_flown_kept_and_resumed(
     again."""
 
     def run(*words: str, code: int = 0) -> str:
+        # The words of the command are read from there.
         monkeypatch.setattr(sys, "argv", ["studies.servo", *words])
         assert main() == code
         return "".join(capsys.readouterr())

@@ -69,6 +69,7 @@ def test_a_wrong_number_of_theirs_is_seen(
 ) -> None:
     first, *rest = released_trims()
     moved = first._replace(eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
+    # The planted fault: a wrong number of the released simulation.
     monkeypatch.setattr(outside, "released_trims", lambda: (moved, *rest))
     failed = [check for check in validate(published_aircraft).checks if not check.ok]
     assert [check.name for check in failed] == ["eigenvalue_68_ft_s"]
@@ -220,5 +221,6 @@ def test_inertia_is_off_at_one_angle_is_seen(
     class Compiled(Published):
         """Anew, with the acceleration above."""
 
+    # The planted fault: another inertia, which no parameter gives at one angle alone.
     monkeypatch.setattr(dynamics, "_pitch_acceleration", with_another_inertia)
     assert "eigenvalue_30_ft_s" in failed(validate(hfa.aircraft(Compiled(), parameters)))

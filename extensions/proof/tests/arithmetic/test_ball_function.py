@@ -96,6 +96,7 @@ def test_a_planted_wrong_instruction_is_seen(monkeypatch: pytest.MonkeyPatch) ->
     for code in used - {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
         operations = dict(ball_function._OPERATIONS)
         operations[code] = _off(operations[code])
+        # The planted fault: one wrong operation.
         monkeypatch.setattr(ball_function, "_OPERATIONS", operations)
         wrong = BallFunction(function)(*arguments)[0]
         assert any(not one.overlaps(other) for one, other in zip(right, wrong, strict=True)), code

@@ -80,6 +80,7 @@ def test_taylor_models_contain_random_points(
         c0, c1, c2, rest, *errors = whole(self, other).parts
         return TaylorModel(c0, c1, c2, 0 * rest, *errors)
 
+    # The planted fault: a product without its remainder.
     monkeypatch.setattr(TaylorModel, "__mul__", without_rest)
     assert escaped(dynamics, 50, seed=0) > 0
 

@@ -111,6 +111,7 @@ def test_where_alpha_is_free_derivative_follows_pitch_with(
         found.append(derivative.range())
         return whole(residual, derivative, radii)
 
+    # Nothing but the call itself shows the derivatives.
     monkeypatch.setattr(trims, "root_offsets", watched)
     entries = Fields("box", {"range": box["range"], "trim": box["trim"]})
     trims.linear_model_on(proof.statement.flight, TrimBox.read(entries, proof.statement.flight))

@@ -88,6 +88,7 @@ def test_rate_search_is_wrong_about_is_not_proved(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Half as fast again as the same function allows; the loop is proved."""
+    # The planted fault: a search that claims too much.
     monkeypatch.setattr("hfa_proof.search.schedule_proof._SHARES", (1.5,))
     proof = prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125, moving=True)
     assert (proof.proved, proof.data["dihedral_rate_deg_s"]) == (False, 0.0)
@@ -152,6 +153,7 @@ def test_an_interrupted_proof_is_continued_to_same_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After the loop of a part, and after the modes of A of a part."""
+    # A proof of a test is over before it would be written the first time.
     monkeypatch.setattr(certificate, "_PAUSE", -1.0)
     monkeypatch.setattr(certificate, "_RARELY", 0.0)
     path = tmp_path / "certificate.json"
