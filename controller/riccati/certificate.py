@@ -25,6 +25,8 @@ from hfa_support.reporting.results import Result
 #: Four orders above rounding: closer to the axis, rounding hides whether the spectrum of the
 #: Hamiltonian splits.
 AXIS_DISTANCE = 1e-12
+#: What rounding of the entries of a game may change of them, relative: eight last bits.
+ENTRIES = 8.0 * float(np.finfo(float).eps)
 RESIDUAL = 1e-10
 ASYMMETRY = 1e-12
 #: The smallest eigenvalue of P may be so far below 0, relative to the largest entry.
@@ -189,17 +191,28 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
     """H = [[A, -S], [-Q, -A']] must have n eigenvalues on each side of the imaginary axis, and none
     near it.
 
-    given: the form of which `form` is the levelled one. There the distance is also that which the
-        entries of the given one have, because levelling enlarges their rounding
+    given: the form of which `form` is the levelled one. Levelling enlarges the rounding of the
+        entries of the given one, so that these must not be able to move an eigenvalue to the axis
     """
     _refuse_overflow(form)
     of_hamiltonian = spectrum(form.hamiltonian)
     stable = int(np.sum(of_hamiltonian.eigenvalues.real < 0.0))
     distance, frequency = of_hamiltonian.nearest_to_axis()
-    if given is not None and distance > 0.0:
-        frequencies = np.unique(np.append(np.abs(of_hamiltonian.eigenvalues.imag), frequency))
-        distance = min(distance, distance_by_entries(given, form, frequencies))
-    return _hamiltonian_checks(distance, frequency, stable, len(form.A))
+    checks = _hamiltonian_checks(distance, frequency, stable, len(form.A))
+    if given is None or not all(check.ok for check in checks):
+        return checks
+    frequencies = np.unique(np.append(np.abs(of_hamiltonian.eigenvalues.imag), frequency))
+    return (*checks, _check_of_entries(given, form, frequencies))
+
+
+def _check_of_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> Check:
+    """Rounding of the entries must not be able to move an eigenvalue of H to the axis."""
+    change = distance_by_entries(given, levelled, frequencies)
+    reason = (
+        f"a change of {change:.2g} of the entries of A, B, E and Q may put an eigenvalue of the"
+        " Hamiltonian on the imaginary axis"
+    )
+    return checked("hamiltonian_entries", change, ">=", ENTRIES, reason)
 
 
 def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> float:
@@ -232,8 +245,8 @@ def _hamiltonian_checks(
     distance: float, frequency: float, stable: int, n: int
 ) -> tuple[Check, ...]:
     near = (
-        "the Hamiltonian has an eigenvalue within rounding of the imaginary axis at"
-        f" {frequency:.4g} rad/s"
+        f"a change of {distance:.2g} of the Hamiltonian, relative, puts an eigenvalue on the"
+        f" imaginary axis at {frequency:.4g} rad/s"
     )
     split = f"the Hamiltonian has {stable} stable eigenvalues instead of {n}"
     return (

@@ -98,10 +98,10 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
     if not form.Q.any() and is_surely_stable(form.A):  # P = 0
         return Found(Answer(True), form, StableSubspace(np.eye(2 * n, n), 0.0))
     try:
-        distance, split = hamiltonian_checks(form, given)
+        failed = [check for check in hamiltonian_checks(form, given) if not check.ok]
     except NoSolutionError as overflow:
         return Found(Answer(None, str(overflow)), form, None)
-    subspace = stable_subspace(form) if distance.ok and split.ok else None
+    subspace = None if failed else stable_subspace(form)
     if subspace is None:
         gain, frequency = shown_gain(form)
         if gain > form.delta:
@@ -110,7 +110,7 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
                 f" at {frequency:.4g} rad/s"
             )
             return Found(Answer(False, reason), form, None)
-        reason = split.reason if distance.ok else distance.reason
+        reason = failed[0].reason if failed else "rounding hides the stable subspace"
         return Found(Answer(None, reason), form, None)
     smallest = least_sign(subspace)
     # Rounding turns [X1; X2] by up to the error, and X1'X2 by no more than twice that.

@@ -27,8 +27,8 @@ FAINT = 1e-9
 #: Closer to delta_min than this share of it, P is ill-conditioned enough to blame for a test that
 #: fails.
 CLOSE = 0.01
-#: An unstable mode that the input reaches by less than this part is named where the game is
-#: refused.
+#: An unstable mode that the input reaches, or any mode that Q shows, by less than this part is
+#: named where the game is refused.
 BARELY = 1e-5
 #: Rounding moves no eigenvalue of interest by more than this part of |A|.
 _NEAR_AXIS = 1e-6
@@ -61,7 +61,7 @@ class DeltaMin(NamedTuple):
     def advice(self, delta: float) -> str:
         """Return delta relative to delta_min, and the change to make, where a solution fails a
         test."""
-        what = "ask for a larger delta"
+        what = "; ask for a larger delta"
         excess = self.margin(delta) - 1.0
         if self.refused < delta < self.value:  # there a value may exist or not
             verb = "rounding leaves" if self.uncertain else "lies"
@@ -73,8 +73,8 @@ class DeltaMin(NamedTuple):
             where = f"only {100.0 * excess:.2g} % above delta_min = {self.value:.7g}"
         else:
             where = f"well above delta_min = {self.value:.7g}"
-            what = "check the scaling of A, B, Q and R"
-        return f"delta = {delta:.9g} is {where}; {what}"
+            what = ""
+        return f"delta = {delta:.9g} is {where}{what}"
 
 
 @checks_arguments
@@ -168,8 +168,8 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
     if cause.sentence:
         return cause.sentence
     faint = cause.faint("the inputs reach", "Q shows")
-    advice = f"{faint}; change B or Q" if faint else "check the scaling of A, B, Q, R"
-    return f"the problem without disturbance (delta = inf) is not certified: {failure}; {advice}"
+    advice = f"; {faint}; change B or Q" if faint else ""
+    return f"the problem without disturbance (delta = inf) is not certified: {failure}{advice}"
 
 
 class Obstacle(NamedTuple):
@@ -195,7 +195,7 @@ class Obstacle(NamedTuple):
         """
         candidates = [
             (self.reach, BARELY, f"{reach} the {self.mode}"),
-            (self.shown, RANK, f"{show} the {self.undamped}"),
+            (self.shown, BARELY, f"{show} the {self.undamped}"),
         ]
         faint = [(part, text) for part, limit, text in candidates if part <= limit]
         if not faint:

@@ -333,10 +333,7 @@ def _obstacle(form: StepForm, failure: str) -> str:
                 f"the {_mode_text(value)} of sqrt(discount) A neither decays nor grows and"
                 " has no cost: no P stabilizes it; give it weight in Q"
             )
-    return (
-        f"the game without disturbance (delta = inf) is not certified: {failure}; check the"
-        " scaling of A, B, Q, R"
-    )
+    return f"the game without disturbance (delta = inf) is not certified: {failure}"
 
 
 def _radius(matrix: np.ndarray) -> float:

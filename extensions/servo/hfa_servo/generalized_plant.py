@@ -252,7 +252,7 @@ class GeneralizedPlant(Shown):
         if not without.exists:
             raise NoSolutionError(
                 f"rounding hides the solution of the {without.condition} without disturbance:"
-                f" {_hidden_by(self, without.condition)}"
+                f" {_hidden_by(self, without.condition) or without.reason}"
             )
         begin = max(1.0, 2.0 * self.floor)
         gain = _gain_of_optimal_loop(self.apart)
@@ -557,12 +557,11 @@ def check_modes(plant: GeneralizedPlant) -> None:
 
 
 def _hidden_by(plant: GeneralizedPlant, condition: str) -> str:
-    """The mode of this condition that is reached or shown by rounding only; without one, advice."""
+    """The mode of this condition that is barely reached or shown, in words; "" if there is none."""
     which = int(condition.startswith("filter"))
     verbs = (("u reaches", "z shows"), ("the sensors see", "the disturbance reaches"))[which]
     side = plant.sides[which]
-    faint = obstacle(NormalForm.of(side.game(math.inf)), *_OBSTACLES[which]).faint(*verbs)
-    return faint or "check the scaling"
+    return obstacle(NormalForm.of(side.game(math.inf)), *_OBSTACLES[which]).faint(*verbs)
 
 
 def _response_difference(one: Controller, other: Controller) -> float:

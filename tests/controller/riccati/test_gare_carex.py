@@ -111,7 +111,7 @@ def test_a_loop_at_the_axis_is_refused() -> None:
     A = np.kron(np.diag([-1e-6, 1e-6]), np.eye(2)) + np.kron(np.eye(2), [[0, 1], [-1, 0]])
     game = equation(A, np.ones((4, 1)), np.ones((4, 4)), [[1]])
     with pytest.raises(
-        NoSolutionError, match="eigenvalue within rounding of the imaginary axis at 1 rad/s"
+        NoSolutionError, match="puts an eigenvalue on the imaginary axis at 1 rad/s"
     ):
         solve_game(game)
     assert (

@@ -194,6 +194,29 @@ def test_a_mode_reached_by_rounding_is_named(reach: float) -> None:
 # that is computed.
 
 
+def slow_mode(rate: float, weight: float, seed: int) -> Game:
+    Q = np.diag([weight, 1.0, 1.0])
+    plain = Game(np.diag([-rate, -1.0, -2.0]), np.ones((3, 1)), np.eye(3), Q, [[1.0]], math.inf)
+    return elsewhere(plain, seed)
+
+
+@pytest.mark.parametrize("seed", [1, 3])  # in these coordinates P has too few digits at first
+def test_a_slow_mode_with_hardly_any_cost(seed: int) -> None:
+    """Weight 1e-14 of the others': no rounding of the entries moves the pole -1e-5 to the axis."""
+    game = slow_mode(1e-5, 1e-14, seed)
+    assert error(game) <= EXACT
+    assert solve_game(game).closed_loop_eigenvalues[-1].real == pytest.approx(-1e-5, rel=1e-2)
+
+
+def test_a_slower_mode_is_refused_with_the_distance() -> None:
+    """A pole at -1e-7: rounding of the entries may move it to the axis. No other cause is named."""
+    with pytest.raises(
+        NoSolutionError, match=r"a change of \d.\d?e-17 .* Q shows the mode"
+    ) as refusal:
+        solve_game(slow_mode(1e-7, 1e-15, 1))
+    assert "scaling" not in str(refusal.value)
+
+
 def scalar(a: float, apart: float) -> Game:
     """A game whose delta lies by the share `apart` above its exact smallest delta, or below."""
     b = 0.7
