@@ -14,7 +14,6 @@ from hfa_identify.bands import (
     sums_of_products,
 )
 from hfa_identify.fit import Fit, OutputError
-from hfa_identify.response import Responses
 from hfa_identify.search import Search
 from hfa_identify.sensors import sensor_errors
 from hfa_support.reporting.results import Result
@@ -61,10 +60,14 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
     model = responses.model
     p = len(responses.free)
     known = sensor_errors(model, (*search.moving_inputs(), *responses.measured))
-    names = [name for name in known if name not in responses.free]
+    names = [
+        name
+        for name, error in known.items()
+        if name not in responses.free and responses.has_error(error)
+    ]
     if not names:
         return {}
-    wider = Responses(model, (*responses.free, *names), responses.measured)
+    wider = responses.wider(names)
     bounds = np.array([(each.min, each.max) for each in wider.signals.values()])
     theta = np.concatenate([fit.theta, np.zeros(len(names))])
     at = OutputError(wider, search.records, bounds, search.guesses).at(theta, fit.starts)

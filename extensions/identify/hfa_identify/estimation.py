@@ -26,6 +26,7 @@ from hfa_identify.fit import Fit, OutputError
 from hfa_identify.identified import Estimate, FittedQuantity, Identified
 from hfa_identify.minima import other_minimum, parts_disagree
 from hfa_identify.plan import manoeuvres
+from hfa_identify.prediction import Condition, Predictions
 from hfa_identify.records import Record, read_record, record_of
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
@@ -53,12 +54,14 @@ def identify(
     hold: Mapping[str, float] | None = None,
     inputs: str = "linear",
     validate: Sequence[AnyRecord] = (),
+    turbulence: bool = False,
     plan: bool = False,
     columns: str | Path | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
     """The parameters of a model that make its response to the inputs of flight records most likely
-    (output error, maximum likelihood, white Gaussian noise of unknown variance).
+    (output error, maximum likelihood, white Gaussian noise of unknown variance; filter error in
+    turbulence).
 
     model: with the values at which the search begins.
     records: of one or more manoeuvres, each a path or a dictionary of arrays by name in the model's
@@ -69,7 +72,8 @@ def identify(
     hold: inputs without a column, and unmeasured states at the start -> value.
     inputs: "linear" or "steps" between their samples; those of a computer are steps.
     validate: records that are kept out, on which Theil's coefficient is computed.
-
+    turbulence: whether the air moved (filter error): speed, alpha and beta of the records are those
+        through the air, as of pitot tubes and vanes.
     columns: TOML file that states where the columns are in the logs of PX4 (.ulg) among records.
     plan: whether to compare manoeuvres that narrow the bands further.
 
@@ -93,6 +97,10 @@ def identify(
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
     names = _free_names(model, free, fixed, measured)
     responses = Responses(model, names, measured)
+    if turbulence:
+        if plan:
+            raise BadInputError("manoeuvres are planned in calm air; leave plan or turbulence out")
+        responses = Predictions(model, names, measured, Condition.of(model, read, measured, held))
     if sum(len(record.time) for record in read) > _MANY:
         responses.compile()
     search = Search(responses, read, held)
@@ -179,11 +187,12 @@ def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, fl
     rms(z - y) / (rms(z) + rms(y)), their starts alone being fitted."""
     if not records:
         return {}
-    responses = search.responses
-    fixed = np.column_stack([fit.theta, fit.theta])
+    responses = search.responses.calm
+    theta = fit.theta[search.responses.turbulent :]
+    fixed = np.column_stack([theta, theta])
     apart = Search(responses, records, search.held)
     try:
-        found = OutputError(responses, records, fixed, apart.guesses).fit(fit.theta, apart.guesses)
+        found = OutputError(responses, records, fixed, apart.guesses).fit(theta, apart.guesses)
     except FloatingPointError as error:
         names = ", ".join(record.name for record in records)
         raise NoSolutionError(f"{names}: {error} with the identified parameters") from error
@@ -211,23 +220,27 @@ def _identified(
     other: a second minimum that explains the records as well."""
     responses = search.responses
     model = responses.model
-    names = responses.free
-    C = covariance(fit)
+    first = responses.turbulent
+    names = responses.free[first:]
+    theta = fit.theta[first:]
+    C = covariance(fit)[first:, first:]
     half = BAND * np.sqrt(np.maximum(np.diag(C), 0.0))
     white = np.sqrt(np.diag(white_covariance(fit)))
+    # Turbulence and noise of sensors are no parameters, whose bands an error may move.
+    white[:first] = np.inf
     estimates = {
         name: Estimate(float(value), float(value - width), float(value + width), *before)
         for name, value, width, before in zip(
             names,
-            fit.theta,
+            theta,
             half,
-            [(each.start, each.unit) for each in responses.signals.values()],
+            [(each.start, each.unit) for each in responses.calm.signals.values()],
             strict=True,
         )
     }
     wide = [
         name
-        for name, value, width in zip(names, fit.theta, half, strict=True)
+        for name, value, width in zip(names, theta, half, strict=True)
         if name in model.parameters
         and not width <= _WIDE * max(abs(value), abs(model.parameters[name].start))
     ]
@@ -239,7 +252,7 @@ def _identified(
     faults = list(faults_of(search, fit, errors, progress))
     values = {
         name: value
-        for name, value in zip(names, fit.theta.tolist(), strict=True)
+        for name, value in zip(names, theta.tolist(), strict=True)
         if name in model.parameters
     }
     return Identified(
@@ -249,18 +262,21 @@ def _identified(
         quantities=quantities,
         covariance=C,
         column_errors=errors,
-        coloured=_widest(half, BAND * white),
+        coloured=_widest(half, BAND * white[first:]),
         correlated=tuple(_correlated(names, C)),
         undetermined=still_quantities(search, wide),
         at_bounds=tuple(
             name
-            for name, value, ends in zip(names, fit.theta, search.bounds, strict=True)
+            for name, value, ends in zip(names, theta, search.bounds[first:], strict=True)
             if value in ends
         ),
         unexplained=tuple(np.array(responses.measured)[unexplained(fit)].tolist()),
         faults=tuple(faults),
-        other_minimum={} if other is None else dict(zip(names, other.theta.tolist(), strict=True)),
+        other_minimum={}
+        if other is None
+        else dict(zip(names, other.theta[first:].tolist(), strict=True)),
         parts_disagree=parts_disagree(search, fit),
+        turbulence=_turbulence(responses, fit),
         converged=fit.converged,
         steps=fit.steps,
         fitted=tuple(
@@ -268,6 +284,20 @@ def _identified(
             for record, response in zip(search.records, fit.responses, strict=True)
         ),
     )
+
+
+def _turbulence(responses: Responses, fit: Fit) -> dict[str, float]:
+    """State that turbulence moves -> standard deviation of its random change in 1 s, where the
+    records determine it."""
+    if not isinstance(responses, Predictions):
+        return {}
+    known = np.diag(fit.information) > 1.0
+    sizes = np.exp(fit.theta)
+    return {
+        name: float(sizes[place])
+        for place, name in enumerate(responses.condition.turbulence)
+        if known[place]
+    }
 
 
 def _widest(corrected: np.ndarray, white: np.ndarray) -> float:

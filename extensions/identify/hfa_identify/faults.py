@@ -14,7 +14,6 @@ from hfa_identify.bands import covariance, unexplained
 from hfa_identify.column_errors import ColumnError
 from hfa_identify.fit import Fit
 from hfa_identify.records import Record
-from hfa_identify.response import Responses
 from hfa_identify.search import Search
 from hfa_identify.sensors import sensor_errors
 
@@ -160,7 +159,7 @@ def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float]:
     """Return the estimated error of a column, and its size in standard deviations; 0, 0 without a
     fit."""
     responses = search.responses
-    wider = Responses(responses.model, (*responses.free, name), responses.measured)
+    wider = responses.wider([name])
     begin = np.append(fit.theta, 0.0)
     try:
         found = Search(wider, search.records, search.held).whole(begin, fit.starts)
@@ -285,7 +284,9 @@ def _suspicious(search: Search, fit: Fit) -> bool:
 def _change(search: Search, theta: np.ndarray) -> float:
     """Σ ln² of parameters over their values before; a change of sign counts as a factor of 100."""
     total = 0.0
-    for name, value, before in zip(search.responses.free, theta, search.begin, strict=True):
+    # Turbulence and noise of sensors come first, where they are unknowns.
+    names, begin = search.responses.free[-len(theta) :], search.begin[-len(theta) :]
+    for name, value, before in zip(names, theta, begin, strict=True):
         if name not in search.responses.model.parameters or before == 0.0 or value == 0.0:
             continue
         size = _CHANGED_SIGN if value * before < 0.0 else 0.0

@@ -5,7 +5,8 @@ largest where
 
     L = ½ Σ N ln(Σ v² / N) + ½ Σ ((x₀ - guess) / (10 nominal))²
 
-is least; the sum over quantities, r = Σ v² / N. The second term keeps starts that no sample
+is least; the sum over quantities, r = Σ v² / N. Where the unknowns state r (turbulence), the first
+term is ½ Σ (N ln r + Σ v² / r - N). The second term keeps starts that no sample
 determines near their guess, here for measured states. Gauss-Newton steps with the exact
 sensitivities are damped by Levenberg's rule where they do not lower L. The starts of each record
 are eliminated from the normal equations.
@@ -179,7 +180,7 @@ class OutputError:
             try:
                 theta, starts = self._moved(found, *_TRIALS[level])
                 simulated = self._simulated(theta, starts)
-                if self._likelihood_of(simulated, starts) <= found.likelihood:
+                if self._likelihood_of(simulated, theta, starts) <= found.likelihood:
                     return level, self._fitted(simulated, theta, starts, step)
             except FloatingPointError:
                 continue
@@ -208,14 +209,14 @@ class OutputError:
         ]
 
     def _likelihood_of(
-        self, simulated: Sequence[Simulation], starts: Sequence[np.ndarray]
+        self, simulated: Sequence[Simulation], theta: np.ndarray, starts: Sequence[np.ndarray]
     ) -> float:
         """L of simulations.
 
         FloatingPointError where it is not a number."""
         residuals = self._residuals([each.y for each in simulated])
         with np.errstate(over="ignore"):
-            likelihood = self._likelihood(residuals, starts)
+            likelihood = self._likelihood(residuals, self._noise(residuals, theta), starts)
         if not math.isfinite(likelihood):
             raise FloatingPointError("the simulation diverges")
         return likelihood
@@ -228,11 +229,11 @@ class OutputError:
         steps: int,
     ) -> Fit:
         """The fit of simulations: their sensitivities and normal equations."""
-        likelihood = self._likelihood_of(simulated, starts)
+        likelihood = self._likelihood_of(simulated, theta, starts)
         responses = tuple(Response(each.y, self.responses.slopes(each)) for each in simulated)
         residuals = self._residuals([response.y for response in responses])
-        noise = self._noise(residuals)
-        normals = self._normals(responses, residuals, starts, noise)
+        noise = self._noise(residuals, theta)
+        normals = self._normals(responses, residuals, theta, starts, noise)
         return Fit(
             theta, starts, noise, residuals, self._present, responses, normals, likelihood, steps,
             converged=False,
@@ -245,14 +246,20 @@ class OutputError:
             for flags, table, y in zip(self._present, self._measured, simulated, strict=True)
         )
 
-    def _noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
-        """(k,) the likeliest variances."""
+    def _noise(self, residuals: Sequence[np.ndarray], theta: np.ndarray) -> np.ndarray:
+        """(k,) the variances that the unknowns state, or the likeliest."""
+        known = self.responses.variances(theta)
+        if known is not None:
+            return known[0]
         squares = sum((each**2).sum(axis=0) for each in residuals)
         return np.asarray(np.maximum(squares / np.maximum(self._counts, 1), self._least))
 
-    def _likelihood(self, residuals: Sequence[np.ndarray], starts: Sequence[np.ndarray]) -> float:
-        """L with the likeliest variances."""
-        total = 0.5 * float(self._counts @ np.log(self._noise(residuals)))
+    def _likelihood(
+        self, residuals: Sequence[np.ndarray], noise: np.ndarray, starts: Sequence[np.ndarray]
+    ) -> float:
+        """L with these variances."""
+        squares = sum((each**2).sum(axis=0) for each in residuals)
+        total = 0.5 * float(np.sum(self._counts * (np.log(noise) - 1.0) + squares / noise))
         for start, guess, prior in zip(starts, self.guesses, self._priors, strict=True):
             total += 0.5 * float((start - guess) ** 2 @ prior)
         return total
@@ -261,15 +268,39 @@ class OutputError:
         self,
         responses: Sequence[Response],
         residuals: Sequence[np.ndarray],
+        theta: np.ndarray,
         starts: Sequence[np.ndarray],
         noise: np.ndarray,
     ) -> tuple[Normal, ...]:
         """The normal equations of all records."""
         normals = []
+        known = self.responses.variances(theta)
         for number, response in enumerate(responses):
             pull = self._priors[number] * (self.guesses[number] - starts[number])
-            normals.append(self._normal(number, response.slopes, residuals[number], noise, pull))
+            normal = self._normal(number, response.slopes, residuals[number], noise, pull)
+            if known is not None:
+                normal = self._with_variances(normal, number, residuals[number], *known)
+            normals.append(normal)
         return tuple(normals)
+
+    def _with_variances(
+        self,
+        normal: Normal,
+        number: int,
+        residual: np.ndarray,
+        noise: np.ndarray,
+        slopes: np.ndarray,
+    ) -> Normal:
+        """The normal equations of a record whose variances depend on the unknowns.
+
+        slopes: (k, p) of the logarithms of the variances."""
+        counts = self._present[number].sum(axis=0)
+        surplus = (residual**2).sum(axis=0) / noise - counts
+        return replace(
+            normal,
+            M=normal.M + 0.5 * slopes.T @ (slopes * counts[:, None]),
+            g=normal.g + 0.5 * slopes.T @ surplus,
+        )
 
     def _normal(
         self,

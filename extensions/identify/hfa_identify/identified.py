@@ -84,6 +84,7 @@ class Identified(Result, Reported):
     other_minimum: name -> estimate at a second minimum that explains the records as well.
     parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
         where they agree.
+    turbulence: state that turbulence moves -> standard deviation of its random change in 1 s.
     converged: whether the search ended at a maximum of the likelihood.
     steps: of Gauss and Newton.
     plan: manoeuvres that would narrow the bands further, the best first.
@@ -95,7 +96,7 @@ class Identified(Result, Reported):
         "dynamics=model.name first_line ok records parameters quantities covariance coloured "
         "column_errors "
         "correlated undetermined at_bounds unexplained faults other_minimum parts_disagree "
-        "converged steps plan?"
+        "turbulence converged steps plan?"
     )
 
     model: Model
@@ -112,6 +113,7 @@ class Identified(Result, Reported):
     faults: tuple[str, ...]
     other_minimum: Mapping[str, float]
     parts_disagree: str
+    turbulence: Mapping[str, float]
     converged: bool
     steps: int
     fitted: tuple[tuple[Record, np.ndarray], ...] = field(repr=False)
@@ -200,11 +202,14 @@ class Identified(Result, Reported):
         parts.append(
             f"The bands are 95 %; coloured residuals widen them up to {self.coloured:.2g} times."
         )
+        if self.turbulence:
+            parts.append(self._turbulence())
         coloured = [name for name, each in self.quantities.items() if each.white < _WHITE]
         if coloured:
+            why = "" if self.turbulence else "turbulence (add --turbulence), or "
             parts.append(
-                f"The residuals of {', '.join(coloured)} are coloured: turbulence, which is not"
-                " modelled, or motion that the model lacks. The record must be of calm air."
+                f"The residuals of {', '.join(coloured)} are coloured: {why}motion that the model"
+                " lacks."
             )
         title = f"Identification, {self.model.title}: {self.first_line}"
         return Report(title, tuple(parts), notes=findings[2:], data=self.to_dict())
@@ -230,6 +235,17 @@ class Identified(Result, Reported):
             white = f"{100.0 * each.white:.0f} %"
             rows.append((name, f"{100.0 * each.fit:.2f} %", noise, white, theil))
         return Table(("measured", "explained", "noise", "white lags", "Theil"), tuple(rows))
+
+    def _turbulence(self) -> str:
+        """The turbulence in words."""
+        changes = []
+        for name, size in self.turbulence.items():
+            unit = self.model.unit(name)
+            changes.append(f"{name} {shown_value(size, unit)} {shown_unit(unit)}")
+        return (
+            f"Turbulence: random changes in 1 s of {', '.join(changes)}. Residuals are those of"
+            " predictions from each sample to the next."
+        )
 
     def _columns(self) -> list[Any]:
         """A table of delays, and of biases that move an estimate beyond its band unseen."""

@@ -22,23 +22,27 @@ def other_minimum(search: Search, fit: Fit) -> Fit | None:
     if not fit.converged:
         return None
     opposite = 2.0 * fit.theta - search.begin
+    first = search.responses.turbulent
+    opposite[:first] = fit.theta[:first]
     ends = search.bounds
     opposite = np.clip(opposite, ends[:, 0], ends[:, 1])
     try:
         near = search.thin(opposite, fit.starts)
-        if not near.converged or not _is_apart(near, search.thin(fit.theta, fit.starts)):
+        thin = fit if first else search.thin(fit.theta, fit.starts)
+        if not near.converged or not _is_apart(near, thin, first):
             return None
         other = search.whole(near.theta, near.starts)
     except FloatingPointError:
         return None
     as_likely = other.likelihood < fit.likelihood + _AS_LIKELY
-    return other if other.converged and as_likely and _is_apart(other, fit) else None
+    return other if other.converged and as_likely and _is_apart(other, fit, first) else None
 
 
-def _is_apart(one: Fit, other: Fit) -> bool:
-    """Whether estimates of two fits of the same samples differ by many standard deviations."""
+def _is_apart(one: Fit, other: Fit, first: int) -> bool:
+    """Whether estimates of two fits of the same samples differ by many standard deviations, from
+    the unknown with the number `first` on."""
     deviations = np.sqrt(np.diag(white_covariance(other)))
-    return bool((np.abs(one.theta - other.theta) > _APART * deviations).any())
+    return bool((np.abs(one.theta - other.theta) > _APART * deviations)[first:].any())
 
 
 def parts_disagree(search: Search, fit: Fit) -> str:
@@ -54,8 +58,13 @@ def parts_disagree(search: Search, fit: Fit) -> str:
     """
     from scipy.stats import chi2
 
-    parts = weighted_scores(fit, halves=len(search.records) == 1)
-    p = len(fit.theta)
+    # Turbulence and noise of sensors are taken as known.
+    first = search.responses.turbulent
+    parts = [
+        (M[first:, first:], V[first:, first:], g[first:])
+        for M, V, g in weighted_scores(fit, halves=len(search.records) == 1)
+    ]
+    p = len(fit.theta) - first
     tested = max(1, len(parts))
     worst = ""
     least = _CHANCE / tested
@@ -73,5 +82,5 @@ def parts_disagree(search: Search, fit: Fit) -> str:
         chance = float(chi2.sf(np.sum(along**2 / values[seen]), int(seen.sum())))
         if chance < least:
             least = chance
-            worst = search.responses.free[int(np.argmax(np.abs(difference) / size))]
+            worst = search.responses.free[first + int(np.argmax(np.abs(difference) / size))]
     return worst

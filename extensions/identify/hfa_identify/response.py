@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -32,7 +33,7 @@ _ROUGH_STEP = 0.6
 #: At most so many steps of integration between two samples.
 _MOST_STEPS = 10
 #: Samples whose sensitivities are computed together.
-_TOGETHER = 250
+TOGETHER = 250
 #: Samples that are so many time constants of the fastest mode apart are not in seconds.
 _FAR_TOO_LONG = 60.0
 
@@ -44,7 +45,8 @@ class Simulation:
     record: gives the times and the inputs.
     theta: (p,) the unknowns θ.
     y: (N, k) the measured quantities.
-    states: (steps + 1, n) on the grid of integration.
+    at_samples: (N, n) states.
+    begins: (steps, n) states at the begin of the steps of integration.
     inputs: (steps, m) at the begin and at the end of its steps.
     durations: (steps,) of the steps, s.
     count: of steps between two samples.
@@ -53,7 +55,8 @@ class Simulation:
     record: Record
     theta: np.ndarray
     y: np.ndarray
-    states: np.ndarray
+    at_samples: np.ndarray
+    begins: np.ndarray
     inputs: tuple[np.ndarray, np.ndarray]
     durations: np.ndarray
     count: int
@@ -105,7 +108,7 @@ class Responses:
         moved = _runge_kutta(f, x, driven, after, theta, duration)
         self._step = ca.Function("step", [x, driven, after, theta, duration], ca.cse([moved]))
         slopes = ca.densify(ca.jacobian(rates, unknowns))
-        self._advances: dict[int, ca.Function] = {}
+        self._advances: dict[Any, ca.Function] = {}
         # Slopes are transposed: a row holds the columns of a matrix one after the other.
         arguments = [x, driven, theta]
         self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
@@ -123,6 +126,29 @@ class Responses:
     def sizes(self) -> tuple[int, int, int]:
         """Numbers of states, free parameters and measured quantities."""
         return len(self.model.states), len(self.free), len(self.measured)
+
+    @property
+    def calm(self) -> Responses:
+        """Those of calm air, with the unknowns that are no turbulence."""
+        return self
+
+    @property
+    def turbulent(self) -> int:
+        """Number of the first unknowns that are powers of turbulence and of sensors' noise."""
+        return 0
+
+    def wider(self, names: Sequence[str]) -> Responses:
+        """The same with errors of sensors as further unknowns."""
+        return Responses(self.model, (*self.free, *names), self.measured)
+
+    def has_error(self, error: SensorError) -> bool:
+        """Return whether an error of a sensor can be an unknown."""
+        return True
+
+    def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Variances (k,) of the residuals, and slopes (k, p) of their logarithms; None where they
+        are unknown."""
+        return None
 
     @cached_property
     def signals(self) -> dict[str, Signal]:
@@ -258,7 +284,7 @@ class Responses:
             y = self._delayed(record, theta, y)
         if not np.isfinite(y).all():
             raise FloatingPointError("the simulation diverges")
-        return Simulation(record, theta, y, states, inputs, durations, count)
+        return Simulation(record, theta, y, states[::count], states[:-1], inputs, durations, count)
 
     def slopes(self, simulated: Simulation) -> np.ndarray:
         """(N, k, p + n) sensitivities dy/d(θ, x₀) of a simulation.
@@ -267,16 +293,17 @@ class Responses:
         n, p, k = self.sizes
         record, theta, count = simulated.record, simulated.theta, simulated.count
         driven, rest = self._driven(record, theta)
-        at_samples = simulated.states[::count]
+        at_samples = simulated.at_samples
         total = np.empty((len(at_samples), k, p + n))
         # S at the first sample of a part of the record: the memory of parts stays in the cache.
         S = np.hstack([np.zeros((n, p)), np.eye(n)])
         with np.errstate(all="ignore"):  # what is not finite is refused
-            for first in range(0, len(at_samples), _TOGETHER):
-                rows = slice(first, first + _TOGETHER)
-                within = self._accumulated(
-                    simulated, rest, slice(first * count, (first + _TOGETHER) * count)
+            for first in range(0, len(at_samples), TOGETHER):
+                rows = slice(first, first + TOGETHER)
+                change = self._step_slopes(
+                    simulated, rest, slice(first * count, (first + TOGETHER) * count)
                 )
+                within = products(change[:, :, :n], change[:, :, n:], count)
                 reached = within[:, :, p:] @ S
                 reached[:, :, :p] += within[:, :, :p]
                 S = reached[-1]
@@ -307,7 +334,7 @@ class Responses:
     ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray]:
         """States (steps + 1, n) of the grid of integration, inputs (steps, m) at the begin and the
         end of its steps, and the steps (steps,), s."""
-        time, inputs = _finer(record.time, driven, count)
+        time, inputs = finer(record.time, driven, count)
         before = inputs[:-1]
         after = inputs[1:]
         if record.has_steps:
@@ -327,14 +354,14 @@ class Responses:
             self._advances[steps] = self._step.mapaccum(steps)
         return self._advances[steps]
 
-    def _accumulated(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
-        """Sensitivities of the states to θ and to the state before a part of the steps: (N, n,
-        p + n) before the part and after every `count`-th step of it."""
+    def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
+        """(steps, n, n + p) slopes of the states after a part of the steps by those before and by
+        θ."""
         n, p, _ = self.sizes
         before, after = (inputs[part] for inputs in simulated.inputs)
         durations = simulated.durations[part]
         steps = len(durations)
-        states = simulated.states[:-1][part]
+        states = simulated.begins[part]
         middle = 0.5 * (before + after)
         identity = np.zeros((steps, n, n + p))
         identity[:, :, :n] = np.eye(n)
@@ -347,8 +374,7 @@ class Responses:
             growth = slopes[:, :, :n] @ within
             growth[:, :, n:] += slopes[:, :, n:]
             total += weight * growth
-        change = identity + durations[:, None, None] / 6.0 * total
-        return _products(change[:, :, :n], change[:, :, n:], simulated.count)
+        return np.asarray(identity + durations[:, None, None] / 6.0 * total)
 
     def _rates_at(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
@@ -394,7 +420,7 @@ def _runge_kutta(
     return x + duration / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
-def _finer(time: np.ndarray, inputs: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+def finer(time: np.ndarray, inputs: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Times and inputs of a grid with `count` steps between two samples."""
     if count == 1:
         return time, inputs
@@ -404,7 +430,7 @@ def _finer(time: np.ndarray, inputs: np.ndarray, count: int) -> tuple[np.ndarray
     return np.interp(fine, places, time), np.column_stack([np.empty((len(fine), 0)), *columns])
 
 
-def _products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
+def products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
     """(N, n, p + n) of S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I).
 
     by_state: (steps, n, n) Φ_x. by_theta: (steps, n, p) Φ_θ.

@@ -43,19 +43,22 @@ class Search:
 
         FloatingPointError where the simulation diverges all the same."""
         rough = self.rough(progress)
+        begin = np.concatenate([self.begin[: self.responses.turbulent], rough.theta])
         try:
-            return self.whole(rough.theta, progress=progress)
+            return self.whole(begin, progress=progress)
         except FloatingPointError:
             return self.whole(self.begin, progress=progress)
 
     def rough(
         self, progress: Callable[[float, float], None] | None = None, most_steps: int = 30
     ) -> Fit:
-        """The fit of short windows, with no more samples than the integration needs."""
+        """The fit of short windows in calm air, with no more samples than the integration
+        needs."""
         windows = [part for record in self.thinned for part in record.windows(_WINDOW)]
         starts = [begin_of(self.responses.model, window, self.held) for window in windows]
-        search = OutputError(self.responses, windows, self.bounds, starts)
-        return search.fit(self.begin, starts, progress, _ROUGH, most_steps)
+        first = self.responses.turbulent
+        search = OutputError(self.responses.calm, windows, self.bounds[first:], starts)
+        return search.fit(self.begin[first:], starts, progress, _ROUGH, most_steps)
 
     def moving_inputs(self) -> list[str]:
         """Inputs that are not constant in every record."""
@@ -76,7 +79,10 @@ class Search:
         return thinned
 
     def thin(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> Fit:
-        """The fit of the thinned records, from values of the unknowns and starts of the records."""
+        """The fit of the thinned records, from values of the unknowns and starts of the records; of
+        the whole records in turbulence, whose gain belongs to their samples."""
+        if self.responses.turbulent:
+            return self.whole(theta, starts)
         return OutputError(self.responses, self.thinned, self.bounds, self.guesses).fit(
             theta, starts
         )

@@ -109,6 +109,7 @@ def test_coloured_residuals_widen_the_bands():
     assert found().coloured < 1.5
     assert found(coloured=True).coloured > 2.0
     assert all(each.white < 0.8 for each in found(coloured=True).quantities.values())
+    assert "coloured: turbulence (add --turbulence)" in found(coloured=True).report().text()
 
 
 def test_sensitivities_agree_with_differences():

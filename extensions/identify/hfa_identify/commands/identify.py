@@ -86,6 +86,9 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
     columns: Path | None = option(
         "where the columns are in logs of PX4 (.ulg)", "FILE.toml", input_file(".toml")
     )
+    turbulence: bool = option(
+        "the air moved: filter error; speed, alpha, beta of the records are through the air"
+    )
     plan: bool = option("also compare manoeuvres that would narrow the widest band")
     output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")
     picture: Path | None = picture_option("measured and fitted quantities, and residuals")
@@ -93,8 +96,8 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
 
 @command(IdentifyRequest)
 def identify(request: IdentifyRequest) -> int:
-    """Identify parameters of an aircraft from flight records, by output error with maximum
-    likelihood.
+    """Identify parameters of an aircraft from flight records, by output error or filter error with
+    maximum likelihood.
 
     The report gives estimates with 95 % bands corrected for coloured residuals, correlations, and
     the fit of each measured quantity. Exit 0: every parameter is determined; 1: the first line
@@ -117,6 +120,7 @@ def identify(request: IdentifyRequest) -> int:
         inputs=request.inputs,
         validate=kept_out,
         columns=request.columns,
+        turbulence=request.turbulence,
         plan=request.plan,
         progress=progress,
     )

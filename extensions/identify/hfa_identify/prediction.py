@@ -1,0 +1,338 @@
+"""One-step predictions of a model in turbulence, with their exact sensitivities (filter error).
+
+White noise moves the speed and the flow angles through the air: gusts are random walks, as those
+of Dryden are over less than their scale length. With a steady gain K (`filter_gain.py`) the states
+are corrected at each sample, x + K (z - y), and advance to the next as in `response.py`. The
+unknowns begin with the logarithms of the turbulence and of the sensors' noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
+from hfa_identify.filter_gain import Gain, GainSlopes, gain_with_slopes
+from hfa_identify.records import Record
+from hfa_identify.response import TOGETHER, Responses, Simulation, finer, products
+from hfa_identify.search import begin_of
+from hfa_identify.sensors import SensorError
+from hfa_support.errors import BadInputError
+from hfa_support.native.machine_code import machine_code
+
+#: States through the air, which turbulence moves.
+_IN_AIR = ("speed", "alpha", "beta")
+#: Turbulence with which a search begins: change of a flow angle in 1 s, rad.
+_BEGIN = 0.02
+#: The logarithms of the turbulence and of the sensors' noise change by at most so much.
+_WIDEST = 9.0
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """Where the gain of the filter is computed, and where the search begins.
+
+    state: (n,). inputs: (m,). interval: between samples, s.
+    turbulence: state -> standard deviation of its random change in 1 s.
+    noise: measured quantity -> standard deviation of its sensor's noise.
+    """
+
+    state: np.ndarray
+    inputs: np.ndarray
+    interval: float
+    turbulence: Mapping[str, float]
+    noise: Mapping[str, float]
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        records: Sequence[Record],
+        measured: Sequence[str],
+        held: Mapping[str, float],
+    ) -> Condition:
+        """Return the mean of the first samples of records.
+
+        BadInputError where turbulence moves no state of the model."""
+        state = np.mean([begin_of(model, record, held) for record in records], axis=0)
+        speed = dict(zip(model.states, state.tolist(), strict=True)).get("speed", 1.0)
+        sizes = {"speed": _BEGIN * speed, "alpha": _BEGIN, "beta": _BEGIN}
+        turbulence = {name: size for name, size in sizes.items() if name in model.states}
+        if not turbulence:
+            raise BadInputError(
+                f"{model.name} has none of the states {', '.join(sizes)}, which turbulence moves;"
+                " leave turbulence out"
+            )
+        return cls(
+            state,
+            np.mean([record.inputs[0] for record in records], axis=0),
+            float(np.median(np.concatenate([np.diff(record.time) for record in records]))),
+            turbulence,
+            {name: _sensor_noise(model, records, name) for name in measured},
+        )
+
+
+def _sensor_noise(model: Model, records: Sequence[Record], name: str) -> float:
+    """The standard deviation of white noise with the second differences of a column."""
+    differences = []
+    for record in records:
+        values = record.measured.get(name, np.empty(0))
+        differences.append(np.diff(values[np.isfinite(values)], 2))
+    spread = float(np.sqrt(np.mean(np.concatenate(differences) ** 2) / 6.0))
+    return max(spread, 1e-6 * model.signals[name].nominal)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction(Simulation):
+    """A record as the model predicts it from sample to sample.
+
+    y: (N, k) the measured quantities, each predicted from all samples before and from those at the
+        same time of the columns before it.
+    innovations: (N, k) measured less predicted from the samples before, 0 where none is measured.
+    present: (N, k) 1 where a sample is measured, else 0.
+    """
+
+    innovations: np.ndarray
+    present: np.ndarray
+
+
+class Predictions(Responses):
+    """Predicts records from sample to sample, with a steady gain.
+
+    free: names of parameters and errors of sensors. The unknowns are the turbulence, the noise of
+    the sensors, and these.
+    """
+
+    def __init__(
+        self, model: Model, free: Sequence[str], measured: Sequence[str], condition: Condition
+    ) -> None:
+        self.condition = condition
+        self._moved = [list(model.states).index(name) for name in condition.turbulence]
+        names = [f"turbulence_{name}" for name in condition.turbulence]
+        names += [f"noise_{name}" for name in condition.noise]
+        super().__init__(model, (*names, *free), measured)
+        if self._late_outputs:
+            name = self.free[next(iter(self._late_outputs.values()))]
+            raise BadInputError(
+                f"{name} cannot be free with turbulence, which is estimated from sample to sample;"
+                " shift the column, or leave turbulence out"
+            )
+        self._gains: tuple[bytes, Gain, GainSlopes] | None = None
+        self._update = self._correction()
+
+    @property
+    def turbulent(self) -> int:
+        """Number of the first unknowns that are turbulence and noise of sensors."""
+        return len(self.condition.turbulence) + len(self.condition.noise)
+
+    @cached_property
+    def calm(self) -> Responses:
+        """The simulation of calm air, with the other unknowns."""
+        return Responses(self.model, self.free[self.turbulent :], self.measured)
+
+    def wider(self, names: Sequence[str]) -> Predictions:
+        """The same with errors of sensors as further unknowns."""
+        free = (*self.free[self.turbulent :], *names)
+        return Predictions(self.model, free, self.measured, self.condition)
+
+    def has_error(self, error: SensorError) -> bool:
+        """Return whether an error of a sensor can be an unknown: a measured quantity is not
+        late."""
+        return error.kind != "delay" or error.column in self.model.inputs
+
+    def compile(self) -> None:
+        """Turn rates, steps and corrections into machine code, where a C compiler exists."""
+        super().compile()
+        self._update = machine_code(self._update)
+
+    @cached_property
+    def signals(self) -> dict[str, Signal]:
+        """Unknown -> unit, limits, and the value at which a search begins."""
+        sizes = [*self.condition.turbulence.values(), *self.condition.noise.values()]
+        signals = {
+            name: Signal("1", 1.0, start - _WIDEST, start + _WIDEST, start)
+            for name, start in zip(self.free, np.log(sizes).tolist(), strict=False)
+        }
+        return signals | self.calm.signals
+
+    # The gain.
+
+    def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Variances (k,) of the predictions' errors, and slopes (k, p) of their logarithms."""
+        gain, slopes = self._gain(theta)
+        return gain.variances, slopes.logarithms
+
+    def _gain(self, theta: np.ndarray) -> tuple[Gain, GainSlopes]:
+        """The gain and its slopes by the unknowns; those of the last unknowns are kept."""
+        key = theta.tobytes()
+        if self._gains is None or self._gains[0] != key:
+            sizes = np.array([each.nominal for each in self.signals.values()])
+            sizes[self.turbulent :] = np.maximum(
+                np.abs(theta[self.turbulent :]), 1e-2 * sizes[self.turbulent :]
+            )
+            found = gain_with_slopes(self._linear, theta, sizes, self.condition.interval)
+            self._gains = (key, *found)
+        return self._gains[1:]
+
+    def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A (N, n, n), C (N, k, n), power of the turbulence (N, n) and variances of the sensors
+        (N, k) for rows of unknowns (N, p)."""
+        n, p, k = self.sizes
+        count = len(theta)
+        states = np.tile(self.condition.state, (count, 1))
+        inputs = np.zeros((count, self._step.numel_in(1)))
+        inputs[:, : len(self.condition.inputs)] = self.condition.inputs
+        _, slopes = self._rates(states, inputs, theta)
+        A = slopes.reshape(count, n, n + p)[:, :, :n]
+        (seen,) = self._seen_slopes(states, inputs, theta)
+        C = seen.reshape(count, k, n + p)[:, :, :n]
+        powers = np.exp(2.0 * theta[:, : self.turbulent])
+        W = np.zeros((count, n))
+        W[:, self._moved] = powers[:, : len(self._moved)]
+        return A, C, W, powers[:, len(self._moved) :]
+
+    # The predictions.
+
+    def _correction(self) -> ca.Function:
+        """(x, inputs, θ, z, present, K) -> corrected x, and z - y."""
+        n, _, k = self.sizes
+        x = ca.SX.sym("x", n)
+        u = ca.SX.sym("u", self._step.numel_in(1))
+        theta = ca.SX.sym("theta", len(self.free))
+        z = ca.SX.sym("z", k)
+        present = ca.SX.sym("present", k)
+        K = ca.SX.sym("K", n, k)
+        innovation = present * (z - self._seen.function(x, u, theta))
+        corrected = x + ca.mtimes(K, innovation)
+        arguments = [x, u, theta, z, present, K]
+        return ca.Function("correction", arguments, [corrected, innovation])
+
+    def _advance_samples(self, count: int, intervals: int) -> ca.Function:
+        """So many intervals between samples, of `count` steps of integration each: (x, inputs at
+        the begin of the steps, at their end, steps, θ, z, present, K) -> x at the next sample, x at
+        the begin of the steps, z - y."""
+        n, _, k = self.sizes
+        m = self._step.numel_in(1)
+        x = ca.MX.sym("x", n)
+        before = ca.MX.sym("before", m, count)
+        after = ca.MX.sym("after", m, count)
+        durations = ca.MX.sym("durations", count)
+        theta = ca.MX.sym("theta", len(self.free))
+        z = ca.MX.sym("z", k)
+        present = ca.MX.sym("present", k)
+        K = ca.MX.sym("K", n, k)
+        moved, innovation = self._update(x, before[:, 0], theta, z, present, K)
+        begins = []
+        for step in range(count):
+            begins.append(moved)
+            moved = self._step(moved, before[:, step], after[:, step], theta, durations[step])
+        arguments = [x, before, after, durations, theta, z, present, K]
+        one = ca.Function("interval", arguments, [moved, ca.horzcat(*begins), innovation])
+        return one.mapaccum(intervals)
+
+    def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Prediction:
+        """The predictions of a record from a start (n,) with unknowns (p,).
+
+        FloatingPointError where they leave the finite numbers."""
+        gain, _ = self._gain(theta)
+        count = self.steps_between(record, start, theta)
+        driven, rest = self._driven(record, theta)
+        time, fine = finer(record.time, driven, count)
+        before, after = fine[:-1], fine[1:]
+        if record.has_steps:
+            before = after = np.repeat(driven[:-1], count, axis=0)
+        durations = np.diff(time)
+        columns = [record.measured.get(name) for name in self.measured]
+        table = np.column_stack(
+            [np.full(len(record.time), np.nan) if each is None else each for each in columns]
+        )
+        present = np.isfinite(table)
+        z = np.where(present, table, 0.0)
+        intervals = len(record.time) - 1
+        key = (count, intervals)
+        if key not in self._advances:
+            self._advances[key] = self._advance_samples(*key)
+        moved, begins, _ = self._advances[key](
+            start,
+            before.T,
+            after.T,
+            durations.reshape(intervals, count).T,
+            rest,
+            z[:-1].T,
+            present[:-1].T.astype(float),
+            np.tile(gain.K, (1, intervals)),
+        )
+        at_samples = np.vstack([start, moved.full().T])
+        innovations = np.where(present, z - self._outputs(at_samples, driven, rest), 0.0)
+        y = z - innovations @ gain.whiten.T
+        if not np.isfinite(y).all():
+            raise FloatingPointError("the simulation diverges")
+        return Prediction(
+            record,
+            theta,
+            y,
+            at_samples,
+            begins.full().T,
+            (before, after),
+            durations,
+            count,
+            innovations,
+            present.astype(float),
+        )
+
+    def slopes(self, simulated: Simulation) -> np.ndarray:
+        """(N, k, p + n) sensitivities dy/d(θ, x₀) of predictions.
+
+        FloatingPointError where they leave the finite numbers."""
+        assert isinstance(simulated, Prediction)
+        n, p, k = self.sizes
+        driven, rest = self._driven(simulated.record, simulated.theta)
+        gain, by_theta = self._gain(simulated.theta)
+        count = simulated.count
+        at_samples = simulated.at_samples
+        total = np.empty((len(at_samples), k, p + n))
+        S = np.hstack([np.zeros((n, p)), np.eye(n)])
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            for first in range(0, len(at_samples), TOGETHER):
+                rows = slice(first, first + TOGETHER)
+                seen = self._observed_slopes(at_samples[rows], driven[rows], rest)
+                present = simulated.present[rows]
+                innovations = simulated.innovations[rows]
+                steps = slice(first * count, (first + TOGETHER) * count)
+                change = _over_intervals(self._step_slopes(simulated, rest, steps), count)
+                corrected = -gain.K @ (seen * present[:, :, None])
+                corrected[:, :, :n] += np.eye(n)
+                corrected[:, :, n:] += np.einsum("nkp,Nk->Nnp", by_theta.K, innovations)
+                corrected = corrected[: len(change)]
+                moved = change[:, :, :n] @ corrected
+                moved[:, :, n:] += change[:, :, n:]
+                within = products(moved[:, :, :n], moved[:, :, n:], 1)
+                reached = within[:, :, p:] @ S
+                reached[:, :, :p] += within[:, :, :p]
+                S = reached[-1]
+                slopes = seen[:, :, :n] @ reached[: len(seen)]
+                slopes[:, :, :p] += seen[:, :, n:]
+                slopes *= present[:, :, None]
+                slopes = gain.whiten @ slopes
+                slopes[:, :, :p] -= np.einsum("jkp,Nk->Njp", by_theta.whiten, innovations)
+                total[rows] = slopes
+        if not np.isfinite(total).all():
+            raise FloatingPointError("the simulation diverges")
+        return total
+
+
+def _over_intervals(change: np.ndarray, count: int) -> np.ndarray:
+    """(N, n, n + p) slopes over `count` steps each, from those of the steps."""
+    n = change.shape[1]
+    total = change[::count]
+    for step in range(1, count):
+        part = change[step::count]
+        moved = part[:, :, :n] @ total
+        moved[:, :, n:] += part[:, :, n:]
+        total = moved
+    return total

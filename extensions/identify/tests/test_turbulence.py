@@ -1,0 +1,107 @@
+"""Filter error: parameters from records of moving air, by a linear model of the short period."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import hfa
+from hfa_identify.estimation import identify
+from hfa_identify.fit import OutputError
+from hfa_identify.prediction import Condition, Predictions
+from hfa_identify.records import record_of
+
+TRUE = {"Z_alpha": -2.0, "M_alpha": -12.0, "M_q": -3.0, "M_elevator": -20.0}
+SENSORS = {"alpha": 0.002, "pitch_rate": 0.005}
+STEP = 0.02
+#: Standard deviation of the random change of alpha in 1 s, rad.
+GUSTS = 0.02
+
+
+def short_period(x, u, p, w):
+    return {
+        "alpha": p.Z_alpha * x.alpha + x.pitch_rate,
+        "pitch_rate": p.M_alpha * x.alpha + p.M_q * x.pitch_rate + p.M_elevator * u.elevator,
+    }, {}
+
+
+def model(factor=1.0):
+    return hfa.Model(
+        name="short period",
+        states={"alpha": hfa.Signal("rad", 0.1), "pitch_rate": hfa.Signal("rad/s", 0.2)},
+        inputs={"elevator": hfa.Signal("rad", 0.1)},
+        parameters={
+            name: hfa.Signal("1", abs(value), start=factor * value) for name, value in TRUE.items()
+        },
+        equations=short_period,
+    )
+
+
+@cache
+def record(samples=300, seed=0, gusts=GUSTS):
+    """Columns of an exact discrete simulation with white noise on the rate of alpha."""
+    A = np.array([[TRUE["Z_alpha"], 1.0], [TRUE["M_alpha"], TRUE["M_q"]]])
+    B = np.array([0.0, TRUE["M_elevator"]])
+    fine = STEP / 10
+    Phi = expm(A * fine)
+    held = np.linalg.solve(A, (Phi - np.eye(2)) @ B)
+    random = np.random.default_rng(seed)
+    time = STEP * np.arange(samples)
+    elevator = 0.03 * np.sign(np.sin(2.0 * time)) * (time > 0.5)
+    x = np.zeros(2)
+    states = np.empty((samples, 2))
+    for place in range(samples):
+        states[place] = x
+        for _ in range(10):
+            x = Phi @ x + held * elevator[place]
+            x[0] += gusts * np.sqrt(fine) * random.standard_normal()
+    noise = random.standard_normal(states.shape) * list(SENSORS.values())
+    measured = dict(zip(SENSORS, (states + noise).T, strict=True))
+    return {"time": time, "elevator": elevator, **measured}
+
+
+def test_slopes_of_the_likelihood_are_exact():
+    """The right-hand sides of the normal equations against differences of L, by turbulence, noise,
+    parameters, a bias and the state at the start; with missing samples and several steps
+    of integration between samples."""
+    columns = {name: values[:200:5] for name, values in record().items()}
+    columns["alpha"] = np.where(np.arange(40) % 7 == 3, np.nan, columns["alpha"])
+    read = record_of(model(), columns, {})
+    free = ("Z_alpha", "M_q", "bias_alpha")
+    condition = Condition.of(model(), [read], tuple(SENSORS), {})
+    predictions = Predictions(model(), free, tuple(SENSORS), condition)
+    start = np.array([0.01, -0.02])
+    theta = np.array([each.start for each in predictions.signals.values()])
+    theta[-1] = 0.003
+    assert predictions.steps_between(read, start, theta) > 1
+    bounds = np.tile([-np.inf, np.inf], (len(theta), 1))
+    search = OutputError(predictions, [read], bounds, [np.zeros(2)])
+    at = search.at(theta, (start,))
+    (normal,) = at.normals
+    exact = -np.concatenate([normal.g, normal.h])
+    for place, slope in enumerate(exact):
+        change = 1e-5 * np.eye(len(exact))[place]
+        ends = [
+            search.at(theta + sign * change[:-2], (start + sign * change[-2:],)).likelihood
+            for sign in (1.0, -1.0)
+        ]
+        assert (ends[0] - ends[1]) / 2e-5 == pytest.approx(slope, rel=1e-3, abs=0.02), place
+
+
+def test_turbulence_is_estimated_with_the_parameters():
+    """(θ - true)' C⁻¹ (θ - true) is a chi-square of 4, above 18.5 once in 1000."""
+    found = identify(model(1.3), record(), list(TRUE), inputs="steps", turbulence=True)
+    assert found.ok
+    misses = [each.value - TRUE[name] for name, each in found.parameters.items()]
+    assert misses @ np.linalg.solve(found.covariance, misses) < 18.5
+    assert found.turbulence["alpha"] == pytest.approx(GUSTS, rel=0.3)
+    assert all(each.white > 0.8 for each in found.quantities.values())
+    assert "random changes in 1 s of alpha" in found.report().text()
+
+
+def test_what_turbulence_excludes_is_refused():
+    with pytest.raises(hfa.BadInputError, match="delay_alpha cannot be free with turbulence"):
+        identify(model(), record(), ["M_q", "delay_alpha"], turbulence=True)
+    with pytest.raises(hfa.BadInputError, match="leave plan or turbulence out"):
+        identify(model(), record(), ["M_q"], turbulence=True, plan=True)
