@@ -10,10 +10,14 @@ from hfa_boxes.check.cost_checker import VerifiedCost
 from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.cost_results import CheckedLowerBound, FoundLowerBound
 from hfa_boxes.search.cost import CostBound
-from hfa_proof.results import limits_in_words
+from hfa_boxes.words import piece_in_words
+from hfa_proof.outward import at_least
+from hfa_proof.results import limits_in_words, parameters_in_words
 from hfa_proof.subject import taken_from_certificate
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
+
+_NOT_COVERED = "disturbances not covered"
 
 
 def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
@@ -28,7 +32,7 @@ def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
     ):
         below = np.mean(piece.bound(starts) < piece.c)
         times = (f"{fit:.1f} s", f"{proof:.1f} s")
-        rows.append((f"{piece.c:.6g}", f"{below:.0%}", str(boxes), *times))
+        rows.append((at_least(piece.c, 6), f"{below:.0%}", str(boxes), *times))
     header = ("level", "usual initial conditions below it", "boxes", "fit", "proof")
     lines = [_sentence(statement)]
     if found.stopped:
@@ -45,15 +49,30 @@ def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Re
     """
     statement = verified.statement
     pairs = zip(statement.pieces, verified.boxes, strict=True)
-    rows = [(f"{piece.c:.6g}", str(boxes)) for piece, boxes in pairs]
+    rows = [(at_least(piece.c, 6), str(boxes)) for piece, boxes in pairs]
     data = CheckedLowerBound(statement, verified.boxes, verified.written).as_data()
-    title = f"{_title(statement, 'Verified, proved')}{taken_from_certificate(not_given)}"
-    parts = (_sentence(statement), Table(("level", "boxes"), rows), limits_of(statement))
-    return Report(title, (*parts, *_weights(statement)), data=data)
+    title = _title(statement, "Verified, proved", not_given)
+    plant = statement.plant
+    parts: tuple[str | Table, ...] = (
+        _sentence(statement),
+        Table(("level", "boxes"), rows),
+        limits_of(statement),
+        *_weights(statement),
+        parameters_in_words(plant.model, plant.parameters),
+    )
+    pieces: list[str | Table] = []
+    for piece in statement.pieces:
+        pieces += piece_in_words(piece, plant.states)
+    return Report(title, (*parts, *pieces), data=data)
 
 
-def _title(statement: CostStatement, verdict: str) -> str:
-    return f"{verdict}: lower bound of the cost of flights of {statement.plant.model.title}"
+def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
+    """Return the first line, with the subjects that the user did not give, else with what is not
+    covered, which then follows in the next line."""
+    claim = f"{verdict}: lower bound of the cost of flights of {statement.plant.model.title}"
+    if not_given:
+        return f"{claim}{taken_from_certificate(not_given)}\n{_NOT_COVERED}"
+    return f"{claim}; {_NOT_COVERED}"
 
 
 def _sentence(statement: CostStatement) -> str:
@@ -62,17 +81,19 @@ def _sentence(statement: CostStatement) -> str:
     return (
         "No flight within the limits that ends at the trim costs less than W at its initial "
         "condition, or than the level where W is larger, whatever moves the inputs. Cost: the "
-        f"integral of x'Qx + u'Ru, deviations from the trim.{kept} Disturbances are not covered."
+        f"integral of x'Qx + u'Ru, deviations from the trim.{kept}"
     )
 
 
 def limits_of(statement: CostStatement) -> Table:
-    """Trim and limits of each state and input."""
+    """Trim, equilibrium and limits of each state and input."""
     plant = statement.plant
     rows = []
     for name, value in {**plant.trim, **plant.inputs, **plant.held}.items():
-        rows.append((name, plant.model.describe(name, value), *limits_in_words(plant, name)))
-    return Table(("flights within", "trim", "lowest", "highest"), rows)
+        at = statement.equilibrium.get(name, value)
+        values = [plant.model.describe(name, each) for each in (value, at)]
+        rows.append((name, *values, *limits_in_words(plant, name)))
+    return Table(("flights within", "trim", "equilibrium", "lowest", "highest"), rows)
 
 
 def _weights(statement: CostStatement) -> tuple[str, ...]:

@@ -8,10 +8,18 @@ import numpy as np
 
 from hfa_boxes.check.checker import VerifiedBoxes
 from hfa_boxes.check.statement import BoxStatement, Gain
-from hfa_boxes.results import CheckedBoxes, FoundBoxes
+from hfa_boxes.results import CheckedBoxes, FoundBoxes, quadratic_form
 from hfa_boxes.search.region import BoxRegion
+from hfa_boxes.words import piece_in_words
 from hfa_proof.outward import at_least, at_most
-from hfa_proof.results import limits_in_words, place_in_words
+from hfa_proof.results import (
+    NO_BOX,
+    curved_policies_in_words,
+    limits_in_words,
+    outputs_in_words,
+    parameters_in_words,
+    place_in_words,
+)
 from hfa_proof.subject import taken_from_certificate
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_values
@@ -54,7 +62,12 @@ def found_report(
             lines.append(f"A flight from that state {flight}.")
     lines.append(f"No larger set is proved: {region.stopped}.")
     found = FoundBoxes(statement, region.boxes, region.origin, fails, region.stopped)
-    parts: tuple[str | Table, ...] = (_sentence(statement, policy), _extents(statement), *lines)
+    parts: tuple[str | Table, ...] = (
+        _sentence(statement, policy),
+        *_extents(statement),
+        *lines,
+        *_V(statement),
+    )
     return Report(_title(statement, "Proved", not_covered), parts, data=found.as_data())
 
 
@@ -82,9 +95,12 @@ def checked_report(
     )
     parts: tuple[str | Table, ...] = (
         _sentence(statement, policy),
-        _extents(statement),
+        *_extents(statement),
         inputs,
         *_coefficients(statement),
+        *outputs_in_words(loop),
+        parameters_in_words(loop.model, loop.parameters),
+        *_V(statement),
         f"V' < 0 is proved on {verified.boxes} boxes.",
     )
     title = _title(statement, "Verified, proved", not_covered, not_given)
@@ -116,7 +132,8 @@ def _sentence(statement: BoxStatement, policy: str) -> str:
     )
 
 
-def _extents(statement: BoxStatement) -> Table:
+def _extents(statement: BoxStatement) -> tuple[Table, str]:
+    """Return the extents of the set, which do not form a box."""
     model = statement.loop.model
     rows = []
     for name, (low, high) in statement.extents.items():
@@ -127,11 +144,21 @@ def _extents(statement: BoxStatement) -> Table:
         trim = model.describe(name, statement.loop.trim[name])
         rows.append((name, least, most, at, trim, *limits_in_words(statement.loop, name)))
     header = ("the set lies within", "from", "to", "about", "trim", "lowest", "highest")
-    return Table(header, rows)
+    return Table(header, rows), NO_BOX
 
 
-def _coefficients(statement: BoxStatement) -> tuple[Table, ...]:
-    """K of a policy of coefficients."""
+def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
+    """V, all of its terms to six digits."""
+    states = statement.loop.states
+    P = quadratic_form(statement.piece)
+    if P is None:
+        return piece_in_words(statement.piece, states)
+    rows = [(name, *(f"{entry:.6g}" for entry in row)) for name, row in zip(states, P, strict=True)]
+    return (Table(("P", *states), rows),)
+
+
+def _coefficients(statement: BoxStatement) -> tuple[Table | str, ...]:
+    """K and the terms of a policy of coefficients."""
     if not isinstance(statement.policy, Gain):
         return ()
     loop = statement.loop
@@ -139,4 +166,5 @@ def _coefficients(statement: BoxStatement) -> tuple[Table, ...]:
         (name, *(f"{entry:.6g}" for entry in row))
         for name, row in zip(loop.inputs, statement.policy.K.tolist(), strict=True)
     ]
-    return (Table(("K", *loop.states), rows),)
+    curved = curved_policies_in_words(statement.policy.terms, loop.states)
+    return (Table(("K", *loop.states), rows), *curved)

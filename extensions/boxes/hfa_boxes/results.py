@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hfa_boxes.check.loop import Loop
+from hfa_boxes.check.piece import Piece
 from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_proof.results import ProvedResult
 from hfa_support.reporting.results import Matrix, Vector
@@ -69,15 +70,7 @@ class BoxSet(ProvedResult):
     @property
     def P(self) -> Matrix | None:
         """(n, n), of V = z'P z, to the rounding of doubles; None of a higher degree."""
-        if self.degree > 2:
-            return None
-        M = self.M
-        S = np.zeros((len(M), len(M)))
-        for value, powers in self.statement.piece.W.terms:
-            i, j = np.repeat(np.arange(len(M)), powers)
-            S[i, j] += value / 2
-            S[j, i] += value / 2
-        return np.asarray(M.T @ S @ M)
+        return quadratic_form(self.statement.piece)
 
     @property
     def M(self) -> Matrix:
@@ -93,6 +86,19 @@ class BoxSet(ProvedResult):
     def powers(self) -> Sequence[Sequence[int]]:
         """(terms, n), of each monomial."""
         return [powers for _, powers in self.statement.piece.W.terms]
+
+
+def quadratic_form(piece: Piece) -> Matrix | None:
+    """(n, n), P with W(M z) = z'P z, to the rounding of doubles; None of a higher degree."""
+    M = piece.M
+    S = np.zeros((len(M), len(M)))
+    for value, powers in piece.W.terms:
+        if sum(powers) > 2:
+            return None
+        i, j = np.repeat(np.arange(len(M)), powers)
+        S[i, j] += value / 2
+        S[j, i] += value / 2
+    return np.asarray(M.T @ S @ M)
 
 
 @dataclass(frozen=True, eq=False)

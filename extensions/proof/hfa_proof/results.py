@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.reporting.results import Result
+
+#: What the extents of a set are not.
+NO_BOX = "The set is {V <= rho}, no box: states that are each within these ends may lie outside it."
 
 
 class Subject(Protocol):
@@ -84,3 +87,47 @@ def place_in_words(subject: Subject, place: Sequence[float] | np.ndarray) -> str
     """Deviations (n,) of the states."""
     pairs = zip(subject.states, np.asarray(place).tolist(), strict=True)
     return ", ".join(f"{name} {subject.model.describe(name, value)}" for name, value in pairs)
+
+
+def outputs_in_words(subject: Subject) -> tuple[str, ...]:
+    """The limits of outputs, a line; none without limits."""
+    listed = []
+    for name in subject.model.outputs:
+        if name in subject.limits:
+            low, high = limits_in_words(subject, name)
+            listed.append(f"{name} from {low} to {high}")
+    return (f"Limits of outputs: {', '.join(listed)}.",) if listed else ()
+
+
+def parameters_in_words(model: Model, parameters: Mapping[str, float]) -> str:
+    """The model, the hash of its file, and every parameter with its value."""
+    named = ", ".join(f"{name} {model.describe(name, value)}" for name, value in parameters.items())
+    file = model.extras.source[1]
+    source = f", file of SHA-256 {file[:16]}" if file else ""
+    return f"Of {model.name}{source}; parameters: {named or 'none'}."
+
+
+def polynomial_in_words(
+    terms: Iterable[tuple[float, Sequence[int]]], variables: Sequence[str]
+) -> str:
+    """Σ coefficient variables^exponents, each coefficient to six digits."""
+    monomials = []
+    for coefficient, exponents in terms:
+        powers = zip(variables, exponents, strict=True)
+        factors = [f"{name}^{power}" if power > 1 else name for name, power in powers if power]
+        monomials.append(" ".join([f"{coefficient:+.6g}", *factors]))
+    return " ".join(monomials)
+
+
+def curved_policies_in_words(
+    policies: Mapping[str, Iterable[tuple[float, Sequence[int]]]], states: Sequence[str]
+) -> tuple[str, ...]:
+    """The policy of each input that is not linear, a line each.
+
+    policies: input -> the terms of degree 2 and more
+    """
+    lines = []
+    for name, terms in policies.items():
+        curved = polynomial_in_words(terms, states)
+        lines.append(f"The policy of {name} is -K z {curved}, then saturated.")
+    return tuple(lines)

@@ -42,10 +42,13 @@ def _same(stated: Any, own: Any) -> bool:
         )
     if isinstance(own, float) and math.isinf(own):
         return stated in ("inf", own)
-    values = np.asarray(own)
-    if values.dtype.kind in "fi":
-        return np.array_equal(_numbers(stated), values)
-    return bool(stated == (list(own) if isinstance(own, tuple) else own))
+    if isinstance(own, (list, tuple, np.ndarray)):
+        return (
+            isinstance(stated, (list, tuple, np.ndarray))
+            and len(stated) == len(own)
+            and all(_same(*pair) for pair in zip(stated, own, strict=True))
+        )
+    return bool(stated == own)
 
 
 def _numbers(stated: Any) -> np.ndarray:

@@ -9,11 +9,19 @@ import numpy as np
 
 from hfa_proof.checker.riccati import SAME_GAIN
 from hfa_proof.outward import at_least, at_most
-from hfa_proof.results import limits_in_words, place_in_words
+from hfa_proof.results import (
+    NO_BOX,
+    curved_policies_in_words,
+    limits_in_words,
+    outputs_in_words,
+    parameters_in_words,
+    place_in_words,
+    polynomial_in_words,
+)
 from hfa_proof.subject import taken_from_certificate
 from hfa_region.check.certificate import VerifiedRegion
 from hfa_region.check.extents import extents_of
-from hfa_region.check.statement import RegionStatement, Terms
+from hfa_region.check.statement import RegionStatement
 from hfa_region.results import CheckedSet, FoundSet, Place
 from hfa_region.search.plant import NOT_RETURNED as STARTS, Outcome
 from hfa_support.reporting.report import Report
@@ -54,7 +62,7 @@ def region_report(region: Region) -> Report:
     binding = ", ".join(bounds.limits) or "none"
     parts: tuple[str | Table, ...] = (
         _sentence(statement),
-        *_policy(statement),
+        *curved_policies_in_words(statement.loop.policy, statement.loop.states),
         *_extents(statement, reaches),
         table,
         f"Limits that bind: {binding}. V is {region.origin}, of degree {found.degree}; "
@@ -91,12 +99,13 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
     )
     parts: tuple[str | Table, ...] = (
         _sentence(statement),
-        *_policy(statement),
+        *curved_policies_in_words(statement.loop.policy, statement.loop.states),
         *_extents(statement, verified.extents),
         trim,
         gains,
         *_of_this_gain(statement, not_given),
-        _parameters(statement),
+        *outputs_in_words(loop),
+        parameters_in_words(loop.model, loop.parameters),
         f"{_where_proved(statement, verified.parts)} V is of degree {checked.degree}.",
         _V(statement),
         _not_covered(statement),
@@ -174,14 +183,6 @@ def _not_covered(statement: RegionStatement) -> str:
     )
 
 
-def _policy(statement: RegionStatement) -> tuple[str, ...]:
-    """The policy of each input that is not linear, a line each."""
-    return tuple(
-        f"The policy of {name} is -K z {_polynomial(statement, terms)}, then saturated."
-        for name, terms in statement.loop.policy.items()
-    )
-
-
 def _extents(
     statement: RegionStatement, reaches: Mapping[str, tuple[float, float]]
 ) -> tuple[Table, str]:
@@ -204,35 +205,12 @@ def _extents(
             )
         )
     header = ("the set lies within", "from", "to", "about", "lowest", "highest")
-    return (
-        Table(header, rows),
-        "The set is {V <= rho}, no box: states that are each within these ends may lie outside it.",
-    )
+    return Table(header, rows), NO_BOX
 
 
 def _V(statement: RegionStatement) -> str:
     """V, all of its terms to six digits."""
-    return f"V(z) = {_polynomial(statement, statement.terms)}"
-
-
-def _polynomial(statement: RegionStatement, terms: Terms) -> str:
-    """Σ coefficient z^exponents in words."""
-    monomials = []
-    for coefficient, exponents in terms:
-        powers = zip(statement.loop.states, exponents, strict=True)
-        factors = [f"{state}^{power}" if power > 1 else state for state, power in powers if power]
-        monomials.append(" ".join([f"{coefficient:+.6g}", *factors]))
-    return " ".join(monomials)
-
-
-def _parameters(statement: RegionStatement) -> str:
-    """Every parameter with its value."""
-    model = statement.loop.model
-    values = statement.loop.parameters.items()
-    named = ", ".join(f"{name} {model.describe(name, value)}" for name, value in values)
-    file = model.extras.source[1]
-    source = f", file of SHA-256 {file[:16]}" if file else ""
-    return f"Of {model.name}{source}; parameters: {named or 'none'}."
+    return f"V(z) = {polynomial_in_words(statement.terms, statement.loop.states)}"
 
 
 def _place(statement: RegionStatement, found: tuple[float, np.ndarray | None]) -> Place | None:
