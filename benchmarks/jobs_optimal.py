@@ -22,8 +22,8 @@ from hfa_optimal.collocation import (
     collocation_points,
     mesh as growing,
 )
+from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.problem import FlightProblem, flight_problem
-from hfa_optimal.starts import drawn_starts
 from trim.point.solve import find_operating_point
 
 _GTM = Path(__file__).parents[1] / "examples" / "gtm.py"

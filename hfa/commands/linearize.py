@@ -22,7 +22,7 @@ from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report
-from trim.hfa.printed import bands_known, beside_the_print, entry_bands, printed_at, with_bands
+from trim.hfa.printed import bands_known, compared_with_print, entry_bands, printed_at, with_bands
 from trim.linear import linear_model
 from trim.linear.handling_qualities import with_qualities
 from trim.linear.linear_model import LinearModel
@@ -102,7 +102,7 @@ def linearize(request: LinearizeRequest) -> int:
     # The print is in feet.
     printed = printed_at(point) if _is_printed(model) and request.units != "si" else None
     if printed is not None:
-        report = beside_the_print(report, model, printed)
+        report = compared_with_print(report, model, printed)
     notes = [*report.notes, reduction_note(model, full.select(usual), follow)]
     notes = [note for note in notes if note]
     report = replace(report, notes=notes).with_data(warnings=notes)

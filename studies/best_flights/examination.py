@@ -19,9 +19,9 @@ from scipy.integrate import solve_ivp
 
 import hfa
 from hfa_optimal.flights import Flown
+from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.problem import FlightProblem, flight_problem
 from hfa_optimal.search import BestFlights
-from hfa_optimal.starts import drawn_starts
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.jsonable import json_text

@@ -11,10 +11,10 @@ import numpy as np
 import hfa
 from hfa_flight.scenario import Scenario
 from hfa_optimal.flights import Flights, Flown
+from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.pilots import Pilot, deployed_pilot, gain_pilot
 from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import AFTER, BestFlights
-from hfa_optimal.starts import drawn_starts
 from hfa_policy.flown import flown_deployment, sampled_scenario
 from hfa_policy.outcomes import start_box
 from hfa_support.errors import NoSolutionError

@@ -167,7 +167,7 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
     return None
 
 
-def beside_the_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
+def compared_with_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
     """The report of a model with the printed pair of its condition."""
     printed = OfTheHfa(printed={"A": published.A, "B": published.B})
     beside = replace(

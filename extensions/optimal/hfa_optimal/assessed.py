@@ -9,13 +9,13 @@ import numpy as np
 
 from hfa_flight.scenario import Scenario
 from hfa_optimal.best_flight import PolicyFlight
+from hfa_optimal.initial_conditions import drawn_starts, starts_table
 from hfa_optimal.pilots import Pilot
 from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
-from hfa_optimal.starts import drawn_starts, starts_table
 from hfa_policy.assessment import AssessedPoint
 from hfa_policy.best_costs import BestCosts, Bracket, Ratios, ratios
-from hfa_policy.cost_lost import weights_at
+from hfa_policy.cost_above_optimum import weights_at
 from hfa_policy.deployed import Deployed
 from hfa_policy.flown import flown_deployment, sampled_scenario
 from hfa_support.progress import Progress

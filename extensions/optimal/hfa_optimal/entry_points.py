@@ -10,8 +10,8 @@ OPTIMIZE = CommandEntry(
     results=(
         "hfa_optimal.best_flight:BestFlight",
         "hfa_optimal.quickest:QuickestFlight",
-        "hfa_optimal.starts:StartsTable",
-        "hfa.critic-check/1 hfa_optimal.starts:WithFlights",
+        "hfa_optimal.initial_conditions:StartsTable",
+        "hfa.critic-check/1 hfa_optimal.initial_conditions:WithFlights",
     ),
 )
 

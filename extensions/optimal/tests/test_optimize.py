@@ -11,9 +11,9 @@ from cli import complaints_about
 
 import hfa
 from hfa.main import main
+from hfa_optimal.initial_conditions import drawn_starts, starts_table
 from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
-from hfa_optimal.starts import drawn_starts, starts_table
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 GTM = f"{EXAMPLES / 'gtm.py'}:GTM"

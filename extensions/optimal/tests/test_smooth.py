@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import hfa
+from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
 from hfa_optimal.smooth import smoothed
-from hfa_optimal.starts import drawn_starts
 
 POINTS = np.linspace(-1.0, 1.0, 401)[:, None]
 #: Half-width of the kinks below, for an argument that varies as POINTS.

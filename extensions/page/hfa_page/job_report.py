@@ -14,8 +14,8 @@ from importlib.resources import files
 from typing import Any
 
 from controller.riccati.solution_report import solution_report
-from hfa_page.beside_the_print import matrices_beside_the_print
 from hfa_page.claims import claims_section
+from hfa_page.compared_with_print import matrices_compared_with_print
 from hfa_page.flights import flights_section
 from hfa_page.main_job import Angle, MainJob
 from hfa_page.plots import front_view, locus_plot
@@ -182,7 +182,7 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
     printed = printed_at(model.point)
     if printed is None or model.point.model.extras.native is not None:  # the print is in feet
         return report
-    beside: tuple[Part, ...] = matrices_beside_the_print(model, printed)
+    beside: tuple[Part, ...] = matrices_compared_with_print(model, printed)
     kept = report.parts[len(beside) :]
     return replace(report, parts=(*beside, _COLORS, *kept, comparison_table(model, printed)))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from hfa_flight.limit_cycle import LimitCycle
 from hfa_policy.best_costs import BestCosts
-from hfa_policy.cost_lost import CostLost, cost_lost
+from hfa_policy.cost_above_optimum import CostLost, cost_lost
 from hfa_policy.departures import departure_text, refuse_edges
 from hfa_policy.deployed import Deployed
 from hfa_policy.equilibrium import Equilibrium, EquilibriumSearch

@@ -13,7 +13,7 @@ from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyap
 import hfa
 from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor
-from hfa_policy.cost_lost import cost_lost, lqr_at
+from hfa_policy.cost_above_optimum import cost_lost, lqr_at
 from hfa_policy.sampled_loop import Chain, chain_of, delays, held, margins, slowest_swing
 from hfa_policy.trims import trims_of
 

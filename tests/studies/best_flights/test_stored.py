@@ -9,8 +9,8 @@ import pytest
 from project import ROOT
 
 import hfa
+from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.search import BestFlights
-from hfa_optimal.starts import drawn_starts
 from studies.best_flights.__main__ import DEGREES, LIMITS, START, best_beside_policies
 from studies.best_flights.examination import independent_cost, problem_of, summary, table
 

@@ -141,7 +141,7 @@ def _prove(request: CostRequest) -> int:
     from hfa_boxes.cost_report import found_bound_report
     from hfa_boxes.search.cost import CostSearch
     from hfa_optimal.bound import plant_of, unknowns_of
-    from hfa_optimal.starts import usual_box
+    from hfa_optimal.initial_conditions import usual_box
 
     problem = request.problem()
     plant = plant_of(problem)

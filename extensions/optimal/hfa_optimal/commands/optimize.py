@@ -221,7 +221,7 @@ def _table(
     bound: CostStatement | None,
 ) -> int:
     """The best flights from many starts; exit 1 where none was found."""
-    from hfa_optimal.starts import drawn_starts, starts_table
+    from hfa_optimal.initial_conditions import drawn_starts, starts_table
 
     assert request.starts is not None
     starts = drawn_starts(search.problem, request.starts, request.seed)

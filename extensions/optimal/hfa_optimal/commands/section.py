@@ -11,10 +11,10 @@ import numpy as np
 from controller.riccati.gare import solve_game
 from hfa.options.games import NamedGame
 from hfa.output import ProgressLine
+from hfa_optimal.initial_conditions import drawn_starts, starts_table
 from hfa_optimal.pilots import critic_pilot, gain_pilot
 from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
-from hfa_optimal.starts import drawn_starts, starts_table
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
 from verification.critic.verdict import Verdict

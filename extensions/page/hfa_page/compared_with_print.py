@@ -15,7 +15,9 @@ from trim.linear.linear_model import LinearModel
 _MOST_HALF_UNITS = (1.0, 2.0, 3.0)
 
 
-def matrices_beside_the_print(model: LinearModel, published: PublishedModel) -> tuple[Table, ...]:
+def matrices_compared_with_print(
+    model: LinearModel, published: PublishedModel
+) -> tuple[Table, ...]:
     """A and B, the printed row below each computed one; an entry's tone is its deviation in half
     units."""
     entries = iter(compare(model, published))

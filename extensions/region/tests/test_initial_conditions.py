@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flown_starts import drawn, starts_lost
+from flown_initial_conditions import drawn, starts_lost
 from pendulum_regions import PENDULUM, VAN_DER_POL, certified, pendulum_loop, proved
 
 from hfa_aircraft.loading import load_model

@@ -1,6 +1,6 @@
 """Starts in a proved set, flown: how many leave it or do not return.
 
-python extensions/region/tests/support/flown_starts.py FILE.json 100000 [FILE.py:NAME]
+python extensions/region/tests/support/flown_initial_conditions.py FILE.json 100000 [FILE.py:NAME]
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from dataclasses import replace
 import hfa
 from hfa import LinearModel
 from hfa_model.printed_matrices import published_models
-from hfa_page.beside_the_print import matrices_beside_the_print
+from hfa_page.compared_with_print import matrices_compared_with_print
 from trim import regenerate
 
 
@@ -17,7 +17,9 @@ def test_planted_error_changes_tone_of_entry_no_other() -> None:
     model = regenerate(hfa.aircraft(), published)
 
     def tones(model: LinearModel) -> list[list[str]]:
-        rows = [row for table in matrices_beside_the_print(model, published) for row in table.rows]
+        rows = [
+            row for table in matrices_compared_with_print(model, published) for row in table.rows
+        ]
         assert (rows[6][0], rows[7][0]) == ("pitch_rate", "printed")
         return [[getattr(cell, "tone", "") for cell in row[1:]] for row in rows]
 
