@@ -6,7 +6,9 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 from project import FOLDERS
+from scipy.sparse.csgraph import connected_components
 
 #: Circles of files; lower it with each one that goes, and do not raise it.
 CIRCLES = 6
@@ -47,27 +49,18 @@ def is_for_checkers(test: ast.expr) -> bool:
 
 def circles(trees: dict[str, ast.Module], *, lazy: bool) -> list[set[str]]:
     """The groups of modules of which each imports each other one, directly or not."""
-    graph = {}
+    names = list(trees)
+    place = {name: number for number, name in enumerate(names)}
+    graph = np.zeros((len(names), len(names)), dtype=bool)
     for name, tree in trees.items():
-        graph[name] = {each for each in imports_of(tree, lazy=lazy) if each in trees}
-    reached = {name: reachable(graph, name) for name in graph}
-    groups = []
-    for name in graph:
-        group = {other for other in reached[name] if name in reached[other]}
-        if len(group) > 1 and group not in groups:
-            groups.append(group)
-    return groups
-
-
-def reachable(graph: dict[str, set[str]], start: str) -> set[str]:
-    """All that a module imports, directly or not."""
-    found: set[str] = set()
-    waiting = [start]
-    while waiting:
-        for name in graph[waiting.pop()] - found:
-            found.add(name)
-            waiting.append(name)
-    return found
+        for imported in imports_of(tree, lazy=lazy):
+            if imported in place:
+                graph[place[name], place[imported]] = True
+    count, labels = connected_components(graph, directed=True, connection="strong")
+    groups: list[set[str]] = [set() for _ in range(count)]
+    for name, label in zip(names, labels, strict=True):
+        groups[label].add(name)
+    return [group for group in groups if len(group) > 1]
 
 
 def test_circles_only_become_fewer() -> None:
