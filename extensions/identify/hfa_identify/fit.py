@@ -215,7 +215,7 @@ class OutputError:
 
         FloatingPointError where it is not a number."""
         residuals = self._residuals([each.y for each in simulated])
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             likelihood = self._likelihood(residuals, self._noise(residuals, theta), starts)
         if not math.isfinite(likelihood):
             raise FloatingPointError("the simulation diverges")
