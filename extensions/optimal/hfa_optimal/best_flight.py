@@ -192,7 +192,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
         for flown, policy in zip(self.compared, self.policies, strict=True):
             cost = "-" if policy.cost is None else f"{policy.cost:.6g}"
             ratio = "-" if policy.over_best is None else f"{policy.over_best:.4g}"
-            rows.append((policy.policy, cost, ratio, "lost" if flown.lost else "converges"))
+            rows.append((policy.policy, cost, ratio, flown.ending))
             if flown.lost:
                 lines.append(f"{policy.policy}: {flown.outcome()}")
             lines.append(_saturated(policy.policy, policy.saturated))
@@ -218,7 +218,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
         lines = [first]
         for flown, policy in zip(self.compared, self.policies, strict=True):
             says = [] if policy.over_best is None else [f"{policy.over_best:.4g} x the best found"]
-            says += ["lost"] if flown.lost else []
+            says += [flown.ending] if flown.lost else []
             lines.append(f"{policy.policy}: {', '.join(says)}")
         return "\n".join([*lines, f"from {deviations_in_words(self.model, self.start)}"])
 

@@ -68,8 +68,16 @@ class Flown(NamedTuple):
         """True if it left the envelope, or does not end in the trim."""
         return self.departure is not None or not self.converges
 
+    @property
+    def ending(self) -> str:
+        """The outcome in a few words."""
+        words = [] if self.departure is None else ["leaves the envelope"]
+        if self.departure is None or self.converges:
+            words.append("converges" if self.converges else "does not converge")
+        return ", ".join(words)
+
     def outcome(self) -> str:
-        """Return the outcome in words."""
+        """Return the outcome in words, with the state that left the envelope first."""
         if self.departure is None:
             return "converges" if self.converges else "does not converge"
         left = self.departure.text()

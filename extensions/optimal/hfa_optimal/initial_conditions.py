@@ -56,6 +56,8 @@ class PolicySummary(Result):
 
     policy: its name.
     lost: flights that left the envelope or do not end in the trim.
+    left: flights that left the envelope.
+    converged: flights that end in the trim, within the envelope or not.
     median: its cost over that of the best flight found, of the flights that converge; None where
         none does.
     high: what 10 % of these exceed.
@@ -64,6 +66,8 @@ class PolicySummary(Result):
 
     policy: str
     lost: int
+    left: int
+    converged: int
     median: float | None
     high: float | None
     worst: float | None
@@ -146,14 +150,15 @@ class StartsTable(Result, Reported):
         rows = []
         for each in self.policies:
             numbers = [_number(value) for value in (each.median, each.high, each.worst)]
-            rows.append((each.policy, f"{each.lost} of {self.found}", *numbers))
-        header = ("cost over the best found", "lost", "median", "90 %", "worst")
+            counts = (f"{each.left} of {self.found}", f"{each.converged} of {self.found}")
+            rows.append((each.policy, *counts, *numbers))
+        header = ("cost over the best", "leave the envelope", "converge", "median", "90 %", "worst")
         reasons = [each.reason for each in self.flights if each.reason is not None]
         refused = [(reason, str(reasons.count(reason))) for reason in dict.fromkeys(reasons)]
         if self.over_bound:
             median, high = (f"{np.quantile(self.over_bound, q):.4g}" for q in (0.5, 0.9))
             worst = f"{max(self.over_bound):.4g}"
-            rows.append(("best found over the proved bound", "", median, high, worst))
+            rows.append(("best found over the proved bound", "", "", median, high, worst))
         parts = [Table(header, rows)]
         if refused:
             parts.append(Table(("refused", "starts"), refused))
@@ -185,10 +190,13 @@ class WithFlights(Result):
 def _summary(column: Sequence[PolicyFlight]) -> PolicySummary:
     ratios = [each.over_best for each in column if each.over_best is not None]
     lost = sum(each.departure is not None or not each.converges for each in column)
+    left = sum(each.departure is not None for each in column)
+    converged = sum(each.converges for each in column)
+    counts = (column[0].policy, lost, left, converged)
     if not ratios:
-        return PolicySummary(column[0].policy, lost, None, None, None)
+        return PolicySummary(*counts, None, None, None)
     median, high = np.quantile(ratios, [0.5, 0.9]).tolist()
-    return PolicySummary(column[0].policy, lost, median, high, max(ratios))
+    return PolicySummary(*counts, median, high, max(ratios))
 
 
 def _number(value: float | None) -> str:

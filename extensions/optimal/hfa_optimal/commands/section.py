@@ -45,8 +45,8 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     starts = drawn_starts(problem, count, _SEED)
     table = starts_table(search, starts, pilots, ProgressLine("flights"))
     section = table.report()
-    lost = [f"{each.policy.removesuffix(', clipped')} loses {each.lost}" for each in table.policies]
-    line = f"flights of the nonlinear aircraft, {table.found} of {table.starts} starts found: "
+    lost = [f"{each.policy.removesuffix(', clipped')} {each.lost}" for each in table.policies]
+    line = f"nonlinear flights that leave the envelope or do not converge, of {table.found}: "
     title = f"{report.title}\n{line}{', '.join(_of_critic(lost))}"
     parts = (*report.parts, section)
     return replace(report, title=title, parts=parts).with_data(flights=section.data)
