@@ -167,7 +167,7 @@ def table(rows: Sequence[dict[str, Any]]) -> Table:
         )
     header = (
         *("aircraft", "found", "SciPy differs", "meshes", "guesses"),
-        *("linear optimum lost", "else over the best", "a start"),
+        *("linear optimum leaves", "else over the best", "one flight"),
     )
     return Table(header, lines)
 

@@ -141,10 +141,10 @@ class StartsTable(Result, Reported):
         place = at_scheduled(self.point)
         title = (
             f"Best flights found, {self.problem.model.title} {place}".rstrip()
-            + f": {self.found} of {self.starts} starts"
+            + f": from {self.found} of {self.starts} initial conditions"
         )
         if self.starts < self.asked:
-            title += f" (interrupted; {self.asked} asked for)"
+            title += f" (interrupted; {self.asked} requested)"
         if self.over_bound:
             title += f", {bracket_text(max(self.over_bound))}"
         rows = []
@@ -161,7 +161,7 @@ class StartsTable(Result, Reported):
             rows.append(("best found over the proved bound", "", "", median, high, worst))
         parts = [Table(header, rows)]
         if refused:
-            parts.append(Table(("refused", "starts"), refused))
+            parts.append(Table(("refused", "initial conditions"), refused))
         parts.append(limits_table(self.problem))
         return Report(title, parts, data=self.as_data(), records=self._records())
 

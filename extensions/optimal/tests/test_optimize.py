@@ -70,7 +70,7 @@ def test_an_interruption_keeps_what_is_found() -> None:
 
     table = starts_table(search, 0.1 * starts, progress=stop)
     assert table.starts == 1
-    assert "interrupted; 3 asked for" in table.report().text()
+    assert "interrupted; 3 requested" in table.report().text()
 
 
 @pytest.mark.parametrize(

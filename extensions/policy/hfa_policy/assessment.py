@@ -70,8 +70,9 @@ class AssessedPoint(Result):
     keys = (
         "holds spectral_radius=radius delay_limit=delays.limit delay_limit_fine=delays.fine "
         "delay_searched=delays.searched radii disk_margin=margins.disk.disk input_margins "
-        "rest=equilibrium_states rest_inputs=equilibrium_inputs K=equilibrium.K cost_lost=cost "
-        "nonlinearity flights disturbed findings best? rough?"
+        "equilibrium=equilibrium_states equilibrium_inputs K=equilibrium.K cost_lost=cost "
+        "nonlinearity flights disturbed findings best? rough? "
+        "rest=equilibrium_states rest_inputs=equilibrium_inputs"  # the names of 0.3
     )
 
     deployed: Deployed

@@ -67,11 +67,12 @@ class Assessment(Result, Reported):
     schema = "hfa.assessment/1"
     made_by = "hfa assess"
     keys = (
-        "dynamics=deployed.model.name card=deployed.deployment.origin first_line holds "
+        "dynamics=deployed.model.name deployment_file=deployed.deployment.origin first_line holds "
         "dt=deployed.deployment.dt delay=deployed.deployment.delay "
         "history=deployed.deployment.history "
         "network=deployed.deployment.actor.chain commanded=deployed.commanded "
-        "states=deployed.model.linear mistakes points unmet warnings variations?"
+        "states=deployed.model.linear mistakes points unmet warnings variations? "
+        "card=deployed.deployment.origin"  # the name of 0.3
     )
 
     deployed: Deployed
@@ -448,7 +449,7 @@ class Assessment(Result, Reported):
         key = self.deployed.model.schedule_key if self.deployed.model.schedule else "trim"
         header = (
             *(key, "holds", "spectral_radius", "delay_limit [s]", "disk_margin"),
-            *("returned", "lost", "starts"),
+            *("converged", "left_envelope", "flights"),
         )
         rows = []
         for number, point in enumerate(self.points):

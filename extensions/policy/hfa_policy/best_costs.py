@@ -51,6 +51,11 @@ class BestCosts(Result):
     brackets: one a start; none without a certificate of a lower bound.
     """
 
+    keys = (
+        "initial_conditions=starts found refused not_converged=lost policy_over_best lqr_over_best "
+        "offset_rate brackets"
+    )
+
     starts: int
     found: int
     refused: int

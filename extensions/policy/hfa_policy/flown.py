@@ -95,9 +95,14 @@ class DeployedPolicy(Policy):
         return sample
 
     def data(self, model: Model) -> dict[str, Any]:
-        """With the card and its network."""
+        """Return its name, its deployment file (also by the key of 0.3, `card`) and its network."""
         deployment = self.deployed.deployment
-        return {"law": self.name, "card": deployment.origin, "network": deployment.actor.chain}
+        return {
+            "law": self.name,
+            "deployment_file": deployment.origin,
+            "card": deployment.origin,
+            "network": deployment.actor.chain,
+        }
 
 
 def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:

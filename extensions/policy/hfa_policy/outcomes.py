@@ -30,6 +30,8 @@ PUSH = 0.5
 #: Seconds of the flight in which a limit cycle is measured.
 _CYCLE_SECONDS = 20.0
 _FLYING, _RETURNED, _LOST, _ENDED = range(4)
+#: Outcomes of a flight, in words.
+LEAVES, DOES_NOT_CONVERGE, CONVERGES = "leaves the envelope", "does not converge", "converges"
 # A flight is flown no further where its end is known. That is measured, not proved: of 26,000
 # flights of 5 policies, with 0 to 5 samples of delay, each was judged as after all of the time.
 # With swings that are the same but for 0.05, 24 of 19,200 were not: slow decay and growth.
@@ -117,7 +119,7 @@ class Outcome(Result):
         slowest oscillation and two seconds, or at the end.
     lost: number that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
-    worst_ends: "lost", "is not back" or "returns", the end of the worst flight.
+    worst_outcome: "leaves the envelope", "does not converge" or "converges": of the worst flight.
     slowest: s, longest time of convergence.
     cycle: the limit cycle of the others, or about an unstable equilibrium; None without one.
     elsewhere: number that converge to another equilibrium.
@@ -128,16 +130,20 @@ class Outcome(Result):
         None where none does.
     """
 
+    #: The last line has the names of 0.3, for one version.
     keys = (
+        "flights=starts converged=returned left_envelope=lost worst_initial=worst_start "
+        "worst_outcome slowest_convergence=slowest converged_elsewhere=elsewhere "
+        "other_equilibrium=elsewhere_at limit_cycle=cycle moving seconds departure "
         "starts returned lost worst_start worst_ends slowest_return=slowest "
-        "rest_elsewhere=elsewhere elsewhere=elsewhere_at limit_cycle=cycle moving seconds departure"
+        "rest_elsewhere=elsewhere elsewhere=elsewhere_at"
     )
 
     starts: int
     returned: int
     lost: int
     worst_start: dict[str, float]
-    worst_ends: str
+    worst_outcome: str
     slowest: float
     cycle: LimitCycle | None
     elsewhere: int
@@ -145,6 +151,12 @@ class Outcome(Result):
     moving: int
     seconds: float
     departure: Departure | None
+
+    @property
+    def worst_ends(self) -> str:
+        """`worst_outcome` in the words of 0.3: "lost", "is not back" or "returns"."""
+        words = {LEAVES: "lost", DOES_NOT_CONVERGE: "is not back", CONVERGES: "returns"}
+        return words[self.worst_outcome]
 
 
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
@@ -319,7 +331,7 @@ class FlownRows:
         left = None
         if lost.size:
             worst, left = self._first_lost(lost, place)
-            ends = "lost"
+            ends = LEAVES
         X = self.flight.slices[0]
         at_start = self.first[worst, X][self.linear]
         cycle = None
@@ -338,7 +350,7 @@ class FlownRows:
             returned=len(returned),
             lost=len(lost),
             worst_start=dict(zip(model.linear, at_start.tolist(), strict=True)),
-            worst_ends=ends,
+            worst_outcome=ends,
             slowest=float(self.times[returned].max(initial=0.0)),
             cycle=cycle,
             elsewhere=elsewhere,
@@ -386,9 +398,9 @@ class FlownRows:
         """The number of the worst flight of those that stay inside: that swings most, else the
         slowest; 0 without one."""
         if neither.size:
-            return int(neither[np.argmax(self.nearest[neither])]), "is not back"
+            return int(neither[np.argmax(self.nearest[neither])]), DOES_NOT_CONVERGE
         if returned.size:
-            return int(returned[np.argmax(self.times[returned])]), "returns"
+            return int(returned[np.argmax(self.times[returned])]), CONVERGES
         return 0, ""
 
 

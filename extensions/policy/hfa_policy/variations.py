@@ -34,8 +34,9 @@ class Variation(Result):
 
     keys = (
         "name value holds=assessed.holds spectral_radius=assessed.radius "
-        "rest=assessed.equilibrium_states flights=assessed.flights disturbed=assessed.disturbed "
-        "findings=assessed.findings"
+        "equilibrium=assessed.equilibrium_states flights=assessed.flights "
+        "disturbed=assessed.disturbed findings=assessed.findings "
+        "rest=assessed.equilibrium_states"  # the name of 0.3
     )
 
     name: str

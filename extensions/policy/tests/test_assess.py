@@ -25,8 +25,8 @@ from hfa_policy.outcomes import ends_from_trim, seeded_starts
 from hfa_policy.trims import trims_of
 
 KEYS = {
-    *("speed", "holds", "spectral_radius", "delay_limit", "disk_margin", "rest", "K"),
-    *("cost_lost", "flights", "findings"),
+    *("speed", "holds", "spectral_radius", "delay_limit", "disk_margin", "equilibrium", "K"),
+    *("rest", "cost_lost", "flights", "findings"),
 }
 
 
@@ -61,9 +61,10 @@ def test_data_have_the_keys_that_are_promised(good):
         assert point["delay_limit"] == 0.02
         assert np.shape(point["K"]) == (2, 4)
         assert {"worst", "mean", "sampled_worst"} <= point["cost_lost"].keys()
-        assert {"starts", "returned", "lost", "worst_start"} <= point["flights"].keys()
-        assert point["flights"]["returned"] == 16
-        assert point["flights"]["worst_ends"] == "returns"
+        flown = point["flights"]
+        assert {"left_envelope", "worst_initial", "converged_elsewhere"} <= flown.keys()
+        assert flown["converged"] == flown["returned"] == flown["flights"] == 16
+        assert (flown["worst_outcome"], flown["worst_ends"]) == ("converges", "returns")
 
 
 @pytest.mark.parametrize(
