@@ -251,8 +251,8 @@ class GeneralizedPlant(Shown):
         without = conditions(self, math.inf)
         if not without.exists:
             raise NoSolutionError(
-                f"rounding hides the solution of the {without.condition} without disturbance:"
-                f" {_hidden_by(self, without.condition) or without.reason}"
+                "rounding hides the solution without disturbance:"
+                f" {_barely_met(self) or without.reason}"
             )
         begin = max(1.0, 2.0 * self.floor)
         gain = _gain_of_optimal_loop(self.apart)
@@ -556,12 +556,15 @@ def check_modes(plant: GeneralizedPlant) -> None:
             raise NoSolutionError(hidden.format(found.undamped))
 
 
-def _hidden_by(plant: GeneralizedPlant, condition: str) -> str:
-    """The mode of this condition that is barely reached or shown, in words; "" if there is none."""
-    which = int(condition.startswith("filter"))
-    verbs = (("u reaches", "z shows"), ("the sensors see", "the disturbance reaches"))[which]
-    side = plant.sides[which]
-    return obstacle(NormalForm.of(side.game(math.inf)), *_OBSTACLES[which]).faint(*verbs)
+def _barely_met(plant: GeneralizedPlant) -> str:
+    """The modes that are barely reached or shown, in words; "" if there is none."""
+    verbs = (("u reaches", "z shows"), ("the sensors see", "the disturbance reaches"))
+    sides = zip(plant.sides, _OBSTACLES, verbs, strict=False)
+    found = [
+        obstacle(NormalForm.of(side.game(math.inf)), *sentences).faint(*words)
+        for side, sentences, words in sides
+    ]
+    return "; ".join(text for text in found if text)
 
 
 def _response_difference(one: Controller, other: Controller) -> float:
