@@ -1,5 +1,5 @@
 """A proposal for the best flight of the GTM against rockit on the same problem: the same equations,
-limits, cost, guess and number of intervals of Radau collocation of degree 3, and IPOPT with the
+limits, cost, guess and number of intervals of Radau collocation of degree 2, and IPOPT with the
 same tolerance. Without rockit (`pip install rockit-meco`) there are no figures."""
 
 from __future__ import annotations

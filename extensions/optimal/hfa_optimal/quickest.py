@@ -169,7 +169,7 @@ class QuickestFlight(StatesAndInputs, Result, Reported):
         """Whose flight, how long it takes, and from where."""
         whose = f"{self.model.title} {at_scheduled(self.point)}".strip()
         begin = deviations_in_words(self.model, self.start)
-        return f"Quickest flight found, to {whose}: {self.seconds:.4g} s\nfrom {begin}"
+        return f"Quickest flight found, to {whose}: {self.seconds:.4g} s\nfrom {begin} off it"
 
     def _checked(self) -> str:
         meshes = " and ".join(map(str, list(self.meshes)[-2:]))
