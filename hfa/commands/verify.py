@@ -104,7 +104,7 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         f"limit of the relative errors; default {LIMIT:g}", "X", positive, default=LIMIT
     )
     limit_cost: float | None = option(
-        "exit 0 when the cost is at most this much above the optimum", "PERCENT", positive
+        "exit 0 when the linear cost is at most this much above the optimum", "PERCENT", positive
     )
     region: float | None = option(
         "add the region of attraction of the saturated loop; time of the search",

@@ -198,7 +198,7 @@ def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCos
         disk_margin=math.nan if learned is None else learned.disk,
         disk_margin_exact=best.disk,
     )
-    table = Table(("in flight, under the worst disturbance", "learned", "exact"), rows)
+    table = Table(("linear loop with the worst disturbance", "learned", "exact"), rows)
     return Section((table,), data)
 
 

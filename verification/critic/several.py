@@ -41,7 +41,7 @@ def verdicts_report(
         "error of K",
         "largest error",
         "stabilizing",
-        "cost lost, percent",
+        "linear cost lost, percent",
         "L2 gain",
     )
     rows = []

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 NEEDS = {
     "delay": "s",
     "margin": "disk margin",
-    "cost": "percent over the optimum, continuous and sampled",
+    "cost": "percent over the linear optimum, continuous and sampled",
 }
 #: Columns of the first line.
 _FIRST_LINE = 100

@@ -333,7 +333,9 @@ def _flown_lines(flown: Flown) -> list[str]:
             f"cost lost {flown.cost_lost_flown_percent:.3g} percent at most, "
             f"{flown.cost_lost_flown_mean_percent:.3g} on average"
         )
-    lines = [f"Flown from {flown.flights} starts in the box (not a bound): {cost}"]
+    lines = [
+        f"Flown in the linear game from {flown.flights} starts in the box (not a bound): {cost}"
+    ]
     reach = f"{flown.reach:g} times the box on the linear plant"
     if flown.reach_nonlinear is not None:
         reach += (

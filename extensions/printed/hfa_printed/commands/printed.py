@@ -27,7 +27,7 @@ class PrintedRequest(OutputOptions):
         required=True,
     )
     limit_cost: float | None = option(
-        "exit 0 when the cost is at most this much above the optimum",
+        "exit 0 when the linear cost is at most this much above the optimum",
         "PERCENT",
         positive,
     )
