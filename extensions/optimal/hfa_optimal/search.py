@@ -26,9 +26,10 @@ from hfa_support.errors import BadInputError, NoSolutionError
 #: Intervals of the coarsest mesh, and how often it is divided.
 INTERVALS = 25
 _DIVISIONS = 4
-#: How much farther inside the limits a proposal stays after its flight left them.
+#: How much farther inside the limits a proposal stays after its flight left them: on every mesh,
+#: and on the last one that agreed where that does not suffice.
 _TIGHTER = 3.0
-_TIGHTENINGS = 1
+_TIGHTEST = 9.0
 #: Two meshes agree to this part of the cost, and a flight with its proposal.
 MESHES_AGREE = 0.005
 FLIGHT_AGREES = 0.01
@@ -93,8 +94,7 @@ class Found(NamedTuple):
     @property
     def spread_of_meshes(self) -> float:
         """The relative difference between the costs of the last two meshes."""
-        finest = list(self.meshes.values())[-2:]
-        return max(finest) / min(finest) - 1.0
+        return difference_of_meshes(self.meshes)
 
     @property
     def spread_of_guesses(self) -> float:
@@ -195,7 +195,7 @@ class BestFlights:
         for name in _cheapest_first(finer):
             meshes = {INTERVALS: proposals[name].cost, 2 * INTERVALS: finer[name].cost}
             try:
-                flown, best = self._confirmed(seconds, meshes, finer[name])
+                flown, best, meshes = self._confirmed(seconds, meshes, finer[name])
             except NoSolutionError as error:
                 reason = str(error)
                 continue
@@ -204,33 +204,39 @@ class BestFlights:
 
     def _confirmed(
         self, seconds: float, meshes: dict[int, float], best: Proposal
-    ) -> tuple[Flown, Proposal]:
-        """The flight of a proposal and what it follows; the mesh is divided until two agree, and
-        the flight with them.
+    ) -> tuple[Flown, Proposal, dict[int, float]]:
+        """The flight of a proposal, what it follows, and its meshes; the mesh is divided until two
+        agree, and the flight with them.
 
-        meshes: intervals -> cost so far; those that are tried are added.
+        meshes: intervals -> cost so far
 
         NoSolutionError with the reason where the last ones do not."""
+        agreed = None
         intervals = len(best.lengths)
         for _ in range(_DIVISIONS):
-            before, last = list(meshes.values())[-2:]
-            change = abs(last / before - 1.0)
+            change = difference_of_meshes(meshes)
             alternating = self._alternating(best)
             reason = f"two meshes differ by {100 * change:.2g} %{alternating}"
             if change <= MESHES_AGREE:
-                flown, followed = self._flown(best, seconds)
+                flown, followed = self._flown(best, seconds, _TIGHTER)
                 reason = refutation(flown, followed)
                 if not reason:
-                    return flown, followed
+                    return flown, followed, meshes
+                agreed = best, meshes
             elif alternating and intervals >= _ALTERNATING_MESH:
                 break
             intervals *= 2
             if 2 * intervals * self.flights.step > seconds:
                 break
-            best = self._finer(intervals, best, MARGIN)
-            if not best.feasible:
+            finer = self._finer(intervals, best, MARGIN)
+            if not finer.feasible:
                 break
-            meshes[intervals] = best.cost
+            best = finer
+            meshes = {**meshes, intervals: best.cost}
+        if agreed is not None:
+            flown, followed = self._flown(agreed[0], seconds, _TIGHTEST)
+            if not refutation(flown, followed):
+                return flown, followed, agreed[1]
         raise NoSolutionError(reason)
 
     def _alternating(self, proposal: Proposal) -> str:
@@ -248,21 +254,16 @@ class BestFlights:
                 )
         return "".join(texts)
 
-    def _flown(self, best: Proposal, seconds: float) -> tuple[Flown, Proposal]:
-        """The flight of a proposal, of one that stays farther inside the limits where it left them;
-        and what it follows."""
-        margin = MARGIN
+    def _flown(self, best: Proposal, seconds: float, factor: float) -> tuple[Flown, Proposal]:
+        """The flight of a proposal, or, where it leaves the limits, of one that stays farther
+        inside them by a factor; and what it follows."""
         flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
-        for _ in range(_TIGHTENINGS):
-            if flown.departure is None:
-                break
-            margin *= _TIGHTER
-            tighter = self._finer(len(best.lengths), best, margin)
-            if not tighter.feasible:
-                break
-            best = tighter
-            flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
-        return flown, best
+        if flown.departure is None:
+            return flown, best
+        tighter = self._finer(len(best.lengths), best, factor * MARGIN)
+        if not tighter.feasible:
+            return flown, best
+        return self.flights.follow(tighter, (1.0 + AFTER) * seconds), tighter
 
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: Flown
@@ -383,6 +384,12 @@ class BestFlights:
             return z[rows], v[rows]
 
         return guess
+
+
+def difference_of_meshes(meshes: Mapping[int, float]) -> float:
+    """The relative difference between the costs of the last two meshes."""
+    finest = list(meshes.values())[-2:]
+    return max(finest) / min(finest) - 1.0
 
 
 def _cheapest_first(proposals: Mapping[str, Proposal]) -> list[str]:
