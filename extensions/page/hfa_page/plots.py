@@ -177,7 +177,7 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
     half = hfa_model.parameters_of(aircraft).panel_span / 2
     hinges = np.array([[-half, 0.0], [half, 0.0]])
     moment = float(hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment)
-    moment_text = f"{round(moment, 1) + 0.0:.1f} {unit_of(aircraft, 'ft lbf')}"
+    moment_text = f"{round(moment, 1) + 0.0:.1f}<br>{unit_of(aircraft, 'ft lbf')}"
     middles = [panel.middle for panel in panels]
     lifts = [panel.lift for panel in panels]
     weights = [panel.weight for panel in panels]
