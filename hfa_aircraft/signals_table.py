@@ -15,8 +15,8 @@ _KINDS = ("states", "inputs", "outputs", "parameters", "disturbances")
 
 
 def signals_report(model: Model) -> Report:
-    """Return a table a kind: names, units, limits, and the value that a trim imposes, or of a
-    parameter its own; angles in degrees."""
+    """Return one table for each kind: names, units, limits, and the value that a trim imposes, or
+    of a parameter its own; angles in degrees."""
     parts = []
     for kind in _KINDS:
         rows = []

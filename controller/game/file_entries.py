@@ -16,7 +16,7 @@ UNKNOWN = "the array"
 
 
 def found_in(stored: Mapping[str, Any]) -> str:
-    """For a message: the names in a file."""
+    """Return the names in a file, for a message."""
     if not stored:
         return " (the file is empty)"
     return f" (found: {shortened(', '.join(sorted(stored)), 200)})"

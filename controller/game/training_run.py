@@ -171,7 +171,7 @@ class TrainingRun(Result, Reported):
         )
 
     def _records(self) -> Table:
-        """One row a kept tick: time, residuals, weights."""
+        """One row for each kept tick: time, residuals, weights."""
         columns = [f"W{i + 1}" for i in range(self.weights.shape[1])]
         units = self.weight_units
         if units:

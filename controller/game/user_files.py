@@ -58,7 +58,7 @@ class StoredGame(NamedTuple):
 
 
 def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """No defaults: for a plant of which nothing is known."""
+    """Return no defaults, for a plant of unknown kind."""
     return Defaults()
 
 

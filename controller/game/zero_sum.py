@@ -248,5 +248,5 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
 
 
 def shape_text(shape: tuple[int, ...]) -> str:
-    """For a message: 5 x 6."""
+    """Return the shape for a message, "5 x 6"."""
     return " x ".join(map(str, shape))

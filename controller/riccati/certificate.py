@@ -72,7 +72,7 @@ Measured = dict[str, Any]
 
 @dataclass(frozen=True)
 class Certificate(Checked, Result):
-    """Every test that P went through; it counts only when all of them hold.
+    """The tests of P; it counts only when all of them hold.
 
     checks: of P, all of which must hold."""
 

@@ -47,7 +47,7 @@ class LoopMargin(NamedTuple):
 
     @property
     def gain(self) -> float:
-        """To the nearest instability, up or down, dB."""
+        """Gain to the nearest instability, up or down, dB."""
         with np.errstate(divide="ignore"):
             return float(20.0 * np.abs(np.log10([self.gain_low, self.gain_high])).min())
 

@@ -40,7 +40,7 @@ class Sizes(NamedTuple):
     Q: np.ndarray
 
     def in_coordinates(self, T: np.ndarray, inverse: np.ndarray) -> Sizes:
-        """In y = T z."""
+        """Return the form in the coordinates y = T z."""
         into = np.abs(T)
         back = np.abs(inverse)
         return Sizes(into @ self.A @ back, into @ self.B, into @ self.E, back.T @ self.Q @ back)

@@ -1,4 +1,4 @@
-"""For which disturbance weights the game has a value: the smallest delta, and why there may be none
+"""Disturbance weights for which the game has a value: the smallest delta, and why there may be none
 at all."""
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def _some_solution(form: NormalForm) -> Certified:
 
 
 def lqr_obstacle(form: NormalForm, failure: str) -> str:
-    """One line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution.
+    """Return one line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution.
 
     failure: of its certificate.
     """
@@ -244,7 +244,8 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
 
 
 def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
-    """Each eigenvalue of A, with what rounding of the entries of A may move it by, to first order.
+    """Return each eigenvalue of A, with the distance by which rounding of the entries of A may move
+    it by, to first order.
 
     That is y'|D|x / |y'x| for a change D of the entries by rounding; at most `_NEAR_AXIS` of the
     size of A, also where A is defective. Source: Golub and Van Loan, Section 7.2.2."""
@@ -260,7 +261,7 @@ def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
 
 
 def _mode_text(eigenvalue: complex, error: float) -> str:
-    """For a message: mode with eigenvalue 0.5 ± 1i; a part up to the error is 0."""
+    """Return, for a message, "mode with eigenvalue 0.5 ± 1i; a part up to the error is 0."""
     real = eigenvalue.real if abs(eigenvalue.real) > error else 0.0
     text = f"mode with eigenvalue {real:.4g}"
     if abs(eigenvalue.imag) > error:

@@ -192,8 +192,8 @@ def _in_store(request: SweepRequest) -> int:
 
 
 def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
-    """The columns of a CSV file of conditions: a header of names, then a row a point, typed as in
-    --hold (degrees).
+    """The columns of a CSV file of conditions: a header of names, then one row for each point,
+    typed as in --hold (degrees).
 
     BadInputError names the row, the header being row 1, and the column.
     """

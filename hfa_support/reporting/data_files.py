@@ -22,9 +22,9 @@ _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
     """One file, whole or not at all; numbers keep 17 significant digits.
 
-    .json: `data`. .npz: one array a leaf, keys joined by dots. .mat: the same tree as structs, N
-    matrices as (rows, columns, N). .csv: `records`, one row a value; a last column has schema and
-    provenance as JSON in its first row."""
+    .json: `data`. .npz: one array for each leaf, keys joined by dots. .mat: the same tree as
+    structs, N matrices as (rows, columns, N). .csv: `records`, one row a value; a last column has
+    schema and provenance as JSON in its first row."""
     suffix = target.suffix.lower()
     if suffix == ".json":
         write_text(target, json_text(data))
@@ -77,7 +77,7 @@ def _for_matlab(data: Any) -> Any:
 
 
 def _stacked(array: np.ndarray) -> np.ndarray:
-    """A stack of matrices (N, rows, columns) as MATLAB and Octave have it: (rows, columns, N)."""
+    """A stack of matrices (N, rows, columns) as in MATLAB and Octave: (rows, columns, N)."""
     return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
 
 

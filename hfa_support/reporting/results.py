@@ -42,7 +42,7 @@ class Entry(NamedTuple):
 class Result:
     """A dataclass whose entries are written as data, also within other data.
 
-    schema: name and number of the format of a result that is written by itself; "" for a part.
+    schema: name and number of the format of a result that is written separately; "" for a part.
     made_by: the command that writes it.
     keys: the entries in their order: the name of a field or property, or KEY=FIELD.PROPERTY; with
         ? after the key where it is omitted when it is None or empty. "" for all fields, those with
@@ -53,7 +53,7 @@ class Result:
     keys: ClassVar[str] = ""
 
     def as_data(self) -> dict[str, Any]:
-        """Key -> value as files have it; arrays stay arrays."""
+        """Return key -> value as stored in files; arrays stay arrays."""
         data: dict[str, Any] = {"schema": self.schema} if self.schema else {}
         for entry in declared_entries(type(self)):
             value = reduce(_attribute, entry.path, self)
@@ -73,8 +73,8 @@ def _attribute(value: Any, name: str) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """A value as files have it: results and named tuples as objects, complex numbers as (re, im), a
-    number that is not finite as None; arrays stay arrays."""
+    """Return a value as stored in files: results and named tuples as objects, complex numbers as
+    (re, im), a number that is not finite as None; arrays stay arrays."""
     if isinstance(value, Result):
         return value.as_data()
     if hasattr(value, "_asdict"):

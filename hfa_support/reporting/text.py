@@ -35,7 +35,7 @@ class Cell(str):
     tone: str
 
     def __new__(cls, text: str, tone: str = "") -> Self:
-        """The text and how good it is."""
+        """Return a cell of this text and tone."""
         cell = super().__new__(cls, text)
         cell.tone = tone
         return cell
@@ -109,7 +109,7 @@ def numbered(letter: str, count: int) -> tuple[str, ...]:
 
 
 def in_degrees(angle: float) -> float:
-    """An angle in degrees as it was asked for: 15, not 14.999999999999998."""
+    """Return an angle in degrees as it was given: 15, not 14.999999999999998."""
     return round(math.degrees(angle), 10)
 
 

@@ -70,7 +70,7 @@ def bode_figure(model: LinearModel) -> Figure:
 
 
 def draw_bode(model: LinearModel, figure: Figure) -> Figure:
-    """Magnitude in dB above phase in degrees, a panel an output and a line an input.
+    """Magnitude in dB above phase in degrees, one panel for each output, one line for each input.
 
     At most six outputs that an input reaches are drawn; the others are named below. The frequencies
     are those of `bode_frequencies`. BadInputError where no input reaches an output.

@@ -101,7 +101,7 @@ class LinearModel(ByValue, Result, Reported):
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """Modes of A, fastest first, named as the model has it."""
+        """Modes of A, fastest first, named as in the model."""
         from trim.linear.modes import modes_of
 
         return modes_of(self.A, self.states, self.point.model.modes)

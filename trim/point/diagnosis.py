@@ -21,8 +21,8 @@ _MINOR = 1e-3
 
 
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
-    """One line on the best unknowns found: which equations do not balance within the limits, by
-    how much, which limits bind, and, where the equations balance beyond them, what that would
+    """Return one line on the best unknowns found: which equations do not balance within the limits,
+    by how much, which limits bind, and, where the equations balance beyond them, what that would
     take."""
     z = problem.clip(found)
     off = _imbalances(problem, z)

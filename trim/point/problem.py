@@ -65,7 +65,7 @@ class TrimProblem:
             raise BadInputError(f"{idle} moves no equation; free another variable")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A pickle is of what was asked; its functions in memory are made again."""
+        """Pickle the request; functions in memory are made again."""
         return TrimProblem, (self.model, self.asked)
 
     def at(self, z: np.ndarray) -> Evaluation:

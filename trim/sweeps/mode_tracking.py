@@ -37,7 +37,7 @@ class _Modes(NamedTuple):
     left: np.ndarray
 
     def at(self, points: np.ndarray) -> _Modes:
-        """Those of some points."""
+        """Return the modes of some points."""
         return _Modes(self.values[points], self.right[points], self.left[points])
 
     def some(self, point: int, modes: np.ndarray) -> _Modes:

@@ -244,8 +244,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return figure
 
     def _draw(self, axes: Axes, columns: np.ndarray, ends: np.ndarray) -> None:
-        """Draw the chosen columns of eigenvalues, (k,) booleans, a line a mode, and the ends of the
-        columns `ends`."""
+        """Draw the chosen columns of eigenvalues, (k,) booleans, one line for each mode, and the
+        ends of the columns `ends`."""
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(columns).tolist():
             name = self.mode_names[column]
@@ -345,7 +345,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         )
 
     def _table(self) -> Table:
-        """The varied values and the eigenvalues of each mode, a row a point."""
+        """The varied values and the eigenvalues of each mode, one row for each point."""
         modes = self.modes
         varied = zip(self.variables, self.plan.units, strict=True)
         header = (
@@ -371,8 +371,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return tuple(map(shown_value, self.values[i], self.plan.units))
 
     def records(self) -> Table:
-        """One row a point: the varied values, status, reason, operating point, eigenvalues, entries
-        of A and B."""
+        """Return one row for each point: the varied values, status, reason, operating point,
+        eigenvalues, entries of A and B."""
         model = self.model
         varied = zip(self.variables, self.plan.units, strict=True)
         header = [f"{name} [{unit}]" for name, unit in varied]
@@ -478,7 +478,7 @@ def sweep(
     grid: trim variable or parameter of the model -> imposed values, in its units
     condition: of the other variables; default: the model's own trim; the grid overrides it.
     start: initial point of the search at each point
-    listed: whether the values of the grid are columns, a row a point
+    listed: whether the values of the grid are columns, one row for each point
     progress: called with (points done, points in all)
 
     A point that has no trim becomes a row with its reason. BadInputError when a name is unknown, a
@@ -493,7 +493,7 @@ def sweep(
 
 
 def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
-    """Every point of a plan, in memory."""
+    """Trim every point of a plan, in memory."""
     if plan.count > MOST_POINTS:
         raise BadInputError(
             f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory"

@@ -46,7 +46,7 @@ class SweepPlan:
     model: the aircraft.
     condition: of the other variables; default: the model's own trim.
     start: initial point of the search at each point.
-    listed: the axes are columns of equal length, a point a row.
+    listed: the axes are columns of equal length, one row for each point.
 
     BadInputError when a name or a range is wrong.
     """
@@ -168,7 +168,7 @@ class SweepPlan:
 
     @property
     def dynamics(self) -> str:
-        """Published or newton, or the name of another model."""
+        """Name of the model: published, newton or another."""
         return self.model.name
 
     @property

@@ -79,7 +79,7 @@ class BoxSet(ProvedResult):
 
     @property
     def coefficients(self) -> Vector:
-        """Of the monomials of V in y."""
+        """Coefficients of the monomials of V in y."""
         return np.array([value for value, _ in self.statement.piece.W.terms])
 
     @property

@@ -106,7 +106,7 @@ def _turns_both_ways(table: Table) -> bool:
 
 
 def _mass(table: Table) -> float:
-    """The mass, of the weight where that is given."""
+    """Return the mass, computed from the weight where that is given."""
     if "mass" in table.values:
         return table.values["mass"]
     return table.values["weight"] / GRAVITY[table.system]

@@ -128,7 +128,7 @@ def _judged(
     diagnose: Diagnose,
     more: Mapping[str, np.ndarray] | None = None,
 ) -> Verdict:
-    """`check_discrete`."""
+    """Return the verdict of `check_discrete`, of checked arguments."""
     refuse_unless_positive("limit", limit)
     exact = solve_discrete(problem)
     if not critic.finite:

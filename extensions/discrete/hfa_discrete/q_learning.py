@@ -195,11 +195,11 @@ class _QLearner:
         return self.problem.discount * self.inverse @ _products(self.steps.next_states)
 
     def _H(self, weights: np.ndarray) -> np.ndarray:
-        """In the units of the steps."""
+        """Return H in the units of the steps."""
         return self.psi.matrix(weights) / np.outer(self.scales, self.scales)
 
     def value_iteration(self, H: np.ndarray | None) -> np.ndarray:
-        """One step more of the horizon; None: the first.
+        """Return the weights after one more step of the horizon; None: the first step.
 
         NoSolutionError where w gains more than it pays for, and where the value grows without end.
         """

@@ -266,7 +266,7 @@ def _not_shrinking(values: np.ndarray) -> np.ndarray:
 
 
 def _unreached(value: complex) -> str:
-    """That no input reaches the mode of this eigenvalue."""
+    """Return a sentence: no input reaches the mode of this eigenvalue."""
     return (
         f"no input reaches the {_mode_text(value)} of sqrt(discount) A, which does not decay;"
         " change B or lower the discount"
@@ -280,7 +280,7 @@ def _mode_text(value: complex) -> str:
 
 
 def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
-    """By bisection of log δ on `_existence`."""
+    """Return the smallest δ, by bisection of log δ on `_existence`."""
     without = form.with_delta(math.inf)
     try:
         X, accurate, _ = _certified(without)
@@ -320,7 +320,8 @@ def _existence(form: StepForm) -> Answer:
 
 
 def _obstacle(form: StepForm, failure: str) -> str:
-    """One line on why there is no solution without disturbance; failure: of its certificate."""
+    """Return one line on why there is no solution without disturbance; failure: of its
+    certificate."""
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     for value in np.linalg.eigvals(form.A):
         if abs(value) < 1.0 - RANK:

@@ -158,7 +158,7 @@ class NonlinearPlant(Plant):
 
 
 def _values(winds: Winds, model: Model) -> list[Any]:
-    """All disturbances of a model."""
+    """Return the values of all disturbances of a model."""
     return [winds.get(name, 0.0) for name in model.disturbances]
 
 
@@ -334,7 +334,7 @@ class ClosedLoop:
         return Measurements(states - self._reference(t), states, positions, rates, updraft)
 
     def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
-        """All states, those of the linear model as they are measured."""
+        """Return all states, those of the linear model as measured."""
         chosen = ca.DM(self.plant.chosen)
         return plant + ca.mtimes(chosen.T, of_linear - ca.mtimes(chosen, plant))
 

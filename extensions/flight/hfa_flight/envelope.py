@@ -50,7 +50,7 @@ class ControlExcess(NamedTuple):
     unit: str
 
     def text(self) -> str:
-        """In degrees for angles."""
+        """Return the departure in words, angles in degrees."""
         return f"{self.input} {_beyond(self.value, self.limit, self.unit)}"
 
 

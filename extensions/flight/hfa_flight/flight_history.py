@@ -1,4 +1,4 @@
-"""The numbers of a flight, one row a step."""
+"""The numbers of a flight, one row for each step."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hfa_support.reporting.fields import Shown
 
 @dataclass(frozen=True, repr=False)
 class Deviations(Shown):
-    """A flight as deviations from the trim, one row a step.
+    """A flight as deviations from the trim, one row for each step.
 
     times: (N,), s
     states: (N, n), of the plant

@@ -65,7 +65,7 @@ class GainSchedule(Shown):
 
     @property
     def file_breakpoints(self) -> np.ndarray:
-        """The breakpoints as files have them: angles in degrees, (G,)."""
+        """Return the breakpoints as stored in files: angles in degrees, (G,)."""
         if self.model.schedule_unit == "deg":
             return np.asarray(np.degrees(self.breakpoints).round(_DIGITS))
         return self.breakpoints

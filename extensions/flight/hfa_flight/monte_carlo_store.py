@@ -33,8 +33,8 @@ def chunk_of(plan: MonteCarlo) -> int:
 def run_monte_carlo(
     plan: MonteCarlo, workers: int | str = 1, progress: Progress | None = None
 ) -> Mapping[str, np.ndarray]:
-    """Return the stored results of every member (`KEPT`), in memory: name -> an array, a row a
-    member.
+    """Return the stored results of every member (`KEPT`), in memory: name -> an array, one row for
+    each member.
 
     workers: see `open_workers`; the results do not depend on it.
     progress: called with (chunks done, chunks in all), first at the start.

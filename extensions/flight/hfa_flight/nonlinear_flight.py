@@ -338,7 +338,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def checks(self) -> Sequence[Check]:
-        """None since 0.3; kept for readers of /1."""
+        """An empty list since 0.3, kept for readers of /1."""
         return ()
 
     @property
@@ -348,7 +348,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def largest_difference_from_linear(self) -> Mapping[str, float] | None:
-        """By state; left out without a prediction."""
+        """State -> largest difference; omitted without a prediction."""
         if self.predicted is None:
             return None
         difference = np.abs(self.flight.states - self.predicted.states).max(axis=0)
@@ -495,7 +495,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return Table(tuple(header), rows)
 
     def _inputs(self) -> Table:
-        """A row an input."""
+        """Return a table with one row for each input."""
         shares = self.share_beyond_control_limits
         rows = []
         for name, column in zip(self.model.inputs, self.inputs.T, strict=True):
@@ -521,8 +521,8 @@ class Flight(StatesAndInputs, Result, Reported):
         return FlightHistory(history=columns)
 
     def _records(self) -> Table:
-        """The history, one row a tick, each column with its unit: an array, because a flight may be
-        long."""
+        """The history, one row for each tick, each column with its unit: an array, because a flight
+        may be long."""
         history = self.history().history
         model = self.point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}

@@ -131,7 +131,7 @@ class GainPolicy(Policy):
         return -ca.mtimes(ca.reshape(held, *self.gains.shape[1:]), measurements.error)
 
     def data(self, model: Model) -> dict[str, Any]:
-        """With the gain of the last tick."""
+        """Return the data, with the gain of the last tick."""
         units = list(model.units(model.linear))
         return {"law": self.name, "state_units": units, "K": self.gains[-1]}
 

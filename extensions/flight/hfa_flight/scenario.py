@@ -170,7 +170,7 @@ class Scenario(Shown):
 
     @property
     def delayed_ticks(self) -> int:
-        """Ticks of the delay."""
+        """Number of ticks of the delay."""
         return round(self.delay / self.tick)
 
     @property
@@ -229,8 +229,8 @@ class Scenario(Shown):
         return round(self.duration / self.tick)
 
     def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
-        """One draw of the uncertain quantities, which seed and member decide. point: whose speed
-        gusts are met at."""
+        """Return one draw of the uncertain quantities, which seed and member decide. point: whose
+        speed gusts are met at."""
         uncertain = self.uncertainty
         errors = dict(self.errors)
         factors = uncertain.factors(seed, member).tolist()

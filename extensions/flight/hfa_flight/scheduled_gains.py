@@ -97,7 +97,7 @@ class ScheduledGainPolicy(Policy):
         return self.path.inputs_at(t) - ca.mtimes(K, measurements.error)
 
     def data(self, model: Model) -> dict[str, Any]:
-        """With the gains at all breakpoints."""
+        """Return the data, with the gains at all breakpoints."""
         return {
             "law": self.name,
             "state_units": list(model.units(model.linear)),

@@ -65,7 +65,7 @@ def formats() -> dict[str, Any]:
 
 
 def _is_whole(text: str) -> bool:
-    """Whether a text declares a result, not what is added to one."""
+    """Return whether a text declares a result, not an addition to one."""
     return ":" in text.split()[0]
 
 

@@ -120,7 +120,7 @@ def fitted_by_quantity(fit: Fit) -> list[np.ndarray]:
 
 
 def _summed(S: np.ndarray, variance: float, correlation: np.ndarray) -> np.ndarray:
-    """Σ_i Σ_j S_i' r(i - j) S_j of one quantity, S: of consecutive samples."""
+    """Return Σ_i Σ_j S_i' r(i - j) S_j of one quantity. S: sensitivities of consecutive samples."""
     total = variance * S.T @ S
     for lag in range(1, min(len(correlation), len(S))):
         product = S[:-lag].T @ S[lag:]

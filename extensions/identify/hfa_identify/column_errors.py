@@ -43,7 +43,7 @@ class ColumnError(Result):
 
     @property
     def clear(self) -> float:
-        """The estimate in its standard deviations."""
+        """The estimate divided by its standard deviation."""
         return abs(self.value) / self.half * BAND if self.value is not None and self.half else 0.0
 
 

@@ -130,7 +130,7 @@ def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) ->
 
 def _is_plausible(search: Search, name: str, value: float) -> bool:
     """Return whether an error is smaller than what its column reaches: a bias beyond it, or a scale
-    that more than halves or doubles, stands for motion that the model lacks."""
+    that more than halves or doubles, indicates motion that the model lacks."""
     error = sensor_errors(search.responses.model, (name.partition("_")[2],))[name]
     if error.kind == "scale":
         return -0.5 < value < 1.0

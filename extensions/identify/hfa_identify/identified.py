@@ -121,7 +121,7 @@ class Identified(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if nothing speaks against the estimates."""
+        """True if no finding speaks against the estimates."""
         return not list(self.findings)
 
     @property

@@ -39,8 +39,8 @@ def other_minimum(search: Search, fit: Fit) -> Fit | None:
 
 
 def _is_apart(one: Fit, other: Fit, first: int) -> bool:
-    """Whether estimates of two fits of the same samples differ by many standard deviations, from
-    the unknown with the number `first` on."""
+    """Return whether estimates of two fits of the same samples differ by many standard deviations,
+    from the unknown with the number `first` on."""
     deviations = np.sqrt(np.diag(white_covariance(other)))
     return bool((np.abs(one.theta - other.theta) > _APART * deviations)[first:].any())
 

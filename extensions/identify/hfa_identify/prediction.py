@@ -136,7 +136,7 @@ class Predictions(Responses):
         return Responses(self.model, self.free[self.turbulent :], self.measured)
 
     def wider(self, names: Sequence[str]) -> Predictions:
-        """The same with errors of sensors as further unknowns."""
+        """Return the equations with errors of sensors as further unknowns."""
         free = (*self.free[self.turbulent :], *names)
         return Predictions(self.model, free, self.measured, self.condition)
 

@@ -57,7 +57,8 @@ class Record:
         return [self.part(first, last + 1) for first, last in zip(starts, ends, strict=True)]
 
     def thinned(self, together: int) -> Record:
-        """A sample for each so many: the first that each sensor has among them."""
+        """Return one sample for each group of `step`: the first value of each sensor in the
+        group."""
         if together == 1:
             return self
         starts = np.arange(0, len(self.time), together)

@@ -129,7 +129,7 @@ class Responses:
 
     @property
     def calm(self) -> Responses:
-        """Those of calm air, with the unknowns that are no turbulence."""
+        """Return the equations of calm air, with the unknowns other than turbulence."""
         return self
 
     @property
@@ -138,7 +138,7 @@ class Responses:
         return 0
 
     def wider(self, names: Sequence[str]) -> Responses:
-        """The same with errors of sensors as further unknowns."""
+        """Return the equations with errors of sensors as further unknowns."""
         return Responses(self.model, (*self.free, *names), self.measured)
 
     def has_error(self, error: SensorError) -> bool:
@@ -349,7 +349,8 @@ class Responses:
         return states, (before, after), durations
 
     def _advance(self, steps: int) -> ca.Function:
-        """The states after each of so many steps; made once for a number of steps."""
+        """Return the function that maps a state to the states after each of `count` steps, made
+        once for a count."""
         if steps not in self._advances:
             self._advances[steps] = self._step.mapaccum(steps)
         return self._advances[steps]

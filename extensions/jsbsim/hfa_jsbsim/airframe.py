@@ -134,7 +134,8 @@ class Mass:
         return self.weight / SLUG_TO_LB
 
     def arm(self, location: Any) -> Any:
-        """From the center of gravity to a place, ft, in body axes (x forward, z down)."""
+        """Return the vector from the center of gravity to a place, ft, in body axes (x forward, z
+        down)."""
         return structural_to_body(location - self.center)
 
 

@@ -282,8 +282,8 @@ def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
 
 
 def spool_error(file: EngineFile, around: Surroundings) -> Any:
-    """By how much the speed of a turbine's shaft is below that of its throttle, or of the air where
-    it does not run, %."""
+    """Return how far the speed of a turbine's shaft is below that of its throttle, or of the air
+    where it does not run, %."""
     low, high = file.shaft("n2")
     on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
     wanted = ca.if_else(running(file, around), on, _windmilling(file, around, "n2"))

@@ -34,7 +34,7 @@ def _integer(value: Any) -> Any:
 
 
 def _fraction(value: Any) -> Any:
-    """The part behind the point; 0 of infinity, as C has it."""
+    """Return the fractional part; 0 for infinity, as in C."""
     return ca.if_else(ca.fabs(value) == math.inf, 0.0, value - _integer(value))
 
 

@@ -61,7 +61,7 @@ class LoopError(BadInputError):
 
 @dataclass(eq=False)
 class Writer:
-    """One of those that set a property.
+    """One of the components that set a property.
 
     compute: gives the value.
     where: file and line.
@@ -211,7 +211,7 @@ class Properties:
         return writers[-1] if writers else None
 
     def names(self) -> tuple[str, ...]:
-        """All properties that something sets."""
+        """Names of all properties that are set."""
         return tuple(self._writers)
 
     def read(self, name: str, where: str) -> Any:

@@ -418,7 +418,7 @@ def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _equal(one: Proposal, other: Proposal) -> bool:
-    """Whether two proposals on one mesh cost the same, as far as IPOPT tells."""
+    """Return whether two proposals on one mesh cost the same to the accuracy of IPOPT."""
     return abs(one.cost - other.cost) <= _EQUAL * abs(one.cost)
 
 

@@ -132,8 +132,8 @@ def flown_angles(job: MainJob) -> Report | None:
 
 
 def angle_report(job: MainJob, angle: Angle) -> Report:
-    """One asked angle: linear model with the print, game solution, learned critic; the slider shows
-    its trim."""
+    """One requested angle: linear model with the print, game solution, learned critic; the slider
+    shows its trim."""
     model = angle.model
     data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
     title = f"Dihedral {angle_text(angle.dihedral)}: model, game, critic"

@@ -1,5 +1,5 @@
-"""The main job: both printed pairs regenerated, the sweep, and every asked angle with its game and
-its critic."""
+"""The main job: both printed pairs regenerated, the sweep, and every requested angle with its game
+and its critic."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ MOST_ASKED = 20
 
 @dataclass(frozen=True, eq=False)
 class Angle:
-    """The trim and the linear model at a dihedral angle (rad); of an asked angle the exact solution
-    of the paper's game, and a critic learned with the default law and compared with it.
+    """The trim and the linear model at a dihedral angle (rad); of a requested angle the exact
+    solution of the paper's game, and a critic learned with the default law and compared with it.
 
     model, solution, check: None if not computed; `reason` says why.
     """
@@ -103,8 +103,8 @@ def with_game(angle: Angle) -> Angle:
 
 @dataclass(frozen=True, eq=False)
 class MainJob:
-    """One aircraft: both pairs regenerated, trims and models over the dihedral angle, asked angles
-    in full.
+    """One aircraft: both pairs regenerated, trims and models over the dihedral angle, requested
+    angles in full.
 
     points: one for each angle of the sweep. claims, flights: None where none were given.
     """
@@ -142,8 +142,8 @@ def main_job(
     start: OperatingPoint | None = None,
     progress: Progress = lambda *_: None,
 ) -> MainJob:
-    """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each asked
-    angle (rad).
+    """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each
+    requested angle (rad).
 
     asked: the sweep visits these too. flight, start: the trimmed flight, as of `sweep`; the printed
     pairs are at the paper's condition."""

@@ -16,7 +16,7 @@ class MainJobData(Result):
     ok: whether every check passes.
     regeneration: as of hfa regenerate.
     sweep: as of hfa sweep.
-    critics: as of hfa verify, at each asked angle.
+    critics: as of hfa verify, at each requested angle.
     angles: dihedral_deg; reason, empty where all was found; trim, model, solution and critic as of
         hfa trim, linearize, solve and verify.
     claims: of studies.section5, read from --claims.

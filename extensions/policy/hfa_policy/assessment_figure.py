@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
 
 def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
-    """Draw the spectral radius over the delay, a line a trim, and the outcomes of the flights, a
-    bar a trim; where every flight converges, the disk margins in their place."""
+    """Draw the spectral radius over the delay, one line for each trim, and the outcomes of the
+    flights, one bar for each trim; where every flight converges, the disk margins in their
+    place."""
     from matplotlib import colormaps
 
     left, right = figure.subplots(1, 2)

@@ -161,7 +161,7 @@ class Assessment(Result, Reported):
         return f"the deployment file is wrong ({', '.join(wrong)})" if wrong else ""
 
     def _holding(self) -> str:
-        """At which trims it holds, and whether the linear loop alone was judged."""
+        """Return the trims at which it holds, and whether the linear loop alone was judged."""
         holding = [point for point in self.points if point.holds]
         rate = f"at {1.0 / self.deployed.deployment.dt:.4g} Hz"
         judged_by = "" if self._flown else "its linear loop "
@@ -255,7 +255,7 @@ class Assessment(Result, Reported):
         return "" if largest is None else largest[1].replace(" at the trim:", ":")
 
     def _where(self, points: list[AssessedPoint]) -> str:
-        """At which trims: "from 38 to 60 m/s", "at 45 m/s"."""
+        """Return trims in words: "from 38 to 60 m/s", "at 45 m/s"."""
         values = [value for point in points for value in scheduled_value(point.point).values()]
         if not values:
             return "at the trim"
@@ -272,7 +272,7 @@ class Assessment(Result, Reported):
         return f"at {', '.join(f'{value:.4g}' for value in values)} {unit}"
 
     def _unless_all(self, points: list[AssessedPoint]) -> str:
-        """At which trims, after a space; nothing where these are all."""
+        """Return trims in words, after a space; "" where these are all."""
         return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
     def _delaying(self) -> str:
@@ -394,7 +394,7 @@ class Assessment(Result, Reported):
         return Report("\n".join(lines), tuple(parts), data=self.as_data(), records=self._records())
 
     def _findings(self) -> list[str]:
-        """Each finding of a trim once, with its trims."""
+        """Return each finding once, with its trims."""
         where: dict[str, list[AssessedPoint]] = {}
         for point in self.points:
             for finding in point.findings:

@@ -77,7 +77,7 @@ class BestCosts(Result):
         return ratios([cost / bound for cost, bound in pairs])
 
     def sentence(self) -> str:
-        """In words."""
+        """Return the comparison in words."""
         if self.policy_over_best is None:
             return f"no flight of {self.found} ends at the trim where a best flight was found"
         least, median, worst = self.policy_over_best

@@ -136,7 +136,7 @@ class ChangeFlights:
         return Flown(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
 
     def _optimum(self) -> np.ndarray | None:
-        """K of u = -K x, the sampled optimum at the first trim; None where there is none."""
+        """K of u = -K x, the sampled optimum at the first trim; None where none exists."""
         from scipy.linalg import LinAlgError, solve_discrete_are
 
         point = self.points[0]

@@ -23,7 +23,7 @@ def drawn_policy(
 ) -> Draws:
     """The sampled loop and the linear cost on `request.draws` aircraft, without flights.
 
-    assessed: what the policy does on the aircraft itself, at each trim.
+    assessed: the policy's results on the aircraft itself, at each trim.
 
     An aircraft counts as trimmed where the policy has an equilibrium at every trim, and as stable
     where its sampled loop is stable at every trim.

@@ -164,14 +164,15 @@ class Episodes:
         return self.frames[numbers]
 
     def step(self, actions: np.ndarray) -> Stepped:
-        """One sample of all episodes, as `advance`."""
+        """Advance all episodes by one sample, as `advance`."""
         self.advance(actions)
         rewards, lost, over = self.outcomes.T.copy()
         left = {each: self.left(each) for each in np.flatnonzero(lost).tolist()}
         return Stepped(self.frames.copy(), rewards, lost > 0.0, over > 0.0, left)
 
     def advance(self, actions: np.ndarray) -> None:
-        """One sample of all episodes with these actions, (N, m), beyond the box as at its end.
+        """Advance all episodes by one sample with these actions, (N, m), beyond the box as at its
+        end.
 
         BadInputError where they are of another shape, or one of them is not a number.
         """
@@ -203,7 +204,7 @@ class Episodes:
         return departure_at(envelope, after, time)
 
     def _compiled(self) -> Callable[[], Any]:
-        """One sample of all rows, in as many threads as there are processors where that pays."""
+        """Advance all rows by one sample, in as many threads as processors where that is faster."""
         count = len(self.owners)
         code = row_code(self._sample(), one_row=count == 1)
         tables = (self._rows, self.outcomes, self._observed)
@@ -254,7 +255,8 @@ def _outcome(changing: int, n: int) -> ca.Function:
     """(numbers of a row that a sample changes, the same after it, cost of the sample, ends) ->
     (numbers kept, ends after the sample, outcome).
 
-    Where a number after the sample is none, the numbers before it are kept and the episode is lost.
+    Where a number after the sample is nan, the numbers before it are kept and the episode is
+    terminated.
 
     changing: how many numbers change, the first n of them X
     """
@@ -281,7 +283,7 @@ def _changed_sizes(changing: int) -> tuple[tuple[str, int], ...]:
 
 
 def _all(conditions: Iterable[ca.SX]) -> ca.SX:
-    """Whether all of them hold."""
+    """Return whether all of them hold."""
     return reduce(ca.logic_and, conditions)
 
 
@@ -327,7 +329,7 @@ class EpisodeAir:
 
 
 def _rowwise(matrices: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Each row (N, n) times its matrix (N, m, n)."""
+    """Return each row (N, n) times its matrix (N, m, n)."""
     return np.einsum("nij,nj->ni", matrices, rows)
 
 

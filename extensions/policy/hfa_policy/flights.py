@@ -56,7 +56,7 @@ class Steered(NamedTuple):
 
 
 def steered_by(deployed: Deployed) -> Steered:
-    """By a deployment as it is."""
+    """Return the flight under a deployment as it is."""
     arguments = symbols_of_a_sample(deployed, 0)
     raw = ca.SX.sym("raw", len(deployed.commanded))
     past = ca.SX.sym("past", deployed.past)

@@ -58,7 +58,7 @@ class AircraftEnvironment(gymnasium.Env):
         return observations[0].astype(np.float32), info
 
     def _trim_number(self, number: Any) -> int:
-        """The number of a trim of the episodes; BadInputError where there is none."""
+        """The number of a trim of the episodes; BadInputError for another number."""
         count = len(self.episodes.points)
         refuse_unless_whole("options: trim", number, 0)
         if number >= count:
@@ -74,7 +74,7 @@ class AircraftEnvironment(gymnasium.Env):
         return states
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """One sample."""
+        """Advance the episode by one sample."""
         if type(action) is not np.ndarray or action.dtype.kind != "f":
             action = numbers_in("an action", action)
         self.episodes.advance(action[None])
@@ -99,7 +99,7 @@ class AircraftEnvironment(gymnasium.Env):
 
 
 def observation_space(observed: int) -> spaces.Box:
-    """Any numbers."""
+    """The box of all real observations."""
     return spaces.Box(-np.inf, np.inf, (observed,), np.float32)
 
 

@@ -77,8 +77,8 @@ def _says_no_normalizer(training: _Training) -> str:
 
 
 def unknown_normalizer(deployed: Deployed) -> str:
-    """That the card gives no normalizer and the policy's file does not show whether there was one;
-    "" where it does, or there is nothing to show it."""
+    """Return a sentence: the deployment declares no normalizer, and the policy's file does not show
+    whether there was one; "" where it does, or there is nothing to show it."""
     stored = deployed.deployment.actor.stored
     if stored is None or stored.timesteps == 0 or "normalizer" in deployed.deployment.policy:
         return ""

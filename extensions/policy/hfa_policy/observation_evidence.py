@@ -39,7 +39,7 @@ class _Record(NamedTuple):
 
 
 class _Observed(NamedTuple):
-    """One observation of the card at the trims.
+    """One observation of the deployment at the trims.
 
     name: in the card.
     state: the state that it takes; "" of a formula.
@@ -92,7 +92,7 @@ class _Observed(NamedTuple):
         return low <= 0.0 <= high or not is_seen_about_0
 
     def agrees(self, record: _Record) -> bool:
-        """Return whether the training may have seen it as the card has it."""
+        """Return whether the training may have seen it as the deployment declares it."""
         return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
 
     def _deviations(self, record: _Record, is_absolute: bool) -> float:

@@ -217,7 +217,7 @@ class FlownRows:
         self.swings_of_blocks = np.full(shape, np.inf)
 
     def fly(self, seconds: float, window: Window, progress: Progress | None = None) -> None:
-        """Fly all of them for so many seconds."""
+        """Fly all rows for `seconds`."""
         self.seconds = seconds
         count = len(self.rows)
         windows = max(1, round(seconds / (self.flight.samples_in_window * self.flight.dt)))
@@ -244,7 +244,7 @@ class FlownRows:
         self.status[back] = _RETURNED
 
     def _window(self, window: Window, flying: np.ndarray, number: int) -> None:
-        """One window of the flights that go on, and which of them end with it."""
+        """Fly one window of the unfinished flights, and find those that end in it."""
         rows = self._flown(window, flying, number)
         lost = ~self.flight.are_inside(rows, self.least[flying], self.most[flying])
         distance, swings = self._in_balls(rows, flying)
@@ -415,7 +415,7 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
 def measured_cycle(
     flight: SampledFlight, row: np.ndarray, place: Place, seconds: float = _CYCLE_SECONDS
 ) -> LimitCycle | None:
-    """The oscillation of the flight that goes on from a row, as `limit_cycle` finds it."""
+    """Return the oscillation of the flight that begins at a row, as `limit_cycle` finds it."""
     model = place.point.model
     X, memory, *_ = flight.slices
     m = len(model.inputs)

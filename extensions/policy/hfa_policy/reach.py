@@ -105,7 +105,7 @@ def left_alone(
     deployed: Deployed, equilibrium: Equilibrium, slowest: complex, dt: float
 ) -> OwnMode | None:
     """Return the mode of the aircraft that the slowest mode of the sampled loop is, where it is
-    slow and the policy moves its eigenvalue by no more than a tenth; None where there is none.
+    slow and the policy moves its eigenvalue by at most 10 %; None without such a mode.
 
     slowest: the eigenvalue of the sampled loop of largest absolute value. dt: s.
     """

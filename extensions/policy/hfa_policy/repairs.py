@@ -17,7 +17,7 @@ _DEGREES = 180.0 / np.pi
 
 
 class Repair(NamedTuple):
-    """One change of a card: o' = P o + c and a' = gain S a.
+    """One change of a deployment: o' = P o + c and a' = gain S a.
 
     kind: of the mistake that it undoes.
     text: what would have to be so.
@@ -41,7 +41,7 @@ def card_with_gain(card: Deployment, gain: float) -> Repair:
 
 
 def repairs_of(deployed: Deployed) -> list[Repair]:
-    """Every single change of the card that is tried."""
+    """Return every single change of the deployment that is tried."""
     card = deployed.deployment
     of_observations = [*_exchanges(card), *_abouts(card), *_scales(deployed)]
     return [*of_observations, *_signs(card), *_exchanged_actions(card), *_units(deployed)]
@@ -108,7 +108,7 @@ def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
 
 
 def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any]:
-    """The map of an action with the box of another place."""
+    """Return the map of an action with the box of another one."""
     return {key: part for key, part in {**entry, "box": place.get("box")}.items() if part}
 
 

@@ -272,7 +272,7 @@ def _scalar(name: str, block: Block) -> float:
 
 
 def _completed(typed: dict[str, Block], parameters: Mapping[str, float]) -> str:
-    """One number for Q or R of several rows becomes a diagonal of it; how, in words."""
+    """Complete one number for Q or R of several rows to a diagonal of it; how, in words."""
     readings = []
     for name, size in (("Q", len(typed["A"].values)), ("R", typed["B"].values.shape[1])):
         block = typed[name]
@@ -315,7 +315,7 @@ def _plant(typed: dict[str, Block], *, is_discrete: bool, discount: float) -> Pl
 
 
 def _check_shape(name: str, block: Block, rows: int, columns: int) -> None:
-    """BadInputError names the row at which the shape goes wrong."""
+    """BadInputError names the first row of a wrong length."""
     actual_rows, actual_columns = block.values.shape
     if (actual_rows, actual_columns) == (rows, columns):
         return

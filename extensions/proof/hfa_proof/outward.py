@@ -6,12 +6,12 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 
 
 def at_least(value: float, digits: int) -> str:
-    """A lower bound with so many digits, rounded down."""
+    """Return a lower bound with this number of digits, rounded down."""
     return _rounded(value, digits, ROUND_FLOOR)
 
 
 def at_most(value: float, digits: int) -> str:
-    """An upper bound with so many digits, rounded up."""
+    """Return an upper bound with this number of digits, rounded up."""
     return _rounded(value, digits, ROUND_CEILING)
 
 

@@ -60,7 +60,7 @@ def _numbers(stated: Any) -> np.ndarray:
 
 
 class Given(NamedTuple):
-    """An entry as the user has it.
+    """An entry as the user gives it.
 
     value: in the form of a statement's content
     option: which names it
@@ -73,7 +73,7 @@ class Given(NamedTuple):
 
 
 def close_to(relative: float) -> Callable[[Any, Any], bool]:
-    """A comparison of matrices of one shape, to within so many times the largest entry."""
+    """Return a comparison of matrices of one shape, to within a multiple of the largest entry."""
 
     def same(stated: Any, own: Any) -> bool:
         claimed = _numbers(stated)

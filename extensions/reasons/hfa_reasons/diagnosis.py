@@ -165,7 +165,8 @@ def diagnose(
     nearby: Nearby | None = None,
     box: np.ndarray | None = None,
 ) -> str:
-    """One sentence that names the mistake which this critic makes, or "" when none is recognized.
+    """Return one sentence that names the mistake which this critic makes, or "" when none is
+    recognized.
 
     game: whose solution the critic should be.
     exact: that solution.

@@ -177,7 +177,7 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
 
 
 def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
-    """All entries times one number."""
+    """Yield hypotheses: all entries times one number."""
     for mistake, factor in _FACTORS.items():
         yield Hypothesis(f"the {noun} {mistake}: {meant}", factor * view.judged)
     weights = view.weights**2
@@ -302,7 +302,7 @@ def _scales(
 
 
 def _listed(noun: str, where: np.ndarray) -> str:
-    """ "state 2", "states 2, 3 and 5"."""
+    """Return numbers in words: "state 2", "states 2, 3 and 5"."""
     *numbers, last = (str(index + 1) for index in np.flatnonzero(where))
     return f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
 

@@ -144,7 +144,7 @@ def _another(
 
 
 def _named(description: str, game: Game) -> Family:
-    """One other game."""
+    """Yield one other game."""
     return _another(lambda _: description, lambda _: game)
 
 

@@ -25,8 +25,7 @@ class CostStatement:
     plant: the model; its limits of states are the envelope
     equilibrium: moving state or input -> value, within 1e-6 nominal values
     Q: (n, n), symmetric, positive semidefinite
-    R: (m, m), symmetric, positive semidefinite
-    pieces: each proved by itself
+    R: (m, m), symmetric, positive semidefinite pieces: each proved separately
     """
 
     plant: Plant
@@ -59,7 +58,7 @@ class CostStatement:
         return cls(plant, equilibrium, Q, R, pieces)
 
     def content(self) -> dict[str, Any]:
-        """The statement as a file has it; `read` reads it back."""
+        """Return the statement as stored in a file, which `read` reads."""
         plant = self.plant
         return {
             **facts(plant.model),

@@ -43,7 +43,7 @@ class Boxes(NamedTuple):
         return Boxes(self.centres[which], self.depths[which])
 
     def halves(self) -> Boxes:
-        """Both halves of each, across the first of the widest edges."""
+        """Return both halves of each box, across the first of the widest edges."""
         rows = np.arange(len(self.centres))
         across = np.argmin(self.depths, axis=1)
         depths = self.depths.copy()
@@ -73,7 +73,7 @@ class OpenBoxError(NoSolutionError):
 
 
 class RefutedError(OpenBoxError):
-    """At a place in the set a function is not positive, as computed in doubles."""
+    """A function is not positive at a place in the set, as computed in doubles."""
 
 
 class SmallestBoxError(OpenBoxError):

@@ -125,7 +125,7 @@ class Decrease(OnPiece):
 
     @cached_property
     def _functions(self) -> TaylorProgram:
-        """-W', then what is positive where limits and extents hold.
+        """-W', then the functions that are positive where limits and extents hold.
 
         An extent h of z_i holds in the set where h - z_i > k (c - W), k >= 0."""
         y, z, _ = self._symbols

@@ -73,7 +73,7 @@ def lowered(powers: tuple[int, ...], index: int) -> tuple[int, ...]:
 
 
 def is_exact(coefficient: float, powers: Sequence[int]) -> bool:
-    """Whether the products of a coefficient with its powers are doubles."""
+    """Return whether the products of a coefficient with its powers are doubles."""
     return all(Fraction(power) * Fraction(coefficient) == power * coefficient for power in powers)
 
 
@@ -98,7 +98,7 @@ class Piece(NamedTuple):
         return piece
 
     def content(self) -> dict[str, Any]:
-        """The piece as a file has it; `read` reads it back."""
+        """Return the piece as stored in a file, which `read` reads."""
         terms = [[value, list(powers)] for value, powers in self.W.terms]
         return {"M": self.M.tolist(), "W": terms, "c": self.c}
 
@@ -172,7 +172,7 @@ class OnPiece:
         return N, (radius + 1e-15 * np.abs(N)) * (1.0 + ROUNDING)
 
     def within(self, place: np.ndarray) -> bool:
-        """Whether a place y (n,) is in the set and the limits of states, in doubles."""
+        """Return whether a place y (n,) is in the set and the limits of states, in doubles."""
         low, high = self.plant.ends(self.plant.states).T
         x = self.equilibrium.x[: self.n] + self.inverse[0] @ place
         is_allowed = bool(np.all((low <= x) & (x <= high)))

@@ -54,7 +54,7 @@ class Gain(NamedTuple):
         return ca.Function("gain", [z], [ca.densify(deviations)])
 
     def content(self) -> dict[str, Any]:
-        """The policy as a file has it."""
+        """Return the policy as stored in a file."""
         rows = {
             name: [[value, list(powers)] for value, powers in terms]
             for name, terms in self.terms.items()
@@ -89,7 +89,7 @@ class BoxStatement:
 
     @property
     def degree(self) -> int:
-        """Of V."""
+        """Degree of V."""
         return max(sum(powers) for _, powers in self.piece.W.terms)
 
     @classmethod
@@ -125,7 +125,7 @@ class BoxStatement:
         return cls(loop, stated, equilibrium, piece, extents)
 
     def content(self) -> dict[str, Any]:
-        """The statement as a file has it; `read` reads it back."""
+        """Return the statement as stored in a file, which `read` reads."""
         loop = self.loop
         policy = self.policy.content() if isinstance(self.policy, Gain) else self.policy
         return {

@@ -47,7 +47,7 @@ class Pairs(NamedTuple):
 
 @lru_cache(maxsize=16)
 def pairs_of(n: int) -> Pairs:
-    """In the order (0, 0), (0, 1), .., (1, 1), .."""
+    """Return the pairs in the order (0, 0), (0, 1), .., (1, 1), .."""
     first, second = np.triu_indices(n)
     return Pairs(first, second, np.where(first < second, 2.0, 1.0)[:, None])
 
@@ -64,7 +64,7 @@ class Models(NamedTuple):
 
     @property
     def value(self) -> np.ndarray:
-        """At the centre, but for the radius."""
+        """Value at the centre, without the radius."""
         return self.c[:, 0]
 
 

@@ -128,7 +128,7 @@ class CostSearch:
     def found(self, earlier: VerifiedCost | None = None) -> CostBound:
         """Return the bounds on growing sets; NoSolutionError where none is proved.
 
-        earlier: proved in another run, from which this one goes on
+        earlier: proved in an earlier run, which this one continues
 
         An interruption leaves what is proved."""
         proved: list[_Proved] = []

@@ -131,7 +131,7 @@ class Fit:
 
     def fitted(self) -> Polynomial:
         """The polynomial of the last linear program, which no sample violates; OpenBoxError where
-        there is none."""
+        none exists."""
         if not self._rows:
             z = self._ball(_FIRST)
             self._add(z, self._best_inputs(z))
@@ -154,7 +154,8 @@ class Fit:
         return self._basis.polynomial(self._coefficients)
 
     def places(self, count: int) -> np.ndarray:
-        """(N, n), coordinates of at most so many samples in the set, off the faces of the cube."""
+        """Return (N, n), coordinates of at most `count` samples in the set, off the faces of the
+        cube."""
         y = self._ball(20 * count) @ self.M.T
         inside = (self._values(y) <= self.c) & np.all(np.abs(y) < 0.8, axis=1)
         return y[inside][:count]

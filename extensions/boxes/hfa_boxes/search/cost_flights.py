@@ -1,4 +1,4 @@
-"""Flights whose cost estimates from above what a lower bound can reach.
+"""Flights whose cost is an upper estimate of any lower bound.
 
 Nothing that is proved depends on them."""
 

@@ -110,7 +110,7 @@ class RegionSearch:
     def found(self, earlier: BoxStatement | None = None) -> BoxRegion:
         """The largest region; NoSolutionError where none is proved.
 
-        earlier: proved in another run, from which this one goes on
+        earlier: proved in an earlier run, which this one continues
 
         An interruption leaves what is proved."""
         modes = np.linalg.eigvals(self.J)

@@ -83,7 +83,7 @@ class Samples:
 
 
 class Bound(NamedTuple):
-    """What was found first as the level grows.
+    """The first obstacle found as the level grows.
 
     level: of V
     place: deviation z (n,); None where nothing was found
@@ -126,7 +126,7 @@ class Shape:
 
     @classmethod
     def of_piece(cls, piece: Piece, degree: int) -> Shape:
-        """V of a statement, its level 1, as one of a higher degree where that is asked for."""
+        """V of a statement, its level 1, as one of a higher degree where requested."""
         powers = [powers for _, powers in piece.W.terms]
         basis = Monomials(len(piece.M), max(degree, *(sum(each) for each in powers)))
         coefficients = np.zeros(len(basis.powers))
@@ -136,7 +136,7 @@ class Shape:
         return cls(piece.M, basis, coefficients)
 
     def of_degree(self, degree: int) -> Shape:
-        """The same V as one of a higher degree."""
+        """Return V as a polynomial of a higher degree."""
         return Shape.of_piece(self.piece(), degree)
 
     @cached_property
@@ -158,16 +158,16 @@ class Shape:
         return replace(self, coefficients=self.coefficients / level)
 
     def stretched(self, factors: np.ndarray) -> Shape:
-        """The same V in coordinates divided by factors (n,)."""
+        """Return V in coordinates divided by factors (n,)."""
         scale = np.prod(factors**self.basis.powers, axis=1)
         return replace(self, M=self.M / factors[:, None], coefficients=self.coefficients * scale)
 
     def in_cube(self) -> Shape:
-        """The same V in coordinates whose cube is larger than the set."""
+        """Return V in coordinates whose cube is larger than the set."""
         return self.stretched(_ROOM * np.abs(self.edge_points(4 * _RAYS)).max(axis=0))
 
     def piece(self) -> Piece:
-        """The set as a statement has it."""
+        """Return the set in the form of a statement."""
         return Piece(self.M, self.basis.polynomial(self.coefficients), 1.0)
 
     def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
@@ -201,7 +201,7 @@ class Shape:
         return float((np.mean(lengths**n) / abs(np.linalg.det(self.M))) ** (1.0 / n))
 
     def bound(self, samples: Samples, level: float, *, quick: bool = False) -> Bound:
-        """What bounds the level, up to a highest one.
+        """Return the bound of the level, up to a highest one.
 
         quick: with a tenth of the samples and fewer turns"""
 
@@ -251,7 +251,7 @@ class Shape:
         return None if place is None else (best, place)
 
     def extents(self) -> Extents:
-        """Of the set of level 1."""
+        """Half-widths of the set of level 1."""
         n = self.basis.n
         generator = np.random.default_rng(3)
         inside = generator.uniform(size=(4 * _RAYS, 1)) ** (1.0 / n)
@@ -295,7 +295,7 @@ class Growth:
     samples: the loop
     J: (n, n), its Jacobian
     shape: the first V, its set good
-    tell: called before each linear program with what it does; may raise
+    tell: called before each linear program with its task; may raise
     """
 
     def __init__(

@@ -41,7 +41,7 @@ ROW_ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 def precision_of(matrix: np.ndarray) -> type[np.floating]:
-    """In which products with a matrix are computed on rows."""
+    """Return the precision in which products with a matrix are computed on rows."""
     return np.float32 if matrix.size >= _WIDE else np.float64
 
 

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 def in_time(
     game: Game, exact: Solution, critic: Critic, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """In continuous time, over the box |z_i| <= b_i."""
+    """Judge in continuous time, over the box |z_i| <= b_i."""
     return findings(InTime(game, exact), critic, exact, b, limit, scope)
 
 
 def in_steps(
     exact: DiscreteSolution, critic: Critic, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """In discrete time, over the box |z_i| <= b_i."""
+    """Judge in discrete time, over the box |z_i| <= b_i."""
     return findings(InSteps(exact), critic, exact, b, limit, scope)

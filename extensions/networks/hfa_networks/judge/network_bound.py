@@ -96,8 +96,8 @@ def prove(
 def _halves(
     centres: np.ndarray, half_widths: np.ndarray, gaps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Both halves of each box, across the input with the largest gap, the widest where all are
-    equal."""
+    """Return both halves of each box, across the input with the largest gap, the widest where all
+    are equal."""
     boxes = np.arange(len(centres))
     # where nothing is known of the gaps, as without a bound, the widest input
     known = np.all(np.isfinite(gaps), axis=1) & np.any(gaps > 0.0, axis=1)

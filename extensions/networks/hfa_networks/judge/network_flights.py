@@ -71,7 +71,7 @@ class Loop(Protocol):
 
     @property
     def rest(self) -> np.ndarray | None:
-        """Return the equilibrium near z = 0, (n,); None if there is none."""
+        """Return the equilibrium near z = 0, (n,); None without one."""
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """The end less the rest point, (n,), and the cost; None where V* about the rest point has

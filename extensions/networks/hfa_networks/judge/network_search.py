@@ -187,7 +187,7 @@ def _searched_and_proved(
 
 
 def _rounded_up(number: float) -> float:
-    """To two digits."""
+    """Return the number rounded up to two digits."""
     if not math.isfinite(number):
         return number
     digit = 10.0 ** (math.floor(math.log10(number)) - 1)

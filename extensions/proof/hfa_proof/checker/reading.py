@@ -107,7 +107,7 @@ class Fields:
         return tuple(entries)
 
     def flag(self, name: str) -> bool:
-        """true or false."""
+        """Read true or false."""
         return bool(self.value(name, lambda value: isinstance(value, bool)))
 
     def count(self, name: str, most: int) -> int:
@@ -160,7 +160,7 @@ class Fields:
         return values.reshape(sides) if len(sides) == len(shape) else values
 
     def increasing(self, name: str) -> np.ndarray:
-        """At least two numbers, each larger than the one before."""
+        """Read at least two numbers, each larger than the one before."""
         values = self.array(name, None)
         require(len(values) > 1 and bool(np.all(np.diff(values) > 0.0)), self._called(name))
         return values

@@ -467,7 +467,7 @@ def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
 
 
 def content_of(statement: Statement) -> dict[str, Any]:
-    """The statement as a file has it; `read_statement` reads it back."""
+    """Return the statement as stored in a file, which `read_statement` reads."""
     return {name: _content(value) for name, value in _named_parts(statement).items()}
 
 
@@ -477,7 +477,7 @@ def kind_of_statement(statement: Statement) -> str:
 
 
 def flight_content(flight: Flight) -> dict[str, Any]:
-    """A flight as a file has it."""
+    """Return a flight as stored in a file."""
     content: dict[str, Any] = _content(flight)
     return content
 
@@ -560,7 +560,7 @@ def loop_size(model: Model, controller: Controller, actuators: Actuators | None)
 def model_of(name: Any, source: Any, own: Model | None) -> Model:
     """The model that a statement is about: the HFA's, or the user's own, which must be the same.
 
-    name: of the dynamics, as the statement has it
+    name: of the dynamics, as in the statement
     source: the hash of the user's file, "" for the HFA
     own: the user's model, where one is named
     """

@@ -214,7 +214,7 @@ def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
 
 
 def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
-    """At the lowest scheduling value of both."""
+    """Return whether both are the same trim at their lowest common scheduling value."""
     at = max(box.trim.low, other.trim.low)
     if at > min(box.trim.high, other.trim.high):
         return False

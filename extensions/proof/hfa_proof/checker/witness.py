@@ -231,7 +231,7 @@ class PointTrim:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight) -> PointTrim:
-        """One list (center, radius, wide radius) an unknown."""
+        """Read one list (center, radius, wide radius) for each unknown."""
         center = {}
         radii = {}
         wide_radii = {}

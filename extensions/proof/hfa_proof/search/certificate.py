@@ -59,7 +59,8 @@ class Proof(Reported):
 
     @property
     def proved(self) -> bool:
-        """All that was asked; a grid of models is one that is proved, or none is found."""
+        """True if the whole claim is proved; a grid of models is one that is proved, or none is
+        found."""
         return isinstance(self.statement, ModelsStatement) or bool(self.data["proved"])
 
     def report(self) -> Report:

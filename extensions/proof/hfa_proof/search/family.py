@@ -63,7 +63,8 @@ def bisected(
     narrowest: float,
     start: float = -math.inf,
 ) -> Iterator[tuple[Box, Proved | None]]:
-    """Each box with what `prove` returns, or its halves where it returns None or cannot decide.
+    """Return each box with the result of `prove`, or its halves where it returns None or cannot
+    decide.
 
     A box no wider than `narrowest` is not halved but comes with None. Boxes up to `start` are
     passed over, and bisected as if none of them had been proved as a whole: a continued proof has
@@ -123,7 +124,8 @@ class Family:
         return find_operating_point(model, self.condition(scheduling_value))
 
     def flight(self, low: float, high: float) -> Flight:
-        """The flights of an interval as a statement has them, without their stated trims."""
+        """Return the flights of an interval in the form of a statement, without their stated
+        trims."""
         model = self.model
         condition = self.condition()
         imposed = dict(condition.imposed)

@@ -1,4 +1,5 @@
-"""Controllers and actuators as a statement has them, made of gains, designs and exact games."""
+"""Controllers and actuators in the form of a statement, made from gains, designs and exact
+games."""
 
 from __future__ import annotations
 

@@ -226,8 +226,8 @@ def _what_is_stable(statement: ScheduleStatement) -> str:
 
 
 def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
-    """For which actuators the statement holds; where the loop is not proved stable, for which it
-    was asked."""
+    """Return the actuators for which the statement holds; where the loop is not proved stable, for
+    which it was asked."""
     slow, fast = actuators.bandwidth
     least, most = actuators.effectiveness
     return (
@@ -348,7 +348,7 @@ def _models_report(statement: ModelsStatement, data: Content) -> Report:
 
 
 def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
-    """Every entry of the models with its unit."""
+    """Return every entry of the models with its unit."""
     model = statement.flight.model
     states = model.linear
     inputs = tuple(model.inputs)

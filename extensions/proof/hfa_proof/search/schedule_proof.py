@@ -139,7 +139,8 @@ class ScheduleSearch:
         self.motion: Content | None = None
 
     def prove(self, name: str) -> Iterator[Box]:
-        """Each box of the loop, or of the modes of A, in increasing order: proved or given up."""
+        """Prove each box of the loop, or of the modes of A, in increasing order: proved or given
+        up."""
         prove = self._prove_loop if name == "loop" else self._prove_modes
         narrowest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
         if name == "loop" and isinstance(self.loop.actuators, UncertainActuators):
@@ -282,7 +283,7 @@ class ScheduleSearch:
         return tuple(Run(low, high, *bounds) for low, high, bounds in joined(runs))
 
     def _stated_trims(self) -> tuple[StatedTrim, ...]:
-        """One for each part of the interval that the boxes cover."""
+        """Return one stated trim for each part of the interval that the boxes cover."""
         boxes = sorted(proved.box for name in self.boxes for proved in self.boxes[name])
         starts = []
         reached = -math.inf

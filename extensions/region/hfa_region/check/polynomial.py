@@ -128,7 +128,7 @@ class Polynomial:
         return Polynomial(parts)
 
     def norms(self) -> list[arb]:
-        """For each part h of degree k a number with |h(y)| <= number |y|^k at every y.
+        """Return for each part h of degree k a number with |h(y)| <= number |y|^k at every y.
 
         The norm of Bombieri, sqrt(Σ c_α² α!/k!): h(y) is the product of a symmetric tensor of this
         Frobenius norm with y ⊗ .. ⊗ y. That of a product is at most the product of the norms."""

@@ -77,7 +77,7 @@ class Evidence:
 
     @classmethod
     def read(cls, entries: Fields, variables: int, constraints: tuple[str, ...]) -> Evidence:
-        """With multipliers of the constraints, some or all."""
+        """Read a certificate with multipliers of some or all constraints."""
         main = Square.read(entries, variables)
         stated = entries.fields("multipliers")
         multipliers = {}

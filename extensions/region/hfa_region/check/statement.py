@@ -118,7 +118,7 @@ class RegionStatement:
         return cls(loop, terms, rho, extents)
 
     def content(self) -> dict[str, Any]:
-        """The statement as a file has it; `read` reads it back."""
+        """Return the statement as stored in a file, which `read` reads."""
         loop = self.loop
         return {
             **facts_of(loop.model),

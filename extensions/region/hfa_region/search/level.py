@@ -56,7 +56,7 @@ class ProvedLevel:
     """A statement and its witness, accepted by the check.
 
     statement: V and rho
-    witness: as a certificate has it
+    witness: in the form of a certificate
     parts: where inputs are free or at a limit
     """
 

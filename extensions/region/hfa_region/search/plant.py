@@ -302,7 +302,7 @@ def outcomes(
 
 
 def _advanced(plant: Plant, z: np.ndarray, step: float) -> np.ndarray:
-    """One step of Runge and Kutta."""
+    """Return the state after one step of Runge and Kutta."""
     k1 = plant.rates(z)
     k2 = plant.rates(z + step / 2 * k1)
     k3 = plant.rates(z + step / 2 * k2)
