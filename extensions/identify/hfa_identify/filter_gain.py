@@ -69,7 +69,11 @@ def gain_with_slopes(
     p = len(theta)
     moves = np.diag(_DIFFERENCE * sizes)
     rows = np.vstack([theta, theta + moves, theta - moves])
-    K, whiten, variances = _steady(*matrices(rows), interval)
+    with np.errstate(all="ignore"):  # what is not finite is refused
+        try:
+            K, whiten, variances = _steady(*matrices(rows), interval)
+        except np.linalg.LinAlgError:
+            raise FloatingPointError("the gain of the filter diverges") from None
     if not (np.isfinite(K).all() and np.isfinite(variances).all() and (variances > 0.0).all()):
         raise FloatingPointError("the gain of the filter diverges")
 
@@ -91,14 +95,10 @@ def _steady(
     S = C @ P_C
     k = S.shape[1]
     S[:, range(k), range(k)] += R
-    with np.errstate(all="ignore"):  # what is not finite is refused
-        try:
-            root = np.linalg.cholesky(S)
-        except np.linalg.LinAlgError:
-            raise FloatingPointError("the gain of the filter diverges") from None
-        deviations = np.diagonal(root, axis1=1, axis2=2)
-        whiten = np.linalg.inv(root / deviations[:, None, :])
-        K = np.linalg.solve(S, P_C.transpose(0, 2, 1)).transpose(0, 2, 1)
+    root = np.linalg.cholesky(S)
+    deviations = np.diagonal(root, axis1=1, axis2=2)
+    whiten = np.linalg.inv(root / deviations[:, None, :])
+    K = np.linalg.solve(S, P_C.transpose(0, 2, 1)).transpose(0, 2, 1)
     return K, whiten, deviations**2
 
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Residuals of which a smaller share of lags is white are coloured.
 _WHITE = 0.8
+#: In turbulence the residuals must be white: where a smaller share is, the air moved otherwise.
+_WHITE_ENOUGH = 0.6
 #: Bands that are widened by more are not to be trusted: the noise is slower than the manoeuvre.
 _BEYOND = 8.0
 
@@ -134,6 +136,10 @@ class Identified(Result, Reported):
             yield f"the model does not explain {', '.join(self.unexplained)}"
         if self.coloured > _BEYOND:
             yield "residuals are coloured beyond the correction of the bands"
+        if self.turbulence:
+            coloured = [n for n, each in self.quantities.items() if each.white < _WHITE_ENOUGH]
+            if coloured:
+                yield f"turbulence does not explain the coloured residuals of {', '.join(coloured)}"
         if self.at_bounds:
             yield f"at a limit of the model: {', '.join(self.at_bounds)}"
         if self.undetermined:

@@ -1,9 +1,10 @@
 """One-step predictions of a model in turbulence, with their exact sensitivities (filter error).
 
-White noise moves the speed and the flow angles through the air: gusts are random walks, as those
-of Dryden are over less than their scale length. With a steady gain K (`filter_gain.py`) the states
-are corrected at each sample, x + K (z - y), and advance to the next as in `response.py`. The
-unknowns begin with the logarithms of the turbulence and of the sensors' noise.
+White noise moves the speed and the flow angles through the air, and the rates: gusts are random
+walks, as those of Dryden are over less than their scale length. With a steady gain K
+(`filter_gain.py`) the states are corrected at each sample, x + K (z - y), and advance to the next
+as in `response.py`. The unknowns begin with the logarithms of the turbulence and of the sensors'
+noise.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ from hfa_identify.sensors import SensorError
 from hfa_support.errors import BadInputError
 from hfa_support.native.machine_code import machine_code
 
-#: States through the air, which turbulence moves.
-_IN_AIR = ("speed", "alpha", "beta")
-#: Turbulence with which a search begins: change of a flow angle in 1 s, rad.
+#: Turbulence with which a search begins: change of the speed in 1 s as a part of the speed, of
+#: other states in rad and rad/s.
 _BEGIN = 0.02
+_BEGIN_OF = {"alpha": 0.02, "beta": 0.02, "roll_rate": 0.1, "pitch_rate": 0.1, "yaw_rate": 0.1}
 #: The logarithms of the turbulence and of the sensors' noise change by at most so much.
 _WIDEST = 9.0
 
@@ -61,7 +62,7 @@ class Condition:
         BadInputError where turbulence moves no state of the model."""
         state = np.mean([begin_of(model, record, held) for record in records], axis=0)
         speed = dict(zip(model.states, state.tolist(), strict=True)).get("speed", 1.0)
-        sizes = {"speed": _BEGIN * speed, "alpha": _BEGIN, "beta": _BEGIN}
+        sizes = {"speed": _BEGIN * speed, **_BEGIN_OF}
         turbulence = {name: size for name, size in sizes.items() if name in model.states}
         if not turbulence:
             raise BadInputError(
