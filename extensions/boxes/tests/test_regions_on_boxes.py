@@ -172,47 +172,13 @@ def linear(gain: np.ndarray) -> ca.Function:
     return ca.Function("u", [z], [-ca.DM(gain) @ z])
 
 
-FORGED: dict[str, Any] = {
-    "level": lambda s, w: s["piece"].update(c=s["piece"]["c"] * 4.0),
-    "W": lambda s, w: s["piece"]["W"][0].__setitem__(0, s["piece"]["W"][0][0] * 0.25),
-    "W negative": lambda s, w: s["piece"]["W"][0].__setitem__(0, -s["piece"]["W"][0][0]),
-    "W linear": lambda s, w: s["piece"]["W"].append([1.0, [1, 0]]),
-    "W twice": lambda s, w: s["piece"]["W"].append(s["piece"]["W"][0]),
-    "extents": lambda s, w: s["extents"].update(angle=[0.9 * e for e in s["extents"]["angle"]]),
-    "equilibrium": lambda s, w: s["equilibrium"].update(angle=0.01),
-    "larger set": lambda s, w: s["piece"].update(M=(np.array(s["piece"]["M"]) * 0.6).tolist()),
-    "M singular": lambda s, w: s["piece"].update(M=[[1.0, 1.0], [1.0, 1.0]]),
-    "multipliers": lambda s, w: w["multipliers"][0].__setitem__(0, -w["multipliers"][0][0]),
-    "boxes": lambda s, w: w.update(boxes=3),
-    "limits wider": lambda s, w: s["limits"].update(torque=[-7.0, 7.0]),
-    "limits narrower": lambda s, w: s["limits"].update(torque=[-0.5, 0.7]),
-    "angle above a limit": lambda s, w: s["limits"].update(
-        angle=[-9.0, 0.5 * s["extents"]["angle"][1]]
-    ),
-    "angle below a limit": lambda s, w: s["limits"].update(
-        angle=[0.5 * s["extents"]["angle"][0], 9.0]
-    ),
-    "limits gone": lambda s, w: s["limits"].clear(),
-    "policy": lambda s, w: s.update(policy="0" * 64),
-    "model": lambda s, w: s.update(dynamics="van der Pol"),
-    "source": lambda s, w: s.update(source="0" * 64),
-    "states": lambda s, w: s.update(states=["rate", "angle"]),
-    "units": lambda s, w: s.update(state_units=["deg", "deg/s"]),
-    "more": lambda s, w: s.update(note="x"),
-    "witness more": lambda s, w: w.update(rho=1.0),
-}
-
-
-@pytest.mark.parametrize("name", FORGED)
-def test_a_forged_certificate_is_refused(name: str, proved: Any) -> None:
-    content = proved[0]
-    forged = copy.deepcopy(content)
+def test_another_digest_of_the_policy_is_refused(proved: Any) -> None:
+    content = copy.deepcopy(proved[0])
     model = load_model(PENDULUM)
-    statement, witness = read_content(copy.deepcopy(forged), model, _same_policy(proved))
-    assert check_region(statement, witness) > 0
-    FORGED[name](forged["statement"], forged["witness"])
-    with pytest.raises((NoSolutionError, BadInputError)):
-        check_region(*read_content(forged, model, _same_policy(proved)))
+    assert check_region(*read_content(copy.deepcopy(content), model, _same_policy(proved))) > 0
+    content["statement"]["policy"] = "0" * 64
+    with pytest.raises(BadInputError, match="about another policy"):
+        read_content(content, model, _same_policy(proved))
 
 
 def _same_policy(proved: Any) -> ca.Function:
@@ -247,34 +213,6 @@ def test_the_hole_is_one_of_first_function_alone() -> None:
     assert cover(inequality(ca.vertcat(ca.sumsqr(y), bump + 1e-4), y, hole=2), 10**5) > 1
     with pytest.raises(OpenBoxError):
         cover(inequality(ca.vertcat(ca.sumsqr(y), bump - 1e-4), y, hole=2), 10**5)
-
-
-@pytest.mark.parametrize("limits", [(-0.01, 9.0), (-9.0, 0.01)])
-def test_an_output_beyond_its_limits_is_refused(limits: tuple[float, float]) -> None:
-    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
-        return {"angle": -x.angle}, {"load": x.angle}
-
-    model = Model(
-        "sink", {"angle": Signal("rad")}, {}, equations, outputs={"load": Signal("rad")}, trim={}
-    )
-    none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
-    piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.8)
-    witness = BoxWitness(np.full((1, 2), 0.55), 10**4)
-    for pair in ((-9.0, 9.0), limits):
-        loop = Loop(model, {}, {"angle": 0.0}, {}, {}, {"load": pair}, none)
-        statement = BoxStatement(loop, "", {"angle": 0.0}, piece, {"angle": (-1.1, 1.1)})
-        if pair == limits:
-            with pytest.raises(NoSolutionError, match="inequality"):
-                check_region(statement, witness)
-        else:
-            assert check_region(statement, witness) > 0
-
-
-@pytest.mark.parametrize("held", [-1.0, 2.0])
-def test_a_state_held_beyond_its_limits_is_refused(held: float) -> None:
-    loop = SimpleNamespace(states=(), held={"flap": held}, limits={"flap": (0.0, 1.0)})
-    with pytest.raises(NoSolutionError, match="flap is held beyond its limits"):
-        _check_limits(SimpleNamespace(loop=loop), None)
 
 
 @pytest.mark.parametrize("extent", [0.6, 0.7])

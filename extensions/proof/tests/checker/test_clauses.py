@@ -22,11 +22,14 @@ from hfa_proof.arithmetic.balls import TaylorModel
 from hfa_proof.checker.checker import (
     check_certificate,
     check_game,
+    check_models,
+    interpolation_errors,
 )
 from hfa_proof.checker.modes import check_motion, least_and_most
 from hfa_proof.checker.reading import Fields, Malformed, Rejected
-from hfa_proof.checker.riccati import check_axis, distance_bounds
+from hfa_proof.checker.riccati import check_axis, distance_bounds, solution_on
 from hfa_proof.checker.statement import (
+    ModelsStatement,
     Weights,
     _read_limits,
     in_model_unit,
@@ -39,7 +42,7 @@ from hfa_proof.checker.trims import (
     linear_model_on,
     root_offsets,
 )
-from hfa_proof.checker.witness import GameWitness, Line, TrimBox
+from hfa_proof.checker.witness import GameWitness, Line, ModelsWitness, TrimBox
 
 _NO_SOLUTION = "a root|eigenvalue|Hurwitz"
 
@@ -345,6 +348,23 @@ def test_a_loop_that_only_the_doubles_stabilize() -> None:
     assert check(decimals=False) == 1
     with pytest.raises(Rejected, match="not positive definite"):
         check(decimals=True)
+
+
+@ctx.workprec(256)
+def test_an_error_of_tables_for_doubles_alone_is_refused() -> None:
+    """The stated error holds for the doubles of the parameters, and not for all decimals that they
+    may be read from."""
+    made = certificate("models")
+    statement = read_statement("models", copy.deepcopy(made["statement"]), None)
+    assert isinstance(statement, ModelsStatement)
+    witness = ModelsWitness.read(Fields("witness", copy.deepcopy(made["witness"])), statement)
+    ((trim, box),) = witness.cells
+    linear = linear_model_on(statement.flight, trim, decimals=False)
+    exact = solution_on(statement.weights, linear.A, linear.B, box, lowest=1)
+    bound = interpolation_errors(statement, linear, exact)["B"]
+    errors = {**statement.errors, "B": float(np.nextafter(float(bound.upper()), np.inf))}
+    with pytest.raises(Rejected, match="the error of B"):
+        check_models(replace(statement, errors=errors), witness)
 
 
 def test_trims_that_part_by_an_error_are_not_the_same() -> None:

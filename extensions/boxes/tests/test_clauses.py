@@ -1,0 +1,149 @@
+"""One quick forgery for each clause of the checker of regions on boxes: each is refused by it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hfa_aircraft.extras import Extras
+from hfa_aircraft.model import Model, Signal
+from hfa_boxes.check.checker import check_region, read_content
+from hfa_boxes.check.loop import Loop
+from hfa_boxes.check.piece import Piece, Polynomial
+from hfa_boxes.check.statement import BoxStatement, Gain
+from hfa_proof.checker.checker import SCHEMA
+from hfa_support.errors import BadInputError, NoSolutionError
+
+Content = dict[str, Any]
+
+
+def _tank(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """The level rises by itself, and the valve drains it; the heat decays."""
+    rates = {"level": p.inflow * x.level + u.valve, "heat": -x.heat, "slope": 0.0 * x.slope}
+    return rates, {"load": x.level + x.heat, "peak": 1.0 - 4.0 * (x.level - 0.1) ** 2}
+
+
+TANK = Model(
+    "tank",
+    {"level": Signal("m"), "heat": Signal("K"), "slope": Signal("rad", 1.0, -1.0, 1.0)},
+    {"valve": Signal("m/s", 1.0, -1.0, 1.0)},
+    _tank,
+    outputs={"load": Signal("1", 1.0, -3.0, 3.0), "peak": Signal("1", 1.0, -9.0, 9.0)},
+    parameters={"inflow": Signal("1/s", start=0.5)},
+    linear=("level", "heat"),
+    trim={"level": 0.0, "heat": 0.0, "slope": 0.25},
+    extras=Extras(source=("tank.py:TANK", "3" * 64)),
+)
+
+
+def tank() -> Content:
+    """The true certificate: level² + heat² <= 0.81."""
+    limits = {
+        "slope": (-1.0, 1.0),
+        "valve": (-1.0, 1.0),
+        "load": (-3.0, 3.0),
+        "peak": (-9.0, 9.0),
+    }
+    gain = Gain(np.array([[2.0, 0.0]]), {})
+    at = {"level": 0.0, "heat": 0.0}
+    loop = Loop(
+        TANK,
+        {"inflow": 0.5},
+        at,
+        {"valve": 0.0},
+        {"slope": 0.25},
+        limits,
+        gain.function(("valve",)),
+    )
+    piece = Piece(np.eye(2), Polynomial(2, ((1.0, (2, 0)), (1.0, (0, 2)))), 0.81)
+    statement = BoxStatement(loop, gain, at, piece, dict.fromkeys(at, (-0.91, 0.91)))
+    return {
+        **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
+        "kind": "region-boxes",
+        "statement": statement.content(),
+        "witness": {"multipliers": np.full((2, 2), 0.55).tolist(), "boxes": 2000},
+    }
+
+
+def checked(content: Content) -> int:
+    return check_region(*read_content(content, TANK, None))
+
+
+def test_the_tank_is_proved() -> None:
+    assert 0 < checked(tank()) < 1000
+
+
+def _put(value: Any, *path: Any) -> Callable[[Content], None]:
+    """A change of an entry of the statement; a function changes its value."""
+
+    def change(content: Content) -> None:
+        holder: Any = content["statement"]
+        for key in path[:-1]:
+            holder = holder[key]
+        holder[path[-1]] = value(holder[path[-1]]) if callable(value) else value
+
+    return change
+
+
+def _through_the_faces(content: Content) -> None:
+    """V falls in all of the cube, and the set leaves it."""
+    content["statement"]["piece"]["c"] = 1.5
+    content["statement"]["extents"] = {"level": [-1.3, 1.3], "heat": [-1.3, 1.3]}
+    content["witness"]["multipliers"] = [[0.5, 0.5]] * 2
+
+
+def _witness(**entries: Any) -> Callable[[Content], None]:
+    return lambda content: content["witness"].update(entries)
+
+
+#: What is wrong -> how, and the message of the clause that refuses it.
+FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
+    "equilibrium": (_put(1.1e-6, "equilibrium", "level"), "another than is stated"),
+    "set through the faces": (_through_the_faces, "inequality"),
+    "peak in the hole": (_put([-9.0, 0.99], "limits", "peak"), "inequality"),
+    "output above its limit": (_put([-3.0, 1.2], "limits", "load"), "inequality"),
+    "output below its limit": (_put([-1.2, 3.0], "limits", "load"), "inequality"),
+    "held above its limits": (_put({"slope": 1.5}, "held"), "slope is held beyond"),
+    "held below its limits": (_put({"slope": -1.5}, "held"), "slope is held beyond"),
+    "state above its limit": (_put([-9.0, 0.9], "limits", "level"), "level may leave"),
+    "state below its limit": (_put([-0.9, 9.0], "limits", "level"), "level may leave"),
+    "extent above": (_put([-0.91, 0.89], "extents", "level"), "inequality"),
+    "extent below": (_put([-0.89, 0.91], "extents", "heat"), "inequality"),
+    "extents that do not hold 0": (_put([0.1, 0.91], "extents", "level"), "extents"),
+    "gain of the other sign": (_put([[-2.0, 0.0]], "policy", "K"), "about the equilibrium"),
+    "a gain of nothing": (_put([[0.4, 0.0]], "policy", "K"), "about the equilibrium"),
+    "terms that fill": (_put({"valve": [[9.0, [3, 0]]]}, "policy", "terms"), "inequality"),
+    "more inflow": (_put({"inflow": 1.2}, "parameters"), "inequality"),
+    "W of degree 1": (_put(lambda W: [*W, [1.0, [1, 0]]], "piece", "W"), "W 2"),
+    "W twice": (_put(lambda W: [*W, W[0]], "piece", "W"), "W"),
+    "W negative": (_put([[-1.0, [2, 0]], [1.0, [0, 2]]], "piece", "W"), "about the"),
+    "W inexact": (_put([[0.1, [3, 0]], [1.0, [2, 0]], [1.0, [0, 2]]], "piece", "W"), "W 0"),
+    "coordinates in a line": (_put([[1.0, 1.0], [1.0, 1.0]], "piece", "M"), "not independent"),
+    "limits wider": (_put([-2.0, 2.0], "limits", "valve"), "valve not the model's"),
+    "limits narrower": (_put([-0.9, 1.0], "limits", "valve"), "valve not the model's"),
+    "limits of an output wider": (_put([-4.0, 3.0], "limits", "load"), "load beyond"),
+    "a limit left out": (lambda content: content["statement"]["limits"].pop("peak"), "missing"),
+    "all limits left out": (_put({}, "limits"), "missing"),
+    "no policy": (_put("0" * 64, "policy"), "about a network"),
+    "another model": (_put("van der Pol", "dynamics"), "of another file"),
+    "another file": (_put("0" * 64, "source"), "of another file"),
+    "states exchanged": (_put(["heat", "level"], "states"), "states"),
+    "units": (_put(["ft", "K"], "state_units"), "state_units"),
+    "an unknown entry": (_put("x", "note"), "unknown entry"),
+    "a negative multiplier": (_witness(multipliers=[[-0.1, 0.5], [0.5, 0.5]]), "multipliers"),
+    "few boxes": (_witness(boxes=3), "more than 3 boxes"),
+    "a witness that claims": (_witness(rho=1.0), "unknown entry"),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_each_clause_refuses_its_forgery(name: str) -> None:
+    change, message = FORGED[name]
+    made = copy.deepcopy(tank())
+    change(made)
+    with pytest.raises((NoSolutionError, BadInputError), match=message):
+        checked(made)
