@@ -84,7 +84,7 @@ class RowFunction(threading.local):
         return tables_out
 
     def _bind(self, together: int) -> tuple[BoundFunction, Rows, Rows]:
-        """Bind the function of `count` rows to its memory, one row for each."""
+        """Bind the function of `together` rows to its memory."""
         with MAKING:
             mapped = self.function.map(together) if together > 1 else self.function
             bound = BoundFunction(mapped)

@@ -244,7 +244,7 @@ def _tail_chord(p: Any) -> Quantity:
 
 
 def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantity:
-    """Σ A_i (a - z_i), rad: the part of a strip's angle a that has not yet become lift.
+    """Σ A_i (a - z_i), rad: the part of a strip's angle a that does not act yet.
 
     kind: "lag" or "gust", as the names of the states z_i begin
     strip: one of `STRIPS`
@@ -325,8 +325,8 @@ def _lagged_panel(
 def _lagged_alpha(
     strip: _Strip, motion: _PanelMotion, x: Any, p: Any
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """The angle of attack of a strip less what has not yet become lift, rad, and the rates of the
-    strip's lag states."""
+    """Return the angle of attack of a strip that acts, rad, and the rates of the strip's lag
+    states."""
     moved = p.local_motion * motion.turn * strip.behind
     alpha = ca.atan2(motion.calm[2] + moved, motion.calm[0]) - strip.downwash
     gust = ca.atan2(motion.moving[2] + moved, motion.moving[0]) - strip.downwash - alpha
@@ -364,7 +364,7 @@ def _with_apparent_mass(
     p: Any,
     air: Quantity,
 ) -> Loads[Quantity]:
-    """The loads with those of the air that wings and tails carry with them.
+    """Return the loads with those of the air that wings and tails carry.
 
     loads: all others
     motions: of the center panel and of an outer one

@@ -21,7 +21,8 @@ _NOT_COVERED = "disturbances not covered"
 
 
 def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
-    """The proved bound, and over which part of the usual initial conditions it is below its level.
+    """Return the proved bound, and the part of the usual initial conditions at which it is below
+    its level.
 
     starts: (N, n), deviations from the trim
     """

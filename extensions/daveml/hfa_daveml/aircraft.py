@@ -253,7 +253,7 @@ def _number(expression: Any) -> float:
 
 
 def _standing() -> dict[str, float]:
-    """The motion at which the usual speed is sought."""
+    """Return the motion at which the usual speed is searched for."""
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}
 
@@ -265,7 +265,7 @@ def _start(document: Document, variable: Variable) -> float:
 
 
 def _unit(document: Document, variable: Variable) -> tuple[str, float]:
-    """The unit of the model, and how many of these the unit of a variable is.
+    """The unit of the model, and the factor from the unit of a variable.
 
     BadInputError for an unknown unit, and for one of another quantity: a mass in ft.
     """

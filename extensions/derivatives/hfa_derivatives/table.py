@@ -77,7 +77,7 @@ class Table:
     axes: str
 
     def unit(self, name: str) -> str:
-        """The unit of an entry that is no derivative."""
+        """Unit of an entry that is not a derivative."""
         return _unit(name, self.system)
 
 

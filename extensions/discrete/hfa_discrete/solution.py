@@ -147,8 +147,8 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
 
 
 def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DeltaMin:
-    """The smallest δ of a game in discrete time, by bisection on the tests of P; its own plays no
-    part."""
+    """The smallest δ of a game in discrete time, by bisection on the tests of P, independent of its
+    own δ."""
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)
     return _smallest_delta(form, progress)
@@ -261,7 +261,7 @@ def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
 
 
 def _not_shrinking(values: np.ndarray) -> np.ndarray:
-    """The nearest eigenvalues on the unit circle or outside it."""
+    """Return the nearest eigenvalues on the unit circle or outside it."""
     return values / np.minimum(np.abs(values), 1.0)
 
 
@@ -274,7 +274,7 @@ def _unreached(value: complex) -> str:
 
 
 def _mode_text(value: complex) -> str:
-    """Mode with eigenvalue 1.1 ± 0.2i."""
+    """Return "mode with eigenvalue 1.1 ± 0.2i"."""
     text = f"mode with eigenvalue {value.real:.4g}"
     return f"{text} ± {abs(value.imag):.4g}i" if value.imag else text
 

@@ -153,7 +153,7 @@ class NonlinearPlant(Plant):
         return components(ca.DM(np.array(self.point.states)) + x)
 
     def _in(self, winds: Winds) -> Model:
-        """The model that takes these winds."""
+        """Return the model with these winds as disturbances."""
         return self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
 
 

@@ -36,7 +36,7 @@ class Departure(NamedTuple):
     unit: str
 
     def text(self) -> str:
-        """A sentence, in degrees for angles."""
+        """Return the excess in words, in degrees for angles."""
         beyond = _beyond(self.value, self.limit, self.unit)
         return f"left the envelope: {self.state} first, at {self.time:.4g} s, {beyond}"
 
@@ -55,13 +55,13 @@ class ControlExcess(NamedTuple):
 
 
 def _beyond(value: float, limit: float, unit: str) -> str:
-    """Value and limit, in degrees for angles."""
+    """Return value and limit in words, in degrees for angles."""
     suffix = "" if unit == "1" else f" {shown_unit(unit)}"
     return f"{short_number(value, unit)}{suffix} beyond {short_number(limit, unit)}"
 
 
 def limits_text(lowest: float, highest: float, unit: str) -> str:
-    """Between which values something must stay, in degrees for angles."""
+    """Return an interval in words, in degrees for angles."""
     if np.isinf([lowest, highest]).all():
         return "none"
     return f"{short_number(lowest, unit)} to {short_number(highest, unit)}"

@@ -151,7 +151,7 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
 
 
 def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:
-    """The line of the least squares of a line and a harmonic, at the times."""
+    """Return the line of the least-squares fit of a line and a harmonic, at the times."""
     t = times - times.mean()
     terms = [np.ones_like(t), t, np.cos(frequency * t), np.sin(frequency * t)]
     level, slope = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)[0][:2]

@@ -134,7 +134,8 @@ def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
 
 
 def _quantile_table(plan: MonteCarlo, found: MemberSummary) -> Table:
-    """A row a variable of each quantity of `quantiles`; alpha through the air where it moves."""
+    """Return one row for each variable of each quantity of `quantiles`; alpha through the air where
+    it moves."""
     shown: dict[str, Any] = {
         "rms error": found.rms_error,
         "peak error": found.peak_error,

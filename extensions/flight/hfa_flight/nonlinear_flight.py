@@ -362,7 +362,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def cost(self) -> float | None:
         """∫ z'Qz + u'Ru dt of the flight to its end, in deviations from the trim and from what is
-        commanded; left out without weights."""
+        commanded; omitted without weights."""
         if self.weights is None:
             return None
         Q, R = self.weights
@@ -467,7 +467,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return [*filter(None, [*limited, gust.text(self.model)])]
 
     def _states(self, moving: bool) -> Table:
-        """A row a state, and where the air moves one of alpha through it."""
+        """Return one row for each state, and where the air moves one of alpha through it."""
         model = self.model
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
         header.append("envelope")
@@ -506,7 +506,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
     def history(self) -> FlightHistory:
-        """Once a tick."""
+        """Rows of the flight, one for each tick."""
         every = slice(None, None, self.loop.scenario.steps_per_tick)
         columns = {
             "times": self.flight.times[every],
@@ -541,7 +541,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
 
 def _tracking_table(commanded: Mapping[str, Any]) -> Table:
-    """A row a commanded output: its rms and largest error over the flight, with their unit.
+    """Return one row for each commanded output: its rms and largest error over the flight, with
+    their unit.
 
     commanded: what `Policy.tracking_errors` returns.
     """

@@ -192,9 +192,9 @@ def numbers(
 ) -> Callable[[str], tuple[float, ...]]:
     """A function that turns "1:2:3" into numbers.
 
-    form: how the word looks, for its BadInputError
-    count: how many numbers it has
-    otherwise: values of the last ones, which may be left out
+    form: form of the word, for the BadInputError
+    count: number of its numbers
+    otherwise: values of the last ones, which may be omitted
     """
 
     def convert(text: str) -> tuple[float, ...]:
@@ -282,7 +282,7 @@ def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbu
 
 
 def noise_option(about: str) -> Any:
-    """The field `noise`: state of the linear model -> what its sensor adds."""
+    """The field `noise`: state of the linear model -> deviation of its sensor's noise."""
     return option(about, "NAME=VALUE", OfModel(_linear_state), named=True, rare=True)
 
 

@@ -181,7 +181,7 @@ class Scenario(Shown):
 
     @property
     def driven_until(self) -> float:
-        """Time at which the last signal, gust or noise ends, s; inf: never. What is left then is
+        """Time at which the last signal, gust or noise ends, s; inf: never. The motion after it is
         the loop's own."""
         if self.samples is not None:
             return math.inf

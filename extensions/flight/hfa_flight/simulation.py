@@ -178,8 +178,8 @@ class CompiledLoop:
         return lost
 
     def _delayed(self, tick: int, time: float, commands: list[np.ndarray]) -> np.ndarray:
-        """[time; command of so many ticks ago; the next one], between which the loop interpolates:
-        0, the trim, before the delay has passed."""
+        """Return [time; command before the delay; the next one], between which the loop
+        interpolates: 0, the trim, before the delay has passed."""
         due = tick - self.loop.scenario.delayed_ticks
         if due < 0:
             return np.concatenate([[time], np.zeros(2 * commands[0].size)])
@@ -199,8 +199,8 @@ class CompiledLoop:
 
 
 def _parts_of_a_step(loop: ClosedLoop) -> int:
-    """Into how many parts the fastest mode of the policy divides a step; BadInputError when these
-    are too many."""
+    """Return the number of parts of a step that the fastest mode of the policy requires;
+    BadInputError when it is too large."""
     step = loop.scenario.step
     parts = max(1, math.ceil(loop.policy.fastest * step / LONGEST_STEP - 1e-9))
     if parts > _MOST_PARTS:

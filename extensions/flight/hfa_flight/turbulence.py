@@ -253,7 +253,7 @@ class TurbulentAir(Gust):
 
     @property
     def names(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Disturbances of the model that it moves."""
+        """Disturbances of the model that the turbulence moves."""
         return tuple(dict.fromkeys(name for factors in self.taken.values() for name in factors))
 
     @property
@@ -308,7 +308,7 @@ class TurbulentAir(Gust):
         )
 
     def left_out(self, model: Model) -> list[str]:
-        """The components that are not flown, and why, in a sentence each."""
+        """The components that are not flown, with the reason, one sentence each."""
         reasons: dict[str, list[str]] = {}
         for name in ADDED:
             if name in self.taken:
@@ -390,7 +390,8 @@ class AirFilter:
         return _root(self.covariance)
 
     def drawn(self, count: int, seed: int) -> np.ndarray:
-        """The components at so many ticks, (count, 6), from the stationary distribution on."""
+        """Return the components at `count` ticks, (count, 6), from the stationary distribution
+        on."""
         random = np.random.default_rng(seed)
         Phi, G = self.step
         x = self.root @ random.standard_normal(len(Phi))

@@ -39,7 +39,7 @@ def white_covariance(fit: Fit) -> np.ndarray:
 
 
 def _enlarged(fit: Fit) -> float:
-    """N / (N - unknowns): by how much fitted residuals are smaller than the noise."""
+    """N / (N - unknowns): the factor by which fitted residuals are smaller than the noise."""
     samples = int(fit.samples.sum())
     return samples / max(samples - _unknowns(fit), 1)
 
@@ -102,8 +102,8 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
 
 
 def fitted_by_quantity(fit: Fit) -> list[np.ndarray]:
-    """(k,) of each record: how many unknowns its samples of each quantity determine, the trace of
-    S D S' R⁻¹ and of the same of the start."""
+    """(k,) of each record: number of unknowns that its samples of each quantity determine, the
+    trace of S D S' R⁻¹, with that of the initial condition."""
     p = len(fit.theta)
     D = inverse(fit.information)
     shares = []

@@ -97,7 +97,8 @@ class Fit:
 
     @cached_property
     def projected(self) -> tuple[np.ndarray, ...]:
-        """(N, k, p) of each record, sensitivities without what another start makes up for."""
+        """(N, k, p) of each record, sensitivities without the part that another initial condition
+        explains."""
         p = len(self.theta)
         return tuple(
             response.slopes[:, :, :p]
@@ -384,7 +385,7 @@ def _start_weights(model: Model, record: Record) -> np.ndarray:
 
 
 def _none(record: Record) -> np.ndarray:
-    """The column of a quantity that a record does not have."""
+    """Return the column of a quantity that a record lacks."""
     return np.full(len(record.time), np.nan)
 
 

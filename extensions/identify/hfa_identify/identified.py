@@ -221,7 +221,7 @@ class Identified(Result, Reported):
         return Report(title, tuple(parts), notes=findings[2:], data=self.to_dict())
 
     def _estimates(self) -> Table:
-        """A row a parameter."""
+        """Return a table with one row for each parameter."""
         rows = []
         for name, each in self.parameters.items():
             half = 0.5 * (each.high - each.low)
@@ -233,7 +233,7 @@ class Identified(Result, Reported):
         )
 
     def _explained(self) -> Table:
-        """A row a measured quantity."""
+        """Return a table with one row for each measured quantity."""
         rows = []
         for name, each in self.quantities.items():
             theil = "-" if each.theil is None else f"{each.theil:.3f}"
@@ -276,7 +276,7 @@ class Identified(Result, Reported):
         return [Table(head, tuple(rows))]
 
     def _planned(self) -> Table:
-        """A row a manoeuvre."""
+        """Return a table with one row for each manoeuvre."""
         rows = []
         for each in self.plan:
             amplitude = f"{shown_value(each.amplitude, each.unit)} {shown_unit(each.unit)}"
@@ -289,7 +289,7 @@ class Identified(Result, Reported):
         )
 
     def figure(self) -> Figure:
-        """Measured and fitted quantities over time, a panel each."""
+        """Return measured and fitted quantities over time, one panel each."""
         from hfa_identify.identified_figure import identified_figure
 
         return identified_figure(self)

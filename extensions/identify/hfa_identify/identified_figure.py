@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 
 def identified_figure(identified: Identified) -> Figure:
-    """A row a quantity: measured samples and the fitted response at the left, their difference at
-    the right; records follow one another."""
+    """Draw one row for each quantity: measured samples and the fitted response at the left, their
+    difference at the right; records follow one another."""
     from matplotlib.figure import Figure
 
     names = list(identified.quantities)

@@ -156,7 +156,7 @@ def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
 
 
 def _steps(time: np.ndarray, unit: float, lengths: tuple[int, ...]) -> np.ndarray:
-    """Steps of alternating sign that last so many units."""
+    """Return steps of alternating sign with these durations."""
     ends = _BEGIN + unit * np.concatenate([[0.0], np.cumsum(lengths)])
     place = np.searchsorted(ends, time, side="right")
     inside = (place > 0) & (place < len(ends))

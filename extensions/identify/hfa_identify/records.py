@@ -49,7 +49,8 @@ class Record:
     has_steps: bool = False
 
     def windows(self, seconds: float) -> list[Record]:
-        """The record cut into parts of at least this duration, s, that share their end samples."""
+        """Divide the record into parts of at least this duration, s, that share their end
+        samples."""
         step = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
         samples = max(FEWEST, round(seconds / step))
         starts = range(0, max(1, len(self.time) - samples), samples)
@@ -57,8 +58,7 @@ class Record:
         return [self.part(first, last + 1) for first, last in zip(starts, ends, strict=True)]
 
     def thinned(self, together: int) -> Record:
-        """Return one sample for each group of `step`: the first value of each sensor in the
-        group."""
+        """Return one sample for each group of `together`: the first value of each sensor in it."""
         if together == 1:
             return self
         starts = np.arange(0, len(self.time), together)
@@ -170,7 +170,7 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
 
 
 def _head(path: Path, cell: str, model: Model) -> tuple[str, float]:
-    """The name of a column, and by what its values are multiplied."""
+    """Return the name of a column, and the factor of its values."""
     match = re.fullmatch(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*", cell)
     if match is None:
         raise BadInputError(

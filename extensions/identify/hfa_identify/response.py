@@ -349,8 +349,7 @@ class Responses:
         return states, (before, after), durations
 
     def _advance(self, steps: int) -> ca.Function:
-        """Return the function that maps a state to the states after each of `count` steps, made
-        once for a count."""
+        """Return the function that maps a state to the states after each of these steps."""
         if steps not in self._advances:
             self._advances[steps] = self._step.mapaccum(steps)
         return self._advances[steps]

@@ -98,7 +98,8 @@ class Search:
 
 
 def begin_of(model: Model, record: Record, held: Mapping[str, float]) -> np.ndarray:
-    """(n,) where a record may begin: measured, held, or where the model's trims do."""
+    """Return (n,), the guess of a record's initial condition: measured, held, or of the model's
+    trims."""
     start = []
     for name, signal in model.states.items():
         values = record.measured.get(name)

@@ -182,7 +182,7 @@ def _frames(element: Element | None) -> tuple[str, str]:
 
 def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
     """The functions of each component of force and moment; a second axis of one component replaces
-    the first, which is then left out. BadInputError for an axis that does not exist."""
+    the first. BadInputError for an axis that does not exist."""
     functions: dict[int, list[Element]] = {}
     if element is None:
         return functions

@@ -240,7 +240,7 @@ class Equations:
             properties.define_initial(f"moments/{turn}-gear-lbsft", 0.0)
 
     def _define_loads(self) -> None:
-        """Let tanks, point masses and what follows from them set their properties."""
+        """Let tanks, point masses and quantities that follow from them set their properties."""
         for number, tank in enumerate(self.parts.tanks):
             prefix = f"propulsion/tank[{number}]"
             contents = self.parameters[f"tank{number}"]

@@ -342,16 +342,15 @@ def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
 
 
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
-    """Leave out the functions of a turbine's spools whose names begin so: no force depends on
-    them."""
+    """Omit the functions of a turbine's spools with these first words: no force depends on them."""
     for function in file.engine.children:
         if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(names):
             function.taken = False
 
 
 def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
-    """Rate of the speed of a turbine's shaft, %/s (`FGTurbine::Seek`): as fast as it may, until it
-    is there within a step of JSBSim."""
+    """Rate of the speed of a turbine's shaft, %/s (`FGTurbine::Seek`): at its limit, until the
+    target is within one step of JSBSim."""
     low, high = file.shaft("n2")
     is_on = running(file, around)
     share = ca.fmin((speed - low) / (high - low) + 0.1, 1.0)

@@ -83,10 +83,10 @@ class _FrameEquations(Equations):
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Nothing: the rates of the angles are those of the frame before."""
+        """Do nothing: the rates of the angles are those of the frame before."""
 
     def _stop_clock(self) -> None:
-        """The time is 0, as in the model."""
+        """Set the time to 0, as in the model."""
         self._substitute(self._time, ca.SX(0.0))
 
 

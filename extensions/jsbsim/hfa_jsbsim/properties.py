@@ -188,15 +188,15 @@ class Properties:
         return self.remember(key, lambda: self.value_of(writer, key, ""))
 
     def read_commanded(self, name: str) -> Any:
-        """A command when JSBSim copies it to its position, before the control system runs: what a
-        component sets is then of the frame before."""
+        """A command when JSBSim copies it to its position, before the control system runs: a value
+        set by a component is then of the frame before."""
         writer = self.writer(name)
         if self.step and writer is not None and writer.component is not None:
             return self.before(name)
         return self.read(name, "")
 
     def leave_out(self, component: Element, what: str, is_never: bool = False) -> None:
-        """Note that the memory of a component is left out; is_never: also where it could be a
+        """Note that the memory of a component is omitted; is_never: also where it could be a
         state."""
         key = f"{component.where} {component.attributes.get('name', '')} {is_never}"
         self.left_out.setdefault(key, (component, what, is_never))
@@ -322,8 +322,8 @@ class Properties:
 
 
 def plain(name: str) -> str:
-    """The name of a property without what may be left out: [0] and the name of JSBSim's tree. Names
-    that begin with another / are not of that tree."""
+    """Return the name of a property without the optional parts: [0] and the name of JSBSim's tree.
+    Names that begin with another / are not of that tree."""
     return name.strip().replace("[0]", "").removeprefix("/fdm/jsbsim/")
 
 

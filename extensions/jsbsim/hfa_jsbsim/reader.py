@@ -107,7 +107,7 @@ _CHOICES = {
 
 
 def _choices(text: str, partial: bool) -> Choices:
-    """The choices that a text behind a question mark makes."""
+    """Return the options after a question mark."""
     made = {"partial": partial}
     for word in text.split("&") if text else []:
         name, _, value = word.partition("=")
@@ -345,9 +345,9 @@ class _Declaration:
         return signals
 
     def _of_dead_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
-        """Speed and blade angle at which the propellers of engines that are out, or without fuel,
-        come to rest, from high speed on: where the air drives them as much as friction brakes, or
-        not at all."""
+        """Return the steady speed and blade angle of propellers of engines that are out or without
+        fuel, from high speed on: where the air drives them as much as friction brakes, or not at
+        all."""
         dead = [
             file
             for file in self.parts.engines
@@ -366,8 +366,8 @@ class _Declaration:
         return ends
 
     def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """The highest speed, rpm, at which a propeller does not get slower; 0 without one. What
-        has no value is where the declaration begins."""
+        """The highest speed, rpm, at which a propeller does not get slower; 0 without one. A
+        variable without a value has its declared start."""
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
         columns = [[values.get(key, each[key].start) for key in each] for each in signals]

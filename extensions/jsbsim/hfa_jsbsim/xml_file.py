@@ -92,7 +92,7 @@ class Element:
         return (child.take() for child in self.children if child.name == name)
 
     def take(self) -> Element:
-        """Itself, marked as taken."""
+        """Return the element, marked as read."""
         self.taken = True
         return self
 

@@ -173,8 +173,8 @@ class BestFlight(StatesAndInputs, Result, Reported):
 
     @property
     def over_bound(self) -> float | None:
-        """The cost over the lower bound: at most so many times the least; None without a positive
-        bound."""
+        """The cost over the lower bound: an upper bound of the ratio to the least cost; None
+        without a positive bound."""
         if self.lower_bound is None or self.lower_bound <= 0.0:
             return None
         return self.cost / self.lower_bound

@@ -154,7 +154,7 @@ class Flights:
         return CompiledLoop(ClosedLoop(plant, policy, calm), self.count * _TICKS)
 
     def scenario(self, seconds: float) -> Scenario:
-        """A calm flight of at least that many seconds."""
+        """Return the scenario of a calm flight of at least this duration, s."""
         ticks = max(1, math.ceil(seconds / self.tick - 1e-9))
         start = np.zeros(len(self.problem.model.states))
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
@@ -172,7 +172,7 @@ class Flights:
     def fly(
         self, loop: CompiledLoop, start: np.ndarray, seconds: float, policy: Policy | None = None
     ) -> Flown:
-        """A flight from a start z, (k,), its cost and what became of it.
+        """Fly from an initial condition z, (k,); return the flight, its cost and its outcome.
 
         policy: with other held inputs than that of the loop"""
         problem = self.problem

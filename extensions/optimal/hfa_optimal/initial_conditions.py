@@ -112,17 +112,17 @@ class StartsTable(Result, Reported):
 
     @property
     def found(self) -> int:
-        """From how many a flight was found."""
+        """Number of initial conditions with a flight."""
         return sum(each.cost is not None for each in self.flights)
 
     @property
     def refused(self) -> int:
-        """From how many none was found, or the simulator refuted it."""
+        """Number of initial conditions without a flight, or with a refuted one."""
         return self.starts - self.found
 
     @property
     def policies(self) -> Sequence[PolicySummary]:
-        """Each policy over the starts from which a flight was found."""
+        """The summary of each policy over the initial conditions with a flight."""
         rows = [each.policies for each in self.flights if each.cost is not None]
         return [_summary(column) for column in zip(*rows, strict=True)]
 
@@ -221,7 +221,7 @@ def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
 def drawn_starts(
     problem: FlightProblem, count: int, seed: int, box: np.ndarray | None = None
 ) -> np.ndarray:
-    """(count, k), starts in a box; the first are the same whatever the count.
+    """Return (count, k), initial conditions in a box; the first are the same whatever the count.
 
     box: (k,), half-widths, made smaller where it reaches beyond the limits; the usual box unless
         given"""

@@ -43,7 +43,7 @@ def critic_pilot(flights: Flights, name: str, critic: Critic) -> Pilot:
 
 
 def card_pilot(flights: Flights, path: Path) -> Pilot:
-    """The policy of a card, sampled, held and late as it is deployed."""
+    """Return the policy of a deployment file, sampled, held and delayed."""
     point = flights.problem.point
     policy = flown_card(path, flights.problem.model, point)
     start = np.zeros(len(flights.problem.model.states))

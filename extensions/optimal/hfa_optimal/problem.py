@@ -117,7 +117,7 @@ class FlightProblem:
 
     @cached_property
     def sizes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nominal sizes of the followed states, and of v, (m,): what the optimizer counts in."""
+        """Nominal sizes of the followed states, and of v, (m,): the units of the optimizer."""
         signals = self.model.signals
         of_states = np.array([signals[name].nominal for name in self.followed])
         return of_states, np.array([signals[name].nominal for name in self.inputs])
@@ -208,8 +208,9 @@ class FlightProblem:
         return Q, self.R * np.outer(of_inputs, of_inputs), P
 
     def deviations(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
-        """A start by name, or another trim, as z, (k,). BadInputError for an unknown name, for a
-        number that is not finite, outside the limits, and for a trim that no flight reaches."""
+        """Return an initial condition by name, or another trim, as z, (k,). BadInputError for an
+        unknown name, for a number that is not finite, outside the limits, and for a trim that no
+        flight reaches."""
         if isinstance(start, OperatingPoint):
             return self._deviations_of(start)
         z = np.zeros(len(self.states))

@@ -240,8 +240,8 @@ def quickest_flight(
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
 ) -> QuickestFlight:
-    """The quickest flight that was found from a start to a trim: proposed by collocation, believed
-    once the simulator has flown it and has arrived.
+    """The quickest flight that was found from a start to a trim: proposed by collocation, accepted
+    where the simulator arrives too.
 
     start: another trim, or state of the linear model -> deviation from the trim
     Q, R: of the linear policy that follows the proposal, as `hfa.game` takes them
@@ -310,7 +310,7 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
 
 
 def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: float) -> Proposal:
-    """The quickest proposal that comes of straight lines to the trim. NoSolutionError where none
+    """Return the quickest proposal from straight lines to the trim. NoSolutionError where none
     does."""
     count = program.intervals
     inside = ((np.arange(count)[:, None] + collocation_points()[1:]) / count).ravel()
@@ -329,7 +329,7 @@ def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: f
 
 
 def _on_finer(flights: Flights, proposal: Proposal, count: int) -> Proposal:
-    """A proposal on a mesh of that many intervals."""
+    """Return a proposal on a mesh of `count` intervals."""
     of_states, of_inputs = flights.problem.sizes
     largest_z = largest_deviations(proposal)
     largest_z = np.maximum(largest_z, _SMALLEST * of_states[: len(largest_z)])

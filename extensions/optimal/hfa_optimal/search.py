@@ -156,7 +156,8 @@ class BestFlights:
         raise NoSolutionError(f"no flight found: after {horizon / _LONGER:.3g} s {unfinished}")
 
     def _unfinished(self, proposal: Proposal) -> str:
-        """Why the linear policy cannot continue a flight after its horizon; "" where it can."""
+        """Return why the linear policy cannot continue a flight after its horizon; "" where it
+        can."""
         share = proposal.tail / proposal.cost
         if share > (DRIFTING_TAIL if self.problem.carried else TAIL):
             return f"{100 * share:.2g} % of the cost is left at the end"
@@ -167,7 +168,7 @@ class BestFlights:
         return ""
 
     def horizon(self, start: np.ndarray) -> float:
-        """s, until the linear loop has paid nearly all, and somewhat longer."""
+        """Return the time, s, until the linear loop has nearly its whole cost, with a margin."""
         P = self.problem.P
         slowest = -float(np.linalg.eigvals(self._loop).real.max())
         step = 0.25 / slowest
@@ -240,7 +241,8 @@ class BestFlights:
         raise NoSolutionError(reason)
 
     def _alternating(self, proposal: Proposal) -> str:
-        """Which inputs of a proposal alternate between its limits; "" where none does."""
+        """Return the inputs of a proposal that alternate between their limits, in words; "" without
+        one."""
         lowest, highest = self.problem.input_limits
         texts = []
         for column, name in enumerate(self.problem.inputs):
@@ -349,7 +351,7 @@ class BestFlights:
         return mesh(seconds, intervals, fastest, self.flights.step)
 
     def _linear_guess(self, start: np.ndarray) -> Guess:
-        """The linear loop without limits, and its inputs within them."""
+        """Return the guess of the linear loop without limits, its inputs clipped."""
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z = exponentials(self._loop * times[:, None, None]) @ start
@@ -373,7 +375,7 @@ class BestFlights:
         return guess
 
     def _flown_guess(self, flown: Flown) -> Guess:
-        """A flight."""
+        """Return the guess of a flight."""
         problem = self.problem
         places = problem.followed_places
         z = flown.states[:, places] - np.array(problem.point.states)[places]

@@ -20,8 +20,8 @@ _VARIES = 1e-9
 
 
 def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Function:
-    """The function with each kink smoothed over a part of how much its argument varies; itself
-    where the points pass no kink.
+    """Return the function with each kink smoothed over a part of the spread of its argument; the
+    function itself where the points meet no kink.
 
     function: SX, of one column (n,), with one result. points: (N, n), where it is used.
     part: the half-width of a kink, in standard deviations of its argument over the points

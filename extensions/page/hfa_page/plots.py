@@ -107,7 +107,7 @@ def _figure(
     y: dict[str, Any],
     legend: bool = True,
 ) -> PlotlyFigure:
-    """A frame for each position of the slider, named by it: what changes of the last traces.
+    """A frame for each position of the slider, named by it: the changes of the last traces.
     Background and size are the page's, which moves to a frame at once; the legend stands above."""
     layout = {
         "xaxis": x,
@@ -135,8 +135,8 @@ def _figure(
 
 
 def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | None:
-    """One drawing for all points that are trimmed, a frame each, arrows to one scale; None where
-    none is trimmed."""
+    """Return one drawing for all points that are trimmed, one frame each, arrows to one scale; None
+    where none is trimmed."""
     trims = [None if angle.model is None else angle.model.point for angle in points]
     trimmed = [point for point in trims if point is not None]
     if not trimmed:
@@ -233,7 +233,7 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
 
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
-    """A line a mode, and the point of the slider; shown: (n,) which columns."""
+    """Draw one line for each mode, and the point of the slider; shown: (n,) which columns."""
     angles = np.degrees(swept.values[:, -1])
     roots = swept.eigenvalues[:, shown]
     names = [swept.mode_names[column] for column in np.flatnonzero(shown).tolist()]

@@ -98,7 +98,7 @@ class Assessment(Result, Reported):
 
     @property
     def unmet(self) -> list[str]:
-        """The needs that are not met, a sentence each."""
+        """Requirements that are not met, one sentence each."""
         sentences = []
         for name, need in self.needs.items():
             refuse_unknown("unknown need", name, NEEDS)
@@ -121,7 +121,7 @@ class Assessment(Result, Reported):
 
     @property
     def headlines(self) -> list[str]:
-        """Findings over all trims, a sentence each, worst first."""
+        """Findings over all trims, one sentence each, worst first."""
         holding = self._holding()
         verdicts = [holding, self._leaving_roughly()]
         if self.holds:
@@ -358,7 +358,7 @@ class Assessment(Result, Reported):
         return "" if best is None else best.bound_sentence()
 
     def _costing(self) -> str:
-        """The linear cost where it holds; elsewhere that of the linear loop means nothing."""
+        """Return the linear cost in words, "" where the policy does not hold."""
         costs = [point.cost for point in self.points if point.holds and point.cost is not None]
         if not costs:
             return ""
@@ -445,7 +445,7 @@ class Assessment(Result, Reported):
         return tuple(cells)
 
     def _records(self) -> Table:
-        """A row a trim, with all digits."""
+        """Return one row for each trim, with all digits."""
         key = self.deployed.model.schedule_key if self.deployed.model.schedule else "trim"
         header = (
             *(key, "holds", "spectral_radius", "delay_limit [s]", "disk_margin"),

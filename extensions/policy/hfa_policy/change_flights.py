@@ -162,8 +162,8 @@ class ChangeFlights:
         dt: float | None = None,
         delay: float | None = None,
     ) -> list[Flown]:
-        """The flights of each change, whose starts are shared out to the trims; with the sample
-        time and the delay of the card unless given."""
+        """Fly each change from initial conditions shared among the trims, with the sample time and
+        delay of the deployment unless given."""
         card = self.deployed.deployment
         flight = self._flight(card.dt if dt is None else dt, card.delay if delay is None else delay)
         starts_here = sample.starts // len(self.places)
@@ -179,7 +179,8 @@ class ChangeFlights:
         return [*map(Flown, costs.reshape(of_each_change), *counts)]
 
     def _rows(self, flight: SampledFlight, repair: Repair, starts_here: int) -> np.ndarray:
-        """The rows of a change: so many starts at each trim, one trim behind the other."""
+        """Return the rows of a change: initial conditions at each trim, one trim after the
+        other."""
         changed = repair.deployment.on(self.deployed.model)
         rows = []
         for place in self.places:

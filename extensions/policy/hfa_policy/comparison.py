@@ -39,7 +39,7 @@ class Comparison(Result, Reported):
         return f"{verdict_text(self.ok)}: {count} of {len(self.assessments)} deployments pass"
 
     def report(self) -> Report:
-        """A row a deployment, and the first line of each."""
+        """Return a table with one row for each deployment, and the first line of each."""
         table = Table(_HEADER, [_row(assessment) for assessment in self.assessments])
         lines = [
             f"{assessment.deployed.deployment.origin}: {assessment.first_line}"

@@ -49,7 +49,7 @@ class CostLost(Result):
 
 
 def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> CostLost | str:
-    """The cost lost; in words why there is no optimum to compare with."""
+    """Return the cost above the optimum; a sentence where no optimum exists."""
     game = lqr_at(deployed, equilibrium)
     try:
         worst, mean = math.nan, math.nan
@@ -65,8 +65,8 @@ def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> Cos
 
 
 def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
-    """The LQR of the card's Q and R on the aircraft at the equilibrium, its commanded inputs
-    alone."""
+    """Return the LQR of the deployment's Q and R on the aircraft at the equilibrium, its commanded
+    inputs alone."""
     Q, R = weights_at(deployed, equilibrium)
     if equilibrium.basis is not None:
         Q = equilibrium.basis.T @ Q @ equilibrium.basis

@@ -288,7 +288,8 @@ class Deployed:
 
 
 def _unless_nan(seen: ca.SX, value: ca.SX) -> ca.SX:
-    """The value, NaN where what was seen is NaN: fmin and fmax of a clip or a ReLU drop it."""
+    """Return the value, NaN where the observation is NaN: fmin and fmax of a clip or a ReLU drop
+    it."""
     is_number = ca.logic_or(seen <= 0.0, seen > 0.0)
     return ca.if_else(is_number, value, ca.DM.nan())
 

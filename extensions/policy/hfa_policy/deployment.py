@@ -229,8 +229,8 @@ class Deployment(Shown):
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest action, (m,) each: those of the file, else of the card; infinite where
-        neither says one.
+        """Lowest and highest action, (m,) each: those of the policy's file, else of the deployment
+        file; infinite without either.
 
         BadInputError where both say one and differ, and where a squashed action has none.
         """

@@ -12,7 +12,7 @@ from hfa_support.reporting.text import shown_unit, shown_values
 def episode_picture(
     episodes: Episodes, owner: int, flown: list[tuple[np.ndarray, np.ndarray]]
 ) -> np.ndarray:
-    """Pixels (height, width, 3) of a panel a linear state and a panel a moved input.
+    """Pixels (height, width, 3) of one panel for each linear state and each moved input.
 
     owner: number of the trim, which is drawn as a line.
     flown: X and U at each sample.

@@ -76,7 +76,7 @@ class Episodes:
         seconds: float = SECONDS,
         turbulence: Turbulence | None = None,
     ) -> None:
-        """turbulence: which episodes meet; drawn anew for each of them.
+        """turbulence: of the episodes, drawn anew for each.
 
         BadInputError where there is no trim, an action has no box, the time is no number, or the
         aircraft takes no turbulence."""
@@ -309,7 +309,7 @@ class EpisodeAir:
         self._random = np.random.default_rng()
 
     def seed(self, seed: int) -> None:
-        """Decide everything that is drawn from now on."""
+        """Set the seed of all later draws."""
         self._random = np.random.default_rng(seed)
 
     def begin(self, numbers: np.ndarray, owners: np.ndarray) -> None:
@@ -346,7 +346,7 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> Steered:
-    """By actions, the further numbers of a row, clipped to their box."""
+    """Return the row moved by actions, its further numbers, clipped to their box."""
     count = len(low)
     arguments = symbols_of_a_sample(deployed, count)
     action = ca.SX.sym("a", count)

@@ -221,7 +221,7 @@ class SampledFlight:
         return Window(entering, network, later, self.samples_in_window)
 
     def forget_extremes(self, rows: np.ndarray) -> None:
-        """Before a window: the extremes of X are X, and those of U none."""
+        """Reset the extremes before a window: those of X are X, those of U none."""
         X, _, low_X, high_X, low_U, high_U, *_ = self.slices
         rows[:, low_X] = rows[:, X]
         rows[:, high_X] = rows[:, X]
@@ -289,7 +289,7 @@ class Window:
 
 def in_threads(work: Callable[[np.ndarray], None], count: int) -> None:
     """Calls `work` with numbers of rows, in as many threads as there are processors; the rows are
-    dealt out like cards."""
+    distributed in turn."""
     threads = max(1, min(os.cpu_count() or 1, count // 100))
     dealt = [np.arange(first, count, threads) for first in range(threads)]
     with ThreadPoolExecutor(threads) as pool:

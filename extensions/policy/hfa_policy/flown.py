@@ -106,7 +106,7 @@ class DeployedPolicy(Policy):
 
 
 def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:
-    """The policy of a card about a trim, as `flown_deployment` makes it."""
+    """Return the policy of a deployment file about a trim, made by `flown_deployment`."""
     return flown_deployment(Deployment.load(path), point, f"of {path}")
 
 
@@ -138,7 +138,7 @@ def exported_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
 
 
 def exported_loop(policy: DeployedPolicy) -> ExportedLoop:
-    """The policy as `write_fmu` takes it."""
+    """Return the policy in the form for `write_fmu`."""
     from hfa_policy.exported import policy_loop
 
     return policy_loop(policy)

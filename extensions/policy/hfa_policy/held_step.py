@@ -20,7 +20,7 @@ _MOST_PARTS = 1000
 
 
 def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
-    """Into how many steps of the integration a sample is divided: by the fastest mode of the
+    """Return the number of integration steps of a sample: by the fastest mode of the
     aircraft at any of these trims."""
     fastest = 0.0
     for point in points:

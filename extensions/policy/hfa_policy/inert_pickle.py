@@ -30,7 +30,7 @@ class Inert:
     made_of = ""
 
     def __new__(cls, *_: Any, **__: Any) -> Inert:
-        """Made without arguments, whatever the pickle gives."""
+        """Create the object without arguments, whatever the pickle gives."""
         return super().__new__(cls)
 
     def __init__(self, *_: Any, **__: Any) -> None:

@@ -155,7 +155,7 @@ def mistakes_of_observations(
 def _exchanged_with(
     number: int, observed: Sequence[_Observed], records: Sequence[_Record]
 ) -> list[str]:
-    """The observations in whose place this one would fit, and they in its."""
+    """Return the observations that may be exchanged with this one."""
     names = []
     for place, other in enumerate(observed):
         fit = observed[number].agrees(records[place]) and other.agrees(records[number])

@@ -78,8 +78,8 @@ class _Found(NamedTuple):
 
 
 def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """The changes of the card with which the policy flies clearly better, the best first; nothing
-    where it flies well."""
+    """Return the changes of the deployment that improve the flights clearly, the best first; none
+    where the flights are good already."""
     if not all(_flies_well(point) for point in assessed):
         yield from _Trial(assessor, assessed).named()
 
@@ -137,8 +137,8 @@ class _Trial:
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 
     def named(self) -> Iterator[Mistake]:
-        """The changes that are named: the best of each kind, the best first; none where the policy
-        is late and flies well without its delay."""
+        """Return the reported changes: the best of each kind, the best first; none where the delay
+        alone explains the flights."""
         if self._is_only_late():
             return
         repairs = self._left(repairs_of(self.deployed))

@@ -145,8 +145,8 @@ def _turbulence_text(turbulence: Turbulence | None) -> str:
 
 
 def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequence[str]) -> Table:
-    """Two rows a trim: flights inside the envelope, and root mean squares off trim; then those of
-    the calm flight.
+    """Return two rows for each trim: flights inside the envelope, and root mean squares off trim;
+    then those of the calm flight.
 
     trims: the text of each; units: of the entries of `rms`.
     """

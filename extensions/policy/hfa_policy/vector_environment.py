@@ -29,7 +29,7 @@ class AircraftVectorEnvironment(VecEnv):
         self._began = time.monotonic()
 
     def seed(self, seed: int | None = None) -> list[int | None]:
-        """The seed decides all starts from the next reset on."""
+        """Set the seed of all initial conditions from the next reset on."""
         if seed is not None:
             refuse_unless_whole("seed", seed, 0)
         self._random = np.random.default_rng(seed)
@@ -74,7 +74,7 @@ class AircraftVectorEnvironment(VecEnv):
         return observations, stepped.rewards.astype(np.float32), ended, infos
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: no file or process is open."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """The attribute, once for each of the episodes."""

@@ -187,7 +187,7 @@ def _likeliest(
 
 
 def _edits(text: str) -> dict[str, str]:
-    """Texts that one slip made this one of -> the slip, the likeliest where there are several."""
+    """Return texts from which one slip makes this one -> the slip, the likeliest of several."""
     match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
     assert match is not None
     sign, digits, exponent = match.groups()
@@ -202,7 +202,7 @@ def _edits(text: str) -> dict[str, str]:
 
 
 def _without_leading_zeros(digits: str) -> str:
-    """0.5 of 00.5 and of .5."""
+    """Return the text without leading zeros: 0.5 for 00.5 and .5."""
     stripped = digits.lstrip("0")
     if not stripped or stripped.startswith("."):
         return f"0{stripped}"
@@ -236,7 +236,7 @@ def _with_neighbours_interchanged(digits: str) -> Iterator[str]:
 
 
 def _with_the_point_elsewhere(digits: str) -> Iterator[str]:
-    """The point anywhere among the digits, or one place beyond them."""
+    """Yield the text with its point anywhere among the digits, or one place beyond them."""
     plain = digits.replace(".", "")
     yield f"0.0{plain}"
     for moved in range(len(plain) + 1):

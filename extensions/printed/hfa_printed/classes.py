@@ -117,7 +117,7 @@ def fitting_time(file: PrintedFile) -> str:
 def _by_digits(
     file: PrintedFile, P: np.ndarray, comparison: Comparison
 ) -> tuple[Class, str] | None:
-    """The class that needs no search; None where the digits alone do not say."""
+    """The class that needs no search; None where the digits alone do not decide."""
     if not comparison.outside.any():
         return "as printed", f"all {len(comparison.printed)} entries"
     if _is_cut_off(comparison):

@@ -55,7 +55,7 @@ class Comparison:
 
     @property
     def outside(self) -> np.ndarray:
-        """Mask of the entries that are not as printed, (N,)."""
+        """Mask of the entries that differ from the print, (N,)."""
         return np.abs(self.printed - self.exact) > self.allowed
 
     @property

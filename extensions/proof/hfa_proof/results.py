@@ -52,7 +52,7 @@ class ProvedResult(Result):
 
     @property
     def proved(self) -> bool:
-        """True: what is not proved is not printed."""
+        """True: an unproved claim is not printed."""
         return True
 
     @property
@@ -90,7 +90,7 @@ def place_in_words(subject: Subject, place: Sequence[float] | np.ndarray) -> str
 
 
 def outputs_in_words(subject: Subject) -> tuple[str, ...]:
-    """The limits of outputs, a line; none without limits."""
+    """Return the limits of outputs in one line; "" without limits."""
     listed = []
     for name in subject.model.outputs:
         if name in subject.limits:
@@ -122,7 +122,7 @@ def polynomial_in_words(
 def curved_policies_in_words(
     policies: Mapping[str, Iterable[tuple[float, Sequence[int]]]], states: Sequence[str]
 ) -> tuple[str, ...]:
-    """The policy of each input that is not linear, a line each.
+    """Return the policy of each input that is not linear, one line each.
 
     policies: input -> the terms of degree 2 and more
     """

@@ -193,7 +193,7 @@ def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
 
 
 def _nearest_power_of_ten(ratio: float) -> int:
-    """k where ratio is about 10^k; 0 where it is not positive."""
+    """Return k where the ratio is about 10^k; 0 where it is not positive."""
     if not (math.isfinite(ratio) and ratio > 0.0):
         return 0
     return round(math.log10(ratio))
@@ -284,8 +284,8 @@ def _symmetric_factors(view: View) -> np.ndarray:
 def _scales(
     view: View, noun: str, factors: np.ndarray, degree: float
 ) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Signs, degrees and scales that the factors of states or inputs tell: the mistake, what each
-    must be divided by, and what was fitted."""
+    """Return signs, degrees and scales implied by the factors of states or inputs: the mistake,
+    what each must be divided by, and what was fitted."""
     flipped = factors < 0.0
     with np.errstate(all="ignore"):
         angles = np.abs(np.log(np.abs(factors) / degree)) < _DEGREE_BAND

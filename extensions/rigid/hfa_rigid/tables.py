@@ -26,7 +26,7 @@ class Interpolator:
     def __call__(
         self, values: np.ndarray, breakpoints: Sequence[np.ndarray], arguments: Sequence[Any]
     ) -> ca.SX:
-        """The value at the arguments, one an axis.
+        """Return the value at the arguments, one for each axis.
 
         values: (n1, ..., nd), in row-major order. breakpoints: d arrays, increasing, of at least
         two. arguments: d scalars, numbers or expressions.

@@ -167,7 +167,7 @@ class GeneralizedPlant(Shown):
 
     @property
     def floor(self) -> float:
-        """No δ up to this will do, because of D11 alone."""
+        """Lower bound of δ from D11 alone."""
         if not len(self.C2):
             return float(np.linalg.norm(self.D11, 2)) if self.D11.size else 0.0
         return max(side.feedthrough for side in self.sides)
@@ -176,9 +176,9 @@ class GeneralizedPlant(Shown):
     def measured(
         cls, game: Game, C: np.ndarray, V: np.ndarray, D: np.ndarray | None = None
     ) -> GeneralizedPlant:
-        """The game of who sees only y = C z + D u + n, n noise of intensity V: from w = (d, v) to z
-        = (Q^½ x, R^½ u) with n = V^½ v. C: (p, n), D: (p, m) or 0, V: (p, p) positive definite. Its
-        controller is the LQG one at δ inf."""
+        """Return the game with the measurements y = C z + D u + n, n noise of intensity V: from w =
+        (d, v) to z = (Q^½ x, R^½ u) with n = V^½ v. C: (p, n), D: (p, m) or 0, V: (p, p) positive
+        definite. Its controller is the LQG one at δ inf."""
         V = checked_matrix("V", V, LARGEST)
         check_definite("V", V, strictly=True)
         n, m = game.B.shape
@@ -443,7 +443,7 @@ def _output_feedback(
 def central_controller(
     plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float
 ) -> Controller:
-    """From X and Y, whatever they are: nothing is certified.
+    """Return the central controller of any X and Y, without a certificate.
 
     With F1, F2 of X, L1, L2 of Y and Z = (I - δ⁻² Y X)⁻¹, D22 = 0:  Ck = F2 - Dk (C2 + D21 F1), Bk
     = Z ((B2 + L1 D12) Dk - L2),  Ak = A + B1 F1 + B2 F2 - Bk (C2 + D21 F1), and Dk the best against

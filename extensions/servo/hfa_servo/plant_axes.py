@@ -44,12 +44,12 @@ class Axes(NamedTuple):
         return self._replace(scale=self.scale / units)
 
     def rows(self, M: np.ndarray) -> np.ndarray:
-        """T M, of a matrix with a row a state, y = T x."""
+        """Return T M, of a matrix with one row for each state, y = T x."""
         high, _ = product(exact(self.W.T), exact(M / self.units[:, None]))
         return np.asarray(high * self.scale[:, None])
 
     def columns(self, M: np.ndarray) -> np.ndarray:
-        """M T⁻¹, of a matrix with a column a state."""
+        """Return M T⁻¹, of a matrix with one column for each state."""
         high, _ = product(exact(M * self.units), self.inverse)
         return np.asarray(high / self.scale)
 

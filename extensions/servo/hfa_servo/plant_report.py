@@ -96,7 +96,7 @@ class PlantSolution(Result, Reported):
         )
 
     def _records(self) -> Table:
-        """A row an entry of each matrix."""
+        """Return one row for each entry of each matrix."""
         rows = []
         for name, (row_names, column_names) in self.matrices.items():
             matrix = getattr(self.solution, name)

@@ -208,7 +208,7 @@ class ScheduledController(ByValue, Reported):
             )
 
     def _between(self, first: float, last: float) -> str:
-        """5 to 20 deg."""
+        """Return a range in words: "5 to 20 deg"."""
         schedule = self.model.schedule
         lowest = shown_value(first, self.model.unit(schedule))
         return f"{lowest} to {self.model.describe(schedule, last)}"
@@ -238,7 +238,7 @@ class ScheduledController(ByValue, Reported):
         return Report(title, (self._summary(limit), table), data=self._data())
 
     def _where(self) -> str:
-        """At how many breakpoints, from where to where."""
+        """Return the number of breakpoints and their range, in words."""
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])
         if len(self.breakpoints) == 1:
@@ -319,8 +319,8 @@ def in_units_of(controller: ScheduledController, model: Model) -> ScheduledContr
 
 
 def _factors(before: Model, after: Model, names: Iterable[str]) -> np.ndarray:
-    """By what signals in the units of one model are multiplied to be in those of another; 1 where
-    a name says no unit."""
+    """Return the factors from the units of one model to those of another; 1 where a name implies no
+    unit."""
     found = [conversion(signal_unit(before, name), signal_unit(after, name)) for name in names]
     return np.array([1.0 if factor is None else factor for factor in found])
 

@@ -147,7 +147,7 @@ class LoopRow(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The actuators, for a person."""
+        """Return the actuators in words."""
         kinds = [f"order {acting.order}, {acting.bandwidth:g} rad/s" for acting in self.actuators]
         return " and ".join(dict.fromkeys(kinds)) or "none"
 
@@ -187,7 +187,7 @@ class MarginTable(Checked, Result, Reported):
         return (below("largest_abscissa", worst.abscissa, 0.0, reason),)
 
     def _where(self, row: LoopRow) -> str:
-        """5 deg."""
+        """Return the scheduling value in words: "5 deg"."""
         model = self.controller.model
         return model.describe(model.schedule, row.scheduled_at)
 
@@ -246,7 +246,8 @@ class MarginTable(Checked, Result, Reported):
 def _smallest_table(
     names: tuple[str, ...], cells_by_name: Mapping[tuple[str, ...], list[_Cell]]
 ) -> Table:
-    """A row each: the smallest gain, phase and delay margin, and where gain and phase are."""
+    """Return one row for each: the smallest gain, phase and delay margin, and the places of gain
+    and phase."""
     rows = []
     for words, cells in cells_by_name.items():
         gain = min(cells, key=lambda cell: cell.margin.gain)

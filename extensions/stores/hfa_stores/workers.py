@@ -133,7 +133,7 @@ def _processes(count: int) -> Iterator[Run]:
 
 @contextmanager
 def _signals_held() -> Iterator[None]:
-    """Signals wait until the block ends.
+    """Delay signals until the block ends.
 
     A process that starts in the block inherits that for good: a terminal sends Ctrl-C to every
     process of a run, and only the one that started the others shall answer.

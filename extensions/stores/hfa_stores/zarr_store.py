@@ -389,8 +389,8 @@ def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> boo
 
 
 def _missing_chunks(path: Path, job: RowJob) -> list[int]:
-    """Numbers of the chunks that some array does not have, or whose numbers are not those that were
-    written there for this job; a warning counts the latter."""
+    """Return the numbers of the chunks that some array lacks, or that are damaged; a warning counts
+    the latter."""
     group = _opened(path, "r")
     missing = []
     damaged = 0

@@ -123,8 +123,8 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _bent(self) -> tuple[TaylorProgram, np.ndarray]:
-        """Second derivatives of g in v, (m m,), and which v they depend on; BadInputError where one
-        of these has no limits."""
+        """Return the second derivatives of g in v, (m m,), and the v on which they depend;
+        BadInputError where one of these has no limits."""
         g = self._margin
         v = self._symbols[2]
         second = ca.hessian(g, v)[0]
@@ -231,7 +231,7 @@ class CostInequality(OnPiece):
         return linear, radius
 
     def _loss(self, boxes: Boxes, guess: Guess) -> np.ndarray:
-        """(boxes,), at least by how much g is lower at the best inputs than at the guess.
+        """Return (boxes,), a bound of the difference of g between the guess and the best inputs.
 
         g(guess + d) >= g(guess) + Σ (b_i d_i + λ_i d_i² / 2), b the slopes at the guess and λ below
         the curvature between the guess and all inputs within the limits."""
@@ -341,7 +341,8 @@ class CostInequality(OnPiece):
 
 
 def _least(b: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Below b d + curvature d² / 2 for all low <= d <= high, 0 <= low; 0 where there is no d."""
+    """Return a lower bound of b d + curvature d² / 2 for all low <= d <= high, 0 <= low; 0 where no
+    d exists."""
     vertex = np.where(curvature > 0.0, -b / np.where(curvature > 0.0, curvature, 1.0), low)
     inside = (curvature > 0.0) & (vertex > low) & (vertex < high)
     at_vertex = -0.5 * b * b / np.where(inside, curvature, 1.0) * (1.0 + ROUNDING)

@@ -39,7 +39,7 @@ class Boxes(NamedTuple):
         return np.asarray(np.max(np.abs(self.centres) + self.half_widths, axis=1))
 
     def part(self, which: np.ndarray | slice) -> Boxes:
-        """Some of them."""
+        """Return some of the boxes."""
         return Boxes(self.centres[which], self.depths[which])
 
     def halves(self) -> Boxes:
@@ -93,7 +93,7 @@ class Question(Protocol):
 
     @property
     def is_outside(self) -> Callable[[Boxes], np.ndarray]:
-        """Boxes -> which do not meet the set."""
+        """Return which boxes do not meet the set."""
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
         """Return the mask of the boxes to halve; RefutedError at a place where the answer is no."""
@@ -108,7 +108,7 @@ def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray
 
 
 def cover(question: Question, most: int, progress: Progress | None = None) -> int:
-    """The number of boxes that prove it.
+    """Prove the function on the set; return the number of boxes.
 
     most: boxes after which it is given up
 

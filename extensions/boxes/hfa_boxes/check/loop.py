@@ -95,11 +95,12 @@ class Decrease(OnPiece):
 
     @property
     def is_outside(self) -> Callable[[Boxes], np.ndarray]:
-        """Boxes -> which do not meet the set."""
+        """Return which boxes do not meet the set."""
         return self.is_beyond
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Which boxes are not proved; RefutedError at a place where a function is negative."""
+        """Return which boxes are not proved; RefutedError at a place where a function is
+        negative."""
         models = self._functions.of(*self._inputs(boxes))
         proved = lowest(models, self.n) > 0.0
         proved[0] |= boxes.reach <= 2.0**-self.hole
@@ -114,7 +115,7 @@ class Decrease(OnPiece):
 
     @cached_property
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """y, z, the error of the equilibrium."""
+        """Return symbols of y, z and the error of the equilibrium."""
         return ca.SX.sym("y", self.n), ca.SX.sym("z", self.n), ca.SX.sym("e", self.n)
 
     @cached_property

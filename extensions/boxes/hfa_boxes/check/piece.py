@@ -160,7 +160,7 @@ class OnPiece:
 
     @cached_property
     def inverse(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n, n) each: N near the inverse of M, and by how much it is off; Rejected where M is
+        """(n, n) each: N near the inverse of M, and its error; Rejected where M is
         singular."""
         try:
             exact = matrix(self.piece.M).inv()
@@ -179,7 +179,7 @@ class OnPiece:
         return is_allowed and bool(self.piece.W.at(place[None])[0] <= self.piece.c)
 
     def is_beyond(self, boxes: Boxes) -> np.ndarray:
-        """Which boxes have W > c everywhere."""
+        """Return on which boxes W > c everywhere."""
         level = self._level.over(boxes.centres, boxes.half_widths)
         return np.asarray(lowest(level, self.n)[0] > self.piece.c)
 
@@ -191,7 +191,8 @@ class OnPiece:
         return TaylorProgram(Program(function, self.plant.model.name))
 
     def deviations(self, boxes: Boxes, inputs: int) -> tuple[np.ndarray, np.ndarray]:
-        """Taylor models of y and z on boxes, the first of so many inputs; the others are 0.
+        """Return Taylor models of y and z on boxes, as the first of `inputs` inputs; the others are
+        0.
 
         Coefficients (inputs, 1 + n, boxes) and radii (inputs, boxes)."""
         n = self.n

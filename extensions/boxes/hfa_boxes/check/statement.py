@@ -229,14 +229,14 @@ def facts(model: Model) -> dict[str, Any]:
 
 
 def numbers_of(entries: Fields, name: str, names: tuple[str, ...]) -> dict[str, float]:
-    """A number for each of the names, in their order."""
+    """Read a number for each of the names, in their order."""
     numbers = entries.numbers(name, names)
     require(set(numbers) == set(names), name, sorted(numbers))
     return {each: numbers[each] for each in names}
 
 
 def _limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
-    """The limits by signal; a limit that is not there is null."""
+    """Read the limits by signal; a missing limit is null."""
     stated = entries.value("limits", lambda value: isinstance(value, dict))
     limits = {}
     for name, pair in stated.items():
@@ -257,8 +257,8 @@ def pair_of(limits: tuple[float, float]) -> list[float | None]:
 
 
 def _check_limits(loop: Loop) -> None:
-    """Malformed where a limit of the model is missing or another: between those of an input it is
-    saturated, neither sooner nor later."""
+    """Malformed where a limit of the model is missing or another: the limits of an input are its
+    saturation."""
     states = {**loop.trim, **loop.held}
     of_model = model_limits(loop.model, states, loop.parameters)
     for name in (*of_model, *loop.limits):

@@ -177,7 +177,7 @@ def check(
 
 
 def _given(loop: Loop, option: str) -> dict[str, Given]:
-    """Path of every entry that is no claim -> the user's own."""
+    """Return path of every entry that is not a claim -> the user's value."""
     widths = {name: 1e-6 * signal.nominal for name, signal in loop.model.signals.items()}
     limits = {name: pair_of(ends) for name, ends in loop.limits.items()}
     given = {name: Given(fact, option) for name, fact in facts(loop.model).items()}

@@ -104,7 +104,7 @@ def _tanh_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 
 
 def _tanh_line(ranges: Ranges) -> Parabola:
-    """Parallel to the chord."""
+    """Return a line parallel to the chord."""
     centre, low, high = ranges
     at_low = tanh(low)
     at_high = tanh(high)
@@ -146,7 +146,8 @@ def _highest_above(
 
 
 def _relu_line(ranges: Ranges) -> Parabola:
-    """Parallel to the chord; max(t, 0) - slope t is highest at an end and lowest, 0, at t = 0."""
+    """Return a line parallel to the chord; max(t, 0) - slope t is highest at an end and lowest, 0,
+    at t = 0."""
     centre, low, high = ranges
     crosses = (low < 0.0) & (high > 0.0)
     slope = np.where(crosses, high / np.maximum(high - low, 1e-200), low >= 0.0)
@@ -162,7 +163,7 @@ def _relu_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 
 
 def _step_line(ranges: Ranges) -> Parabola:
-    """1 for t > 0, 0 for t < 0, anything between where the range has 0 in it."""
+    """Return 1 for t > 0, 0 for t < 0, and [0, 1] where the range contains 0."""
     _, low, high = ranges
     is_open = (low <= 0.0) & (high >= 0.0)
     value = np.where(is_open, 0.5, low > 0.0)

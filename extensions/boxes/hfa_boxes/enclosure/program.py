@@ -128,7 +128,7 @@ class Program:
 
 
 def _stored(block: np.ndarray) -> Any:
-    """A matrix as it is multiplied the fastest."""
+    """Return a matrix in the layout that is multiplied the fastest."""
     return csr_array(block) if np.count_nonzero(block) < _SPARSE * block.size else block
 
 
@@ -142,7 +142,7 @@ class _Reader:
         self._known: dict[tuple[Any, ...], int] = {}
 
     def read(self, function: ca.Function) -> list[Row]:
-        """The row of each output."""
+        """Read the function; return the row of each output."""
         work: dict[int, Row] = {}
         outputs: dict[int, Row] = {}
         for index in range(function.n_instructions()):
@@ -192,7 +192,7 @@ class _Reader:
         return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
 
     def _relu(self, row: Row) -> Row:
-        """max(t, 0), as t + max(-t, 0) where that is a node already."""
+        """Return max(t, 0), as t + max(-t, 0) where max(-t, 0) is a node already."""
         opposite = self._known.get(_key("relu", (_plus({}, row, -_ONE),)))
         if opposite is not None:
             return _plus(row, {opposite: _ONE})
@@ -255,7 +255,7 @@ class _Reader:
         return self._node("log", _plus(first, {0: _ONE}))
 
     def _node(self, kind: str, *rows: Row) -> Row:
-        """The variable of a node, which may be there already; a constant where that is exact."""
+        """Return the variable of a new or known node; a constant where that is exact."""
         if all(not row for row in rows) and kind in ("sin", "tanh", "atan", "square", "relu"):
             return {}
         key = _key(kind, rows)

@@ -63,7 +63,7 @@ def between(low: np.ndarray, high: np.ndarray) -> Intervals:
 
 
 def jacobian(program: Program, box: Intervals) -> Jacobian:
-    """Over a box of the inputs."""
+    """Return an enclosure of the Jacobian over a box of the inputs."""
     n = program.inputs
     with np.errstate(all="ignore"):
         values = Intervals(np.append(1.0, box.middle), np.append(0.0, box.radius))

@@ -107,7 +107,7 @@ class TaylorProgram:
 
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Models:
         """The outputs over the boxes centres ± half_widths, (boxes, n) each; a radius that is inf
-        or no number bounds nothing."""
+        or nan bounds nothing."""
         n = self.n
         linear = np.zeros((self.program.inputs, 1 + n, len(centres)))
         linear[:n, 0] = centres.T
@@ -185,7 +185,8 @@ class TaylorProgram:
         return Models(c, radius)
 
     def _function(self, kind: str, a: Models) -> Models:
-        """A function of one variable: of its curve and its line the one with the smaller rest."""
+        """Return a function of one variable: its curve or its line, whichever has the smaller
+        remainder."""
         n = self.n
         sizes = _sizes(a, n)
         centre = a.value
@@ -225,7 +226,7 @@ class TaylorProgram:
 
 
 def _nearer(curve: Parabola, line: Parabola, of_square: np.ndarray) -> Parabola:
-    """The line where the rest of the curve is larger, or no number."""
+    """Return the line where the remainder of the curve is larger or nan."""
     is_curve = curve.rest + np.abs(curve.bend) * of_square <= line.rest
     return Parabola(*(np.where(is_curve, a, b) for a, b in zip(curve, line, strict=True)))
 

@@ -153,14 +153,14 @@ class CostSearch:
 
     @cached_property
     def _flights(self) -> Wanted:
-        """Initial conditions, some of them the dearest of all drawn, and the costs of flights."""
+        """Return initial conditions, among them those of highest cost, and the costs of flights."""
         dearest = np.argsort(-self._problem.linear_cost(self.starts[_FLOWN:]))[:_DEAREST]
         z = np.concatenate([self.starts[:_FLOWN], self.starts[_FLOWN + dearest]])
         return Wanted(z, self._problem.flown(z))
 
     def _levels(self, proved: Sequence[_Proved]) -> Iterator[float]:
-        """Growing levels until one is not proved, smaller ones where that is the first, then those
-        between where the bound is not good yet."""
+        """Growing levels until one is not proved, smaller ones where the first fails, then those
+        between where the bound is not tight yet."""
         costs = self._flights.costs
         linear = self._problem.linear_cost(self.starts)
         largest = _ABOVE * float(np.max(costs, initial=linear.max(), where=np.isfinite(costs)))
@@ -183,7 +183,7 @@ class CostSearch:
             yield c
 
     def _wanted(self, proved: Sequence[_Proved], c: float) -> Wanted:
-        """Initial conditions below a level where the bound is not good yet."""
+        """Return initial conditions below a level where the bound is not tight yet."""
         z, costs = self._flights
         bound = np.zeros(len(z))
         if proved:

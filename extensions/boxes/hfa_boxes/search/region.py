@@ -183,7 +183,7 @@ class RegionSearch:
             share = larger[0] if larger else high / 2.0
 
     def _place(self, shape: Shape, share: float, error: RefutedError) -> np.ndarray:
-        """z of a place that refutes a share of the set."""
+        """Return z of a place that refutes a part of the set."""
         return np.asarray(shape.of_level(share**2).in_cube().N @ error.place)
 
     def _left(self) -> float:
@@ -242,7 +242,7 @@ class RegionSearch:
         return max(few, key=lambda each: each[1].size())
 
     def _good(self, shape: Shape, *, quick: bool) -> Shape:
-        """The shape with its set no larger than samples allow."""
+        """Return the shape with its largest set that samples allow."""
         return shape.of_level(min(shape.bound(self.samples, 1.0, quick=quick).level, 1.0))
 
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
@@ -258,7 +258,7 @@ class RegionSearch:
 
     @property
     def _room(self) -> np.ndarray:
-        """(n,), to the nearer limit of each state."""
+        """Return (n,), the distance to the nearer limit of each state."""
         ends = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         return np.minimum(_WIDEST * self._nominal, np.abs(ends).min(axis=1))
 

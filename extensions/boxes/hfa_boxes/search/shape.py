@@ -322,7 +322,7 @@ class Growth:
         return found
 
     def _add(self, place: np.ndarray) -> None:
-        """Rows at and about a place z (n,)."""
+        """Add rows at and about a place z (n,)."""
         near = self._random.normal(size=(30, len(place))) * 0.02 * np.abs(place)
         self._refuted = np.concatenate([self._refuted, place[None], place + near])
 
@@ -337,12 +337,13 @@ class Growth:
         return None
 
     def of_degree(self, degree: int) -> None:
-        """Go on with polynomials of a higher degree."""
+        """Continue with polynomials of a higher degree."""
         self.shape = self.shape.of_degree(degree)
         self._growths = _GROWTHS
 
     def _good(self, level: float) -> Shape | None:
-        """The largest good set of fits up to a level; what bounds one is a row of the next."""
+        """Return the largest good set of fits up to a level; the obstacle of one fit is a row of
+        the next."""
         best = None
         largest = 0.0
         for _ in range(_FITS):

@@ -29,7 +29,7 @@ class DavemlRequest(OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """Nothing: the file has the model."""
+        """ "": the file contains the model."""
         return {}
 
 

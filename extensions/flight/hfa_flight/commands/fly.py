@@ -129,7 +129,7 @@ def fly(request: FlyRequest) -> int:
 
 
 def _fly_steps(request: FlyRequest, path: Path) -> int:
-    """The flight of --model; the exit code, 1 when it does not decay."""
+    """Fly --model; return the exit code, 1 when the flight does not decay."""
     from controller.game.user_files import stored_game
     from hfa_discrete.implied_policy import discrete_critic
     from hfa_discrete.solution import solve_discrete
@@ -164,8 +164,8 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 
 
 def _fly_members(request: FlyRequest) -> int:
-    """The members of --samples or --draws; the exit code, 1 when none stayed within its limits, or
-    not all of --draws did."""
+    """Fly the members of --samples or --draws; return the exit code: 1 when none stayed within its
+    limits, or not all of --draws."""
     from hfa_flight.monte_carlo import MonteCarlo
     from hfa_flight.monte_carlo_report import member_report
     from hfa_flight.monte_carlo_store import run_monte_carlo, stream_members

@@ -106,7 +106,8 @@ def c_model_texts(
 
 
 def _parameters(model: Model) -> str:
-    """The parameters as a constant array, a line each; one that is not used of a model without."""
+    """Return the parameters as a constant array, one line each; an unused entry for a model without
+    parameters."""
     lines = [
         f"    {parameter.start!r}, /* {name}, {parameter.unit} */"
         for name, parameter in model.parameters.items()
@@ -116,7 +117,7 @@ def _parameters(model: Model) -> str:
 
 
 def _policy_function(policy: FunctionPolicy) -> str:
-    """`static void policy(const double *z, double *v)`."""
+    """Return the C function `static void policy(const double *z, double *v)`."""
     z = ca.SX.sym("z", policy.function.numel_in(0))
     return c_function(ca.Function("policy", [z], [policy.expression(z)]), "policy", ("z",), ("v",))
 

@@ -27,7 +27,7 @@ def filled(package: str, file: str, **values: object) -> str:
 
 
 def comment_lines(text: str) -> str:
-    """A text as the inside of a C comment, which it cannot end."""
+    """Return a text as the content of a C comment, which it cannot end."""
     return "\n   ".join(text.replace("*/", "* /").splitlines())
 
 
@@ -57,7 +57,7 @@ def name_tables(kind: str, units: Mapping[str, str]) -> dict[str, list[str]]:
 
 
 def _quoted(words: Iterable[str]) -> list[str]:
-    """Each word as a C string."""
+    """Return each word as a C string."""
     return [f'"{word}"' for word in words]
 
 
@@ -77,7 +77,7 @@ def constant_tables(values_by_declaration: Mapping[str, Any]) -> str:
 
 
 def braced(values: Any) -> str:
-    """Numbers, texts or lists of them as C writes them."""
+    """Return numbers, texts or lists of them in the notation of C."""
     if isinstance(values, list):
         return f"{{{', '.join(map(braced, values))}}}"
     if values == np.inf:

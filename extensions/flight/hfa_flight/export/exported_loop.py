@@ -67,7 +67,7 @@ class GivenInputs(Policy):
     inputs: ca.SX
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """The deviations."""
+        """Return the deviations of the inputs."""
         return self.inputs
 
 

@@ -80,7 +80,7 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
 
 
 def _source(loop: ExportedLoop, origin: Provenance) -> str:
-    """The loop as C: `fmu_loop`."""
+    """Return the C source of the loop, `fmu_loop`."""
     results = ("dy", "u") if loop.outputs else ("dy",)
     one = ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", len(loop.inputs))
     function = ca.Function("loop", [*one], loop.function.call([*one])[: len(results)])

@@ -158,7 +158,8 @@ class DrawnAircraft:
         return self._draws(len(points), bands)
 
     def gain(self, game: Game, K: np.ndarray, progress: Progress | None = None) -> Draws:
-        """The spread of what a gain does and costs; u = -K z about the trim of each aircraft.
+        """Return the spread of the stability and cost of a gain; u = -K z about the trim of each
+        aircraft.
 
         game: of the aircraft itself, whose weights the others share
         """

@@ -93,7 +93,7 @@ def from_network(
 
 
 def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
-    """The critic that the network of a file is.
+    """Return the critic of a file with a network.
 
     Warns where the file holds the network of a policy without its normalizer. BadInputError where
     an activation is given for a file that states it."""

@@ -243,7 +243,7 @@ def _numbers(layer: Layer) -> list[int]:
 
 
 def _as_saved(layers: list[Layer]) -> list[Layer]:
-    """The layers as they are; BadInputError where the numbers in their names say otherwise."""
+    """The layers as they are; BadInputError where the numbers in their names give another order."""
     last: dict[str, Layer] = {}
     for layer in layers:
         before = last.get(_kind(layer))
@@ -308,7 +308,7 @@ def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple
 
 
 def _activated(layers: list[Layer]) -> list[int]:
-    """Behind which layers the activation is: once between two linear layers.
+    """Return the layers followed by the activation: once between two linear layers.
 
     BadInputError where the names do not tell whether that is before or behind a LayerNorm.
     """

@@ -78,8 +78,8 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
 
 
 def _safetensors(content: bytes) -> dict[str, np.ndarray]:
-    """Tensors by name: eight bytes have the length of a JSON object, whose entries say where the
-    numbers of a tensor are in what follows."""
+    """Tensors by name: eight bytes contain the length of a JSON object, whose entries state the
+    place of each tensor in the data that follow."""
     begin = 8 + int.from_bytes(content[:8], "little")
     header = json.loads(content[8:begin])
     data = memoryview(content)[begin:]
@@ -194,7 +194,7 @@ def _refuse_large(archive: zipfile.ZipFile) -> None:
 
 
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
-    """A member of a zip, of a bounded size whatever its directory says.
+    """A member of a zip, of a bounded size, whatever size its directory states.
 
     BadInputError where it is larger, or packed as neither torch nor NumPy does.
     """

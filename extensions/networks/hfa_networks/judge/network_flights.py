@@ -377,8 +377,8 @@ def fly(
 def flown_losses(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, flights: int
 ) -> np.ndarray:
-    """Percent of V* that u(z) costs more than u* from each start in the box: (flights,); all inf
-    where it does not return from one.
+    """Return the cost of u(z) above that of u*, percent of V*, from each initial condition in the
+    box: (flights,); all inf where one does not converge.
 
     It is flown under the worst disturbance of the exact policies (`TimeAxis`). What comes after the
     end is that of the linear loop. A policy that rests off trim is judged by its way to the rest
@@ -406,8 +406,8 @@ def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
-    """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that a flight returns from
-    so few starts in it and in each smaller one tried; 0 for none."""
+    """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that flights converge from a
+    few initial conditions in it and in each smaller one tried; 0 for none."""
 
     def returns(size: float) -> bool:
         return all(loop.returned(start) is not None for start in size * starts_in(b, few))

@@ -197,7 +197,7 @@ def _rounded_up(number: float) -> float:
 def search_checks(
     critic: Critic, origin: float, found: tuple[Found, ...], limit: float
 ) -> list[Check]:
-    """The checks of what `search` found."""
+    """Return the checks of the errors that `search` found."""
     what = "u" if critic.gradient is None else "the slope of V"
     checks = [error_check("origin_error", origin, limit, f"{what} at the origin")]
     for item in found:

@@ -33,7 +33,7 @@ class PrintedRequest(OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """Nothing: the file has the plant."""
+        """ "": the file contains the plant."""
         return {}
 
 

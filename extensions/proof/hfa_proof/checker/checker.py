@@ -224,7 +224,7 @@ def _loop_bounds(
 
 
 def _check_runs(name: str, runs: Sequence[Run], bounds: Sequence[Run], size: int) -> None:
-    """The bounds that boxes prove are those of the runs, or better; a run of 0 to all is open."""
+    """The bounds that boxes prove are those of the runs, or better; a run of 0 to n is open."""
     for run in runs:
         ends = [(run.low, run.high)]
         if run.least > 0:

@@ -80,27 +80,27 @@ class Fields:
         )
 
     def value(self, name: str, holds: Callable[[Any], bool]) -> Any:
-        """An entry that passes the test."""
+        """Read an entry that passes the test."""
         require(name in self._remaining, f"{self._called(name)}: missing entry")
         value = self._remaining.pop(name)
         require(bool(holds(value)), self._called(name), value)
         return value
 
     def same(self, name: str, expected: Any) -> None:
-        """An entry that can only be this."""
+        """Read an entry that must have this value."""
         self.value(name, lambda value: value == expected)
 
     def fields(self, name: str) -> Fields:
-        """An object."""
+        """Read an object."""
         return Fields(self._called(name), self.value(name, lambda value: isinstance(value, dict)))
 
     def items(self, name: str) -> list[Fields]:
-        """A list of objects."""
+        """Read a list of objects."""
         entries = self.value(name, lambda value: isinstance(value, list))
         return [Fields(f"{self._called(name)} {i}", entry) for i, entry in enumerate(entries)]
 
     def texts(self, name: str, allowed: Any) -> tuple[str, ...]:
-        """A list of texts, each one of those that are allowed."""
+        """Read a list of texts, each one of the allowed ones."""
         entries = self.value(name, lambda value: isinstance(value, list))
         for entry in entries:
             require(isinstance(entry, str) and entry in allowed, self._called(name), entry)

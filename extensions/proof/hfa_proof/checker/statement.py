@@ -472,7 +472,7 @@ def content_of(statement: Statement) -> dict[str, Any]:
 
 
 def kind_of_statement(statement: Statement) -> str:
-    """The kind of certificate that it is of."""
+    """Return the kind of certificate of a statement."""
     return next(name for name, kind in KINDS.items() if isinstance(statement, kind))
 
 

@@ -152,7 +152,7 @@ def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
 
 
 def _is_zero(values: Iterable[Any]) -> bool:
-    """Exactly 0, all of them."""
+    """Return whether all are exactly 0."""
     return all(part == 0 for value in values for part in TaylorModel.of(value).parts)
 
 

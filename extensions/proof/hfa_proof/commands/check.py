@@ -35,7 +35,7 @@ class CheckRequest(PlantOptions, OutputOptions):
     design: Any = design_option("actuators of a controller in --weights")
 
     def origin(self) -> Mapping[str, Any]:
-        """Nothing: the report names the aircraft of the certificate."""
+        """ "": the report names the aircraft of the certificate."""
         return {}
 
 

@@ -242,7 +242,7 @@ def _weights_said(weights: Weights) -> list[str]:
 
 
 def _matrix_said(values: np.ndarray) -> str:
-    """I; the diagonal; else the SHA-256 of the matrix, whose entries are data."""
+    """Return a matrix in words: I, its diagonal, else its SHA-256; the entries are data."""
     diagonal = np.diag(values)
     if values.shape[0] == values.shape[1] and np.array_equal(values, np.diag(diagonal)):
         if set(diagonal.tolist()) == {1.0}:

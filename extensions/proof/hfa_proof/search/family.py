@@ -226,7 +226,8 @@ class TrimSearch:
         return trim
 
     def point_trim(self, scheduling_value: float) -> PointTrim:
-        """About one center, for the doubles and for every number that reads as them."""
+        """Return the trim about one center, for the doubles and for every number that rounds to
+        them."""
         unknowns = self._equations.unknowns
         values = self._newton(scheduling_value, precise=True)
         C = matrix(np.linalg.inv(doubles(self._slopes(scheduling_value, values))))

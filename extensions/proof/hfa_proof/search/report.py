@@ -34,7 +34,7 @@ INTERPOLATION_ERRORS = {
 
 
 def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
-    """The runs with neighbours of the same result made one.
+    """Return the runs, neighbours of the same result merged.
 
     runs: (low, high, result), ascending
     """

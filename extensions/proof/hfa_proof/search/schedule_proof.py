@@ -152,7 +152,7 @@ class ScheduleSearch:
             yield box
 
     def _prove_loop(self, box: Box) -> ProvedBox | None:
-        """The loop on a box: stable with a decay rate, or with so many unstable modes."""
+        """Prove the loop on a box: stable with a decay rate, or its number of unstable modes."""
         linear = self.linear_model(box)
         if isinstance(self.loop.actuators, UncertainActuators):
             pieces = find_pieces(linear, self.family.model, self.loop)
@@ -378,7 +378,7 @@ def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
 
 
 def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray]:
-    """The rate that W allows at all of the points A, dA/dη, and W > 0 which allows much.
+    """Return the rate that W allows at all points A, dA/dη, and a W > 0 that allows a large one.
 
     At a rate W + η' dP/dη > 0 is needed. W begins so that P is the identity in the modes of the
     middle point, and is then moved, step by step, towards Σ |dP/dη|^p, a sum over the points in

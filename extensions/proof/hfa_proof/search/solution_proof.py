@@ -148,7 +148,7 @@ class ExactGame:
         return box, solution_on(self.weights, A, B, box, lowest)
 
     def has_value(self) -> bool:
-        """A stabilizing and positive definite solution is proved to exist."""
+        """True if a stabilizing and positive definite solution is proved to exist."""
         try:
             self.solution()
         except (NoSolutionError, ArithmeticError):

@@ -59,7 +59,7 @@ class SaturatedLoop:
 
     @property
     def acting(self) -> tuple[str, ...]:
-        """Inputs and disturbances: what each of them does makes a part."""
+        """Inputs and disturbances, whose combinations define the parts."""
         return (*self.inputs, *self.disturbances)
 
 
@@ -149,7 +149,7 @@ def facts_of(model: Model) -> dict[str, Any]:
 
 
 def _all_numbers(entries: Fields, name: str, names: tuple[str, ...]) -> dict[str, float]:
-    """A number for each of the names, in their order."""
+    """Read a number for each of the names, in their order."""
     numbers = entries.numbers(name, names)
     require(set(numbers) == set(names), name, sorted(numbers))
     return {each: numbers[each] for each in names}
@@ -192,7 +192,7 @@ def _read_disturbances(entries: Fields, model: Model) -> dict[str, float]:
 
 
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
-    """The limits by signal; a limit that is not there is null."""
+    """Read the limits by signal; a missing limit is null."""
     stated = entries.value("limits", lambda value: isinstance(value, dict))
     limits = {}
     for name, pair in stated.items():
@@ -218,7 +218,8 @@ def _pair(limits: tuple[float, float]) -> list[float | None]:
 
 
 def _check_limits(loop: SaturatedLoop) -> None:
-    """Malformed where a limit of the model is missing or widened, or that of an input another."""
+    """Malformed where a limit of the model is missing or widened, or a limit of an input
+    differs."""
     states = {**loop.trim, **loop.held}
     own = model_limits(loop.model, states, loop.parameters)
     wrong = limits_hold(loop.limits, own, tuple(loop.inputs))

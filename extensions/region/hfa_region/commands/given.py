@@ -143,7 +143,7 @@ def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 
 
 def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
-    """K, and what of the policy is not linear."""
+    """Return K, and the nonlinear part of the policy."""
     from hfa_region.commands.policy import loop_of
 
     _, K, _, policy = loop_of(request)

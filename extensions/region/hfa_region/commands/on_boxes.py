@@ -32,8 +32,8 @@ _DEGREE = 2
 
 
 def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
-    """Why boxes prove the region of a polynomial policy better than sums of squares do; "" where
-    they don't."""
+    """Return why boxes prove the region of a polynomial policy better than sums of squares; ""
+    where they do not."""
     from hfa_region.check.loop import Equilibrium
 
     if request.disturbance or request.picture is not None:

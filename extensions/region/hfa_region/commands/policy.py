@@ -24,7 +24,7 @@ _SAME = 1e-9
 
 
 def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]:
-    """Input -> the terms of degree 2 and more of the policy; inputs without are left out.
+    """Input -> the terms of degree 2 and more of the policy; inputs without such terms are omitted.
 
     critic: whose policy is a polynomial of degree `HIGHEST_POLICY` at most, 0 at z = 0
     inputs: names, in the order of the game
@@ -95,8 +95,8 @@ def _check_same(u: ca.Function, terms: Terms) -> None:
 def loop_of(
     request: CheckRequest | RegionRequest,
 ) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
-    """The linear model at the trim, K, P of the game where it has been solved, and what of the
-    policy is not linear."""
+    """The linear model at the trim, K, P of the game where it has been solved, and the nonlinear
+    part of the policy."""
     if request.basis is not None and request.weights is None:
         raise BadInputError("--basis is of the W of --weights; add that or leave it out")
     if not request.model.inputs:

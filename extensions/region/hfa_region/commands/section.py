@@ -20,8 +20,8 @@ _DEGREE = 4
 def with_region(
     report: Report, verdicts: list[Verdict], named: NamedGame, seconds: float
 ) -> Report:
-    """A report on one critic with a section: which set is proved, where V' >= 0 was found, which
-    start was lost.
+    """Return a report on one critic with a section: the proved set, the places with V' >= 0, the
+    initial condition that diverges.
 
     report: without the section
     verdicts: of the critics, one whose policy is a polynomial

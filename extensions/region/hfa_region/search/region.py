@@ -257,7 +257,8 @@ class RegionSearch:
         return None
 
     def _highest(self, V: PolynomialFunction) -> float:
-        """A level above 1 that may be proved: within the limits, V' < 0 where it is sampled."""
+        """Return a level above 1 that may be proved: within the limits, V' < 0 where it is
+        sampled."""
         T = V.coordinates()
         rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
         highest = 1.0
@@ -304,7 +305,7 @@ class _Turn:
 
 
 def lyapunov_matrices(plant: Plant, count: int) -> Iterator[np.ndarray]:
-    """P > 0, (n, n), with A'P + P A = -diag(w²), A of the linear loop, for so many weights w, (n,):
+    """P > 0, (n, n), with A'P + P A = -diag(w²), A of the linear loop, for weights w, (n,):
     first 1 over the nominal values, then each entry of that times 0.1 to 10."""
     A = plant.closed_matrix
     generator = np.random.default_rng(0)
