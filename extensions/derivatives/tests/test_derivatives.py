@@ -108,6 +108,63 @@ PRINTED_NT33A = {
     "roll": (2.20,),
 }
 
+#: The same report, Lockheed Jetstar, power approach. It lists C_D and its slope by alpha. The speed is
+#: that at which this lift and the thrust carry the weight. The height of the thrust line is ours,
+#: chosen for the phugoid. So are the limits and the surfaces of the lateral motion.
+JETSTAR = {
+    "units": "english",
+    "geometry": {"wing_area": 542.5, "span": 53.75, "chord": 10.93},
+    "axes": "stability",
+    "mass": {"weight": 23904.0, "Ixx": 42273.0, "Iyy": 126099.0, "Izz": 160104.0, "Ixz": 5470.0},
+    "condition": {"speed": 223.0, "altitude": 0.0, "alpha": "6.5 deg"},
+    "thrust_height": 0.83,
+    "CL_0": 0.737, "CL_alpha": 5.0, "CL_elevator": 0.4,
+    "CD_0": 0.095, "CD_alpha": 0.75,
+    "Cm_alpha": -0.80, "Cm_q": -8.0, "Cm_alphadot": -3.0, "Cm_elevator": -0.81,
+    "CY_beta": -0.72, "Cl_beta": -0.103, "Cl_p": -0.37, "Cl_r": 0.11, "Cl_aileron": 0.054,
+    "Cn_beta": 0.137, "Cn_p": -0.14, "Cn_r": -0.16, "Cn_rudder": -0.063,
+    "thrust": [0.0, 10000.0],
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+#: Damping and natural frequency, rad/s, of the factors of its denominator.
+PRINTED_JETSTAR = {"short period": (0.528, 1.66), "phugoid": (0.0521, 0.188)}
+
+#: Ultra Stick 25e, a small unmanned aircraft: derivatives of the University of Minnesota's UAV
+#: laboratory (UltraStick25e_config.m, 2012), whose reference point is 4.5 mm ahead of the center of
+#: gravity. C_D = 0.0434 + (C_L - 0.23)² / (0.75 pi b²/S) there.
+_ARM = -0.0045 / 0.25
+_INDUCED = 0.3097 / (0.75 * math.pi * 1.27**2)
+ULTRA_STICK = {
+    "geometry": {"wing_area": 0.3097, "span": 1.27, "chord": 0.25},
+    "mass": {"mass": 1.959, "Ixx": 0.07151, "Iyy": 0.08636, "Izz": 0.15364, "Ixz": 0.014},
+    "condition": {"speed": 17.0, "altitude": 100.0},
+    "CL_0": 0.1086, "CL_alpha": 4.58, "CL_q": 6.1639, "CL_elevator": 0.0983,
+    "CD_0": 0.0434 + _INDUCED * (0.23**2 - 2.0 * 0.23 * 0.1086),
+    "CD_alpha": -2.0 * _INDUCED * 0.23 * 4.58, "CD_CL2": _INDUCED,
+    "Cm_0": -0.0278 + _ARM * 0.1086, "Cm_alpha": -0.7230 + _ARM * 4.58,
+    "Cm_q": -13.5664 + _ARM * 6.1639, "Cm_elevator": -0.8488 + _ARM * 0.0983,
+    "CY_beta": -0.4889, "CY_p": -0.0375, "CY_r": 0.15, "CY_rudder": 0.1913,
+    "Cl_beta": -0.0545, "Cl_p": -0.4496, "Cl_r": 0.1086, "Cl_aileron": -0.1646,
+    "Cn_beta": 0.0723, "Cn_p": 0.1180, "Cn_r": -0.1833, "Cn_rudder": -0.1811,
+    "thrust": [0.0, 40.0],
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+#: Rows u, w, pitch, q of its longitudinal matrix at 17 m/s (E. A. Ahmed et al., Advances in Robotics
+#: & Automation 4:126, 2015). The altitude, which is not printed, is ours. The printed matrix contains
+#: a thrust that falls with the speed, and no lift by the rate of alpha; so its phugoid is another.
+PRINTED_ULTRA_STICK = np.array(
+    [
+        [-0.5944, 0.8008, -9.791, -0.8747],
+        [-0.744, -7.56, -0.5294, 15.72],
+        [0.0, 0.0, 0.0, 1.0],
+        [1.041, -7.406, 0.0, -15.81],
+    ]
+)
+
 
 def linear_model(table, **held):
     model = from_derivatives(table).with_parameters(**held)
@@ -161,6 +218,27 @@ def test_the_nt33a_has_its_published_modes(mode):
     assert computed == pytest.approx(printed, rel=0.005)
     other = eigenvalue_near(linear_model({**NT33A, "axes": "body"}), root)
     assert (abs(other - found) > 0.01 * rate) == (mode in ("dutch roll", "roll", "spiral"))
+
+
+@pytest.mark.parametrize("mode", PRINTED_JETSTAR)
+def test_the_thrust_line_acts_on_the_phugoid(mode):
+    """Within 0.5 %: four printed numbers, one height of the thrust line chosen. With the thrust
+    through the center of gravity the frequency of the phugoid is 3 % low."""
+    damping, frequency = PRINTED_JETSTAR[mode]
+    root = frequency * complex(-damping, math.sqrt(1.0 - damping**2))
+    found = eigenvalue_near(linear_model(JETSTAR), root)
+    assert (-found.real / abs(found), abs(found)) == pytest.approx((damping, frequency), rel=0.005)
+    central = eigenvalue_near(linear_model({**JETSTAR, "thrust_height": 0.0}), root)
+    assert (abs(abs(central) - frequency) > 0.02 * frequency) == (mode == "phugoid")
+
+
+def test_a_small_unmanned_aircraft_has_its_published_short_period():
+    """Within 0.2 % of that of the printed matrix, whose entries have four digits."""
+    printed = eigenvalue_near(SimpleNamespace(A=PRINTED_ULTRA_STICK), -11.7 + 10.0j)
+    found = eigenvalue_near(linear_model(ULTRA_STICK), printed)
+    assert abs(found - printed) < 0.002 * abs(printed)
+    wrong = eigenvalue_near(linear_model({**ULTRA_STICK, "Cm_alpha": -0.723}), printed)
+    assert abs(wrong - printed) > 0.01 * abs(printed)
 
 
 def test_inertias_turned_by_hand_give_the_same_modes():
