@@ -51,9 +51,6 @@ def reported(words: list[str], find: Callable[[list[str]], tuple[Command, str, l
     # Matrices of six rows gain nothing from threads and lose much to them; must be set before NumPy
     # loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Zarr's own settings would change the format of a store; they are read when it is loaded.
-    for name in [name for name in os.environ if name.startswith("ZARR_")]:
-        del os.environ[name]
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal that has no "±" shows "?"
     code = DONE
@@ -228,9 +225,11 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
 
 def filled(parser: Parser, command: Command, model: Model) -> Parser:
     """A parser with the options of a command, in the names and units of a model."""
+    from hfa.options.trims import is_own
+
     parser.description = inspect.cleandoc(command.run.__doc__ or "")
     parser.declare(command.request.options(model))
-    parser.example = command.example
+    parser.example = "" if is_own(model) else command.example
     if parser.prog.startswith("hfa "):
         parser.words = words_after(parser.prog.removeprefix("hfa "))
     return parser

@@ -71,9 +71,8 @@ def show(
         say_aside(f"wrote {request.output}")
     if request.picture is not None and figure is not None:
         say_aside(f"wrote {request.picture}")
-    draws = report.data.get("draws")
-    if draws is not None and not draws["ok"]:
-        raise NoSolutionError(draws["first_line"])
+    if report.failure:
+        raise NoSolutionError(report.failure)
 
 
 def _with_warnings(

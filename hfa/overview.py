@@ -28,7 +28,7 @@ def overview() -> Parser:
     parser = Parser(
         prog="hfa",
         usage="hfa [--version] command ...  (hfa command --help)",
-        description=("Trims, linear models, games, flights, proofs, and checks of critics."),
+        description="Trims and linear models of aircraft, zero-sum games, and checks of critics.",
         epilog="\n\n".join(_group(name, entries) for name, entries in by_group.items() if entries),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

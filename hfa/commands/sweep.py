@@ -16,12 +16,12 @@ from hfa.options.command import command
 from hfa.options.ranges import Range, array_of, scheduled_range, value_range
 from hfa.options.request import OfModel, option
 from hfa.options.trims import (
-    CONDITION_FILE,
     AircraftOptions,
     OutputOptions,
     TrimOptions,
     UnitsOption,
     called_at,
+    condition_help,
     condition_or_list,
     output_option,
     picture_option,
@@ -75,8 +75,10 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         named=True,
     )
     condition: TrimCondition | Path | None = option(
-        f"{CONDITION_FILE}; or a list of points, .csv: a row of names, then a row each, typed "
-        "as in --hold",
+        lambda model: (
+            f"{condition_help(model)}; or a list of points, .csv: a row of names, then a row"
+            " each, typed as in --hold"
+        ),
         "FILE",
         OfModel(condition_or_list),
         rare=True,
@@ -147,7 +149,7 @@ def sweep(request: SweepRequest) -> int:
     """Trim and linearize an aircraft over a grid of conditions, and track its modes.
 
     Every variable of a trim can be swept (--hold speed=60:70:2), and so can every parameter of the
-    aircraft (--hold panel_mass=9:11:1). Points without a trim are rows with their reason. Exit code
+    aircraft (--hold NAME=9:11:1). Points without a trim are rows with their reason. Exit code
     1 when no point has a trim. --resume continues an interrupted sweep into a store."""
     if not request.stored:
         stores = " or ".join(_suffixes(STORE)) or " of a package that writes stores"

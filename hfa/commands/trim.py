@@ -22,7 +22,9 @@ class TrimRequest(OneTrimOptions, OutputOptions):
     """One trim."""
 
     draws: int | None = draws_option()
-    picture: Path | None = picture_option("the aircraft from the front with its loads")
+    picture: Path | None = picture_option(
+        "the aircraft from the front with its loads", only_hfa=True
+    )
 
 
 @command(TrimRequest)

@@ -17,7 +17,7 @@ from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names, usual_game
 from hfa.options.argument_types import input_file, number, one_of, whole
 from hfa.options.request import OfModel, Request, option
-from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption
+from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption, of_hfa
 from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_model.variants import VARIANTS
@@ -31,6 +31,12 @@ if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun
 
 DEFAULT_LAW = "certified"
+#: Weights of `usual_game` on a model that is not the HFA, for notes and helps.
+USUAL_WEIGHTS = {
+    "Q": "1/nominal^2 on the diagonal",
+    "R": "1/nominal^2 on the diagonal",
+    "delta": "inf (no disturbance)",
+}
 #: What a command says of a plant in discrete time.
 IN_STEPS = 'time = "discrete"'
 
@@ -44,21 +50,27 @@ def diagonal(text: str) -> np.ndarray:
     return np.diag([number(entry) for entry in text.split(",")])
 
 
+def _diagonal_option(name: str) -> Any:
+    """The field of a diagonal weight."""
+    about = f"diagonal of {name}; default"
+    help_text = of_hfa(f"{about}: that of the paper", f"{about} {USUAL_WEIGHTS[name]}")
+    return option(help_text, "a,b,...", diagonal, names=f"--{name}", rare=True)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightOptions(Request):
     """The weights of the game."""
 
     delta: float | None = option(
-        "disturbance weight; default: 200 for the paper's aircraft, else inf (LQR)",
+        of_hfa(
+            "disturbance weight; default: 200 for the paper's aircraft, else inf (LQR)",
+            "disturbance weight; default inf (LQR)",
+        ),
         "NUMBER",
         _delta,
     )
-    Q: np.ndarray | None = option(
-        "diagonal of Q; default: that of the paper", "a,b,...", diagonal, names="--Q", rare=True
-    )
-    R: np.ndarray | None = option(
-        "diagonal of R; default: that of the paper", "a,b,...", diagonal, names="--R", rare=True
-    )
+    Q: np.ndarray | None = _diagonal_option("Q")
+    R: np.ndarray | None = _diagonal_option("R")
 
     def changed_weights(self) -> dict[str, Any]:
         """Changes of the usual game that the options name, in the units of the model."""
@@ -134,9 +146,9 @@ def _design(model: Model, name: str) -> Any:
     return part(PARTS, "design", "")(name, model)
 
 
-def _about_design(_: Model) -> str:
-    """Help of --design."""
-    names = about_part("design")
+def _about_design(model: Model) -> str:
+    """Help of --design, whose names are designs of the HFA."""
+    names = of_hfa(about_part("design"))(model)
     return f"actuators, integrals, sensors, weights: {f'{names}, or ' if names else ''}a .toml file"
 
 
@@ -232,14 +244,6 @@ class GameOptions(UnitsOption, PlantOptions):
     """A game, with a design or without."""
 
     design: Any = design_option()
-
-
-#: What `usual_game` takes of a model that is not the aircraft, for a note.
-USUAL_WEIGHTS = {
-    "Q": "1/nominal^2 on the diagonal",
-    "R": "1/nominal^2 on the diagonal",
-    "delta": "inf (no disturbance)",
-}
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,8 +31,10 @@ def _options_text(parser: Parser, more: bool) -> str:
         if option is not None and option.part and option.part not in offered(PARTS):
             action.help = argparse.SUPPRESS
         elif option is not None:
-            action.help = option.about() if callable(option.about) else option.about
-            declared.append(action)
+            about = option.about() if callable(option.about) else option.about
+            action.help = about or argparse.SUPPRESS
+            if about:
+                declared.append(action)
     if more:
         return argparse.ArgumentParser.format_help(parser)
     hidden = [action for action in declared if parser.options[action.dest].rare]

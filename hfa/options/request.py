@@ -28,7 +28,7 @@ class OfModel(NamedTuple):
 class Option:
     """The option that types a field.
 
-    about: its help.
+    about: its help; "" hides it.
     form: how help shows its value; "" for a switch.
     kind: word -> value; its BadInputError is the rest of a sentence that begins with the option.
     names: as in "-o --output"; a name without dashes is a positional argument.

@@ -43,6 +43,16 @@ REPORTS: dict[str, Callable[[Report], str]] = {
 # The aircraft.
 
 
+def is_own(model: Model | None) -> bool:
+    """Return whether a model is the user's own, and not the HFA."""
+    return model is not None and model.extras.source[0] != ""
+
+
+def of_hfa(about: str, otherwise: str = "") -> Callable[[Model | None], str]:
+    """The help of an option for the HFA, and for the user's own aircraft; "" hides the option."""
+    return lambda model: otherwise if is_own(model) else about
+
+
 def _unit_system(text: str) -> str:
     if text.lower() not in SYSTEMS:
         raise BadInputError(f"is {shortened(text)!r}; use one of {', '.join(SYSTEMS)}")
@@ -54,7 +64,10 @@ class UnitsOption(Request):
     """In which units the model is."""
 
     units: str = option(
-        "units of input and output: english (ft, slug, lbf; default) or si (m, kg, N)",
+        of_hfa(
+            "units of input and output: english (ft, slug, lbf; default) or si (m, kg, N)",
+            "units of input and output: si (m, kg, N); by default those of the aircraft",
+        ),
         "UNITS",
         _unit_system,
         default="english",
@@ -62,8 +75,10 @@ class UnitsOption(Request):
     )
 
 
-def _dynamics_help(_: Model | None) -> str:
+def _dynamics_help(model: Model | None) -> str:
     """The dynamics that can be chosen: those of the core, and those that packages offer."""
+    if is_own(model):
+        return ""
     core = (
         "published (regenerates the printed matrices; default)",
         "newton (exact mechanics, the same air loads)",
@@ -77,7 +92,7 @@ class HfaOptions(Request):
 
     dynamics: str = option(_dynamics_help, "VARIANT", default="published")
     parameters: ParameterSet | None = option(
-        f"parameters file, or {' or '.join(NAMED)} (default: identified)",
+        of_hfa(f"parameters file, or {' or '.join(NAMED)} (default: identified)"),
         "FILE",
         load_parameters,
         rare=True,
@@ -86,7 +101,7 @@ class HfaOptions(Request):
     @property
     def own(self) -> bool:
         """True if the model is the user's own, and not the HFA."""
-        return self.model.extras.source[0] != ""
+        return is_own(self.model)
 
     @property
     def parameter_set(self) -> ParameterSet:
@@ -130,19 +145,19 @@ class HfaOptions(Request):
         }
 
 
-def _aircraft_help(_: Model | None) -> str:
+def aircraft_help(model: Model | None) -> str:
     """The forms of an aircraft's name: Python, and what packages read."""
     from hfa_aircraft.loading import forms_of_packages
 
     forms = ("a file that is executed (or package.module:NAME)", *forms_of_packages())
-    return f"{', '.join(forms)}; default: the HFA"
+    return ", ".join(forms) + of_hfa("; default: the HFA")(model)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AircraftOptions(HfaOptions):
     """The HFA, or an aircraft of the user's own."""
 
-    aircraft: str | None = option(_aircraft_help, "FILE.py:NAME")
+    aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
 
 
 def named_model(typed: Mapping[str, Any]) -> Model:
@@ -246,7 +261,8 @@ def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
     return {name: quantity(model, name, word) for name, word in words.items()}
 
 
-CONDITION_FILE = f"file, or {', '.join(CONDITIONS)}; trim condition in place of the usual one"
+_IN_PLACE = "trim condition in place of the usual one"
+condition_help = of_hfa(f"file, or {', '.join(CONDITIONS)}; {_IN_PLACE}", f"file; {_IN_PLACE}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -255,7 +271,7 @@ class TrimOptions(HfaOptions):
 
     at: Any = scheduled(breakpoint_value)
     condition: TrimCondition | Path | None = option(
-        CONDITION_FILE, "FILE", OfModel(condition_or_list), rare=True
+        condition_help, "FILE", OfModel(condition_or_list), rare=True
     )
     free: tuple[str, ...] = option(
         "leave a variable free; repeatable", "NAME", OfModel(_name), repeated=True, rare=True
@@ -443,6 +459,7 @@ class OutputOptions(JsonOption):
     picture: Path | None = None
 
 
-def picture_option(shows: str) -> Any:
-    """The field `picture`. shows: content of the picture, for the help."""
-    return option(f"draw {shows} ({', '.join(PICTURES)})", "FILE", output_file(*PICTURES))
+def picture_option(shows: str, *, only_hfa: bool = False) -> Any:
+    """The field `picture`. shows: content of the picture, for the help. only_hfa: of the HFA."""
+    about = f"draw {shows} ({', '.join(PICTURES)})"
+    return option(of_hfa(about, "" if only_hfa else about), "FILE", output_file(*PICTURES))

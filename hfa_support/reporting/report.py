@@ -54,6 +54,7 @@ class Report:
     data: the result for JSON, .npz and .mat
     records: for CSV, numbers with all digits
     source: the provenance, shown last
+    failure: reason why the command that shows it fails
     """
 
     title: str
@@ -62,6 +63,7 @@ class Report:
     data: Mapping[str, Any] = field(default_factory=dict)
     records: Table = NO_RECORDS
     source: str = ""
+    failure: str = ""
 
     def __repr__(self) -> str:
         return self.text()

@@ -31,6 +31,18 @@ def test_help_is_short_and_ends_with_an_example(name: str) -> None:
     assert whole.splitlines()[-1] == last
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_help_for_an_own_aircraft_names_no_hfa(name: str) -> None:
+    """No option, value or text of the HFA in the help of a command about another aircraft."""
+    if "--aircraft" not in hfa(*name.split(), "--help").out:
+        return
+    own = f"{ROOT / 'examples' / 'navion.py'}:NAVION"
+    text = hfa(*name.split(), "--aircraft", own, "--help", "more").out
+    assert text.startswith(f"usage: hfa {name} ")
+    words = ("HFA", "dihedral", "published", "the paper", "--dynamics")
+    assert [word for word in words if word in text] == []
+
+
 def ran(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, examples: list[str], *more: str
 ) -> dict[str, int]:

@@ -109,10 +109,3 @@ def test_what_commands_do_not_import(commands: list[str], unwanted: list[str]) -
     assert [
         name for name in imported if f"{name}.".startswith(tuple(f"{each}." for each in unwanted))
     ] == []
-
-
-@pytest.mark.slow
-def test_the_settings_of_zarr_change_no_store(tmp_path: Path) -> None:
-    settings = {"ZARR_CODECS": "1", "ZARR_ARRAY__ORDER": "Q", "ZARR_ASYNC__CONCURRENCY": "x"}
-    words = ("sweep", "--dihedral", "5,15", "-o", "a.zarr", "-q")
-    assert hfa_process(*words, folder=tmp_path, **settings).code == DONE

@@ -12,7 +12,7 @@ CHECK = CommandEntry(
 )
 SCHEDULE = CommandEntry(
     "proof",
-    "stability of a gain schedule at every angle of an interval",
+    "stability of a gain schedule at every point of an interval",
     "hfa_proof.commands.schedule:schedule",
     example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
     install=".[proof]",

@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -225,10 +227,18 @@ def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
     group[_CHECKSUM][place.number] = np.array(checksums, dtype=np.uint64)
 
 
-def _opened(path: Path | None, mode: Literal["r", "r+"]) -> Any:
+def _zarr() -> ModuleType:
+    """Import Zarr without its settings in the environment, which would change the format of a
+    store."""
+    for name in [name for name in os.environ if name.startswith("ZARR_")]:
+        del os.environ[name]
     import zarr
 
-    return zarr.open_group(str(path), mode=mode, zarr_format=3)
+    return zarr
+
+
+def _opened(path: Path | None, mode: Literal["r", "r+"]) -> Any:
+    return _zarr().open_group(str(path), mode=mode, zarr_format=3)
 
 
 def _checksum(place: Place, name: str, values: np.ndarray) -> int:
@@ -430,7 +440,8 @@ def _require_xarray() -> None:
     try:
         import dask.array  # noqa: F401
         import xarray  # noqa: F401
-        import zarr  # noqa: F401
+
+        _zarr()
     except ImportError as error:
         raise BadInputError(
             "a store needs xarray, Dask and Zarr; install them with `pip install .[distributed]`"

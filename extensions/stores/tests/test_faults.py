@@ -1,4 +1,4 @@
-"""A store on a full disk."""
+"""A store on a full disk, and beside settings of Zarr."""
 
 from __future__ import annotations
 
@@ -39,3 +39,10 @@ def test_job_filled_disk_goes_on_when_there_room(
     resumed = hfa_process(*SWEEP, "--resume", folder=small_disk, TMPDIR=str(elsewhere))
     assert resumed.code == DONE
     assert resumed.out == hfa_process(*SWEEP, folder=elsewhere).out
+
+
+@pytest.mark.slow
+def test_the_settings_of_zarr_change_no_store(tmp_path: Path) -> None:
+    settings = {"ZARR_CODECS": "1", "ZARR_ARRAY__ORDER": "Q", "ZARR_ASYNC__CONCURRENCY": "x"}
+    words = ("sweep", "--dihedral", "5,15", "-o", "a.zarr", "-q")
+    assert hfa_process(*words, folder=tmp_path, **settings).code == DONE

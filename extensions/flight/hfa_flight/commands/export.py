@@ -69,7 +69,7 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
 def export(request: ExportRequest) -> int:
     """Write the aircraft for other tools; -o selects the format.
 
-    A folder contains C source without dependencies: the equations, the trim at --dihedral, A, B, a
+    A folder contains C source without dependencies: the equations, the trim of --at, A, B, a
     gain, and a loop of 100 Hz. FILE.fmu is the nonlinear aircraft as an FMU 2.0, with --law in
     closed loop; it needs a C compiler. --controller FILE replaces the policy. --policy CARD.toml
     writes only the command of a deployed policy at a sample, including normalizer, clip and map.

@@ -52,7 +52,9 @@ def reported(report: Report, draws: Draws) -> Report:
     table = Table((about, "itself", "low", "high", "unit"), tuple(rows))
     title = f"{report.title}\n{draws.first_line}"
     parts = (*report.parts, table)
-    return replace(report, title=title, parts=parts).with_data(**WithDraws(draws).as_data())
+    failure = "" if draws.ok else draws.first_line
+    shown = replace(report, title=title, parts=parts, failure=failure)
+    return shown.with_data(**WithDraws(draws).as_data())
 
 
 def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:

@@ -17,6 +17,7 @@ from hfa.options.trims import (
     AircraftOptions,
     OutputOptions,
     TrimOptions,
+    aircraft_help,
     picture_option,
     scheduled,
 )
@@ -89,8 +90,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         count="+",
     )
     aircraft: str | None = option(
-        "a file that is executed (or package.module:NAME), jsbsim:NAME, FILE.xml, or a linear "
-        "plant with A and B in a FILE.npz; default: the HFA",
+        aircraft_help,
         "FILE.py:NAME",
         names="--aircraft --model",
     )

@@ -23,7 +23,7 @@ class ModelsRequest(RangeOptions):
 @command(ModelsRequest)
 def models(request: ModelsRequest) -> int:
     """Find the fewest linear models between which A, B, the inputs and the exact K are interpolated
-    within --limit-error, and prove it in ball arithmetic for every dihedral of LOW:HIGH.
+    within --limit-error, and prove it in ball arithmetic for every value of LOW:HIGH.
 
     -o FILE.json writes a certificate for hfa prove --check FILE; another suffix writes the models.
     It needs `pip install .[proof]`."""

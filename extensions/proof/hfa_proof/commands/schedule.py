@@ -34,12 +34,12 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     """A gain schedule, or a scheduled controller, to be proved stabilizing."""
 
     weights: Path | None = option(
-        "gains K over dihedral_deg; default: the exact game's", "FILE", input_file(*MATRIX_FILES)
+        "gains K over the schedule; default: the exact game's", "FILE", input_file(*MATRIX_FILES)
     )
     design: Any = design_option(
         "--weights is a scheduled controller with the actuators of this design"
     )
-    rate: bool = option("prove also how fast the dihedral may move", rare=True)
+    rate: bool = option("prove also how fast the scheduling variable may move", rare=True)
     error: float = option(
         "cover all parameters within N standard errors; default 0",
         "N",
@@ -79,7 +79,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
 
 @command(ScheduleRequest)
 def schedule(request: ScheduleRequest) -> int:
-    """Prove in ball arithmetic that a gain schedule stabilizes at every dihedral of LOW:HIGH.
+    """Prove in ball arithmetic that a gain schedule stabilizes at every value of LOW:HIGH.
 
     The trim is shown to exist within its limits, and the loop to be Hurwitz, at every angle and not
     only at the points of a grid; with --bandwidth through every actuator of an interval.

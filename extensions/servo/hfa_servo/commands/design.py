@@ -89,7 +89,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
 
 @command(DesignRequest)
 def design(request: DesignRequest) -> int:
-    """Compute the certified controller of a design at every dihedral angle, or print a controller
+    """Compute the certified controller of a design at every point of --at, or print a controller
     from its file.
 
     With --aircraft the controller is scheduled over the model's scheduling variable. Margins are
