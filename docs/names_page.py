@@ -21,7 +21,6 @@ PACKAGES = {
     "hfa": "what a script needs",
     "hfa.paper": "the paper's level flight, game and parameters",
     "hfa.extend": "what a package of your own imports",
-    "hfa_aircraft": "aircraft as models",
     "hfa_model": "the flexible aircraft",
     "hfa_air": "its unsteady dynamics",
     "trim": "trims and linear models",

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
-import casadi as ca
 import numpy as np
 
 from hfa_support.errors import BadInputError
@@ -52,19 +50,3 @@ class LinearTable(ByValue):
         share = (x - self.breakpoints[i]) / (self.breakpoints[i + 1] - self.breakpoints[i])
         share = share.reshape(np.shape(share) + (1,) * (self.values.ndim - 1))
         return np.asarray(self.values[i] + share * (self.values[i + 1] - self.values[i]))
-
-    def expression(self, where: ca.SX) -> ca.SX:
-        """`at` as a CasADi expression: v_0 + Σ_i (v_i+1 - v_i) sat((x - x_i)/(x_i+1 - x_i), 0, 1).
-
-        where: x, one expression
-
-        Returns a column (k,) of the k entries of the array, row by row.
-        """
-        rows = self.values.reshape(len(self.breakpoints), -1)
-        value = ca.SX(ca.DM(rows[0]))
-        intervals = pairwise(self.breakpoints.tolist())
-        differences = np.diff(rows, axis=0)
-        for (low, high), difference in zip(intervals, differences, strict=True):
-            share = ca.fmin(ca.fmax((where - low) / (high - low), 0.0), 1.0)
-            value = value + ca.sparsify(ca.DM(difference)) * share
-        return value

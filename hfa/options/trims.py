@@ -26,7 +26,6 @@ from hfa_support.errors import BadInputError, refuse_unknown, shortened
 from hfa_support.files import note_read
 from hfa_support.reporting.report import SUFFIXES, Report
 from hfa_support.units import SYSTEMS
-from trim.hfa.level_flight import CONDITIONS, load_condition
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, find_operating_point
@@ -240,6 +239,8 @@ def _usual(model: Model) -> str:
 
 def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
     """A condition, or the path of a list of them."""
+    from trim.hfa.level_flight import load_condition
+
     if text.lower().endswith(".csv"):
         return Path(text)
     return load_condition(text, usual_condition(model))
@@ -261,8 +262,12 @@ def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
     return {name: quantity(model, name, word) for name, word in words.items()}
 
 
-_IN_PLACE = "trim condition in place of the usual one"
-condition_help = of_hfa(f"file, or {', '.join(CONDITIONS)}; {_IN_PLACE}", f"file; {_IN_PLACE}")
+def condition_help(model: Model | None) -> str:
+    """Help of --condition."""
+    from trim.hfa.level_flight import CONDITIONS
+
+    names = of_hfa(f", or {', '.join(CONDITIONS)}")(model)
+    return f"file{names}; trim condition in place of the usual one"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,6 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.gain_schedule import GainSchedule
 from hfa_flight.policies import Measurements, Policy
 from hfa_flight.signals import CommandSteps
+from hfa_flight.table_expression import table_expression
 from hfa_support.errors import BadInputError
 from hfa_support.linear_table import LinearTable
 from hfa_support.reporting.results import Result
@@ -59,14 +60,16 @@ class TrimPath(Result):
     def at(self, t: Any) -> ca.SX:
         """x_d(t), (k,); of a state NAME_rate, the rate of the scheduling variable, r'(t)."""
         model = self.base.model
-        deviation = self.states.expression(self.commanded(t)) - ca.DM(np.array(self.base.states))
+        deviation = table_expression(self.states, self.commanded(t)) - ca.DM(
+            np.array(self.base.states)
+        )
         rows = dict(zip(model.states, ca.vertsplit(deviation), strict=True))
         rows[f"{model.schedule}_rate"] = self.commands.rate(t)
         return ca.vertcat(*(rows[name] for name in model.linear))
 
     def inputs_at(self, t: Any) -> ca.SX:
         """U0(r(t)) - U_base, (m,)."""
-        return self.inputs.expression(self.commanded(t)) - ca.DM(np.array(self.base.inputs))
+        return table_expression(self.inputs, self.commanded(t)) - ca.DM(np.array(self.base.inputs))
 
     @property
     def filter(self) -> tuple[float, float]:
@@ -92,7 +95,7 @@ class ScheduledGainPolicy(Policy):
         model = self.schedule.model
         row = model.linear.index(model.schedule)
         measured = self.path.base.values[model.schedule] + measurements.states[row]
-        entries = self.schedule.table.expression(measured)
+        entries = table_expression(self.schedule.table, measured)
         K = ca.reshape(entries, len(model.linear), len(model.inputs)).T
         return self.path.inputs_at(t) - ca.mtimes(K, measurements.error)
 

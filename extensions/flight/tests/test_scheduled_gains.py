@@ -17,6 +17,7 @@ from hfa_flight import CommandSteps, GainSchedule, Scenario, flight_envelope
 from hfa_flight.nonlinear_flight import Flight
 from hfa_flight.policies import Measurements
 from hfa_flight.scheduled_gains import ScheduledGainPolicy, scheduled_gains
+from hfa_flight.table_expression import table_expression
 from hfa_model import LINEAR_STATES, STATES
 from trim.hfa.level_flight import level_flight
 
@@ -69,8 +70,8 @@ class _TrimOfTheMeasuredDihedral(ScheduledGainPolicy):
 
     def control(self, t: Any, measurements: Measurements, memory: Any, held: Any) -> Any:
         measured = self.path.base.states.dihedral + measurements.states[DIHEDRAL]
-        wrong = self.path.inputs.expression(measured)
-        wrong -= self.path.inputs.expression(self.path.commanded(t))
+        wrong = table_expression(self.path.inputs, measured)
+        wrong -= table_expression(self.path.inputs, self.path.commanded(t))
         return super().control(t, measurements, memory, held) + wrong
 
 

@@ -23,7 +23,7 @@ from controller.game.zero_sum import LARGEST, Game, check_definite, checked_matr
 from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_solution
 from controller.riccati.delta_search import Answer, smallest_delta
-from controller.riccati.existence import Found, solution_that_holds, value_error, value_found
+from controller.riccati.existence import Found, solution_that_holds, value_found
 from controller.riccati.frequency_response import (
     peak_gain,
     responses,
@@ -34,6 +34,7 @@ from controller.riccati.normal_form import RANK, NormalForm
 from controller.riccati.smallest_delta import DeltaMin, obstacle
 from hfa_servo.plant_axes import Axes
 from hfa_servo.plant_side import Side
+from hfa_servo.value_error import value_error
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import (
     BadInputError,

@@ -15,6 +15,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.flight_history import Deviations
 from hfa_flight.policies import Measurements, Policy
 from hfa_flight.signals import CommandSteps
+from hfa_flight.table_expression import table_expression
 from hfa_servo.measured_outputs import MeasuredOutputs
 from hfa_servo.scheduled_controller import COMMAND_SIGNALS, ScheduledController
 from hfa_servo.tracked import tracked
@@ -126,7 +127,7 @@ class MatrixTables:
         self._shapes = [stack.shape[1:] for stack in stacks]
         flat = np.hstack([stack.transpose(0, 2, 1).reshape(len(stack), -1) for stack in stacks])
         eta = ca.SX.sym("eta")
-        values = ca.densify(LinearTable(breakpoints, flat).expression(eta))
+        values = ca.densify(table_expression(LinearTable(breakpoints, flat), eta))
         self._function = ca.Function("table", [eta], [values], {"never_inline": True})
 
     def at(self, eta: ca.SX) -> tuple[ca.SX, ...]:

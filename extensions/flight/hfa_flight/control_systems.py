@@ -23,7 +23,7 @@ def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.No
     Names are kept.
 
     >>> import hfa
-    >>> from hfa_aircraft import to_control
+    >>> from hfa_flight import to_control
     >>> to_control(hfa.aircraft()).ninputs
     5
     """

@@ -1,0 +1,41 @@
+"""The bound of the effect of rounding on a value."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from game_samples import random_game
+
+from controller import minimum_delta
+from controller.riccati.existence import ROUNDING
+from controller.riccati.normal_form import NormalForm
+from hfa import Game, solve_game
+from hfa_servo.value_error import value_error
+
+
+def test_the_error_of_a_value_bounds_changes() -> None:
+    """Of every entry by up to a ten-millionth, far above rounding: nearly reached, never passed."""
+    rng = np.random.default_rng(11)
+    part = 1e-7
+    for number in range(3):
+        game = random_game(rng, scaled=number % 2 == 0)
+        game = game.with_delta(1.5 * minimum_delta(game).value)
+        P = solve_game(game).P
+        vector = rng.standard_normal(len(P)) / np.sqrt(np.diag(P))
+        bound = value_error(NormalForm.of(game), P, vector) * part / (2 * len(P) * ROUNDING)
+        changes = []
+        for _ in range(20):
+            of_A, of_B = (
+                1.0 + part * rng.choice([-1.0, 1.0], matrix.shape) for matrix in (game.A, game.B)
+            )
+            solution = solve_game(replace(game, A=game.A * of_A, B=game.B * of_B)).P
+            changes.append(abs(vector @ (solution - P) @ vector))
+        assert max(changes) <= bound, number
+        assert max(changes) >= 1e-2 * bound, number
+
+
+def test_an_unstabilizing_value_has_no_bound() -> None:
+    """The error of a value that does not stabilize has no bound."""
+    one = np.eye(1)
+    form = NormalForm.of(Game(0.0 * one, one, one, one, one, 2.0))
+    assert value_error(form, 0.0 * one, np.ones(1)) == math.inf
