@@ -1,4 +1,4 @@
-"""Types of import contracts that name what is allowed; `make lint` checks them.
+"""Types of import contracts that name the allowed packages; `make lint` checks them.
 
 Imports by other modules count too."""
 
@@ -16,7 +16,7 @@ Chain = tuple[str, ...]
 
 
 class ImportsNothingBut(Contract):
-    """Contract: modules and what they import, directly or not, are among the allowed packages."""
+    """Contract: modules and their imports, direct or not, are among the allowed packages."""
 
     modules = fields.ListField(subfield=fields.ModuleExpressionField())
     allowed = fields.ListField(subfield=fields.ModuleExpressionField())

@@ -40,7 +40,7 @@ def _is_flexible(model: Model) -> bool:
 def paper_game(
     A: Any, B: Any, names: PlantNames, model: Model | None, changes: dict[str, Any]
 ) -> Game:
-    """The game of the paper on (A, B), in the units of the model, with its changes."""
+    """Return the game of the paper on (A, B), with changes, in the units of the model."""
     states = names.states
     settings = published_data()["game"]
     A = checked_matrix("A", A, LARGEST)
@@ -64,7 +64,7 @@ def paper_game(
 def usual_game(
     model: Model, A: np.ndarray, B: np.ndarray, names: PlantNames | None = None, **changes: Any
 ) -> Game:
-    """The game on (A, B) of a model where nothing else is asked for.
+    """Return the default game on (A, B) of a model.
 
     Of a model with the aircraft's states and inputs the paper's; else 1/nominal² on the diagonals
     of Q and R, and delta inf (no disturbance). names: of the plant, unless given those of the

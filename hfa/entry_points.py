@@ -24,8 +24,8 @@ class CommandEntry(NamedTuple):
     example: the last line of its help.
     install: extra to install where a package is missing, ".[proof]".
     results: for each written result its class and those added to it, with ? if optional,
-        "module:Class module:Class?". "hfa.trim/1 module:Class": what the package adds to the
-        results of other commands, always optional."""
+        "module:Class module:Class?". "hfa.trim/1 module:Class": optional keys that the package adds
+        to the results of other commands."""
 
     group: str
     about: str

@@ -123,7 +123,7 @@ def _in_color() -> bool:
 
 
 def _width() -> int | None:
-    """Characters that a line of the terminal holds; None where the output is a file or a pipe."""
+    """Width of the terminal in characters; None where the output is a file or a pipe."""
     return shutil.get_terminal_size().columns if _on_terminal() else None
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
-    """The error of equations that raised this one when called with x, u, p and w."""
+    """Return the error for equations that raised `error` when called with x, u, p and w."""
     for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
         if isinstance(error, AttributeError) and error.obj is vector:
             refuse_unknown(

@@ -19,7 +19,7 @@ class Extras:
     names_schedule: whether options and data call the scheduling variable by its own name,
         --dihedral and dihedral_deg, and not --at and scheduled.
     aliases: name in another program -> name here.
-    notes: what every report says of it.
+    notes: sentences for every report.
     parts: ending -> linear states. OUTPUT_ending names the part of an output that these states, the
         inputs and the disturbances cause, for controllers.
     variants: names of its other equations, which a design may treat differently.

@@ -142,7 +142,7 @@ class Layout(NamedTuple):
 
 
 def components(vector: Any) -> list[Any]:
-    """The entries of a CasADi column, none of an empty one."""
+    """Return the entries of a CasADi column, none for an empty one."""
     return ca.vertsplit(vector) if vector.numel() else []
 
 
@@ -213,7 +213,8 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
-    """A rate or an output as one expression; BadInputError where it is a vector or no number."""
+    """Return a rate or an output as one expression; BadInputError for a vector and for something
+    other than a number."""
     try:
         expression = ca.SX(value)
     except (NotImplementedError, TypeError, ValueError) as error:

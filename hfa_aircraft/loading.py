@@ -81,7 +81,7 @@ def load_model(text: str) -> Model:
 
 
 def _loaded(model: Model, text: str, digest: str) -> Model:
-    """The model, which another process loads again from the same text."""
+    """Return the model, which another process can load from the same text."""
     extras = replace(model.extras, source=(text, digest), made_by=reloaded)
     return replace(model, extras=extras)
 
@@ -95,7 +95,7 @@ def forms_of_packages() -> list[str]:
 def _format_of(text: str) -> EntryPoint | None:
     """Return the reader of this scheme, or of the longest suffix; None for Python.
 
-    What stands behind a "?" is the reader's."""
+    The text after a "?" belongs to the reader."""
     scheme = text.partition(":")[0]
     suffixes = "".join(Path(text.partition("?")[0]).suffixes)
     names = [scheme, *(suffixes[at:] for at, each in enumerate(suffixes) if each == ".")]
@@ -117,7 +117,7 @@ def _read(offer: EntryPoint, text: str) -> Model:
 
 
 def _digest(model: Model, text: str) -> str:
-    """The hash of what a reader has read: its own, or a hash of the file and of the model."""
+    """Return the hash of a reader's input: its own, or a hash of the file and of the model."""
     if model.extras.source[1]:
         return model.extras.source[1]
     path = Path(text.partition("?")[0])
@@ -143,7 +143,7 @@ def _imported(name: str) -> types.ModuleType:
 
 
 def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
-    """That a name holds no model, and which names do."""
+    """Return a message: a name is not a model, and the names of models."""
     what = "has no name" if value is None else f"holds {shown(value)}, not a Model, under"
     models = [other for other, held in vars(module).items() if isinstance(held, Model)]
     advice = f"use {', '.join(models)}" if models else "define a Model"

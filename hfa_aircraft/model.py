@@ -42,7 +42,7 @@ class Model:
         named as in textbooks (`usual_modes`).
     replaced: state -> the output, affine in it, that people name in its place in a trim:
         pitch -> gamma.
-    extras: what a reader of files, or the paper's aircraft, adds to the declaration.
+    extras: additions of a reader of files, or of the paper's aircraft.
 
     BadInputError when a name is not an identifier, is declared twice or is unknown, a number is
     invalid, or the equations fail.
@@ -180,7 +180,7 @@ class Model:
 
     @cached_property
     def signals(self) -> dict[str, Signal]:
-        """Everything that has a name."""
+        """All signals and parameters by name."""
         return {
             **self.states,
             **self.inputs,
@@ -207,8 +207,8 @@ class Model:
         return (*self.states, *self.outputs, *parts)
 
     def part(self, name: str) -> tuple[str, tuple[str, ...]]:
-        """The output or state that a name of `measurable` is about, and the linear states whose
-        effect on it counts."""
+        """Return the output or state of a name of `measurable`, and the linear states whose effect
+        is included."""
         for ending, states in self.extras.parts.items():
             whole = name.removesuffix(f"_{ending}")
             if whole != name and whole in self.outputs:
@@ -257,7 +257,7 @@ class Model:
 
     @cached_property
     def time_unit(self) -> str:
-        """s; min, h or day where units are made of it and none of s."""
+        """ "s"; "min", "h" or "day" where units contain it and none contains s."""
         bases = set()
         for signal in self.signals.values():
             bases.update(re.findall("[a-z]+", signal.unit))
@@ -282,7 +282,7 @@ class Model:
         return f"({self.rate_unit(row)})/({self.unit(column)})"
 
     def describe(self, name: str, value: float) -> str:
-        """A value with its unit as an engineer reads it: angles in degrees."""
+        """Return a value with its unit in words, angles in degrees."""
         unit = self.unit(name)
         text = shown_value(value, unit)
         return text if unit == "1" else f"{text} {shown_unit(unit)}"

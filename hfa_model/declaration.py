@@ -188,8 +188,8 @@ def is_hfa(model: Model) -> bool:
 
 
 def parameters_of(model: Model) -> Parameters:
-    """The parameters of a model of this aircraft, in the units of the model; the further ones of
-    the unsteady dynamics are left out."""
+    """The parameters of a model of this aircraft, in the units of the model; without the further
+    ones of the unsteady dynamics."""
     return Parameters(*(model.parameters[name].start for name in Parameters._fields))
 
 

@@ -10,8 +10,8 @@ from hfa_support.errors import BadInputError, refuse_unless_whole
 
 
 def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
-    """p_i exp(z_i), z ~ N(0, C_ij / (p_i p_j)): random samples of the identified parameters, which
-    vary together; the other parameters stay as they are.
+    """p_i exp(z_i), z ~ N(0, C_ij / (p_i p_j)): random samples of the identified parameters,
+    correlated; the other parameters are unchanged.
 
     parameters: p and its covariance C
     count: how many samples

@@ -144,7 +144,7 @@ def performance(point: Any) -> dict[str, float]:
 
 
 def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> Table:
-    """A row a load: of the aircraft, its center panel and one outer panel.
+    """Return one row for each load: of the aircraft, its center panel and one outer panel.
 
     loads: in the units of the model; the forces of a panel are in its own axes.
     numbers: those of `performance`.

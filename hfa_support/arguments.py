@@ -51,7 +51,7 @@ def checks_arguments(public: Public) -> Public:
 
 
 def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..., Any]:
-    """The function with its arguments from the first on checked.
+    """Return the function with its arguments checked.
 
     name: of the function or class in messages
     """
@@ -130,7 +130,7 @@ def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
 
 
 def _kind(annotation: Any) -> tuple[_Test, str] | None:
-    """The test of an annotation and how it is called; None where it is of another form."""
+    """Return the test of an annotation and its name in messages; None for another form."""
     if annotation in _KINDS:
         return _KINDS[annotation]
     origin = get_origin(annotation)

@@ -65,7 +65,7 @@ def part(group: str, name: str, what: str) -> Any:
 
 
 def about_part(name: str) -> str:
-    """The words with which a package explains its part of a command; "" without any."""
+    """Return a package's help of its part of a command; "" without one."""
     told = offered(PARTS).get(f"about.{name}")
     return "" if told is None else str(loaded(told))
 

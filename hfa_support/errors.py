@@ -38,7 +38,7 @@ class NoSolutionError(RuntimeError):
 
 @contextmanager
 def said_of(what: str | Path) -> Iterator[None]:
-    """A BadInputError of the block begins with the file, or the thing, that it is about."""
+    """Let a BadInputError of the block begin with the file or the subject that it concerns."""
     try:
         yield
     except BadInputError as error:
@@ -163,12 +163,12 @@ def _faulty_row(rows: Any) -> str:
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:
-    """The word, or its beginning."""
+    """Return the word, or its beginning where it is long."""
     return text if len(text) <= longest else f"{text[:longest]}..."
 
 
 def shown(value: Any) -> str:
-    """A value as Python writes it, or the beginning of that."""
+    """Return the repr of a value, or its beginning where it is long."""
     return shortened(" ".join(repr(value).split("\n")))
 
 

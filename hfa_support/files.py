@@ -42,8 +42,8 @@ _READ: set[tuple[int, int]] | None = None
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """In the block no file that was read in it can be written, however it is named, and none in a
-    folder that was read."""
+    """Refuse to write files that were read in the block, by any name, or files in a folder that was
+    read."""
     global _READ
     _READ = set()
     try:
@@ -60,7 +60,7 @@ def note_read(path: str | Path) -> None:
 
 
 def forget_read(path: Path) -> None:
-    """Count the file no longer among the inputs: the run goes on with it, as --resume asks."""
+    """Count the file no longer among the inputs: the run continues it, as with --resume."""
     identity = _identity(path)
     if _READ is not None and identity is not None:
         _READ.discard(identity)
@@ -77,7 +77,7 @@ def refuse_read(path: Path) -> None:
 
 
 def _identity(path: str | Path) -> tuple[int, int] | None:
-    """Device and inode, the same by whatever name; None where there is nothing."""
+    """Return device and inode, equal for all names of a file; None without a file."""
     try:
         status = os.stat(path)
     except (OSError, ValueError):
@@ -204,7 +204,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def regular_file(path: str | Path) -> Path:
-    """The path of a file that can be read to its end: a FIFO or a device would keep us waiting.
+    """The path of a file that can be read to its end: a FIFO or a device may block for ever.
 
     OSError as from opening it, also where it is no regular file or has more than `LARGEST` bytes.
     """

@@ -19,7 +19,7 @@ class Progress(Protocol):
     """A callback of long work."""
 
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
-        """`done` of `total` parts are done; `what` is at work."""
+        """Report that `done` of `total` parts are done; `what` names the current work."""
 
 
 def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:

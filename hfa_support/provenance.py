@@ -78,8 +78,8 @@ class Provenance(Result):
         return descriptions
 
     def text(self) -> str:
-        """For people: a line, and a few more where aircraft or flight are not the identified and
-        the paper's."""
+        """Return one line, and a few more where the aircraft is not the identified one or the
+        flight not the paper's."""
         first_line = [f"hfa {self.version}", self.date[:10]]
         if self.model:
             first_line.append(f"plant {self.model}")
@@ -101,7 +101,7 @@ def parameter_hash(values: Any) -> str:
 
 
 def now() -> str:
-    """The date and time, UTC; what SOURCE_DATE_EPOCH says where that is set."""
+    """The date and time, UTC; SOURCE_DATE_EPOCH where that is set."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     try:
         moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)

@@ -34,7 +34,7 @@ class Number(NamedTuple):
         return form if self.highest == math.inf else f"{form}, at most {self.highest:g}"
 
     def of(self, value: Any) -> float | None:
-        """The value as a float; None where it is no such number."""
+        """Return the value as a float; None where it is not such a number."""
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return None
         try:

@@ -1,5 +1,5 @@
-"""The main job, checked: both printed pairs regenerated from one aircraft, entry by entry, and what
-that says."""
+"""The main job, checked: both printed pairs regenerated from one aircraft, entry by entry, with a
+verdict."""
 
 from __future__ import annotations
 

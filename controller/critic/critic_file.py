@@ -71,8 +71,8 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
 
     A file is a network (`is_network`), or holds W (also `weights`), P or K (also `gains`), as many
     as it likes; with `time` (also `times`, `t`) they may be W (N, M), P (N, n, n), K (N, m, n),
-    matrices also row by row, (N, m n), or as MATLAB stacks them, (m, n, N). An array without a name
-    is what its shape says. A file that says other units than the plant is converted.
+    matrices also row by row, (N, m n), or as MATLAB stacks them, (m, n, N). The shape decides the
+    meaning of an array without a name. A file that says other units than the plant is converted.
 
     BadInputError, one line that names the file.
     """
@@ -119,7 +119,7 @@ def load_critic(
 
     path: .npz, .mat, .json, .csv, or a suffix that an installed package reads.
     game: whose states and inputs the critic has.
-    basis: of weights: a name, or a list of functions; as the file says, else "quadratic".
+    basis: of weights: a name, or a list of functions; default: that of the file, else "quadratic".
     network: which part of a network's file is what, as `from_network` takes it.
     activation: between the layers of a state dict, and after a comma at its output.
     scale: (n,), the network takes state i times scale[i].
@@ -135,7 +135,7 @@ def load_critic(
 def stored_parts(
     path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None
 ) -> dict[str, np.ndarray]:
-    """W, P and K by name, as many as the file holds, in the units of the plant.
+    """Return those of W, P and K that the file contains, by name, in the units of the plant.
 
     functions: the basis of W. BadInputError, one line that names the file.
     """
@@ -198,7 +198,7 @@ def _part_by_shape(array: np.ndarray, game: Game) -> str:
 def _single_parts(
     entries: Mapping[str, Any], plant: PlantNames, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
-    """W (M,), P and K by name, as many as there are, in the units of the plant."""
+    """Return the given ones of W (M,), P and K by name, in the units of the plant."""
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:
         raise BadInputError('H belongs to a plant in steps; did you mean time = "discrete"?')

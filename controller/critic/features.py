@@ -47,7 +47,7 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
 
 
 def number_of(text: str, parameters: Mapping[str, float]) -> float:
-    """The value of a formula such as "m*g/l" of named numbers, with what `features_of` takes.
+    """The value of a formula such as "m*g/l" of named numbers, with the functions of `features_of`.
 
     BadInputError, one line, for anything else, and for a value that is not finite.
     """

@@ -54,8 +54,8 @@ class Basis(Shown):
 
     @cached_property
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """The states that each monomial has, (M, most), and their powers; 0 of those that fill a
-        row."""
+        """Return the states of each monomial, (M, most), and their powers; 0 where a row is filled
+        up."""
         most = int(np.count_nonzero(self.exponents, axis=1).max())
         factors = np.argsort(self.exponents == 0, axis=1, kind="stable")[:, :most]
         return factors, np.take_along_axis(self.exponents, factors, axis=1)
@@ -98,7 +98,7 @@ class Basis(Shown):
 
 @checks_arguments
 def basis(name: str, states: int) -> Basis:
-    """The basis of that name on `states` channels.
+    """Return the basis of this name on `states` channels.
 
     "quadratic": z_i z_j for i <= j, M = n(n+1)/2. "quadratic+linear": and z_i. "quadratic+quartic":
     and z_i⁴. "paper": M = 25 on the paper's six channels, the quadratic ones and four fourth powers

@@ -17,8 +17,7 @@ _STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,
 
 
 def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
-    """The matrix of each file by its name, and names and units of states and inputs, where there
-    are any.
+    """The matrix of each file by its name, and names and units of states and inputs, if given.
 
     ValueError names the fault of a file.
     """

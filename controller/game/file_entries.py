@@ -40,7 +40,7 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
 def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     """s with x_file = s x, (n,), from the entry `state_units`.
 
-    Ones where the file or the plant says no units. BadInputError for units that are neither the
+    Ones where the file or the plant states no units. BadInputError for units that are neither the
     plant's nor their SI or English ones, and where `states` or `inputs` of the file are the plant's
     in another order."""
     for key in ("states", "inputs"):

@@ -43,7 +43,8 @@ class PlantNames(NamedTuple):
 
 
 def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
-    """The texts, or the usual ones where there are none. BadInputError unless as many."""
+    """Return the texts, or the default ones without texts. BadInputError for a wrong number of
+    them."""
     if not texts:
         return usual
     if len(texts) != len(usual):

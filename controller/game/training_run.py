@@ -129,7 +129,7 @@ class TrainingRun(Result, Reported):
 
     @property
     def outcome(self) -> str:
-        """settled, or why not."""
+        """ "settled", or the reason why not."""
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
         if not math.isfinite(self.settling_time):

@@ -20,7 +20,7 @@ def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
 def weights_line(
     Q: np.ndarray, R: np.ndarray, delta: float, whose: Mapping[str, str] | None = None
 ) -> str:
-    """ "Q diag(1, 2) (given), R diag(1) (default), delta inf (default)".
+    """Return a line: "Q diag(1, 2) (given), R diag(1) (default), delta inf (default)".
 
     whose: "Q", "R", "delta" -> whose it is; None where the game was handed over with all of them
     """

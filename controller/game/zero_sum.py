@@ -228,7 +228,7 @@ def is_definite(matrix: np.ndarray) -> bool:
 
 
 def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
-    """The smallest eigenvalue of M_ij / sqrt(M_ii M_jj), rows and columns of zeros left out.
+    """The smallest eigenvalue of M_ij / sqrt(M_ii M_jj), without rows and columns of zeros.
 
     -inf where an entry of the diagonal is negative, or 0 in a row that is not.
     """

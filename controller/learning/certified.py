@@ -129,7 +129,7 @@ def iterate(
     equations: of which the steps are taken
     here: weights and problem to begin with
     normaliser: as `newton_step` takes it
-    to_the_floor: go on until the correction no longer halves; otherwise stop at TRACKING
+    to_the_floor: continue until the correction no longer halves; otherwise stop at TRACKING
     most: steps
 
     On an LQ problem (share 0) the steps are those of Kleinman (1968), which converge from every
@@ -384,7 +384,8 @@ class CertifiedLaw:
         return np.sqrt(1.0 + np.sum(regressors**2, axis=1))
 
     def advance(self, tick: int, memory: Memory) -> Memory:
-        """One tick: stage 1 up to T, stage 2 after it; a tick that holds T does both."""
+        """Advance by one tick: stage 1 up to T, stage 2 after it; a tick that contains T does
+        both."""
         begin = self.time(tick)
         end = self.time(tick + 1)
         T = self.stage_time

@@ -54,7 +54,7 @@ class Stack(Shown):
 
     @property
     def samples(self) -> int:
-        """N_h, how many samples there are."""
+        """Number N_h of samples."""
         return int(self.states.shape[0])
 
     def drift_fit(self) -> np.ndarray:
@@ -66,8 +66,8 @@ class Stack(Shown):
         """The stack with its drifts replaced by Â z_j, and the misfit |F - Â z| / |F| that this
         removed.
 
-        The misfit is rounding when the drifts are exact; noise leaves its size, and so does a
-        reference forcing."""
+        The misfit is rounding when the drifts are exact; otherwise it has the size of the noise or
+        of a reference forcing."""
         fitted = self.states @ self.drift_fit().T
         size = float(np.linalg.norm(self.drifts))
         misfit = float(np.linalg.norm(self.drifts - fitted)) / size if size > 0.0 else 0.0
@@ -181,7 +181,8 @@ def unit_rows(matrix: np.ndarray) -> np.ndarray:
 
 
 def rank(rows: np.ndarray) -> int:
-    """Numerical rank: how many singular values exceed RANK_TOLERANCE times the largest."""
+    """Numerical rank: the number of singular values that exceed RANK_TOLERANCE times the
+    largest."""
     values = np.linalg.svd(rows, compute_uv=False)
     return int(np.sum(values > RANK_TOLERANCE * values[0]))
 

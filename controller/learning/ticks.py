@@ -87,8 +87,8 @@ def training_run(
 
 
 def _row(learner: Any, tick: int, memory: Any) -> Mapping[str, Any]:
-    """A row of history; a residual that overflows is inf in it, and the learner itself says when it
-    cannot go on."""
+    """Return a row of the history, inf for a residual that overflows; the learner reports its own
+    failure."""
     with np.errstate(over="ignore", invalid="ignore"):
         return learner.observe(tick, memory)
 

@@ -174,7 +174,7 @@ def reach_checks(form: NormalForm) -> tuple[Check, ...]:
 def _certified_in(
     form: NormalForm, given: NormalForm | None = None
 ) -> tuple[np.ndarray, NormalForm, tuple[Check, ...]]:
-    """X in these coordinates, and its tests; given: see `hamiltonian_checks`."""
+    """Return X in these coordinates, and its tests; given: see `hamiltonian_checks`."""
     from controller.riccati.careful_derivations import by_refined_sign, by_schur
 
     checks = hamiltonian_checks(form, given)
@@ -321,6 +321,6 @@ def _abscissa(matrices: np.ndarray) -> np.ndarray:
 
 
 def _size(matrices: np.ndarray) -> np.ndarray:
-    """The largest entry of each, or 1 where all are 0."""
+    """Return the largest entry of each matrix, 1 where all are 0."""
     sizes = largest(matrices)
     return np.where(sizes > 0.0, sizes, 1.0)

@@ -47,7 +47,7 @@ class Bracket(NamedTuple):
 
 
 class _Answers:
-    """The answers of a search, each δ asked once."""
+    """The answers of a search, each δ tried once."""
 
     def __init__(self, ask: Callable[[float], Answer]) -> None:
         self._ask = ask
@@ -77,7 +77,7 @@ class _Answers:
 
     @property
     def next_to_refused(self) -> float:
-        """The smallest δ above `refused` that was asked."""
+        """The smallest δ above `refused` that was tried."""
         return min(delta for delta in self._known if delta > self.refused)
 
     def _deltas(self, exists: bool) -> list[float]:
@@ -144,7 +144,7 @@ def _descend(answers: _Answers, least: float) -> None:
 
 
 def _narrow(answers: _Answers, ends: Callable[[], tuple[float, float]], tolerance: float) -> None:
-    """Bisect between two neighbours, which the answers move, until they are close."""
+    """Bisect between two neighbours until they are close."""
     low, high = ends()
     while low and high > low * (1.0 + tolerance):
         answers.at(math.sqrt(low * high))

@@ -59,7 +59,7 @@ def transposed(pair: Pair) -> Pair:
 
 
 def _slices(pair: Pair, bits: int, axis: int) -> list[np.ndarray]:
-    """Slices of so many bits whose sum is the pair but for what lies below the last one.
+    """Return slices of a number of bits whose sum is the pair, but for bits below the last slice.
 
     Each row (axis -1) or column (axis -2) has one scale.
     """

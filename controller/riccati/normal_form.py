@@ -25,8 +25,9 @@ BACKWARD = 32.0 * float(np.finfo(float).eps)
 
 
 class Sizes(NamedTuple):
-    """From what size of numbers A, B, E and Q of a game were computed, entry by entry: of a sum,
-    the sum of the magnitudes of its parts. Rounding is relative to these, not to what cancelled.
+    """The magnitudes of the numbers from which A, B, E and Q of a game were computed, entry by
+    entry: of a sum, the sum of the magnitudes of its parts. Rounding is relative to these, not to
+        what cancelled.
 
     A: (n, n)
     B: (n, m), where R = I
@@ -102,7 +103,7 @@ class NormalForm:
         )
 
     def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
-        """One game of a stack, or some of them; a stack of one with the index None."""
+        """Return one game of a stack, or some of them; with the index None a stack of one."""
         return replace(
             self,
             A=self.A[index],
@@ -255,9 +256,9 @@ class NormalForm:
         return form._turned_by(np.eye(n), 1.0 / balance)
 
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
-        """The game in D W'y, with one rounding at the end.
+        """Return the game in the coordinates D W'y, rounded once at the end.
 
-        W: orthogonal but for rounding. D: powers of two, (n,).
+        W: orthogonal, apart from rounding. D: powers of two, (n,).
         """
         turn = exact(W.T)
         inverse = precise_inverse(W)

@@ -189,7 +189,7 @@ class Obstacle(NamedTuple):
     undamped: str
 
     def faint(self, reach: str, show: str) -> str:
-        """Return the mode that is reached or shown too little, in words; "" if there is none.
+        """Return the mode that is reached or shown too little, in words; "" if none exists.
 
         reach, show: "the inputs reach" and "Q shows", or others.
         """

@@ -131,7 +131,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
     def _listed_axes(
         self, listing: Path, condition: TrimCondition, ranges: Mapping[str, Range]
     ) -> dict[str, Any]:
-        """The columns of a list, and one for each value that holds for all of its rows."""
+        """Return the columns of a list, and one for each value common to all rows."""
         axes: dict[str, Any] = _listed(listing, condition)
         rows = len(next(iter(axes.values())))
         for name, values in {**self.hold, **ranges}.items():

@@ -49,7 +49,8 @@ _SETTINGS: dict[str, Callable[[str], Any]] = {
 
 
 def _critics(text: str) -> list[Path]:
-    """A file; of a folder those with a known suffix, in the order of the numbers in their names."""
+    """Return a file; of a folder the files with a known suffix, in the order of the numbers in
+    their names."""
     folder = Path(text)
     if not folder.is_dir():
         return [critic_path(text)]

@@ -20,7 +20,7 @@ READING_SETTINGS: dict[str, Callable[[str], Any]] = {
 
 
 def critic_path(text: str) -> Path:
-    """The file of a critic, of whatever suffix is read."""
+    """Return the path of a critic's file, of any suffix that is read."""
     if Path(text).suffix.lower() in MATRIX_FILES:
         return input_file(*MATRIX_FILES)(text)
     return input_file(*critic_suffixes())(text)

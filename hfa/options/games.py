@@ -46,7 +46,7 @@ def _delta(text: str) -> float:
 
 
 def diagonal(text: str) -> np.ndarray:
-    """diag(a, b, ...) from "a,b,...", (n, n): how Q and R are given."""
+    """Return diag(a, b, ...) from "a,b,...", (n, n), the form of Q and R."""
     return np.diag([number(entry) for entry in text.split(",")])
 
 
@@ -98,7 +98,7 @@ class SeedOption(Request):
 
 
 def law_option(*laws: str) -> Any:
-    """The field `law`: one of these, or the one that learns."""
+    """Return the field `law`: one of these laws, or the default that learns."""
     choices = (*laws, DEFAULT_LAW)
     about = f"only {DEFAULT_LAW} (irl: studies/update_law)"
     if laws:
@@ -110,7 +110,7 @@ def setting_option(
     about: str = "a setting of the law, for example predefined_time=2",
     more: Mapping[str, Callable[[str], Any]] | None = None,
 ) -> Any:
-    """The field `set`. more: further settings, and how a word becomes the value of each."""
+    """The field `set`. more: further settings, each with the function from a word to its value."""
 
     def setting(name: str, text: str) -> Any:
         from controller.learning.certified import CertifiedSettings
@@ -175,7 +175,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
     design: Any = None
 
     def origin(self) -> Mapping[str, Any]:
-        """The file of the plant, or the aircraft."""
+        """File of the plant, or the aircraft."""
         return super().origin() if self.plant is None else {"model": str(self.plant)}
 
     def game(
@@ -293,7 +293,7 @@ class NamedGame(Result):
 
     @property
     def weights(self) -> Weights:
-        """Q, R and whose they and delta are."""
+        """Return Q, R and the sources of Q, R and delta."""
         return Weights(self.game.Q, self.game.R, self.weights_from)
 
     def weights_line(self) -> str:

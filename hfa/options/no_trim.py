@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def advised(
     failure: TrimError, request: TrimOptions, aircraft: Model, condition: TrimCondition
 ) -> TrimError:
-    """The failure with its reason, and with what to type where a held angle of attack is why there
-    is no trim."""
+    """Return the failure with its reason, and the words to type where a held angle of attack
+    prevents the trim."""
     error = explained(failure, aircraft, condition)
     if "alpha" not in condition.imposed:
         return error

@@ -129,7 +129,7 @@ class Parser(argparse.ArgumentParser):
         return super()._get_values(action, arg_strings)
 
     def error(self, message: str) -> NoReturn:
-        """The complaint of argparse about one option, or about the words as a whole."""
+        """Raise argparse's error about one option, or about all words."""
         complaint = re.sub(r"^argument (?:\S+/)?(\S+): ", r"\1 ", message)
         raise BadInputError(
             complaint if complaint != message else f"{message} (see `{self.prog} --help`)"
@@ -176,8 +176,7 @@ class _Named(argparse.Action):
 
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
-    """The complaint that an option or a command does not exist, with the one that was probably
-    meant."""
+    """Return the error for an unknown option or command, with the nearest known one."""
     close = difflib.get_close_matches(_MEANT.get(name, name), known, n=1, cutoff=0.7)
     advice = f"; did you mean {close[0]}?" if close else f" (see `{program} --help`)"
     return f"unknown {what}{advice}"

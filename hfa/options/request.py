@@ -55,7 +55,7 @@ class Option:
     aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:
-        """This option for a model: whatever is a function of the model is replaced by its value,
+        """Return this option for a model: each function of the model is replaced by its value, in
         the help where it is shown.
 
         model: None for an option that does not depend on one

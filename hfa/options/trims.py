@@ -109,7 +109,7 @@ class HfaOptions(Request):
 
     @property
     def hfa(self) -> Model:
-        """The HFA as it was identified, `published` or `newton`."""
+        """Return the identified HFA, `published` or `newton`."""
         variant_named(self.dynamics)
         return self.model
 
@@ -145,7 +145,7 @@ class HfaOptions(Request):
 
 
 def aircraft_help(model: Model | None) -> str:
-    """The forms of an aircraft's name: Python, and what packages read."""
+    """Return the forms of an aircraft's name: Python, and the formats of packages."""
     from hfa_aircraft.loading import forms_of_packages
 
     forms = ("a file that is executed (or package.module:NAME)", *forms_of_packages())
@@ -198,8 +198,8 @@ def scheduled(
     """The field `at`, typed by --at, of the HFA also by --dihedral: the scheduling variable.
 
     kind: (model, word) -> value
-    form: how help shows the value
-    about: what help says of it further
+    form: the value in the help
+    about: further words of the help
     required: whether the HFA needs it
     """
 
@@ -310,8 +310,8 @@ class TrimOptions(HfaOptions):
 
     def common_condition(self) -> TrimCondition:
         """The condition that all trims of the options share: --condition, or the usual one, changed
-        by --hold, --free, --limit, --glide and --start. The value of the scheduling variable is not
-        in it.
+        by --hold, --free, --limit, --glide and --start. It does not contain the value of the
+        scheduling variable.
 
         BadInputError when a variable is named twice, or --condition is a list of points.
         """

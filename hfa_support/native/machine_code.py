@@ -91,7 +91,7 @@ def _c_text(function: ca.Function, symbol: str) -> str:
 
 def _own_folder(folder: Path) -> Path:
     """The folder, made if need be, which only its owner can write; RuntimeError when that is
-    somebody else."""
+    another user."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.is_symlink():
         raise RuntimeError(f"{folder} is a link; make it a folder")
@@ -137,5 +137,5 @@ def c_compiler() -> str | None:
 
 @cache
 def _say(message: str) -> None:
-    """Once a process and message."""
+    """Print a message once in a process."""
     say_aside(f"hfa: {message}")

@@ -57,7 +57,7 @@ class Checked:
 
         @property
         def checks(self) -> tuple[Check, ...]:
-            """All that must hold."""
+            """All checks that must hold."""
 
     @property
     def ok(self) -> bool:
@@ -90,7 +90,7 @@ def below(name: str, value: float, limit: float, reason: str, kind: str = "") ->
 
 
 def checks_block(checks: Iterable[Check]) -> Part:
-    """One row a check, then the reason of each that failed."""
+    """Return one row for each check, then the reason of each that failed."""
     listed = tuple(checks)
     rows = [
         (check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok))

@@ -81,7 +81,8 @@ def _take_literally(figure: Figure) -> None:
 
 
 def _caption(figure: Figure, text: str) -> None:
-    """Small print in a strip below the picture. A legend outside of the axes belongs above them."""
+    """Write small text in a strip below the picture. A legend outside of the axes belongs above
+    them."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     lines = textwrap.wrap(text, width=int(18 * figure.get_figwidth()))

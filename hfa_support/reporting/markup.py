@@ -67,7 +67,7 @@ def picture_as_html(picture: Picture) -> str:
 
 
 def as_html(part: str | Table | tuple[str | Table, ...]) -> str:
-    """A paragraph a line, a table, or several of them, as HTML; every word is escaped."""
+    """Return a paragraph, a table, or several of them, as HTML; every word is escaped."""
     if isinstance(part, Table):
         return html_table(part)
     if isinstance(part, str):
@@ -123,7 +123,7 @@ def _cell(cell: Any) -> str:
 
 
 def escaped(text: Any) -> str:
-    """A text where no character means anything to HTML."""
+    """Return a text with all characters of HTML escaped."""
     return html.escape(printable(str(text), lines=False))
 
 

@@ -76,7 +76,7 @@ class Report:
         return replace(self, data={**self.data, **more})
 
     def text(self, color: bool = False, width: int | None = None) -> str:
-        """For a terminal: parts with an empty line between them, without pictures.
+        """Return the text for a terminal: parts with an empty line between them, without pictures.
 
         color: of cells with a tone
         width: of the terminal, in characters; None for lines as long as they are
@@ -89,7 +89,7 @@ class Report:
         return "\n\n".join(filter(None, [title, *shown, *after]))
 
     def markdown(self, level: int = 1) -> str:
-        """With headings from `level` on, without pictures."""
+        """Return Markdown with headings from `level` on, without pictures."""
         from hfa_support.reporting.markup import report_as_markdown
 
         return report_as_markdown(self, level)
@@ -108,8 +108,8 @@ class Report:
         return json_text(self.data).rstrip()
 
     def save(self, path: Path) -> None:
-        """Data (.json, .npz, .mat) or records (.csv) as one file, whole or not at all, numbers with
-        all digits."""
+        """Write data (.json, .npz, .mat) or records (.csv) as one file, whole or not at all,
+        numbers with all digits."""
         from hfa_support.reporting.data_files import save_data
 
         save_data(path, self.data, self.records)

@@ -68,7 +68,7 @@ class Result:
 
 
 def _attribute(value: Any, name: str) -> Any:
-    """The attribute of a value; None of None."""
+    """Return the attribute of a value; None for None."""
     return None if value is None else getattr(value, name)
 
 

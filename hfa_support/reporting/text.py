@@ -104,7 +104,7 @@ def entry_rows(
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:
-    """x1, x2, ...: names of what has none."""
+    """Return the names x1, x2, ... of unnamed rows."""
     return tuple(f"{letter}{i + 1}" for i in range(count))
 
 
@@ -114,7 +114,7 @@ def in_degrees(angle: float) -> float:
 
 
 def shown_unit(unit: str) -> str:
-    """The unit that a person reads: deg in place of rad."""
+    """Return the unit in reports: deg in place of rad."""
     return unit.replace("rad", "deg") if unit.startswith("rad") else unit
 
 
@@ -129,8 +129,8 @@ def shown_value(value: float, unit: str, form: str = ".6g") -> str:
 
 
 def degrees(value: float, unit: str) -> tuple[str, str]:
-    """A value with five decimals, or as 1e+08 where it is that large, and its unit, as a person
-    reads them."""
+    """A value with five decimals, or as 1e+08 where it is that large, and its unit, as printed in
+    reports."""
     return shown_value(value, unit, ".5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
 
 
@@ -159,7 +159,7 @@ def _entry_text(value: float) -> str:
 
 
 def four_decimals(value: float) -> str:
-    """1.2346; what rounds to zero has no sign."""
+    """Return a number as 1.2346; zeros have no sign."""
     text = f"{value:.4f}"
     return "0.0000" if text == "-0.0000" else text
 

@@ -82,7 +82,7 @@ class EntryRow(Result):
 
     @property
     def name(self) -> str:
-        """For example A(alpha, pitch_rate)."""
+        """Name of the entry, for example A(alpha, pitch_rate)."""
         return f"{self.matrix}({self.row}, {self.column})"
 
 
@@ -182,7 +182,7 @@ def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
 
 
 def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Table:
-    """Printed, computed, difference in half units of the last digit and in percent; what begins
+    """Printed, computed, difference in half units of the last digit and in percent; first cells of
     each row -> entries."""
     rows = [
         (
@@ -307,7 +307,7 @@ def trust_in(
 
 
 def _largest(A: np.ndarray, B: np.ndarray) -> str:
-    """The largest entry of both, in the units in force, and which it is."""
+    """Return the largest entry of both, in the current units, and its name."""
     name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
     row, column = np.unravel_index(largest.argmax(), largest.shape)
     return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"

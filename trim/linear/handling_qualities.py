@@ -101,7 +101,7 @@ def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
 
 
 def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
-    """The eigenvalue of a family that has a single one, and a real one."""
+    """Return the eigenvalue of a family with a single, real one."""
     values = _eigenvalues(linear, family)
     if len(values) != 1 or values[0].imag:
         return None

@@ -65,7 +65,8 @@ def linear_model_report(model: LinearModel) -> Report:
 
 
 def _records(model: LinearModel, blocks: list[Block]) -> Table:
-    """A row an entry of the matrices and an offset: matrix, row, column, value, unit."""
+    """Return one row for each entry of the matrices and each offset: matrix, row, column, value,
+    unit."""
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
         for i, row in enumerate(block.rows):
@@ -81,7 +82,7 @@ def _records(model: LinearModel, blocks: list[Block]) -> Table:
 
 
 def units_in_words(model: LinearModel) -> str:
-    """The units that the entries of the matrices are made of, and which names have others: "rad,
+    """The units that the entries of the matrices are made of, and the names with other units: "rad,
     ft, s, but elevator, aileron in deg"."""
     units = model.point.model.units
     length = next(

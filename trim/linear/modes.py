@@ -166,7 +166,7 @@ def modes_table(modes: Iterable[Mode], time: str = "s") -> Table:
 
 
 def _time_to(mode: Mode) -> str:
-    """Time to half or to double; "-" of a mode that does neither."""
+    """Return the time to half or to double; "-" for an undamped mode."""
     if math.isfinite(mode.time_to_half):
         return f"{mode.time_to_half:.3f} (half)"
     if math.isfinite(mode.time_to_double):

@@ -34,7 +34,7 @@ def reduced(
     inputs: Sequence[str] | None,
     residualize: Sequence[str],
 ) -> LinearModel:
-    """The model of the named states and inputs, as `LinearModel.select` has it."""
+    """The model of the named states and inputs, as described in `LinearModel.select`."""
     if states is None:
         states = tuple(name for name in model.states if name not in residualize)
     rows = positions("state", states, model.states)

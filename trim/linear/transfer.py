@@ -102,8 +102,8 @@ def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
 
 
 def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
-    """A smaller system of the same zeros whose D has independent rows: what y shows without u is no
-    state. small: singular values up to it are rounding."""
+    """A smaller system of the same zeros whose D has independent rows: a combination of states that
+    y measures directly is removed. small: singular values up to it are rounding."""
     A, B, C, D = system
     while len(D):
         turned, sizes, _ = np.linalg.svd(D) if D.size else (np.eye(len(D)), np.zeros(0), None)

@@ -101,7 +101,7 @@ class TrimCondition:
 
     @property
     def equations(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """The states whose rates are imposed, and the imposed outputs that are no variables."""
+        """The states whose rates are imposed, and the imposed outputs that are not variables."""
         rates = tuple(name for name in self.model.states if name in self.rates)
         outputs = tuple(name for name in self.imposed if name not in self.model.variables)
         return rates, outputs
@@ -131,8 +131,8 @@ class TrimCondition:
         return replace(self, imposed=imposed, rates={**self.rates, **rates}, begin=begin)
 
     def freed_for(self, names: Iterable[str]) -> TrimCondition:
-        """The condition where these names will be imposed too: of the model's `alternatives`
-        one."""
+        """Return the condition in which these names can be imposed too: of the model's
+        `alternatives` one."""
         if not self.model.extras.alternatives:
             return self
         return replace(self, imposed=without_alternatives(self.model, self.imposed, names))

@@ -67,7 +67,7 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """The free variables that move no equation."""
+    """Return the free variables that act on no equation."""
     effects = np.abs(problem.at(z).jacobian).max(axis=0)
     names = [*problem.idle]
     for name, effect in zip(problem.free, effects.tolist(), strict=True):
@@ -102,7 +102,7 @@ def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[str]:
-    """The limits that the unknowns z lie at, and the values that balance would take."""
+    """Return the limits that bind at the unknowns z, and the values required for balance."""
     limits = problem.system.limits
     describe = problem.model.describe
     values = z * problem.system.scales

@@ -105,7 +105,7 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
 
 
 def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
-    """Variable -> its role in the trim, of those that have one."""
+    """Return variable -> its role in the trim."""
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     roles |= dict.fromkeys(TrimProblem.of(condition, point).idle, "left")
     if set(condition.free) <= set(point.model.inputs):

@@ -181,8 +181,8 @@ class TrimProblem:
 
     @classmethod
     def of(cls, condition: TrimCondition, point: OperatingPoint) -> TrimProblem:
-        """The problem of a condition, searched from a point: its own where that has the
-        condition."""
+        """The problem of a condition, searched from a point: the point's own problem where it has
+        this condition."""
         if point.problem is not None and point.problem.asked is condition:
             return point.problem
         return cls(point.model, condition, point)

@@ -99,7 +99,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 
 
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
-    """The unknowns after Newton's method, in which unknowns at a limit stay there.
+    """Return the unknowns after Newton's method, those at a limit fixed.
 
     z: scaled unknowns to begin with; those beyond a limit are moved to it
     """

@@ -99,8 +99,8 @@ def other_trims(
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
-    """The first trim that a search from a guess ends at, one with angles beyond 90 deg that have no
-    limits only where there is no other; or TrimError."""
+    """Return the first trim found from a guess, preferring those without unlimited angles beyond 90
+    deg; TrimError without one."""
     if not problem.free:  # all is stated, and an equilibrium
         return problem.point(guess, Status.TRIMMED)
     nearest = guess

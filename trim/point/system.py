@@ -117,8 +117,8 @@ class Equations:
 
 @lru_cache(maxsize=32)
 def step_rows(equations: Equations, steps: int) -> RowFunction:
-    """(z, c) -> z after so many steps of Newton's method, none of them halved, and whether it is
-    settled: |r| fell at each of them, to `NEARLY` before the last."""
+    """Return (z, c) -> z after a number of steps of Newton's method, none of them halved, and
+    whether it is settled: |r| fell at each of them, to `NEARLY` before the last."""
     moved = equations.residual[: equations.moved]
     after = equations.z - ca.solve(equations.jacobian, moved)
     arguments = [equations.z, equations.c]
@@ -376,14 +376,14 @@ class TrimSystem:
         return flat[:, :end], A, B, flat[:, end + n * (n + m) :]
 
     def linear_rows(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
-        """(N, ..), a row of `Equations.linear_rows` a point."""
+        """Return (N, ..), one row of `Equations.linear_rows` for each point."""
         (flat,) = self.equations.linear_rows(z, c)
         return flat
 
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:
-        """The values that the equations take as constant, a row for each of N points.
+        """Return the constants of the equations, one row for each of N points.
 
         count: N
         columns: name of a variable, output, rate or parameter -> its values (N,); the others

@@ -88,10 +88,9 @@ class Performance(Result):
 
 @checks_arguments
 def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
-    """Every variable between its limits, the limits that bind, the verdict on each equation, what
-    the search found beside this point, the rates that are not balanced, and the outputs or what
-    the model says in their place (`Extras.describe_trim`); angles in degrees for people, in radians
-    in the data."""
+    """Every variable between its limits, the limits that bind, the verdict on each equation, other
+    trims found, the rates that are not balanced, and the outputs or the model's own report
+    (`Extras.describe_trim`); angles in degrees for people, in radians in the data."""
     margins = all_margins(condition, point)
     # What the trim used up, or could.
     limited = [
@@ -156,7 +155,7 @@ def _outputs_table(outputs: dict[str, float], units: dict[str, str]) -> Table:
 
 
 def _nearest_row(margin: Margin) -> tuple[str, ...]:
-    """The nearest limit, how far it is, and whether it binds."""
+    """Return the nearest limit, its distance, and whether it binds."""
     verdict: str = "-"
     if margin.at_limit:
         verdict = "held there" if margin.role == "held" else Cell("BINDS", "far")

@@ -41,7 +41,7 @@ class _Modes(NamedTuple):
         return _Modes(self.values[points], self.right[points], self.left[points])
 
     def some(self, point: int, modes: np.ndarray) -> _Modes:
-        """Some of one point."""
+        """Return some modes of one point."""
         right = self.right[point][:, modes]
         return _Modes(self.values[point, modes], right, self.left[point, modes])
 
@@ -97,7 +97,7 @@ def track_modes(
 
 
 def _inverse(right: np.ndarray) -> np.ndarray:
-    """The left eigenvectors (N, n, n); modes that meet share what they have in common."""
+    """The left eigenvectors (N, n, n); modes that meet share their common subspace."""
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:
@@ -158,8 +158,8 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
 
 
 def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np.ndarray]]:
-    """The steps of the tree of pairs that are most alike, from the first point on: from which point
-    to which, and, (n,), the eigenvalue there that matches each."""
+    """The steps of the tree of pairs that are most alike, from the first point on: the two points,
+    and, (n,), the eigenvalue there that matches each."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 

@@ -192,7 +192,7 @@ def _system(*request: Any) -> TrimSystem:
 
 
 def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
-    """The points with what Newton's method settles; NO_TRIM where it settles nothing."""
+    """Return the points that Newton's method settles; NO_TRIM elsewhere."""
     model = system.model
     n = len(model.states)
     m = len(model.inputs)
@@ -225,13 +225,13 @@ def _starts(
     variables: tuple[str, ...],
     values: np.ndarray,
 ) -> np.ndarray:
-    """(N, k), the unknowns where the search for each point begins: linear in the values about the
+    """Return (N, k), the initial unknowns of each point: linear in the values about the
     solution at the centre of the point's cell.
 
     The cells are the model's, 3 % of the nominal values wide, so that no row depends on its
-    neighbours. Their searches begin where the model says. A slope that is steeper than `_STEEPEST`
-    may lead to another solution and counts as 0. Inputs alone have one solution: their searches
-    begin as those of single trims do, with the same bits."""
+    neighbours. Their searches begin at the model's initial point. A slope that is steeper than
+    `_STEEPEST` may lead to another solution and counts as 0. Inputs alone have one solution: their
+    searches begin as those of single trims do, with the same bits."""
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
     signals = {**system.model.rates, **system.model.signals}
@@ -276,7 +276,7 @@ def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarra
 def _settle_from_neighbours(
     system: TrimSystem, values: np.ndarray, z: np.ndarray, c: np.ndarray, settled: np.ndarray
 ) -> None:
-    """Newton's method once more for the points that are not settled, each from the solution of the
+    """Repeat Newton's method for the points that are not settled, each from the solution of the
     settled point next to it, until no more of them settle. z and settled are changed in place."""
     from scipy.spatial import cKDTree
 

@@ -74,7 +74,7 @@ def run_points(
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """The arrays of a sweep by name for the points of a task; and by number of a point `failures`,
-    why it has no trim, and `kinked`, its notes on kinks. What a worker runs."""
+    why it has no trim, and `kinked`, its notes on kinks. Workers run this."""
     points = trim_points(
         model,
         variables,
@@ -114,7 +114,7 @@ def run_points(
 
 
 def slow_note(one_by_one: int, count: int) -> list[str]:
-    """A sentence where many of the points were trimmed one by one."""
+    """Return a sentence where many points were trimmed one by one."""
     if one_by_one < _MANY_SLOW:
         return []
     return [
@@ -189,7 +189,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def slow(self) -> np.ndarray:
-        """(k,) which eigenvalues stay slow: below a share of the fastest everywhere."""
+        """(k,), true for eigenvalues below a share of the fastest everywhere."""
         size = np.nanmax(np.abs(self.eigenvalues), axis=0)
         return np.asarray(size < _SLOW * size.max())
 
@@ -319,8 +319,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 )
 
     def report(self) -> Report:
-        """A line a point: the varied values and the eigenvalues of each mode, or why there is no
-        trim; of a long sweep the first and last lines.
+        """Return one line for each point: the varied values and the eigenvalues of each mode, or
+        why there is no trim; the first and last lines of a long sweep.
 
         A conjugate pair has one column; where it splits into two real eigenvalues, it has both.
         Where the modes of two columns meet in a conjugate pair, each column has one of its members.
@@ -367,7 +367,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return Table(header, [*head, between, *tail])
 
     def _varied(self, i: int) -> tuple[str, ...]:
-        """The varied values of a point, as people read them."""
+        """Return the varied values of a point in words."""
         return tuple(map(shown_value, self.values[i], self.plan.units))
 
     def records(self) -> Table:
@@ -447,8 +447,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
-    """The eigenvalues of a mode; the two members of a pair at once, one of them alone with its own
-    sign."""
+    """The eigenvalues of a mode; a pair as one text, a single member of it with its sign."""
     words = []
     for value in eigenvalues:
         paired = value.imag != 0 and value.conjugate() in eigenvalues

@@ -40,7 +40,7 @@ ARRAYS = {
 
 
 def labels_of(model: Model, rates: tuple[str, ...]) -> dict[str, tuple[str, np.ndarray]]:
-    """Coordinates of the axes, as xarray takes them: (axis, names), and (axis, unit of each).
+    """Return the coordinates of the axes for xarray: (axis, names), and (axis, unit of each).
 
     rates: names of the states whose rates are the rows of A and B.
     """

@@ -50,7 +50,7 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
 
 
 def box_within_limits(linear: LinearModel) -> Box | None:
-    """The states between the limits that the model declares, as far as they are symmetric about the
+    """The states between the limits that the model declares, the largest box symmetric about the
     trim; None where a state has no limits."""
     limits = Limits.of(linear.point.model, linear.states)
     trim = linear.point.states._asdict()

@@ -112,8 +112,8 @@ def error_check(name: str, error: float, limit: float, what: str) -> Check:
 def critic_errors(
     game: Game, critic: Critic, exact: Exact, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
-    """Every error of a critic: of K, of P where it has one, and bounds over the box (default
-    `balanced_box`), but of a network, whose box is searched."""
+    """Return every error of a critic: of K, of a given P, and bounds over the box (default
+    `balanced_box`), except for a network, whose box is searched."""
     checks = list(matrix_errors(game, "K", critic.K, exact.K, limit))
     if not critic.network:
         half_widths = (box or balanced_box(game)).half_widths

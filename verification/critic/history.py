@@ -78,7 +78,7 @@ def check_history(
 
 
 def _section(table: ErrorTable) -> Section:
-    """Some rows and the settling time for a report, all rows for a file."""
+    """Return some rows and the settling time for a report, all rows for a file."""
     columns = np.column_stack([table.times, *table.errors.values()])
     some = np.unique(np.linspace(0, len(columns) - 1, _TIMES).round().astype(int))
     rows = [(f"{time:.4g}", *map(shown_number, errors)) for time, *errors in columns[some].tolist()]

@@ -18,7 +18,7 @@ class Verdicts(Result):
     """Several critics of one game.
 
     ok: whether all pass.
-    critics: file -> what `hfa verify` says of that critic alone."""
+    critics: file -> verdict of `hfa verify` on that critic alone."""
 
     schema = "hfa.critic-checks/1"
     made_by = "hfa verify of several critics"

@@ -131,7 +131,7 @@ class Verdict(Checked, Result, Reported):
 
     @property
     def diagnosis(self) -> str:
-        """The reason, by its name before 0.3.0."""
+        """The reason, under its key of versions before 0.3."""
         return self.reason
 
     @property
@@ -156,8 +156,8 @@ class Verdict(Checked, Result, Reported):
         return all(check.ok for check in self.checks if check.kind == "stability")
 
     def holds(self, limit_cost: float | None = None) -> bool:
-        """Return whether every check holds; with a limit, percent, whether the critic costs no
-        more."""
+        """Return whether every check holds; with a limit, percent, whether the cost is within
+        it."""
         return self.ok if limit_cost is None else self.cost_lost <= limit_cost
 
     @property
@@ -340,7 +340,7 @@ class Verdict(Checked, Result, Reported):
 
 
 def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
-    """The checks; the first that failed carries the diagnosis, where a reader looks first."""
+    """Return the checks; the first failed one contains the diagnosis."""
     with_reason = list(checks)
     for index, check in enumerate(checks):
         if not check.ok:

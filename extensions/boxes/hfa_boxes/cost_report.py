@@ -68,8 +68,8 @@ def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Re
 
 
 def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the first line, with the subjects that the user did not give, else with what is not
-    covered, which then follows in the next line."""
+    """Return the first line, with the subjects that the user did not give, else with the effects
+    that are not covered; otherwise these follow in the next line."""
     claim = f"{verdict}: lower bound of the cost of flights of {statement.plant.model.title}"
     if not_given:
         return f"{claim}{taken_from_certificate(not_given)}\n{_NOT_COVERED}"

@@ -110,8 +110,8 @@ def checked_report(
 def _title(
     statement: BoxStatement, verdict: str, not_covered: str, not_given: Sequence[str] = ()
 ) -> str:
-    """Return the first line, with the subjects that the user did not give, else with what is not
-    covered, which then follows in the next line."""
+    """Return the first line, with the subjects that the user did not give, else with the effects
+    that are not covered; otherwise these follow in the next line."""
     claim = f"{verdict}: region of attraction of {statement.loop.model.title}"
     if not_given:
         return f"{claim}{taken_from_certificate(not_given)}\n{not_covered}"

@@ -52,8 +52,8 @@ def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.No
 def from_control(
     system: control.NonlinearIOSystem, units: Mapping[str, str | Signal], **declared: Any
 ) -> Model:
-    """The model of a system whose functions take CasADi's symbols in the place of numbers: they are
-    called with arrays of them. units: name -> unit, or all that is known of it; others have unit 1.
+    """The model of a system whose functions accept CasADi symbols in place of numbers: they are
+    called with arrays of them. units: name -> unit, or a `Signal`; others have unit 1.
     declared: fields of `Model`.
 
     BadInputError, one line, for a system in discrete time, one that depends on time, and one that

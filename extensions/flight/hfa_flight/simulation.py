@@ -85,7 +85,7 @@ class CompiledLoop:
         return BoundFunction(machine_code(tick) if steps >= COMPILE_FROM_STEPS else tick)
 
     def observed_at(self, time: float, y: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return what is observed at a time: error, inputs, winds, angle through the air."""
+        """Return the observed values at a time: error, inputs, winds, angle through the air."""
         return np.array(self._observed(time, y, held)).ravel()
 
     def inputs_in(self, observed: np.ndarray) -> np.ndarray:

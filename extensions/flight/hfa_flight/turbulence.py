@@ -77,8 +77,8 @@ class Turbulence:
     span: of the wing, in that unit; without it p, q and r are 0.
     spectrum: dryden or karman.
 
-    BadInputError for another level or spectrum, numbers that are not positive, and an altitude
-    beside your own intensity.
+    BadInputError for another level or spectrum, numbers that are not positive, and an altitude with
+    your own intensity.
 
     >>> import hfa
     >>> hfa.Turbulence("light", 500.0, span=36.0).level

@@ -363,7 +363,7 @@ class OutputError:
 def _inverse_of_start(A: np.ndarray) -> np.ndarray:
     """The inverse of the information of a start.
 
-    FloatingPointError where a simulation that nearly diverges drowns what is known before."""
+    FloatingPointError where a simulation that nearly diverges dominates the prior information."""
     try:
         return np.linalg.inv(A)
     except np.linalg.LinAlgError:

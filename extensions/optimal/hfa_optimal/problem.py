@@ -95,7 +95,7 @@ class FlightProblem:
 
     @property
     def followed(self) -> tuple[str, ...]:
-        """Names of what the optimizer follows: z, then the carried states."""
+        """Names of the states that the optimizer follows: z, then the carried states."""
         return (*self.states, *self.carried)
 
     @cached_property

@@ -360,7 +360,7 @@ class BestFlights:
         return guess
 
     def _decay(self, start: np.ndarray, rate: float, v: np.ndarray | None = None) -> Guess:
-        """z and inputs that decay.
+        """Return a guess whose z and inputs decay.
 
         v: (m,), the inputs at the begin, limited to some nominal sizes; those of the trim unless
             given"""

@@ -97,7 +97,7 @@ def judged(
 
     scenarios: one a trim, or none.
     progress_of: words about a step -> its progress.
-    best: what a trim's best flights cost; None without these flights.
+    best: the costs of a trim's best flights; None without these flights.
     """
     assessed = assessor.assessed(progress_of("fly"))
     if best is not None:

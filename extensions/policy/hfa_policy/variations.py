@@ -164,7 +164,7 @@ def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
 
 
 def variation_table(found: Sequence[Variation], trims: Sequence[str]) -> Table:
-    """A row a change and trim.
+    """Return a table with one row for each change and trim.
 
     trims: the text of each trim, in order.
     """

@@ -128,8 +128,8 @@ _WITHOUT = "without sampling, delay, actuators"
 
 
 def _title(statement: RegionStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the first line, with the subjects that the user did not give, else with what is not
-    covered, which then follows in the next line."""
+    """Return the first line, with the subjects that the user did not give, else with the effects
+    that are not covered; otherwise these follow in the next line."""
     title = statement.loop.model.title
     if statement.loop.disturbances:
         claim = f"{verdict}: invariant set of {title} under disturbances"

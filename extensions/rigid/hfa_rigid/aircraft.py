@@ -95,7 +95,8 @@ def rigid_aircraft(
 
     system: of units, english or si. speed, altitude: of the usual trim.
     alpha: lowest, initial and highest angle of attack. beta: lowest and highest sideslip, rad.
-    outputs: those beside the outputs of `Motion`. holds_beta: whether a trim imposes the sideslip.
+    outputs: outputs in addition to those of `Motion`. holds_beta: whether a trim imposes the
+        sideslip.
     """
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FT_TO_M

@@ -558,7 +558,7 @@ def check_modes(plant: GeneralizedPlant) -> None:
 
 
 def _barely_met(plant: GeneralizedPlant) -> str:
-    """The modes that are barely reached or shown, in words; "" if there is none."""
+    """The modes that are barely reached or shown, in words; "" if none exists."""
     verbs = (("u reaches", "z shows"), ("the sensors see", "the disturbance reaches"))
     sides = zip(plant.sides, _OBSTACLES, verbs, strict=False)
     found = [

@@ -20,7 +20,7 @@ def covering(
 
     what: the pieces in a message, such as "the cells"
     stated: the box of the claim; low = high is the claim at one value
-    pieces: the evidence in any order; they may overlap and reach beyond what is stated
+    pieces: the evidence in any order; they may overlap and reach beyond the stated interval
     box_of: the box for which a piece is evidence
 
     Rejected where a point is not covered, and for an end that is not finite, ends in reverse order

@@ -45,7 +45,7 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
     """Return the report of a verified statement: aircraft, flight, controller, limits, weights, and
     whether it is proved on the whole interval.
 
-    verified: what the checker proved
+    verified: the statement that the checker proved
     not_given: parts of its subject that the user did not give; the title names them
     """
     statement = verified.statement

@@ -23,7 +23,7 @@ class ProofData(Result):
     proved: whether everything is proved.
     one_branch: whether the trims of all boxes are one branch.
     decay_rate: 1/s.
-    loop: runs of angles with their unstable modes, A - B K, and what is open.
+    loop: runs of angles with their unstable modes, A - B K, and open intervals.
     modes: runs of angles with the unstable modes of A; open: the least and the most.
     refuted: where it is proved unstable.
     not_covered: effects that the statement does not cover.
