@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def reported(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[str]]]) -> int:
-    """Run the command that the words name, and say in a line what went wrong; the exit code.
+    """Run the command that the words name, print errors in one line, and return the exit code.
 
     find: the words -> the command, how it is called, the words of its options."""
     # Matrices of six rows gain nothing from threads and lose much to them; must be set before NumPy

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Equations:
-    """The equations of a variant as a `Model` takes them.
+    """The equations of a variant in the form of a `Model`.
 
     variant: of the equations
     ground_drag: whether in wind the drag takes the speed over ground, not that through the air

@@ -23,9 +23,9 @@ _MOST_TOLD = 3
 class Change(Result):
     """A parameter that is not the identified one.
 
-    value: as it is.
-    identified: as it was identified.
-    unit: of both."""
+    value: the current value.
+    identified: the identified value.
+    unit: of both values."""
 
     value: float
     identified: float

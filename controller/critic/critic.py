@@ -43,7 +43,7 @@ class Critic(Shown):
     time: of a row of a history, s.
     network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, as many as the network has;
         empty for matrices and polynomials.
-    variants: what may have been read wrongly -> the critic that is read otherwise.
+    variants: possible misreading of the file -> the critic that is read otherwise.
     implies_policy: whether the policy of the network follows from its V or ∂V/∂z.
     is_layer: whether it is the one layer of a network that acts on a basis.
 

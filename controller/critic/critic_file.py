@@ -118,9 +118,9 @@ def load_critic(
     """The critic of a file of matrices or weights, or of a network; of a history the last row.
 
     path: .npz, .mat, .json, .csv, or a suffix that an installed package reads.
-    game: whose states and inputs the critic has.
+    game: the game, with the states and inputs of the critic.
     basis: of weights: a name, or a list of functions; default: that of the file, else "quadratic".
-    network: which part of a network's file is what, as `from_network` takes it.
+    network: the parts of a network's file and their kinds, as for `from_network`.
     activation: between the layers of a state dict, and after a comma at its output.
     scale: (n,), the network takes state i times scale[i].
 

@@ -33,7 +33,7 @@ class Excitation(Result):
     samples: N_h
     smallest_eigenvalue: of Σ (paper λ_0)
     condition: largest singular value over smallest of that matrix
-    rounding: what rounding alone can make of a smallest eigenvalue of 0, (N_h ε)² times the largest
+    rounding: effect of rounding alone on a smallest eigenvalue of 0, (N_h ε)² times the largest
         eigenvalue of Σ
     """
 
@@ -140,8 +140,8 @@ class TrainingRun(Result, Reported):
     def report(self, *, history: bool = False) -> Report:
         """The outcome, the data, P and K.
 
-        Its data has the last weights under `W` (what `hfa verify --weights` reads); with `history`
-        also all rows over time."""
+        Its data contain the last weights under `W`, which `hfa verify --weights` reads; with
+        `history` also all rows over time."""
         m, n = self.K.shape
         names = self.names.completed(n, m)
         data = self.as_data()

@@ -119,7 +119,7 @@ def has_all(found: dict[str, Any], *names: str) -> bool:
 def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
     """The entries of a plant by the names of this project, and notes on them.
 
-    found: what `read_arrays` has read of the file
+    found: the arrays that `read_arrays` has read
     needed: entries that the plant must have; where the file has none of them, but one structure in
         it has all, the entries are those of the structure
 

@@ -1,5 +1,4 @@
-"""The zero-sum game on a linear model: who pays what, and the policies that a value gradient
-implies."""
+"""The zero-sum game on a linear model: its costs, and the policies implied by a value gradient."""
 
 from __future__ import annotations
 

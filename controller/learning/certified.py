@@ -305,7 +305,7 @@ class CertifiedSettings:
     initial_weights: float | tuple[float, ...] = 100.0
 
     def __post_init__(self) -> None:
-        """Refuse what cannot run, naming the setting."""
+        """Refuse settings that cannot run, by name."""
         for name in ("predefined_time", "tick", "eta", "theta"):
             refuse_unless_positive(name, getattr(self, name))
         for name in ("eta", "theta"):
@@ -532,7 +532,7 @@ def learn(
     progress: called with (fraction done, 1, residual)
     options: fields of `CertifiedSettings`
 
-    Whether what was learned is right the judge says (`hfa.check_critic`), who knows A.
+    Whether the result is right is judged by `hfa.check_critic`, which uses A.
     Raises BadInputError for an unknown law or option and for data that cannot determine the
     weights; NoSolutionError when the law cannot reach its end: no game value at this delta, (A, B)
     not stabilizable, overflow.

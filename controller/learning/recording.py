@@ -88,8 +88,7 @@ class Stack(Shown):
 
 @checks_arguments
 def record(game: Game, states: np.ndarray) -> Stack:
-    """The stack F_j = A z_j at given states (N, n): what noise-free derivatives of the plant
-    give."""
+    """The stack F_j = A z_j at given states (N, n): the noise-free derivatives of the plant."""
     states = numbers_in("recorded states", states)
     if states.ndim != 2 or states.shape[1] != game.A.shape[0]:
         raise BadInputError(

@@ -27,7 +27,7 @@ BACKWARD = 32.0 * float(np.finfo(float).eps)
 class Sizes(NamedTuple):
     """The magnitudes of the numbers from which A, B, E and Q of a game were computed, entry by
     entry: of a sum, the sum of the magnitudes of its parts. Rounding is relative to these, not to
-        what cancelled.
+        the difference.
 
     A: (n, n)
     B: (n, m), where R = I

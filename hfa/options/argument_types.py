@@ -1,5 +1,5 @@
 """Kinds of options: one word of a command line becomes a value in internal units, or BadInputError
-says why not.
+states why not.
 
 Its message is the rest of a sentence that begins with the option: "--delay" and "is 'short'; give a
 finite number". `quantity` converts degrees; no other module converts typed numbers."""

@@ -22,5 +22,5 @@ class Command(NamedTuple):
 
 
 def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:
-    """Makes a `Command` of the function that answers requests of this class."""
+    """Return a decorator that makes a `Command` of a function of a request of this class."""
     return lambda run: Command(request, run)

@@ -63,7 +63,7 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 
 
 def _take_literally(figure: Figure) -> None:
-    """Show every text as it is written: matplotlib takes what stands between two dollar signs, as
+    """Show every text as it is written: matplotlib reads text between two dollar signs, as
     in the name of a state, for a formula. The powers of ten that it writes at a logarithmic axis
     are formulas."""
     from matplotlib.text import Text

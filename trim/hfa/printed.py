@@ -225,8 +225,7 @@ class Bands(ByValue, Reported):
     B: (6, 5)
 
     They are two standard errors, propagated from the rounding of the print through the parameters
-    and the trim. The equations are taken as they are: `docs/validation.md` says where they were
-    tested.
+    and the trim. The equations are assumed to be right: `docs/validation.md` lists their tests.
     """
 
     A: np.ndarray

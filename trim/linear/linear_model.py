@@ -31,7 +31,7 @@ class LinearModel(ByValue, Result, Reported):
     states: names of the states, in order.
     inputs: names of the inputs, in order.
     point: the operating point, whose values are the offsets X0, U0.
-    outputs: names y of the outputs, in order; the states unless others were asked for.
+    outputs: names y of the outputs, in order; the states by default.
     C: (k, n), the identity where the outputs are the states.
     D: (k, m).
     E: (n, l), no columns without disturbances.
@@ -126,7 +126,7 @@ class LinearModel(ByValue, Result, Reported):
         """The model of the named states and inputs alone; None keeps all.
 
         States and inputs left out stay at their offsets. States in `residualize` follow the others
-        at once: x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that values at rest stay as they were.
+        at once: x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that static gains are unchanged.
         BadInputError when the model has no such name, it comes twice, or A22 is singular."""
         from trim.linear.reduction import reduced
 
@@ -230,7 +230,7 @@ def linearize(
     point: its operating point
     full: all states; otherwise the model's linear states, of the HFA the paper's six (Section 2.2).
     outputs: names of outputs or of states; None for the states of the model.
-    disturbances: names; None for the first one where outputs are asked for, else for none.
+    disturbances: names; None for the first one where `outputs` are given, else for none.
 
     BadInputError when the point is of another model, or a name is unknown.
 

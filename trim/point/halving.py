@@ -71,7 +71,7 @@ def halving(
 
 
 class _Search(NamedTuple):
-    """The points, N of them, whose search goes on.
+    """The N points whose search continues.
 
     points: their numbers
     size: |r| at the best unknowns, (N,)

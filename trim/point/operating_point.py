@@ -46,12 +46,12 @@ class OperatingPoint(Result, Reported):
     states: X0, by name, in the units of the model.
     inputs: U0, by name.
     residuals: of each balanced equation, by the name of its state or output, in its own unit.
-    status: "trimmed", "beyond limits" or "no trim"; "failed" when it comes with a `TrimError`,
-        which says why.
+    status: "trimmed", "beyond limits" or "no trim"; "failed" when it belongs to a `TrimError`,
+        which states the reason.
     model: the model that was trimmed.
-    started: 0 when the search began at the usual point, else the number of the other point
-        (`STARTS`) that led here.
-    problem: that which the search solved; None of a point that was read or computed otherwise.
+    started: 0 when the search began at the usual point, else the number of the other initial point
+        (of `STARTS`).
+    problem: the solved problem; None for a point that was read or computed otherwise.
 
     >>> import hfa
     >>> point = hfa.find_operating_point(hfa.aircraft())

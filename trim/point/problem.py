@@ -24,7 +24,7 @@ _FAR = 10.0
 class TrimProblem:
     """A condition in numbers, its equations, and the point where the search begins.
 
-    asked: the condition as it was given
+    asked: the given condition
     system: the equations; unknowns z are scaled
     c: (1, ..), the constants of the system
     free, idle: the unknowns, and the free variables that are in no equation
@@ -114,8 +114,8 @@ class TrimProblem:
         return [f"{name} {self.model.describe(name, values[name])}" for name in names]
 
     def balanced(self, z: np.ndarray) -> bool:
-        """Return whether every residual is within `BALANCE`, whatever the limits say; no where the
-        model has no values."""
+        """Return whether every residual is within `BALANCE`, regardless of the limits; False where
+        the model has no values."""
         try:
             return bool(np.abs(self.at(z).residual).max() <= BALANCE)
         except (BadInputError, FloatingPointError):

@@ -50,7 +50,7 @@ class TrimResult(Result):
     status: trimmed or failed; a failed trim has the nearest point within the limits, and exit code
         1.
     reason: why there is no trim.
-    warnings: what to know before trusting the result."""
+    warnings: limits of the result."""
 
     schema = "hfa.trim/1"
     made_by = "hfa trim"

@@ -163,7 +163,8 @@ class Verdict(Checked, Result, Reported):
     @property
     def grade(self) -> Grade:
         """ "exact" where every check holds; "near" where errors alone are too large, the loop is
-        stable, comes to rest within `NEAR_REST` and loses at most `NEAR`; else "fail"."""
+        stable, its equilibrium lies within `NEAR_REST` and its cost is at most `NEAR` above the
+        optimum; else "fail"."""
         if self.ok:
             return "exact"
         for check in self.checks:

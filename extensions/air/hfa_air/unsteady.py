@@ -280,7 +280,7 @@ def _lagged_panel(
     air: density, slug/ft^3
     ground_drag: whether the drag takes the speed over ground
 
-    The angle of attack less what lags turns the lift too: the induced velocity of the wake is a
+    The lagged angle of attack turns the lift too: the induced velocity of the wake is a
     flow.
     """
     aileron = getattr(u, f"aileron_{motion.panel}")

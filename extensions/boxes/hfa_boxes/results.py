@@ -105,7 +105,7 @@ def quadratic_form(piece: Piece) -> Matrix | None:
 class FoundBoxes(BoxSet):
     """A set that a search has found and proved.
 
-    origin: what V is.
+    origin: of V, in words.
     decrease_fails_at: the lowest level at which V' >= 0 was found, and the state there as
         deviation; None where none was.
     stopped: why no larger level is proved.

@@ -95,7 +95,7 @@ class CheckCase:
 class Document:
     """A DAVE-ML file.
 
-    path: of the file. title: what its header calls it.
+    path: of the file. title: the title of its header.
     variables: by varID. functions: by the varID of their result. cases: its check cases.
     """
 

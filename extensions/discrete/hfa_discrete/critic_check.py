@@ -91,7 +91,7 @@ def check_discrete(
     quadratic, is also searched over a box of states and flown from there.
 
     more: of the critic too: L (k, n) of w = L x, H of its Q-function over (x, u, w) or (x, u)
-    scope: on what else it is judged
+    scope: further checks
 
     L2 gain and margins belong to continuous time and are not checked. NoSolutionError where the
     problem has no certified solution.

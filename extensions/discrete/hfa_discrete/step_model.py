@@ -1,4 +1,4 @@
-"""A plant in discrete time as a model, for what flies models."""
+"""A plant in discrete time as a model, for simulations."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ def cost_of_flight(
     """∫ z'Qz + v'Rv dt of the rows of a flight, by the trapezoidal rule; exact of held inputs.
 
     times: (N,), s
-    z: (N, k), deviations of the states from the trim that was asked for
+    z: (N, k), deviations of the states from the requested trim
     v: (N, m), deviations of the inputs
     Q: (k, k)
     R: (m, m)

@@ -85,7 +85,7 @@ def _widened(axes: Axes, nominal: float, unit: str) -> None:
 
 
 def _draw_state(axes: Axes, result: Flight, index: int) -> None:
-    """Draw the state of that number, absolute: its reference, the linear prediction, the nonlinear
+    """Draw the state with this index, absolute: its reference, the linear prediction, the nonlinear
     flight, and its envelope; where the air moves, also alpha through the air."""
     model = result.point.model
     name = tuple(model.states)[index]

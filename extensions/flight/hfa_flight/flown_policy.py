@@ -89,7 +89,7 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PythonPolicy(Policy):
-    """U = function(t, X), absolute, asked at the beginning of each tick and held through it.
+    """U = function(t, X), absolute, called at the beginning of each tick and held through it.
 
     function: (t in s, X by name) -> U, (m,), or by name; inputs without a name stay at trim
     point: the trim that deviations are from

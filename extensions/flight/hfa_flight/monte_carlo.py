@@ -65,8 +65,8 @@ class MonteCarlo(StatesAndInputs, Shown):
         simulated anywhere in any order
     model: with its nominal parameters
     point: its trim, in which each member begins
-    policy: what acts
-    scenario: what happens, of which each member is a draw
+    policy: the policy
+    scenario: the scenario, of which each member is a draw
     envelope: limits of the states; a member's flight ends at the first tick outside
     spread: of the parameters of the members' aircraft; None: those of the model
 

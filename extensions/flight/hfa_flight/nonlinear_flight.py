@@ -84,11 +84,11 @@ def fly(
     model: the aircraft as designed
     point: the trim X0, U0 about which it flies
     policy: a gain K (m, k) of u = -K z, a critic, a solution, a deployment, steps of inputs off
-        trim {name: [(time, value), ...]}, a function of (t, X) that returns U, asked once a tick
+        trim {name: [(time, value), ...]}, a function of (t, X) that returns U, called once a tick
         (`flown_policy`), a `Policy`; None holds the inputs at trim
     seconds: duration; that of the scenario unless given, 20 s without one
     initial: deviations from trim at the start, by the names of states, or (n,)
-    scenario: what else happens during the flight; all of it drawn
+    scenario: disturbances, noise and faults during the flight; all of it drawn
     envelope: limits of the states, or those that differ from `flight_envelope(model, point)`
     predict: whether the linear model flies too
     method: "runge-kutta", or "jsbsim": an aircraft of JSBSim in JSBSim's frames, over JSBSim's
@@ -157,7 +157,7 @@ def fly_within(
 
     compiled: the loop
     envelope: limits of the states, in their own values, not as deviations
-    scenario: flown in place of the loop's own; what may differ is in `CompiledLoop.fly`
+    scenario: flown in place of the loop's own; `CompiledLoop.fly` lists the values that may differ
     parameters: of the flown aircraft, as `CompiledLoop.fly` takes them; None for the loop's own
     progress: as `CompiledLoop.fly` calls it
     """
@@ -194,12 +194,12 @@ class Flight(StatesAndInputs, Result, Reported):
     """A flight, up to the first tick that left the envelope.
 
     envelope: limits of the states
-    loop: what was flown
+    loop: the simulated loop
     flight: deviations from `point`
     departure: which state left the envelope first: state, time, value, limit; null when none did.
     cycle: what oscillates to the end: name, amplitude, frequency in rad/s, unit; null when nothing
         does.
-    predicted: the same flight of the linear model, None when none was asked for
+    predicted: the same flight of the linear model, None when none was requested
     decay: what oscillates to the end and becomes smaller: name, time to half in s, frequency in
         rad/s; None when nothing does.
     method: "runge-kutta" or "jsbsim"
@@ -361,8 +361,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def cost(self) -> float | None:
-        """∫ z'Qz + u'Ru dt of the flight to its end, in deviations from the trim and from what is
-        commanded; omitted without weights."""
+        """∫ z'Qz + u'Ru dt of the flight to its end, in deviations from the trim and from the
+        command; omitted without weights."""
         if self.weights is None:
             return None
         Q, R = self.weights
@@ -544,7 +544,7 @@ def _tracking_table(commanded: Mapping[str, Any]) -> Table:
     """Return one row for each commanded output: its rms and largest error over the flight, with
     their unit.
 
-    commanded: what `Policy.tracking_errors` returns.
+    commanded: the result of `Policy.tracking_errors`.
     """
     rows = []
     for name, errors in commanded.items():

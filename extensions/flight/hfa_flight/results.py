@@ -74,7 +74,7 @@ class MemberAttributes(Result):
     state_units: unit of each state.
     inputs: names of the inputs, in order.
     input_units: unit of each input.
-    plan: JSON text: what decides the results.
+    plan: JSON text of all that decides the results.
     """
 
     schema = "hfa.monte-carlo-store/3"

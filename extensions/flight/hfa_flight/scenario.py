@@ -1,4 +1,4 @@
-"""Everything that happens in a flight, what of it is random, and the loop that it makes."""
+"""The scenario of a flight, its random quantities, and the closed loop."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Scenario(Shown):
     tick: s, a whole number of steps; the held inputs change once a tick
     initial: (n,), deviation from trim, () for none
     reference, disturbance, noise: (k,) each, of the states of the linear model; None is 0
-    errors: parameter -> factor on the flown aircraft, which the design does not know
+    errors: parameter -> factor on the flown aircraft, which the design does not include
     actuators, gust: stages of the loop
     uncertainty: the random quantities, which `drawn` draws
     samples: drawn noise, (ticks, k), held in each tick

@@ -33,7 +33,7 @@ class Tick(Protocol):
     """Advances a loop by a tick.
 
     inputs: [t; y] at its begin, and the held inputs.
-    results: [t; y] after each step, and what is observed before each, one step after the other.
+    results: [t; y] after each step, and the observed values before each, one step after the other.
     """
 
     inputs: tuple[np.ndarray, ...]
@@ -47,9 +47,9 @@ class CompiledLoop:
     """A loop compiled once and simulated many times.
 
     flights: how many are to come, which decides whether machine code pays.
-    tick: what advances the loop by a tick; the classical Runge-Kutta method of order 4 unless
-        given. The fastest mode of the policy then divides each step into as many parts as it needs;
-        BadInputError when these are too many.
+    tick: the function that advances the loop by a tick; the classical Runge-Kutta method of order 4
+        unless given. The fastest mode of the policy then divides each step into as many parts as it
+        needs; BadInputError when these are too many.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
     """
@@ -186,7 +186,7 @@ class CompiledLoop:
         return np.concatenate([[time], commands[due], commands[due + 1]])
 
     def _flight(self, rows: np.ndarray, columns: np.ndarray, begin: int, end: int) -> Deviations:
-        """Steps begin ... end - 1 of all y (N, n), and of what was observed there."""
+        """Steps begin ... end - 1 of all y (N, n), and the observed values there."""
         parts = self.loop.parts(rows[begin:end])
         errors, inputs, winds, angle = np.split(columns[begin:end], self._ends, axis=1)
         limited = parts.plant

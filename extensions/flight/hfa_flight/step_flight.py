@@ -87,7 +87,7 @@ def fly_steps(
 
     problem: x⁺ = A x + B u, its costs and its discount
     K: (m, n)
-    policy: what K is called
+    policy: name of K
     start: (n,)
     count: of steps
 

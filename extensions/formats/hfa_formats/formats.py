@@ -1,4 +1,4 @@
-"""The published formats of what `--json` prints and `-o FILE.json` writes: a JSON Schema."""
+"""The published formats of the output of `--json` and `-o FILE.json`: a JSON Schema."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Stamp(Result):
 
 
 def written() -> tuple[str, ...]:
-    """Return the results that commands write, and what options add to them, each as in
+    """Return the results that commands write, and the keys that options add, each as in
     `CommandEntry.results`."""
     import_module("verification.critic.error_table")  # verdicts name it for type checkers alone
     of_commands = [text for entry in commands().values() for text in entry.results]

@@ -55,8 +55,9 @@ def covariance(fit: Fit) -> np.ndarray:
 
         C = D [Σ_i Σ_j S_i' R⁻¹ R_vv(i - j) R⁻¹ S_j] D,   D = (Σ S_i' R⁻¹ S_i)⁻¹
 
-    S: the sensitivities without what another start makes up for. R_vv is that of an autoregressive
-    process for each measured quantity (`smooth_autocorrelation`); for white residuals C = D.
+    S: the sensitivities without the part that another initial condition explains. R_vv is that of
+    an autoregressive process for each measured quantity (`smooth_autocorrelation`); for white
+    residuals C = D.
 
     Source: E. A. Morelli, V. Klein, Accuracy of aerodynamic model parameters estimated from flight
     test data, Journal of Guidance, Control, and Dynamics 20 (1997) 74-80.

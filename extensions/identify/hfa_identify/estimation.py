@@ -1,4 +1,4 @@
-"""`hfa.identify`: the unknowns of a model from flight records, with what speaks against them."""
+"""`hfa.identify`: the unknowns of a model from flight records, with the findings against them."""
 
 from __future__ import annotations
 

@@ -175,7 +175,7 @@ def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Undone:
-    """A fault of a column, as it is undone: the column times `factor`, about its first value where
+    """The correction of a faulty column: the column times `factor`, about its first value where
     `is_about_first`; or exchanged with the column `other`."""
 
     column: str

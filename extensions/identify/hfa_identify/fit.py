@@ -155,7 +155,7 @@ class OutputError:
         """The parameters and starts of least L, from these.
 
         small: the search ends where a step is this part of the standard deviations
-        most_steps: or after so many
+        most_steps: or after this number
 
         FloatingPointError where the simulation diverges from them."""
         found = self.at(theta, tuple(starts), 0)

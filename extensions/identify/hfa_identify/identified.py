@@ -1,4 +1,4 @@
-"""The result of an identification: estimates with bands, and what speaks against them."""
+"""The result of an identification: estimates with bands, and the findings against them."""
 
 from __future__ import annotations
 

@@ -231,7 +231,7 @@ def _check_time(name: str, time: np.ndarray) -> None:
 
 
 def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray]) -> None:
-    """BadInputError where an input has no value: what was commanded must be known."""
+    """BadInputError where an input lacks a value: the commands must be complete."""
     for each, values in zip(names, inputs, strict=True):
         gaps = np.flatnonzero(~np.isfinite(values))
         if len(gaps):

@@ -1,6 +1,6 @@
 """Records of PX4's logs (.ulg), read by pyulog with a table of columns.
 
-A table states for each column of the record the message and field of the log, and what converts it:
+A table states for each column of the record the message and field of the log, and its conversion:
 
     [columns]
     pitch_rate = "vehicle_angular_velocity.xyz[1]"

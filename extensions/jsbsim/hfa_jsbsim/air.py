@@ -1,5 +1,5 @@
-"""The air, and what follows from state and air: properties of atmosphere, aero, velocities,
-attitude (`FGStandardAtmosphere`, `FGAuxiliary`)."""
+"""The air, and quantities that follow from state and air: properties of atmosphere, aero,
+velocities, attitude (`FGStandardAtmosphere`, `FGAuxiliary`)."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Winds:
 
 @dataclass(frozen=True)
 class Motion:
-    """A state with what follows from it at once.
+    """A state with the quantities that follow from it.
 
     speed, alpha, beta, air_velocity: through the air at the aircraft; with gusts not the states.
     velocity: the states' own, relative to the steady wind, body axes, ft/s.

@@ -71,7 +71,7 @@ class Tank:
     """A tank as its file describes it, lb, inches.
 
     kind: FUEL or OXIDIZER.
-    unusable: what cannot be used of its contents.
+    unusable: the part of its contents that cannot be used.
     priority: 0 is closed; engines take from the lowest number first.
     full, drain: where its contents are when it is full, and when it is empty.
     inertia: contents, lb -> (3,) moments of inertia about itself, slug ft^2.
@@ -90,7 +90,7 @@ class Tank:
 
     @property
     def usable(self) -> bool:
-        """True if it holds more than what cannot be used."""
+        """True if it contains usable fuel."""
         return self.contents > self.unusable
 
     def place(self, contents: Any) -> list[Any]:

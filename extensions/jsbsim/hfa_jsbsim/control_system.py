@@ -1,4 +1,4 @@
-"""The control system as it stands when nothing moves any more: what each component of <system>,
+"""The control system in its steady state: the outputs of each component of <system>,
 <autopilot> and <flight_control> gives for a steady input (`FGFCS` and its components)."""
 
 from __future__ import annotations
@@ -62,7 +62,8 @@ def add_control_systems(
 def _add_component(
     component: Element, properties: Properties, commands: ca.SX, order: int
 ) -> Writer:
-    """Let a component set what its name, its <output> and the cases of a distributor name."""
+    """Let a component set the properties that its name, its <output> and the cases of a distributor
+    name."""
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
     outputs = [child for child in component.children if child.name == "output"]

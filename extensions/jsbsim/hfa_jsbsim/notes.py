@@ -17,7 +17,7 @@ _MOST = 12
 class Note(NamedTuple):
     """A statement on a file.
 
-    statement: the statement. subject: the part of the file it is about, "" for the whole file.
+    statement: the statement. subject: the part of the file that it concerns, "" for the whole file.
     where: file and line. rank: FORCE, MOTION or IDLE.
     """
 

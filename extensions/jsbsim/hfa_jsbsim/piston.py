@@ -117,7 +117,7 @@ class _Breathing:
         self.throttle = idle_impedance * (_STANDARD_PRESSURE / lowest - 1.0) - self.air_box
 
     def pressure_ratio(self, throttle: Any, piston_speed: Any) -> Any:
-        """Pressure behind the throttle, relative to that of the ram air; it goes on rising beyond
+        """Pressure behind the throttle, relative to that of the ram air; it rises further beyond
         full throttle, so that a search for more finds a direction."""
         impedance = self.peak_speed / ca.fmax(piston_speed, _SLOWEST)
         closed = (1.0 - throttle) * ca.fabs(1.0 - throttle)

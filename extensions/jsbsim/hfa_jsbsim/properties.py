@@ -50,7 +50,7 @@ _ON_GROUND = re.compile(
 class LoopError(BadInputError):
     """A value of the control system that depends on its own past: it has no static value.
 
-    cause: what depends on what. where: file and line.
+    cause: the chain of dependence. where: file and line.
     """
 
     def __init__(self, where: str, cause: str) -> None:
@@ -143,7 +143,7 @@ class Properties:
         self._writers.setdefault(plain(name), []).append(writer)
 
     def remove(self, writer: Writer) -> None:
-        """Take a writer away: what only it sets stays 0."""
+        """Remove a writer: properties that it alone sets stay 0."""
         for name, writers in list(self._writers.items()):
             if writer in writers:
                 writers.remove(writer)

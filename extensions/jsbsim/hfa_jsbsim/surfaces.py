@@ -76,7 +76,7 @@ def cut_surfaces(
 
 
 def _surface(name: str) -> str:
-    """The surface that a property is about: fcs/mag-elevator-pos-rad is about the elevator."""
+    """Return the surface of a property: the elevator for fcs/mag-elevator-pos-rad."""
     surface = name.rsplit("/", 1)[-1].removeprefix("mag-")
     for ending in _ENDINGS:
         if surface.endswith(ending):

@@ -1,4 +1,4 @@
-"""XML files of an aircraft: elements with the lines they stand on, numbers in JSBSim's units, and
+"""XML files of an aircraft: elements with their lines, numbers in JSBSim's units, and
 the folders that files may come from."""
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LONGEST_ENTITY = 100
 
 
 class Attributes(dict[str, str]):
-    """Attributes of an element: name -> text; `taken` are those that somebody asked for."""
+    """Attributes of an element: name -> text; `taken` are those that were read."""
 
     def __init__(self, *values: Any) -> None:
         super().__init__(*values)

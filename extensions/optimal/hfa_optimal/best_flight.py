@@ -60,7 +60,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
     """The best flight found from a start to a trim within limits. It was flown by the simulator, so
     that the least cost is at most its own; that no flight costs less is not proved.
 
-    problem: what flies to where, at what price and within which limits.
+    problem: aircraft, trim, prices and limits.
     found: the flight and the proposal that it follows.
     others: flights of policies from the same start.
     lower_bound: no flight from this start costs less, as a certificate proves; None without one.

@@ -232,7 +232,7 @@ class Transcription:
         start: (k,), z at the begin. lengths: (N,), s.
         margin: how far inside the limits of the states it stays, as `inner_limits` takes it.
         z: (N DEGREE, k) or of all followed states, the guess at the collocation points.
-        v: (N + 1, m), at the ends. price: R counts so many times."""
+        v: (N + 1, m), at the ends. price: factor of R."""
         problem = self.problem
         of_states, of_inputs = problem.sizes
         z = problem.padded(z)

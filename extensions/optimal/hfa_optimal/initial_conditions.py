@@ -60,7 +60,7 @@ class PolicySummary(Result):
     converged: flights that end in the trim, within the envelope or not.
     median: its cost over that of the best flight found, of the flights that converge; None where
         none does.
-    high: what 10 % of these exceed.
+    high: the 90 % quantile of these.
     worst: the largest of these.
     """
 
@@ -77,9 +77,9 @@ class PolicySummary(Result):
 class StartsTable(Result, Reported):
     """Best flights from many starts.
 
-    problem: what flies to where, at what price and within which limits.
+    problem: aircraft, trim, prices and limits.
     flights: one a start.
-    asked: how many starts were asked for; fewer were flown where the run was interrupted.
+    asked: number of requested initial conditions; fewer were flown where the run was interrupted.
     """
 
     schema = "hfa.best-flights/1"
@@ -255,8 +255,8 @@ def starts_table(
 
 
 def flights_from(search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot]) -> StartFlights:
-    """The best flight from a start z, (k,), and those of policies; these too where none was
-    found."""
+    """Return the best flight from an initial condition z, (k,), and the flights of policies, also
+    where no best flight was found."""
     problem = search.problem
     by_name = dict(zip(problem.states, start.tolist(), strict=True))
     linear_cost = float(start @ problem.P @ start)

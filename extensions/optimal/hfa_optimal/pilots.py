@@ -18,7 +18,7 @@ from hfa_policy.flown import flown_card, sampled_scenario
 class Pilot(NamedTuple):
     """A policy that is compiled for flights.
 
-    name: what reports call it.
+    name: in reports.
     loop: its closed loop."""
 
     name: str

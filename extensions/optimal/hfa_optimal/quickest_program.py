@@ -36,7 +36,7 @@ class TimeProgram:
     intervals: int
 
     def solve(self, guess: Proposal, reserve: float) -> Proposal:
-        """Return what IPOPT makes of a guess; its cost is the time, s.
+        """Return the solution of IPOPT from a guess; its cost is the time, s.
 
         reserve: part of the distance from the trim to each limit that is left to the policy that
             follows the proposal"""

@@ -72,7 +72,7 @@ Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 class Found(NamedTuple):
     """A flight that was found and simulated.
 
-    flown: the flight. proposal: what it follows. seconds: the horizon.
+    flown: the flight. proposal: the proposal that it follows. seconds: the horizon.
     meshes: intervals -> cost that was proposed. guesses: name of a guess -> cost that came of it,
         on the finest mesh that it was tried on.
     linear: the flight of the linear optimum from the same start.
@@ -206,8 +206,8 @@ class BestFlights:
     def _confirmed(
         self, seconds: float, meshes: dict[int, float], best: Proposal
     ) -> tuple[Flown, Proposal, dict[int, float]]:
-        """The flight of a proposal, what it follows, and its meshes; the mesh is divided until two
-        agree, and the flight with them.
+        """Return the flight of a proposal, the followed proposal, and its meshes; the mesh is
+        divided until two agree, and the flight with them.
 
         meshes: intervals -> cost so far
 
@@ -258,7 +258,7 @@ class BestFlights:
 
     def _flown(self, best: Proposal, seconds: float, factor: float) -> tuple[Flown, Proposal]:
         """The flight of a proposal, or, where it leaves the limits, of one that stays farther
-        inside them by a factor; and what it follows."""
+        inside them by a factor; and the followed proposal."""
         flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
         if flown.departure is None:
             return flown, best

@@ -1,4 +1,4 @@
-"""A policy that follows a proposal, so that what rounds its numbers does not grow."""
+"""A policy that follows a proposal, so that rounding errors do not grow."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ class MainJob:
 
     @property
     def ok(self) -> bool:
-        """True if everything holds; what became of the paper's claims is a finding and not
+        """True if everything holds; the verdicts on the paper's claims are findings and not
         counted."""
         return self.regeneration.ok and self.learned
 
@@ -145,8 +145,8 @@ def main_job(
     """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each
     requested angle (rad).
 
-    asked: the sweep visits these too. flight, start: the trimmed flight, as of `sweep`; the printed
-    pairs are at the paper's condition."""
+    asked: requested angles, which the sweep visits too. flight, start: the trimmed flight, as of
+    `sweep`; the printed pairs are at the paper's condition."""
     aircraft = choice.aircraft(variant_named(dynamics), parameters.values)
     progress(0.0, 1.0, "printed pairs")
     regeneration = regenerate_all(aircraft)

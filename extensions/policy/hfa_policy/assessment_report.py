@@ -115,7 +115,7 @@ class Assessment(Result, Reported):
     @property
     def ok(self) -> bool:
         """True if it holds at every trim and on every changed aircraft, meets every need, and stays
-        inside the envelope with the noise and the moving air that were asked for."""
+        inside the envelope with the requested noise and moving air."""
         changed = all(variation.holds for variation in self.variations)
         return self.holds and changed and not self.unmet and not self._leaving_roughly()
 

@@ -60,7 +60,7 @@ _NORMALIZER: dict[Any, Any] = {
 class Deployment(Shown):
     """Observations, actions and timing of a policy.
 
-    policy: file, normalizer, and what the file does not store: activation, layout, squash,
+    policy: file, normalizer, and settings that the file does not store: activation, layout, squash,
         network. Without a file it describes an environment for training.
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
         network; (value - about) / scale.
@@ -119,8 +119,8 @@ class Deployment(Shown):
     @staticmethod
     @checks_arguments
     def load(path: str | Path) -> Deployment:
-        """The deployment of a TOML file; BadInputError names the file, the entry and what to
-        give."""
+        """The deployment of a TOML file; BadInputError names the file, the entry and the change to
+        make."""
         try:
             entries = read_toml(path)
         except OSError as error:

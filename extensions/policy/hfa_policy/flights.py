@@ -90,7 +90,7 @@ class SampledFlight:
     dt, delay: s.
     parts: into how many steps of the integration a sample is divided.
     extra: length of further numbers of a row, which `steered` takes behind the trim.
-    other: what steers it; the deployment unless given.
+    other: another policy; default: the deployment.
     winds: disturbances of the aircraft that a row has behind the push.
     """
 

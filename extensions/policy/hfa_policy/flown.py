@@ -1,4 +1,4 @@
-"""A card as a policy of `hfa fly`: sampled and held as it is deployed."""
+"""A deployment file as a policy of `hfa fly`, sampled and held."""
 
 from __future__ import annotations
 

@@ -269,8 +269,8 @@ class FlownRows:
         return rows
 
     def _in_balls(self, rows: np.ndarray, flying: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The farthest that flights were from the equilibrium in the window, (N,), and half of
-        what each linear state moved by, (N, k), both in balls."""
+        """The farthest that flights were from the equilibrium in the window, (N,), and half of the
+        range of each linear state, (N, k), both in balls."""
         _, _, low_X, high_X, *_ = self.flight.slices
         lowest = rows[:, low_X][:, self.linear]
         highest = rows[:, high_X][:, self.linear]
@@ -314,7 +314,7 @@ class FlownRows:
         return cycling
 
     def swings(self) -> np.ndarray:
-        """(N, k), half of what each linear state moved by in the last window."""
+        """(N, k), half of the range of each linear state in the last window."""
         _, _, low_X, high_X, *_ = self.flight.slices
         moved = (self.rows[:, high_X] - self.rows[:, low_X])[:, self.linear]
         return np.asarray(np.where(self.judged, moved / 2.0, 0.0))
@@ -461,7 +461,7 @@ def fly_places(
 def ends_from_trim(
     flight: SampledFlight, points: list[OperatingPoint], window: Window, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ends of flights from their trims after so many seconds: X (N, n) and the inputs
+    """Return the ends of flights from their trims after `seconds`: X (N, n) and the inputs
     that act, (N, m). A flight in which a window changes no state by more than `_STILL` of its
     nominal value is over."""
     model = points[0].model

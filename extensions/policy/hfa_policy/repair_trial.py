@@ -70,7 +70,7 @@ _RATES = (0.5, 0.25, 0.125)
 
 
 class _Found(NamedTuple):
-    """A change that is clearly better, its kind and what would have to be so."""
+    """A change that is clearly better, its kind and its assumption."""
 
     flown: Flown
     kind: str
@@ -103,8 +103,8 @@ def _harms(flown: Flown) -> bool:
 
 
 def _is_better(flown: Flown, card: Flown) -> bool:
-    """Return whether a change loses no more starts than the card as it is, and brings clearly more
-    of them back at clearly less cost, or no fewer at a third."""
+    """Return whether a change loses no more flights than the deployment, and lets clearly more of
+    them converge at clearly less cost, or no fewer at a third."""
     if flown.kept < card.kept or flown.back < card.back:
         return False
     least = max(_CLEARLY * card.back, card.back + _MORE_STARTS * len(flown.costs))

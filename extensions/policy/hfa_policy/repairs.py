@@ -20,7 +20,7 @@ class Repair(NamedTuple):
     """One change of a deployment: o' = P o + c and a' = gain S a.
 
     kind: of the mistake that it undoes.
-    text: what would have to be so.
+    text: the assumption of the change.
     deployment: the changed card.
     P: (k, k); c follows from the changed card at a trim.
     gain: (m,).

@@ -38,7 +38,7 @@ class RoughFlights(Result):
     calm: that of a flight without noise in still air.
     departure: of the flight that leaves the envelope first; None where none does.
     air: the gust or turbulence, in a line; "" for none.
-    left_out: what of it the equations do not take, a sentence each.
+    left_out: its components that the equations lack, one sentence each.
     """
 
     flights: int
@@ -124,7 +124,7 @@ def _rms(plan: MonteCarlo, flights: Sequence[Flight]) -> dict[str, float]:
 
 
 def _disturbed_by(scenario: Scenario) -> str:
-    """Return what disturbs a flight, in words; "" for nothing."""
+    """Return the disturbances of a flight in words; "" for none."""
     uncertain = scenario.uncertainty
     named = {
         "noise": any(uncertain.noise.values()),

@@ -51,7 +51,7 @@ class AircraftVectorEnvironment(VecEnv):
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Advance all episodes by one sample; those that ended begin anew. Their `infos` have the
         last observation, the return, length and time that Stable-Baselines3 logs as ep_rew_mean and
-        ep_len_mean, and what left the envelope."""
+        ep_len_mean, and the departures from the envelope."""
         stepped = self.episodes.step(self._actions)
         observations = stepped.observations.astype(np.float32)
         ended = stepped.lost | stepped.over

@@ -38,7 +38,7 @@ class ChangedEntry(Result):
     lowest: of the interval of such values
     highest: of it
     value: text of the value within it that is one slip of the pen away
-    slip: what happened to the text
+    slip: the change of the text
     """
 
     keys = "entry typed value lowest highest slip"
@@ -62,7 +62,7 @@ class ChangedEntry(Result):
 class _Edit(NamedTuple):
     """A text with which the rough answer has every printed digit.
 
-    slip: what made the typed text of it
+    slip: the slip that makes the typed text of it
     value: of the text
     lowest: of the values near it that do the same, to first order
     highest: of them

@@ -105,7 +105,7 @@ def read_block(
 ) -> Block:
     """The numbers of a text: spaces, commas and & separate; lines, ; and \\\\ end rows.
 
-    parameters: what formulas such as m*g/l may name
+    parameters: names in formulas such as m*g/l
     exponent: of the power of ten that multiplies all numbers, also where the first line reads
     "1.0e+04 *"
     """

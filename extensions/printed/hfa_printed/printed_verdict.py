@@ -33,7 +33,7 @@ _ENTRIES = 12
 class PrintedVerdict(Result, Reported):
     """Conclusions from the digits of a printed answer.
 
-    file: what was judged
+    file: the judged answer
     classified: its class, the comparison and the search
     cost_lost: percent, of an answer that is close, at most; nan of others
     limit_cost: percent, up to which a close answer passes

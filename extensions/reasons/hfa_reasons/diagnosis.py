@@ -76,7 +76,7 @@ class Demands(NamedTuple):
     entry: largest distance of an entry from its value under the hypothesis (`View.entry_errors`). A
     norm is
         that of the few largest entries.
-    share: of so many entries, as a part of those that tell anything. A network that is right but
+    share: least number of entries, as a part of the informative ones. A network that is right but
         for its noise has no digit of what hardly counts in its box.
     """
 

@@ -35,12 +35,11 @@ _FACTORS = {"has the wrong sign": -1.0, "is half the exact one": 2.0, "is twice 
 class Hypothesis(NamedTuple):
     """A mistake that a critic may have.
 
-    says: the mistake, as a sentence.
+    says: a sentence that names the mistake.
     undo: P (n, n) or K (m, n) without it.
-    fitted: what was fitted to the critic: "" for nothing, "factor" for one of all entries, "scales"
-        for one of each state or input. What is fitted must explain more.
-    answer: of another game, which the critic is taken for; None where it is the exact one but for
-        a mistake.
+    fitted: numbers fitted to the critic: "" for none, "factor" for one of all entries, "scales"
+        for one of each state or input. A hypothesis with fitted numbers must explain more.
+    answer: of another game; None for the exact one with a mistake.
     """
 
     says: str
@@ -81,7 +80,7 @@ class View(NamedTuple):
 
         The critic without the mistake is compared with the exact one, and a critic that is taken
         for the answer of another game with that answer, in the sizes of that answer. Entries that
-        are small in both tell nothing and are left out.
+        are small in both are omitted.
         """
         tested = hypothesis.undo
         right = self.exact

@@ -2,7 +2,7 @@
 at what weight; and the files that hold them, those of the package and the user's own, for any
 `Model`.
 
-Names of states and signals say their unit.
+Names of states and signals imply their unit.
 """
 
 from __future__ import annotations

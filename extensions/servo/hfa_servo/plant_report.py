@@ -45,7 +45,7 @@ class PlantSolution(Result, Reported):
     smallest: delta_min of the plant
     solution: the controller
     closed_loop_eigenvalues: 1/s.
-    warnings: what to know before trusting the result.
+    warnings: limits of the result.
     """
 
     schema = "hfa.plant-solution/1"

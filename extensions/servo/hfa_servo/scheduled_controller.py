@@ -74,7 +74,7 @@ class ScheduledController(ByValue, Reported):
     inputs: names of u, (m,); the others stay at U0
     trim_states, trim_inputs: (N, all of the model's), trims at the breakpoints
     dynamics, parameters: the model's name and the `parameter_hash` of its values
-    command_filter: bandwidth (rad/s) and damping of the filter that the controller knows, or ()
+    command_filter: bandwidth (rad/s) and damping of the controller's own filter, or ()
     about: the table of its design, provenance
     model: whose names these are
 

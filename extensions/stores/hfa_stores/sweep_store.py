@@ -64,7 +64,7 @@ class StoredSweep(Result, Reported):
     plan: the subject of the sweep.
     store: where it is.
     counts: points by status, "missing" for those not computed yet.
-    warnings: what to know before trusting the result."""
+    warnings: limits of the result."""
 
     schema = "hfa.sweep-summary/1"
     made_by = "hfa sweep -o FILE.zarr"

@@ -1,9 +1,9 @@
 """Results of many rows in a Zarr store: xarray describes it, any process computes a chunk of it.
 
 A chunk is complete when every array has it and its checksum is written: Zarr writes a chunk whole
-or not at all. A run that is killed loses the chunks in work, no more. A CRC-32C in each chunk tells
-every reader when its bytes changed; the checksum is of the request, the array, the chunk's number
-and its numbers, so that --resume takes no chunk from elsewhere.
+or not at all. A run that is killed loses the chunks in work, no more. A CRC-32C in each chunk shows
+every reader whether its bytes changed; the checksum is of the request, the array, the chunk's
+number and its numbers, so that --resume takes no chunk from elsewhere.
 
 A store may be from a stranger: before --resume opens it, its metadata are compared as JSON with
 those of a new store of the same request.
@@ -58,7 +58,7 @@ class RowJob(NamedTuple):
     what: the kind of job in messages, as in "another sweep".
     row: name of the axis of rows, the first axis of each array.
     template: `xarray.Dataset` of the arrays (`array_of_rows`), and of the names and units on their
-        other axes. Its attributes say all that decides the results.
+        other axes. Its attributes contain all that decides the results.
     function: of a module, so that workers can import it: (*arguments) -> arrays by name; the store
         takes those of the template.
     arguments: (start, stop) -> arguments of the function for rows start .. stop - 1.

@@ -39,7 +39,7 @@ class CostStatement:
         """The statement of a certificate.
 
         content: of its entry `statement`
-        own: the user's model, where it is about one
+        own: the user's model, if the statement concerns one
 
         Malformed names the first entry that cannot be; BadInputError another model.
         """

@@ -97,7 +97,7 @@ class BoxStatement:
         """The statement of a certificate.
 
         content: of its entry `statement`
-        own: the user's model, where it is about one
+        own: the user's model, if the statement concerns one
         policy: the user's; deviations of the states -> those of the inputs. None where the
             certificate has its coefficients
 
@@ -162,7 +162,7 @@ def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
     """The model about a trim, and its limits; Malformed names the first entry that cannot be.
 
     content: that of the entries
-    own: the user's model, where the statement is about one
+    own: the user's model, if the statement concerns one
     """
     model = model_of(content.get("dynamics"), content.get("source"), own)
     for name, fact in facts(model).items():

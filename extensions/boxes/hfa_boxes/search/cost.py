@@ -130,7 +130,7 @@ class CostSearch:
 
         earlier: proved in an earlier run, which this one continues
 
-        An interruption leaves what is proved."""
+        An interruption keeps the proved bound."""
         proved: list[_Proved] = []
         if earlier is not None:
             for piece, boxes in zip(earlier.statement.pieces, earlier.boxes, strict=True):

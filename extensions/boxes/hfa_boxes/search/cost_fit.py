@@ -97,10 +97,10 @@ class Fit:
     """Linear programs of one level. Coordinates y = M z; z'P z = beyond c is the unit sphere,
     turned and stretched to the envelope.
 
-    problem: what is bounded
+    problem: the flights whose cost is bounded
     c: level
     wanted: where W is to be large
-    beyond: how far z'P z of samples goes, in levels; W > c where it is larger
+    beyond: the largest z'P z of samples, in levels; W > c where it is larger
     tell: called before each linear program; may raise
     """
 

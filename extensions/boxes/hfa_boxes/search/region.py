@@ -51,7 +51,7 @@ class BoxRegion:
     witness: its evidence
     boxes: number of boxes on which V' < 0
     origin: V in words
-    bound: what was found as the level grows, that of the set 1
+    bound: the obstacle found as the level grows, that of the set 1
     stopped: the reason why no larger set is proved
     """
 
@@ -112,7 +112,7 @@ class RegionSearch:
 
         earlier: proved in an earlier run, which this one continues
 
-        An interruption leaves what is proved."""
+        An interruption keeps the proved region."""
         modes = np.linalg.eigvals(self.J)
         if not np.all(modes.real < 0.0):
             raise NoSolutionError(

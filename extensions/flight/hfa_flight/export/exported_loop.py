@@ -1,4 +1,4 @@
-"""Loops for other tools, as data: the aircraft alone or with what sets its inputs, and linear
+"""Loops for other tools, as data: the aircraft alone or with its policy, and linear
 models between the points of a sweep.
 
 What a simulation works out, commands, references, disturbances and held inputs, an exported loop
@@ -142,8 +142,8 @@ def exported_loop(
     v, U: of the steering, v = U without one
     actuators, memory: deviations from trim
 
-    BadInputError when an actuator cannot hold the trim, or the policy measures what these actuators
-    do not have.
+    BadInputError when an actuator cannot hold the trim, or the policy measures states that these
+    actuators lack.
     """
     steering = steering or given_inputs(model, point)
     w = ca.SX.sym("w", len(model.disturbances))

@@ -1,4 +1,4 @@
-"""The aircraft, alone or with what controls it, as an FMU of FMI 2.0: library, sources and
+"""The aircraft, alone or with its policy, as an FMU of FMI 2.0: library, sources and
 description.
 
 2.0 and not 3.0, because every tool that imports FMUs opens it.

@@ -44,7 +44,7 @@ class InterpolatedModel:
     sweep: Sweep
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be interpolated."""
+        """Refuse sweeps that cannot be interpolated."""
         plan = self.sweep.plan
         for name, count in zip(plan.variables, plan.sizes, strict=not plan.listed):
             if plan.listed or count < 2:

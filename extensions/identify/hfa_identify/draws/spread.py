@@ -50,7 +50,7 @@ class Draws(Result):
     stable: number of aircraft whose linear model the gain stabilizes; None without a gain.
     cost_lost_worst_percent: largest cost of the gain above the optimum of an aircraft, of the
         linear models; None without a gain.
-    bands: what varies -> its band.
+    bands: quantity -> its band.
     unsolved: aircraft on which the game has no solution; None without a gain.
     """
 

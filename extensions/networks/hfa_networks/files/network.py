@@ -44,8 +44,8 @@ def from_network(
 
     game: that the critic should solve
     source: the file, or the Function
-    network: which part of a file is what, as "value", "V=value" or "V=value,policy=actor"; without
-        a name of `OUTPUTS` the number of outputs decides.
+    network: the parts of a file and their kinds, such as "value", "V=value" or
+        "V=value,policy=actor"; without a name of `OUTPUTS` the number of outputs decides.
     activation: between the layers of a state dict.
     scale: (n,), the network takes state i times scale[i].
     features: a single layer on these functions (default: the quadratic basis) is a polynomial.
@@ -128,7 +128,7 @@ def _of_states(
 ) -> Critic:
     """The critic of a network that takes the states, or of a Q the states and inputs.
 
-    asked: which part of the file.
+    asked: requested part of the file.
     """
     n, m = game.B.shape
     functions = {}

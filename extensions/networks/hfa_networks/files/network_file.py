@@ -1,9 +1,9 @@
 """Feed-forward networks in files: ONNX graphs, and state dicts of linear layers and LayerNorms.
 
-Nothing is guessed. A state dict does not say in which order its layers run: that is the order of
+Nothing is guessed. A state dict does not state the order of its layers: that is the order of
 the file where the format keeps it (torch), else the only order that the numbers in the names and
-the widths allow. What was read is returned as a chain, `6 -> tanh 64 -> 1`, to be compared with
-what was trained. Weights keep the digits of the file; all arithmetic is in doubles.
+the widths allow. What was read is returned as a chain, `6 -> tanh 64 -> 1`, to be compared with the
+trained one. Weights keep the digits of the file; all arithmetic is in doubles.
 """
 
 from __future__ import annotations
@@ -310,7 +310,7 @@ def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple
 def _activated(layers: list[Layer]) -> list[int]:
     """Return the layers followed by the activation: once between two linear layers.
 
-    BadInputError where the names do not tell whether that is before or behind a LayerNorm.
+    BadInputError where the names do not decide whether that is before or after a LayerNorm.
     """
     linear = [index for index, layer in enumerate(layers) if layer.is_linear]
     open_places = [

@@ -48,7 +48,7 @@ def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
     """The row of each output of x -> y, and the nodes in them.
 
     Products of polynomials of the inputs, up to a degree, are combinations of monomials, each a
-    node: what two polynomials have in common cancels. NotReadError where the function has
+    node: common terms of two polynomials cancel. NotReadError where the function has
     operations other than +, -, *, division by a constant, powers, tanh, min, max, |t|, sign and
     comparisons. The expression is that which CasADi has simplified when it was built.
     """

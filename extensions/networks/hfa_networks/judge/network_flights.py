@@ -212,7 +212,7 @@ def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.nda
 class _FlowLoop:
     """z' = rates(z) and cost' = running(z), CasADi expressions of z (n,), integrated by LSODA.
 
-    rest: where it comes to rest near z = 0, None for nowhere.
+    rest: its equilibrium near z = 0; None without one.
     """
 
     def __init__(self, z: ca.SX, rates: ca.SX, exact: Exact, time: float, b: np.ndarray) -> None:
@@ -271,7 +271,7 @@ class _StepLoop:
     expressions: x, after and paid, of CasADi.
     P: (n, n), of V*.
     sums: α, and the steps of a flight.
-    rest: where it comes to rest near x = 0; None for nowhere.
+    rest: its equilibrium near x = 0; None without one.
     by_exact: (n, n), where the exact loop is after as many steps.
     """
 

@@ -13,7 +13,7 @@ from hfa_support.errors import BadInputError, NoSolutionError
 
 
 class Undecided(NoSolutionError):
-    """The balls are too wide for what shall be enclosed; narrower ones may do."""
+    """The balls are too wide for an enclosure; narrower ones may do."""
 
 
 class BallFunction:

@@ -1,1 +1,1 @@
-"""The checker of certificates: it shares nothing with what proves."""
+"""The checker of certificates: it shares nothing with the prover."""

@@ -33,7 +33,7 @@ class LoopBox:
     """ζ' = base ζ + ω (lag ζ + G v), v the commands u = U ζ as they arrive.
 
     base: (n, n), the aircraft and the controller
-    lag: (n, n), what actuators of 1 rad/s do by themselves
+    lag: (n, n), the own dynamics of actuators of 1 rad/s
     G: (n, a)
     U: (a, n)
     """

@@ -50,8 +50,8 @@ def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
 def check_motion(
     loop: TaylorModel, P: TaylorModel, growth: arb_mat, turn_of_box: np.ndarray
 ) -> None:
-    """V = ζ'P ζ, P > 0, decreases: A'P + P A ± growth < 0 on the box, growth what P changes by
-    at the largest rate. Rejected unless proved."""
+    """V = ζ'P ζ, P > 0, decreases: A'P + P A ± growth < 0 on the box, growth the change of P at the
+    largest rate. Rejected unless proved."""
     turn = matrix(turn_of_box)
     for end in (P.parts[0] - P.parts[1], P.parts[0] + P.parts[1]):
         if -1 in eigenvalue_signs(end, turn):

@@ -59,7 +59,7 @@ def naming(path: Path) -> Iterator[None]:
 
 
 class Fields:
-    """The entries of a JSON object. Each is taken once; `close` refuses what was not taken.
+    """The entries of a JSON object. Each is read once; `close` refuses unread entries.
 
     where: name of the object in messages
     """

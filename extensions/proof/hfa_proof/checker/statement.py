@@ -454,7 +454,7 @@ KINDS: dict[str, Any] = {
 
 
 def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
-    """The statement in a file; own: the user's model, where it is about one."""
+    """The statement in a file; own: the user's model, if the statement concerns one."""
     require(isinstance(kind, str) and kind in KINDS, "kind", kind)
     entries = Fields("statement", content)
     model = None
@@ -558,7 +558,7 @@ def loop_size(model: Model, controller: Controller, actuators: Actuators | None)
 
 
 def model_of(name: Any, source: Any, own: Model | None) -> Model:
-    """The model that a statement is about: the HFA's, or the user's own, which must be the same.
+    """Return the model of a statement: the HFA's, or the user's own, which must be the same.
 
     name: of the dynamics, as in the statement
     source: the hash of the user's file, "" for the HFA

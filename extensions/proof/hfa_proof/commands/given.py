@@ -86,7 +86,7 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """The aircraft, what its trims impose, its parameters and limits."""
+    """Return the aircraft, the imposed values of its trims, its parameters and limits."""
     given = {}
     if request.at:
         option = f"--{called_at(request.model)}"

@@ -226,8 +226,8 @@ def _what_is_stable(statement: ScheduleStatement) -> str:
 
 
 def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
-    """Return the actuators for which the statement holds; where the loop is not proved stable, for
-    which it was asked."""
+    """Return the actuators for which the statement holds; where the loop is not proved stable, the
+    requested ones."""
     slow, fast = actuators.bandwidth
     least, most = actuators.effectiveness
     return (

@@ -110,7 +110,7 @@ class InterpolatedModels(StatesAndInputs, Result):
     """Linear models that interpolate within a proved bound.
 
     statement: the models and their bounds
-    tolerance: asked for.
+    tolerance: the requested one.
     """
 
     schema = "hfa.lpv/1"

@@ -86,7 +86,7 @@ class RegionStatement:
         """The statement of a certificate.
 
         content: of its entry `statement`
-        own: the user's model, where it is about one
+        own: the user's model, if the statement concerns one
 
         Malformed names the first entry that cannot be; BadInputError another model.
         """

@@ -121,7 +121,7 @@ class RegionSearch:
     def found(self, known: PolynomialFunction | None = None) -> Region:
         """The largest region; NoSolutionError where none is proved.
 
-        known: V of an earlier run, from which the search goes on
+        known: V of an earlier run, which the search continues
         """
         eigenvalues = np.linalg.eigvals(self.plant.closed_matrix)
         if not np.all(eigenvalues.real < 0.0):
