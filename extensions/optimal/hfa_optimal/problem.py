@@ -209,23 +209,31 @@ class FlightProblem:
 
     def deviations(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
         """Return an initial condition by name, or another trim, as z, (k,). BadInputError for an
-        unknown name, for a number that is not finite, outside the limits, and for a trim that no
-        flight reaches."""
+        unknown name, for a number that is not finite, outside the limits, at the trim itself, and
+        for a trim that no flight reaches."""
+        z = self._deviations_of(start)
+        if not z.any():
+            raise BadInputError(
+                "the flight begins at its end; give an initial condition off the trim"
+            )
+        self.refuse_outside(z)
+        return z
+
+    def _deviations_of(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
         if isinstance(start, OperatingPoint):
-            return self._deviations_of(start)
+            return self._deviations_of_trim(start)
         z = np.zeros(len(self.states))
         for name, value in start.items():
             refuse_unknown("a flight has no initial deviation of", name, self.states)
             if not is_finite(value):
                 raise BadInputError(f"the start has {name} = {shown(value)}; give a number")
             z[self.states.index(name)] = value
-        self.refuse_outside(z)
         return z
 
-    def _deviations_of(self, other: OperatingPoint) -> np.ndarray:
+    def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
         """Another trim as z, (k,)."""
         other.refuse_other(self.model)
-        off = np.array(other.states) - np.array(self.point.states)
+        off: np.ndarray = np.array(other.states) - np.array(self.point.states)
         for place, name in enumerate(self.model.states):
             if (
                 place not in self.places
@@ -235,9 +243,7 @@ class FlightProblem:
                     f"the two trims differ in {name}, which the linear model leaves out; "
                     "hold it at one value"
                 )
-        z = off[self.places]
-        self.refuse_outside(z)
-        return z
+        return off[self.places]
 
     def refuse_outside(self, z: np.ndarray) -> None:
         """BadInputError where a start, (k,), is not within the limits."""

@@ -17,7 +17,7 @@ from hfa_optimal.problem import FlightProblem, flight_problem
 from hfa_optimal.quickest_program import TimeProgram
 from hfa_optimal.search import BestFlights
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
@@ -278,8 +278,6 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
     z: (k,), deviations of the start. v: (m,), inputs with which guesses begin.
     horizon: s, of the linear loop"""
     problem = flights.problem
-    if not z.any():
-        raise BadInputError("the flight begins at its end; give an initial condition off the trim")
     best = _from_guesses(TimeProgram(problem, _MESHES[0]), z, v, horizon)
     meshes = {_MESHES[0]: best.cost}
     flights = replace(flights, longest_step=best.cost / _STEPS)
