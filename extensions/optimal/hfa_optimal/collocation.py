@@ -189,6 +189,21 @@ def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
     return ca.DM.triplet(rows, places, ca.DM(values), intervals * DEGREE * (k + m), columns)
 
 
+def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
+    """Return the solution of IPOPT with constraints g = 0.
+
+    KeyboardInterrupt where it was interrupted: CasADi drops that, or makes another error of it."""
+    try:
+        solved: dict[str, ca.DM] = solver(lbg=0.0, ubg=0.0, **arguments)
+    except (RuntimeError, SystemError) as error:
+        if "KeyboardInterrupt" in str(error):
+            raise KeyboardInterrupt from error
+        raise
+    if solver.stats()["return_status"] == "NonIpopt_Exception_Thrown":
+        raise KeyboardInterrupt
+    return solved
+
+
 class Equations(NamedTuple):
     """The equations of an aircraft at one point and their derivatives, as a `FlightProblem` has
     them: in CasADi's virtual machine, or as machine code."""
@@ -247,8 +262,8 @@ class Transcription:
         guess = unknowns_in_order(z / of_states, v / of_inputs)
         scale = 1.0 / max(float(start @ problem.P @ start), 1e-12)
         parameters = np.concatenate([begin / of_states, lengths, [scale, price]])
-        solved = self._solver(
-            x0=np.clip(guess, below, above), p=parameters, lbx=below, ubx=above, lbg=0.0, ubg=0.0
+        solved = solved_by(
+            self._solver, x0=np.clip(guess, below, above), p=parameters, lbx=below, ubx=above
         )
         row = np.array(solved["x"]).ravel()
         m = len(problem.inputs)

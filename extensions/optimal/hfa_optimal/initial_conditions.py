@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import signal
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -237,10 +240,10 @@ def starts_table(
     progress: Progress | None = None,
     bound: CostStatement | None = None,
 ) -> StartsTable:
-    """Return the best flights from initial conditions (N, k), and those of policies; an
-    interruption keeps the finished ones."""
+    """Return the best flights from initial conditions (N, k), and those of policies; of the
+    finished ones after Ctrl-C."""
     done: list[StartFlights] = []
-    try:
+    with _interruption() as asked:
         for start in starts:
             flights = flights_from(search, start, pilots)
             if bound is not None:
@@ -248,10 +251,32 @@ def starts_table(
             done.append(flights)
             if progress is not None:
                 progress(len(done), len(starts))
-    except KeyboardInterrupt:
-        if not done:
-            raise
+            if asked.is_set():
+                break
     return StartsTable(search.problem, tuple(done), len(starts))
+
+
+@contextmanager
+def _interruption() -> Iterator[threading.Event]:
+    """Yield an event that Ctrl-C sets in the main thread; a second Ctrl-C acts as before the block.
+
+    No exception is raised: CasADi drops one that arrives in IPOPT."""
+    asked = threading.Event()
+    before = signal.getsignal(signal.SIGINT)
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if before in (None, signal.SIG_IGN) or not in_main_thread:
+        yield asked
+        return
+
+    def ask(number: int, frame: object) -> None:
+        signal.signal(signal.SIGINT, before)
+        asked.set()
+
+    signal.signal(signal.SIGINT, ask)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def flights_from(search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot]) -> StartFlights:

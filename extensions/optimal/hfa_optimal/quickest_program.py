@@ -15,6 +15,7 @@ from hfa_optimal.collocation import (
     Proposal,
     collocation_points,
     points_of_unknowns,
+    solved_by,
     unknowns_in_order,
 )
 from hfa_optimal.problem import FlightProblem
@@ -57,13 +58,12 @@ class TimeProgram:
         row = unknowns_in_order(guess.z.reshape(count, -1) / of_states, guess.v / of_inputs)
         seconds = float(guess.lengths.sum())
         shares = guess.lengths / seconds
-        solved = self._solver(
+        solved = solved_by(
+            self._solver,
             x0=np.append(np.clip(row, below, above), 1.0),
             p=np.concatenate([begin / of_states, seconds * shares]),
             lbx=np.append(below, _SHORTEST),
             ubx=np.append(above, _LONGEST),
-            lbg=0.0,
-            ubg=0.0,
         )
         values = np.array(solved["x"]).ravel()
         m = len(problem.inputs)

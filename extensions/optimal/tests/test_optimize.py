@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -61,16 +63,19 @@ def test_a_table_over_starts(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_an_interruption_keeps_what_is_found() -> None:
+    """Ctrl-C, which `hfa` answers by its end, ends the table after the present flight."""
     model = hfa.load_model(GTM)
     search = BestFlights(flight_problem(model, hfa.find_operating_point(model)))
     starts = drawn_starts(search.problem, 3, 0)
+    before = signal.getsignal(signal.SIGINT)
 
-    def stop(done: float, total: float, what: str = "", /) -> None:
-        raise KeyboardInterrupt
+    def interrupt(done: float, total: float, what: str = "", /) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
 
-    table = starts_table(search, 0.1 * starts, progress=stop)
+    table = starts_table(search, 0.1 * starts, progress=interrupt)
     assert table.starts == 1
     assert "interrupted; 3 requested" in table.report().text()
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 @pytest.mark.parametrize(
