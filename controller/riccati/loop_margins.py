@@ -168,7 +168,8 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
                 settled = point
         return point, value
 
-    real = np.concatenate([seen[0].real, crossing(np.imag)[1].real])
+    static = seen[0][np.abs(seen[0].imag) <= ROUNDING * np.abs(seen[0])].real  # at ω = 0
+    real = np.concatenate([static, crossing(np.imag)[1].real])
     if loop is not None:
         real = np.append(real, loop.D)
     with np.errstate(divide="ignore"):

@@ -250,3 +250,17 @@ def test_nine_equal_loops_have_the_slackest_margin() -> None:
     alone = margin_of(lambda omega: shifted(omega, 1), frequencies)
     # All but the lowest gain, 0 at rest.
     assert together[1:] == pytest.approx(alone[1:], rel=SAME_FORMULA)
+
+
+def test_two_complex_loci_have_no_gain_at_rest() -> None:
+    """L = [[-3, 2], [-2, -3]] / 10 (s + 2) / (s + 1): the loop is stable with every common factor.
+    The real part of M(0) gave an upper gain of 5."""
+
+    def loci(omega: np.ndarray) -> np.ndarray:
+        s = 1j * omega[:, None]
+        loops = np.array([-0.3 + 0.2j, -0.3 - 0.2j]) * (s + 2.0) / (s + 1.0)
+        return 1.0 / (1.0 + loops) - 0.5
+
+    frequencies = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 100)])
+    margin = margin_of(loci, frequencies)
+    assert (margin.gain_low, margin.gain_high) == (0.0, math.inf)
