@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import control
+    import xarray
 
     from trim.linear.linear_model import LinearModel
 
@@ -25,7 +26,7 @@ def state_space(model: LinearModel) -> control.StateSpace:
     )
 
 
-def dataset(model: LinearModel) -> Any:
+def dataset(model: LinearModel) -> xarray.Dataset:
     """Return an xarray Dataset with A, B, C, D and the offsets X0, U0 and Y0, with names and
     units."""
     import xarray

@@ -20,6 +20,8 @@ from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     import control
+    import xarray
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -177,7 +179,7 @@ class LinearModel(ByValue, Result, Reported):
 
         return bode(self, inputs, outputs)
 
-    def nyquist(self, inputs: Any = None, outputs: Any = None) -> Any:
+    def nyquist(self, inputs: Any = None, outputs: Any = None) -> Axes:
         """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its
         Axes."""
         from trim.linear.responses import nyquist
@@ -204,7 +206,7 @@ class LinearModel(ByValue, Result, Reported):
                 raise AttributeError(name)
             return getattr(self.to_control(), name)
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> xarray.Dataset:
         """Return the model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with
         names and units. Needs xarray."""
         from trim.linear.exchange import dataset

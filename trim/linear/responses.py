@@ -13,6 +13,7 @@ from trim.linear.positions import positions
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.axes import Axes
 
     from trim.linear.linear_model import LinearModel
 
@@ -95,7 +96,7 @@ def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
     return np.array(draw_bode(chosen(model, inputs, outputs), figure).axes)
 
 
-def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Any:
+def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Axes:
     """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its Axes.
 
     BadInputError where more than one is left."""
@@ -108,7 +109,7 @@ def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Any:
             f"{len(loop.inputs)} inputs and {len(loop.outputs)} outputs are not a single loop; "
             "name one of each, nyquist(inputs=..., outputs=...)"
         )
-    axes = pyplot.figure(layout="constrained").subplots()
+    axes: Axes = pyplot.figure(layout="constrained").subplots()
     control.nyquist_plot(loop.to_control(), ax=axes)
     axes.set_title(
         f"{loop.outputs[0]} / {loop.inputs[0]}, ({loop.output_units[0]})/({loop.input_units[0]})"

@@ -38,6 +38,7 @@ from trim.sweeps.sweep_arrays import ARRAYS, labels_of
 from trim.sweeps.sweep_plan import SweepPlan
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -413,7 +414,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         return linear_model_at(self, index)
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> xarray.Dataset:
         """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of
         the grid, or over the points of a list, with names, units and reasons. Needs xarray."""
         import xarray

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfa_support.errors import refuse_unknown
 
 if TYPE_CHECKING:
+    import pandas
+    import xarray
+
     from hfa_flight.nonlinear_flight import Flight
 
 
@@ -26,7 +29,7 @@ def series(flight: Flight, name: str) -> np.ndarray:
     return np.array(function(flight.states.T, flight.inputs.T, parameters)[1]).ravel()
 
 
-def frame(flight: Flight) -> Any:
+def frame(flight: Flight) -> pandas.DataFrame:
     """Return a pandas table of states and inputs, absolute, with the index time, s."""
     import pandas
 
@@ -35,7 +38,7 @@ def frame(flight: Flight) -> Any:
     return pandas.DataFrame(np.hstack([flight.states, flight.inputs]), index, columns)
 
 
-def dataset(flight: Flight) -> Any:
+def dataset(flight: Flight) -> xarray.Dataset:
     """Return an xarray Dataset of states and inputs, absolute, over time, with units; NAME_linear
     is the prediction of the linear model."""
     import xarray

@@ -52,6 +52,8 @@ from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint, at_scheduled
 
 if TYPE_CHECKING:
+    import pandas
+    import xarray
     from matplotlib.figure import Figure
 
 #: Note on a flight that stays at trim.
@@ -424,13 +426,13 @@ class Flight(StatesAndInputs, Result, Reported):
 
         return flight_figure(self, self.title())
 
-    def to_pandas(self) -> Any:
+    def to_pandas(self) -> pandas.DataFrame:
         """States and inputs over time as a `pandas.DataFrame` with the index time, s."""
         from hfa_flight.flight_tables import frame
 
         return frame(self)
 
-    def to_xarray(self) -> Any:
+    def to_xarray(self) -> xarray.Dataset:
         """States, inputs and the linear prediction over time as an `xarray.Dataset` with units."""
         from hfa_flight.flight_tables import dataset
 

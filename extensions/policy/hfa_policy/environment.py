@@ -17,6 +17,7 @@ from hfa_support.errors import BadInputError, refuse_unless_whole
 
 if TYPE_CHECKING:
     import gymnasium
+    from stable_baselines3.common.vec_env import VecEnv
 
 
 @checks_arguments
@@ -70,7 +71,7 @@ def vector_environment(
     count: int = 8,
     seconds: float = SECONDS,
     turbulence: Turbulence | None = None,
-) -> Any:
+) -> VecEnv:
     """Return `count` compiled episodes at once, as a `VecEnv` of Stable-Baselines3.
 
     Raises BadInputError where Stable-Baselines3 is missing, and the errors of `environment`.
@@ -82,7 +83,8 @@ def vector_environment(
     episodes = _episodes(model, deployment, points, count, seconds, turbulence)
     module = "hfa_policy.vector_environment"
     make = _made("stable_baselines3", "training", module, "AircraftVectorEnvironment")
-    return make(episodes)
+    made: VecEnv = make(episodes)
+    return made
 
 
 def _episodes(
