@@ -107,7 +107,10 @@ def _read(offer: EntryPoint, text: str) -> Model:
     """Return the model that a reader of another package makes of a text. BadInputError where the
     result is not a Model."""
     read: AircraftReader = loaded(offer)
-    model = read(text)
+    try:
+        model = read(text)
+    except OSError as error:
+        raise BadInputError(f"{text} cannot be read ({error.strerror}); give a file") from error
     if not isinstance(model, Model):
         raise BadInputError(
             f"{offer.value} reads {shown(text)} as {shown(model)}, not as a Model; correct that"

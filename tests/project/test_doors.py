@@ -79,13 +79,14 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> None:
-    trimmed, overview, unknown, trim_help = run_in_turn(
+    trimmed, overview, unknown, trim_help, missing = run_in_turn(
         site,
         folder,
         "hfa trim --aircraft trainer.pm --at 55 --json",
         "hfa --help",
         "hfa level speed",
         "hfa trim --help",
+        "hfa trim --aircraft none.pm",
     )
     assert trimmed.code == 0, trimmed.err
     lift = json.loads(trimmed.out)["operating_point"]["inputs"]["lift_coefficient"]
@@ -95,6 +96,7 @@ def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> N
     assert (unknown.code, unknown.out) == (2, "")
     assert "unknown word 'speed' behind `hfa level`" in unknown.err
     assert "FILE.pm" in trim_help.out
+    assert missing.err == "hfa: none.pm cannot be read (No such file or directory); give a file\n"
 
 
 def test_commands_of_the_page_run(site: Path, folder: Path) -> None:

@@ -151,6 +151,8 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     rows = [row for row in rows if any(cell.strip() for cell in row)]
     if not rows:
         raise BadInputError(f"{path} is empty; give a first row of names, then samples")
+    if rows[0][-1] == "about":  # the provenance in a file of `hfa fly`
+        rows = [row[:-1] for row in rows]
     heads = [_head(path, cell, model) for cell in rows[0]]
     names = [name for name, _ in heads]
     if len(set(names)) < len(names):

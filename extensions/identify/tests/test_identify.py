@@ -15,7 +15,7 @@ from hfa.main import main
 from hfa_derivatives.aircraft import from_derivatives
 from hfa_identify.estimation import identify
 from hfa_identify.excitation import still_quantities
-from hfa_identify.records import Record
+from hfa_identify.records import Record, read_record
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
 
@@ -410,3 +410,15 @@ def test_a_wrong_unit_is_refused(folder, capsys):
     words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]
     assert main(words) == 2
     assert "flight.csv: alpha is in m; give it in rad" in capsys.readouterr().err
+
+
+def test_a_file_of_a_flight_is_a_record(folder):
+    """The last column of a file of `hfa fly`, its provenance, is left out."""
+    model = hfa.load_model(UAV)
+    written("flight.csv", record(), {})
+    head, first, *rows = Path("flight.csv").read_text().splitlines()
+    text = "\n".join([f"{head},about", f"{first},hfa", *(f"{row}," for row in rows)])
+    Path("flown.csv").write_text(text)
+    ours, theirs = (read_record(name, model, {}) for name in ("flown.csv", "flight.csv"))
+    np.testing.assert_array_equal(ours.inputs, theirs.inputs)
+    assert ours.measured.keys() == theirs.measured.keys()
