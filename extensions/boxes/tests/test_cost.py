@@ -53,7 +53,7 @@ def cart_bound(coefficient: float) -> CostStatement:
 @pytest.mark.parametrize("margin", [1e-13, 0.1])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
     """The equilibrium of the cart is solved for in its input: its position is free."""
-    witness = CostWitness(("speed",), (1000,))
+    witness = CostWitness(("speed",), (1000,), np.zeros((1, 1), dtype=int))
     assert check_cost(cart_bound(1.0 - margin), witness)[0] > 0
     with pytest.raises(NoSolutionError):
         check_cost(cart_bound(1.0 + margin), witness)
@@ -122,7 +122,11 @@ def content_of(bound: CostBound) -> dict[str, Any]:
         **{"schema": SCHEMA, "toolchain": "", "digest": "", "provenance": {}, "checksum": ""},
         "kind": "cost-boxes",
         "statement": bound.statement.content(),
-        "witness": {"solved": ["angle", "rate"], "boxes": list(bound.witness.boxes)},
+        "witness": {
+            "solved": ["angle", "rate"],
+            "boxes": list(bound.witness.boxes),
+            "longer": bound.witness.longer.tolist(),
+        },
     }
     return json.loads(json.dumps(content))
 
@@ -180,6 +184,8 @@ FORGED: dict[str, Any] = {
     "boxes missing": lambda s, w: w.update(boxes=w["boxes"][1:]),
     "solved for the input": lambda s, w: w.update(solved=["angle", "angle"]),
     "witness more": lambda s, w: w.update(c=1.0),
+    "edges longer than any": lambda s, w: w.update(longer=[[41, 0]] * len(w["boxes"])),
+    "edges of another number": lambda s, w: w.update(longer=w["longer"][1:]),
 }
 
 
@@ -249,7 +255,7 @@ def test_the_best_input_may_be_far_from_equilibrium() -> None:
     piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 0.1)
     statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
     with pytest.raises(NoSolutionError):
-        check_cost(statement, CostWitness(("speed",), (1000,)))
+        check_cost(statement, CostWitness(("speed",), (1000,), np.zeros((1, 1), dtype=int)))
 
 
 def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
@@ -261,7 +267,7 @@ def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
     piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 0.1)
     statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
     with pytest.raises(NoSolutionError):
-        check_cost(statement, CostWitness(("speed",), (1000,)))
+        check_cost(statement, CostWitness(("speed",), (1000,), np.zeros((1, 1), dtype=int)))
 
 
 def test_a_bound_with_slope_at_trim_is_refused() -> None:

@@ -71,9 +71,11 @@ def test_a_planted_negative_place_is_found() -> None:
     y = ca.SX.sym("y", 2)
     bump = (y[0] - 0.3) ** 2 + (y[1] + 0.4) ** 2
     assert cover(inequality(bump + 1e-3, y), 10**5) >= 1
-    with pytest.raises(RefutedError) as found:
-        cover(inequality(bump - 1e-3, y), 10**5)
-    assert np.linalg.norm(found.value.place - [0.3, -0.4]) < 0.04
+    for longer in (None, (0, 3), (5, 0)):
+        assert cover(inequality(bump + 1e-3, y), 10**5, longer=longer) >= 1
+        with pytest.raises(RefutedError) as found:
+            cover(inequality(bump - 1e-3, y), 10**5, longer=longer)
+        assert np.linalg.norm(found.value.place - [0.3, -0.4]) < 0.04
 
 
 def test_what_may_be_zero_is_not_positive() -> None:

@@ -1,7 +1,8 @@
 """Checks a lower bound of the cost: reads its statement, and repeats the subdivision.
 
 The theorem is in `cost.py`. The search is not trusted: the checker uses only its choice of unknown
-states and inputs at the equilibrium, and the number of boxes after which it gives up."""
+states and inputs at the equilibrium, the shape of its boxes, and the number of boxes after which it
+gives up."""
 
 from __future__ import annotations
 
@@ -29,6 +30,7 @@ from hfa_support.version import VERSION
 
 KIND = "cost-boxes"
 _MOST_BOXES = 1_000_000_000
+_LONGEST = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +39,12 @@ class CostWitness:
 
     solved: states and inputs that are unknown at the equilibrium; the others have the trim's value
     boxes: largest number of boxes of each piece
+    longer: (pieces, n), how much less often each edge of a box is halved, as `cover` has it
     """
 
     solved: tuple[str, ...]
     boxes: tuple[int, ...]
+    longer: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +52,13 @@ class VerifiedCost:
     """A lower bound that is proved.
 
     statement: the proved statement, every field of which the checker has interpreted
+    witness: by which it is proved
     boxes: number of boxes of each piece
     written: version, command and date in the file, not verified
     """
 
     statement: CostStatement
+    witness: CostWitness
     boxes: tuple[int, ...]
     written: dict[str, str]
 
@@ -92,9 +98,10 @@ def check_cost(
         raise Rejected("the equilibrium is outside the limits")
     counts = []
     try:
-        for piece, most in zip(statement.pieces, witness.boxes, strict=True):
+        shapes = witness.longer.tolist()
+        for piece, most, longer in zip(statement.pieces, witness.boxes, shapes, strict=True):
             inequality = CostInequality(plant, equilibrium, piece, statement.Q, statement.R)
-            counts.append(cover(inequality, most, progress))
+            counts.append(cover(inequality, most, progress, longer))
     except OpenBoxError as error:
         raise rejected(error) from error
     return tuple(counts)
@@ -116,7 +123,7 @@ def check_cost_certificate(
     with naming(path):
         statement, witness = read_cost(content, model)
         boxes = check_cost(statement, witness, progress)
-    return VerifiedCost(statement, boxes, written)
+    return VerifiedCost(statement, witness, boxes, written)
 
 
 def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStatement, CostWitness]:
@@ -130,7 +137,9 @@ def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStateme
     require(len(set(solved)) == len(solved), "witness: solved", list(solved))
     counts = found.array("boxes", len(statement.pieces))
     require(bool(np.all(counts <= _MOST_BOXES)), "witness: boxes", counts.tolist())
-    witness = CostWitness(solved, tuple(int(count) for count in counts))
+    longer = found.array("longer", len(statement.pieces), len(statement.plant.states))
+    require(bool(np.all((longer >= 0) & (longer <= _LONGEST))), "witness: longer")
+    witness = CostWitness(solved, tuple(int(count) for count in counts), longer.astype(int))
     found.close()
     entries.close()
     return statement, witness
@@ -145,6 +154,10 @@ def write_cost_certificate(
         "kind": KIND,
         "toolchain": VERSION,
         "statement": statement.content(),
-        "witness": {"solved": list(witness.solved), "boxes": list(witness.boxes)},
+        "witness": {
+            "solved": list(witness.solved),
+            "boxes": list(witness.boxes),
+            "longer": witness.longer.tolist(),
+        },
     }
     write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))

@@ -1,13 +1,13 @@
 """Branch and bound: functions are positive on the part of a cube where a set is.
 
-The cube |y_i| <= 1 is halved again and again, always across the widest edge, until on each box
-every function is bounded from below by a positive number or the box is outside the set. Centres and
-half widths are dyadic, so that they are doubles without rounding. The order is fixed: who repeats
-it needs no tree."""
+The cube |y_i| <= 1 is halved again and again, across the widest edge (or the widest after each edge
+is divided by its own power of 2), until on each box every function is bounded from below by a
+positive number or the box is outside the set. Centres and half widths are dyadic, so that they are
+doubles without rounding. The order is fixed: who repeats it needs no tree."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -42,10 +42,11 @@ class Boxes(NamedTuple):
         """Return some of the boxes."""
         return Boxes(self.centres[which], self.depths[which])
 
-    def halves(self) -> Boxes:
-        """Return both halves of each box, across the first of the widest edges."""
+    def halves(self, longer: np.ndarray) -> Boxes:
+        """Return both halves of each box, across the first of the widest edges; an edge counts as
+        halved so much more often (n,) than it is."""
         rows = np.arange(len(self.centres))
-        across = np.argmin(self.depths, axis=1)
+        across = np.argmin(self.depths + longer, axis=1)
         depths = self.depths.copy()
         depths[rows, across] += 1
         step = np.ldexp(1.0, -depths[rows, across])
@@ -107,14 +108,21 @@ def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray
             raise RefutedError("not positive at a place of the set", centres[index])
 
 
-def cover(question: Question, most: int, progress: Progress | None = None) -> int:
+def cover(
+    question: Question,
+    most: int,
+    progress: Progress | None = None,
+    longer: Sequence[int] | None = None,
+) -> int:
     """Prove the function on the set; return the number of boxes.
 
     most: boxes after which it is given up
+    longer: (n,), how much less often each edge is halved; None: all as often
 
     RefutedError names a place where a function is not positive; OpenBoxError one that is not
     decided. Progress counts by volume."""
     n = question.n
+    shape = np.zeros(n, dtype=int) if longer is None else np.array(longer)
     waiting = cube(n)
     done = 0.0
     count = 0
@@ -136,7 +144,7 @@ def cover(question: Question, most: int, progress: Progress | None = None) -> in
         smallest = np.flatnonzero(wide.depths.sum(axis=1) >= _DEEPEST * n)
         if len(smallest):
             raise SmallestBoxError("a box as small as any", wide.centres[smallest[0]])
-        waiting = _joined(waiting, wide.halves())
+        waiting = _joined(waiting, wide.halves(shape))
         turn += 1
         if progress is not None and turn % _TOLD == 0:
             progress(done, 1.0, f"{count} boxes")

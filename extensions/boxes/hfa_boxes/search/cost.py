@@ -31,14 +31,15 @@ _FLOWN = 120
 _DEAREST = 80
 #: The first levels over that of all initial conditions.
 _SHARES = (0.2, 1.0)
-#: Levels between, at most, and by how much each is lower than the one before at least.
-_BETWEEN = 4
-_LOWER = 0.75
+#: Levels for initial conditions whose bound is poor, at most, and the least costs that such a level
+#: is for, over that of the poorest.
+_FOR_POOR = 6
+_NEAR = 0.75
 #: How often the first level is quartered where nothing is proved.
 _QUARTERED = 4
 #: A bound is good where it is below the cost of a flight by at most so many margins.
 _GOOD = 1.5
-#: Levels are so much above the costs of flights that they are to contain.
+#: The first levels are so much above the costs of flights that they are to contain.
 _ABOVE = 1.05
 #: How far beyond the level z'P z of samples goes: with one or two states, with more, where boxes at
 #: the faces of the cube are many; the factor of each further trial, and the most.
@@ -76,9 +77,10 @@ class CostBound:
 
 
 class _Proved(NamedTuple):
-    """A piece, on how many boxes, and the processor time of its fit and of its proof."""
+    """A piece, the shape of its boxes, how many, and the processor time of its fit and proof."""
 
     piece: Piece
+    longer: tuple[int, ...]
     boxes: int
     seconds: tuple[float, float]
 
@@ -133,8 +135,9 @@ class CostSearch:
         An interruption keeps the proved bound."""
         proved: list[_Proved] = []
         if earlier is not None:
-            for piece, boxes in zip(earlier.statement.pieces, earlier.boxes, strict=True):
-                proved.append(_Proved(piece, boxes, (0.0, 0.0)))
+            shapes = [tuple(row) for row in earlier.witness.longer.tolist()]
+            for known in zip(earlier.statement.pieces, shapes, earlier.boxes, strict=True):
+                proved.append(_Proved(*known, (0.0, 0.0)))
         stopped = ""
         try:
             for c in self._levels(proved):
@@ -159,8 +162,10 @@ class CostSearch:
         return Wanted(z, self._problem.flown(z))
 
     def _levels(self, proved: Sequence[_Proved]) -> Iterator[float]:
-        """Growing levels until one is not proved, smaller ones where the first fails, then those
-        between where the bound is not tight yet."""
+        """Growing levels until one is not proved, smaller ones where the first fails, then levels
+        just below the cost of the initial conditions whose bound is the poorest.
+
+        Where W reaches the level, the level is the bound: the set need not contain them."""
         costs = self._flights.costs
         linear = self._problem.linear_cost(self.starts)
         largest = _ABOVE * float(np.max(costs, initial=linear.max(), where=np.isfinite(costs)))
@@ -174,23 +179,33 @@ class CostSearch:
             if proved:
                 break
             yield _SHARES[0] * largest / 4.0**quarters
-        c = largest
-        for _ in range(_BETWEEN):
-            poor = self._wanted(proved, _LOWER * c).costs
-            if not len(poor):
+        tried = np.zeros(len(costs), dtype=bool)
+        for _ in range(_FOR_POOR):
+            ratios = np.where(tried, np.inf, self._bounds(proved) / costs)
+            cost = costs[np.argmin(ratios)]
+            if ratios.min() >= self._good:
                 break
-            c = _ABOVE * float(poor.max())
-            yield c
+            yield (1.0 - self._problem.margin) * float(cost)
+            tried |= (costs >= _NEAR * cost) & (costs <= cost)
 
     def _wanted(self, proved: Sequence[_Proved], c: float) -> Wanted:
-        """Return initial conditions below a level where the bound is not tight yet."""
+        """Return initial conditions below a level, nearly, where the bound is not tight yet."""
         z, costs = self._flights
-        bound = np.zeros(len(z))
-        if proved:
-            bound = self._bound(proved, "").statement.bound(z)
-        least = 1.0 - _GOOD * self._problem.margin
-        poor = np.isfinite(costs) & (_ABOVE * costs <= c) & (bound < least * costs)
+        is_near = (1.0 - self._problem.margin) * costs <= c * (1.0 + 1e-9)
+        poor = is_near & (self._bounds(proved) < self._good * costs)
         return Wanted(z[poor], costs[poor])
+
+    @property
+    def _good(self) -> float:
+        """The least good ratio of the bound to the cost of a flight."""
+        return 1.0 - _GOOD * self._problem.margin
+
+    def _bounds(self, proved: Sequence[_Proved]) -> np.ndarray:
+        """(N,), of the initial conditions of the flights."""
+        z, _ = self._flights
+        if not proved:
+            return np.zeros(len(z))
+        return self._bound(proved, "").statement.bound(z)
 
     def _bound(self, proved: Sequence[_Proved], stopped: str) -> CostBound:
         plant = self._problem.plant
@@ -200,7 +215,9 @@ class CostSearch:
         statement = CostStatement(plant, at, self._problem.Q, self._problem.R, pieces)
         boxes = tuple(each.boxes for each in proved)
         witness = CostWitness(
-            tuple(names[i] for i in self._solved), tuple(2 * count for count in boxes)
+            tuple(names[i] for i in self._solved),
+            tuple(2 * count for count in boxes),
+            np.array([each.longer for each in proved]),
         )
         return CostBound(statement, witness, boxes, tuple(each.seconds for each in proved), stopped)
 
@@ -221,17 +238,18 @@ class CostSearch:
             piece = Piece(fit.M, W, c)
             fitted = time.process_time()
             try:
-                piece = self._stretched(piece, fit.places(_TRIED))
-                boxes = cover(self._inequality(piece), _ENDLESS, self._tell)
+                inequality = self._inequality(piece)
+                longer = self._longer(inequality, fit.places(_TRIED))
+                boxes = cover(inequality, _ENDLESS, self._tell, longer)
             except SmallestBoxError as error:
-                fit.open_at(fit.M @ np.linalg.solve(piece.M, error.place))
+                fit.open_at(error.place)
                 W = fit.fitted()
                 continue
             except RefutedError as error:
-                fit.refuted(fit.M @ np.linalg.solve(piece.M, error.place))
+                fit.refuted(error.place)
                 W = fit.fitted()
                 continue
-            return _Proved(piece, boxes, (fitted - begin, time.process_time() - fitted))
+            return _Proved(piece, longer, boxes, (fitted - begin, time.process_time() - fitted))
         raise OpenBoxError(f"{_REFUTED} polynomials were refuted", np.zeros(len(wanted.z)))
 
     def _fitted(self, c: float, wanted: Wanted) -> tuple[Fit, Polynomial]:
@@ -263,10 +281,9 @@ class CostSearch:
         problem = self._problem
         return CostInequality(problem.plant, problem.equilibrium, piece, problem.Q, problem.R)
 
-    def _stretched(self, piece: Piece, places: np.ndarray) -> Piece:
-        """The piece with coordinates divided by powers of 2, so that boxes are long where that
-        leaves most of them proved; places: (N, n), centres of boxes that are tried."""
-        inequality = self._inequality(piece)
+    def _longer(self, inequality: CostInequality, places: np.ndarray) -> tuple[int, ...]:
+        """How much less often each edge is halved, so that boxes are long where that leaves most of
+        them proved; places: (N, n), centres of boxes that are tried."""
 
         def undecided(depths: np.ndarray) -> int:
             tried = Boxes(places, np.tile(depths, (len(places), 1)))
@@ -281,10 +298,4 @@ class CostSearch:
             if min(counts) > _OPEN * len(places):
                 break
             depths[int(np.argmin(counts))] -= 1
-        powers_of_two = (depths.max() - depths).tolist()
-        M = np.ldexp(1.0, -np.array(powers_of_two))[:, None] * piece.M
-        terms = []
-        for value, powers in piece.W.terms:
-            shift = sum(a * power for a, power in zip(powers_of_two, powers, strict=True))
-            terms.append((float(np.ldexp(value, shift)), powers))
-        return Piece(M, Polynomial(n, tuple(terms)), piece.c)
+        return tuple(int(depth) for depth in depths.max() - depths)

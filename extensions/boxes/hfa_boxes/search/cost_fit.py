@@ -36,8 +36,9 @@ _LEAST = 2.0
 _ON_FACE = 1e-6
 #: The least s.
 _LEAST_SQUARE = 0.01
-#: Coefficients are at most so many levels.
-_LARGEST = 30.0
+#: Samples over which functions are orthonormal; their coefficients are at most so many levels.
+_ORTHONORMAL = 8000
+_LARGEST = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +125,7 @@ class Fit:
         self._basis = Monomials(n, problem.degree)
         square = (1.0 - problem.margin) * self.N.T @ problem.P @ self.N
         self._fixed = self._basis.quadratic(square)
-        self._free = self._basis.degrees > 2
+        self._orthonormal = self._combinations()
         self._coefficients = self._fixed.copy()
         self._rows: list[np.ndarray] = []
         self._sides: list[np.ndarray] = []
@@ -207,6 +208,15 @@ class Fit:
                 break
         return found[:count]
 
+    def _combinations(self) -> np.ndarray:
+        """(K, k): combinations of the monomials of degree 3 and more, orthonormal over samples, so
+        that linear programs of high degrees are well conditioned."""
+        higher = self._basis.degrees > 2
+        values = self._basis.at(self._ball(_ORTHONORMAL) @ self.M.T)[:, higher]
+        found = np.zeros((len(higher), int(higher.sum())))
+        found[higher] = np.linalg.inv(np.linalg.qr(values)[1]) * np.sqrt(len(values))
+        return found
+
     def _solve(self) -> None:
         """The coefficients of the largest W: its mean over samples, and the least ratio t of W to
         the wanted costs."""
@@ -220,9 +230,8 @@ class Fit:
         wanted = self._basis.at(self._wanted.z @ self.M.T) / self._wanted.costs[:, None]
         if len(wanted):
             gain += np.mean(wanted, axis=0)
-        # W / c of order 1
-        free = self._free
-        unknowns = np.column_stack([self.c * np.eye(len(free))[:, free], self._fixed])
+        unknowns = np.column_stack([self.c * self._orthonormal, self._fixed])
+        free = unknowns.shape[1] - 1
         every = np.concatenate([rows, wanted]) @ unknowns
         of_t = np.concatenate([np.zeros(len(rows)), np.ones(len(wanted))])
         left = np.concatenate([sides, np.zeros(len(wanted))])
@@ -230,7 +239,7 @@ class Fit:
             -np.append(gain @ unknowns, _LEAST),
             np.column_stack([-every, of_t]),
             -left,
-            bounds=[(-_LARGEST, _LARGEST)] * int(free.sum()) + [(_LEAST_SQUARE, 1.0), (None, 1.0)],
+            bounds=[(-_LARGEST, _LARGEST)] * free + [(_LEAST_SQUARE, 1.0), (None, 1.0)],
             method="highs",
         )
         if found.x is None:

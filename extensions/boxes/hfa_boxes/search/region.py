@@ -133,7 +133,6 @@ class RegionSearch:
 
     def _search(self, earlier: BoxStatement | None) -> None:
         origin, shape = self._first()
-        self._stopped = "no V with a larger set was found"
         if earlier is not None:
             origin = "V of the certificate"
             shape = Shape.of_piece(earlier.piece, self._degree)
@@ -150,6 +149,8 @@ class RegionSearch:
                     pass
             except OutOfTimeError:
                 pass
+            level = growth.shape.bound(self.samples, _HIGHEST).level
+            growth.shape = growth.shape.of_level(min(level, _HIGHEST))
             self._levels(growth, f"one of degree {degree} that was searched for")
 
     def _levels(self, growth: Growth, origin: str) -> None:
@@ -165,6 +166,7 @@ class RegionSearch:
             try:
                 self._prove(growth.shape, share, origin)
                 low = share
+                self._stopped = "no V with a larger set was found"
             except RefutedError as error:
                 refuted += 1
                 place = self._place(growth.shape, share, error)
@@ -238,8 +240,17 @@ class RegionSearch:
         if not sampled:
             raise NoSolutionError("no V was found that falls near the equilibrium")
         sampled.sort(key=lambda each: -each[1].size())
-        few = [(origin, self._good(shape, quick=False)) for origin, shape in sampled[:_SAMPLED]]
-        return max(few, key=lambda each: each[1].size())
+        best = None
+        largest = 0.0
+        for origin, shape in sampled[:_SAMPLED]:
+            # more samples make a set smaller
+            if shape.size() <= largest:
+                break
+            good = self._good(shape, quick=False)
+            if good.size() > largest:
+                best, largest = (origin, good), good.size()
+        assert best is not None
+        return best
 
     def _good(self, shape: Shape, *, quick: bool) -> Shape:
         """Return the shape with its largest set that samples allow."""

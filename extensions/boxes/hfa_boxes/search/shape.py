@@ -18,9 +18,10 @@ from hfa_boxes.check.piece import Piece
 from hfa_boxes.check.plant import Equilibrium
 from hfa_boxes.search.monomials import Monomials
 
-#: Rays from the equilibrium and shells of a search, how often it is refined; the fewest rays, and
-#: operations of a loop that has the usual number.
+#: Rays from the equilibrium for the size of a set; rays for each state and shells of a search, how
+#: often it is refined; the fewest rays, and operations of a loop that has the usual number.
 _RAYS = 1000
+_SEARCHED = 250
 _FEWEST = 50
 _OPERATIONS = 1500
 _SHELLS = 25
@@ -63,22 +64,22 @@ class Samples:
     def __init__(self, loop: Loop, equilibrium: Equilibrium) -> None:
         x = ca.SX.sym("x", len(loop.states))
         rates, outputs = loop.rates(x)
-        functions = [ca.densify(rates), ca.densify(outputs)]
-        self._function = ca.Function("loop", [x], functions)
+        self._rates = ca.Function("rates", [x], [ca.densify(rates)])
+        self._outputs = ca.Function("outputs", [x], [ca.densify(outputs)])
         #: Part of the usual number of samples: fewer of a loop with many operations.
-        self.share = min(1.0, _OPERATIONS / self._function.n_instructions())
+        self.share = min(1.0, _OPERATIONS / self._rates.n_instructions())
         self._x = equilibrium.x
         ends = loop.ends((*loop.states, *loop.limited_outputs))
         self._low, self._high = ends.T
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """z' of deviations (N, n)."""
-        return np.array(self._function((z + self._x).T)[0]).T
+        return np.array(self._rates((z + self._x).T)).T
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
         """(N,), which deviations (N, n) are beyond a limit of a state or an output."""
         x = z + self._x
-        signals = np.hstack([x, np.array(self._function(x.T)[1]).T.reshape(len(z), -1)])
+        signals = np.hstack([x, np.array(self._outputs(x.T)).T.reshape(len(z), -1)])
         return np.asarray(np.any((signals < self._low) | (signals > self._high), axis=1))
 
 
@@ -210,8 +211,9 @@ class Shape:
             margin = -slope / self.values(z)
             return np.where(samples.beyond(z) | np.isnan(margin), -np.inf, margin)
 
-        rays = max(int(samples.share * (_RAYS // 10 if quick else _RAYS)), _FEWEST)
-        found = self._first(margins, level, rays, _TURNS // 4 if quick else _TURNS)
+        rays = samples.share * _SEARCHED * self.basis.n * (0.1 if quick else 1.0)
+        turns = _TURNS // 4 if quick else _TURNS
+        found = self._first(margins, level, max(int(rays), _FEWEST), turns)
         if found is None:
             return Bound(np.inf, None, False)
         at, place = found

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hfa_proof.commands.check import CheckRequest
 
 _OF_THE_SEARCH = ("degree", "margin", "seconds", "resume")
-_DEGREES = ("2", "4", "6", "8", "10")
+_DEGREES = ("2", "4", "6", "8", "10", "12")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +37,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     degree: int = option(
-        "degree of W: 2, 4, 6, 8 or 10; default 4",
+        "degree of W: 2, 4, 6, 8, 10 or 12; default 4",
         "N",
         lambda text: int(one_of(*_DEGREES)(text)),
         default=4,
