@@ -12,7 +12,7 @@ import pytest
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
 from hfa_boxes.check.checker import VerifiedBoxes
-from hfa_boxes.check.cost_checker import VerifiedCost
+from hfa_boxes.check.cost_checker import CostWitness, VerifiedCost
 from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
@@ -207,8 +207,10 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
 def test_each_field_of_a_bound_is_compared_or_shown(cart: Model) -> None:
     def text_of(content: dict[str, Any]) -> str:
         statement = CostStatement.read(content, cart)
-        boxes = (1,) * len(statement.pieces)
-        return checked_bound_report(VerifiedCost(statement, boxes, WRITTEN), []).text()
+        count = len(statement.pieces)
+        witness = CostWitness(("speed",), (1,) * count, np.zeros((count, 2), dtype=int))
+        verified = VerifiedCost(statement, witness, witness.boxes, WRITTEN)
+        return checked_bound_report(verified, []).text()
 
     problem = flight_problem(cart, find_operating_point(cart))
     given = given_of(problem, "--aircraft", {"Q": np.eye(2), "R": np.eye(1)})
