@@ -148,8 +148,8 @@ def _refuse_small_address_space() -> None:
     megabytes = allowed // 2**20
     if allowed != resource.RLIM_INFINITY and megabytes < _ADDRESS_SPACE:
         raise BadInputError(
-            f"this process may have {megabytes} MB of address space (ulimit -v) and needs"
-            f" {_ADDRESS_SPACE}; allow more"
+            f"this process is limited to {megabytes} MB of address space (ulimit -v) and needs"
+            f" {_ADDRESS_SPACE}; raise the limit"
         )
 
 

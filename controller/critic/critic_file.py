@@ -201,7 +201,9 @@ def _single_parts(
     """Return the given ones of W (M,), P and K by name, in the units of the plant."""
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:
-        raise BadInputError('H belongs to a plant in steps; did you mean time = "discrete"?')
+        raise BadInputError(
+            'H belongs to a plant in discrete time; did you mean time = "discrete"?'
+        )
     if not parts:
         raise BadInputError(
             f"there is no W, P or K; a weights file holds one of them{found_in(entries)}"

@@ -64,6 +64,6 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
         elif unit and unit_of_plant and unit != unit_of_plant:
             raise BadInputError(
                 f"state {i + 1} is in {shortened(unit)} and that of the plant in {unit_of_plant};"
-                " convert it, or leave state_units out of the file"
+                " convert it, or remove state_units from the file"
             )
     return scales

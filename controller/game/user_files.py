@@ -160,7 +160,9 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
     if not is_discrete(stored):
         for key in DISCRETE_KEYS:
             if key in stored and key != "time":
-                raise BadInputError(f'{key} belongs to a step; did you mean time = "discrete"?')
+                raise BadInputError(
+                    f'{key} belongs to discrete time; did you mean time = "discrete"?'
+                )
         return None
     discount = 1.0
     if "discount" in stored:

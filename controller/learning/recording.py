@@ -157,7 +157,7 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
         )
     if pool.samples < samples:
         raise BadInputError(
-            f"the pool holds {pool.samples} samples and {samples} were asked for; record more"
+            f"the pool holds {pool.samples} samples and {samples} are requested; record more"
         )
     rows = unit_rows(basis.psi(pool.states / pool.channel_scales()))
     chosen: list[int] = []

@@ -137,7 +137,8 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         for name, values in {**self.hold, **ranges}.items():
             if name in axes or not (isinstance(values, tuple) and len(values) == 1):
                 raise BadInputError(
-                    f"{name} has a column or a range beside the list {listing}; give one value"
+                    f"{name} has a column or a range in addition to the list {listing}; give one "
+                    "value"
                 )
         for name, values in ranges.items():
             axes[name] = np.full(rows, values[0])

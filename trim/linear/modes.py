@@ -61,7 +61,7 @@ def modes_of(
     if A.shape != (len(states), len(states)) or not np.isfinite(A).all():
         raise BadInputError(
             f"A is of shape {A.shape}, with {len(states)} states; give a square matrix of finite "
-            "numbers with a row a state"
+            "numbers, one row for each state"
         )
     eigenvalues, _, right, left = spectrum(A)
     weights = np.abs(right * left.T)

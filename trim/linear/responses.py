@@ -79,8 +79,8 @@ def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData
     values = np.array(u, dtype=float, ndmin=2)
     if values.shape != (len(model.inputs), time.size):
         raise BadInputError(
-            f"u is of shape {np.shape(u)}; give ({len(model.inputs)}, {time.size}), a row an input,"
-            " or a dictionary of inputs"
+            f"u is of shape {np.shape(u)}; give ({len(model.inputs)}, {time.size}), one row for "
+            "each input, or a dictionary of inputs"
         )
     return control.forced_response(system, time, values, squeeze=False)
 

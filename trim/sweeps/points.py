@@ -92,7 +92,8 @@ def trim_points(
     values = numbers_in("values", values)
     if values.ndim != 2 or values.shape[1] != len(variables):
         raise BadInputError(
-            f"values are {values.shape}; they must be (N, {len(variables)}), a column a variable"
+            f"values are {values.shape}; they must be (N, {len(variables)}), one column for each "
+            "variable"
         )
     if condition is None:
         condition = usual_condition(model)

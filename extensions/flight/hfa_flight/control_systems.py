@@ -100,7 +100,7 @@ def from_control(
     with warnings.catch_warnings(action="ignore", category=FutureWarning):
         rates, seen = values(time, *columns)  # CasADi warns of functions of NumPy
     if ca.depends_on(ca.vertcat(*map(ca.SX, (*rates.values(), *seen.values()))), time):
-        raise BadInputError(f"{name} depends on time; make what it does over time an input")
+        raise BadInputError(f"{name} depends on time; make its dependence on time an input")
     if model.layout.has_nan:
         raise BadInputError(
             f"{name} cannot be traced: float or math makes numbers of symbols; use NumPy's"

@@ -90,19 +90,16 @@ class MonteCarlo(StatesAndInputs, Shown):
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
         for name in ("reference", "disturbance", "noise"):
             if not hasattr(getattr(self.scenario, name), "to_dict"):
-                raise BadInputError(
-                    f"the {name} of a Monte Carlo must be a Waveform, whose formula says what it is"
-                )
+                raise BadInputError(f"the {name} of a Monte Carlo must be a Waveform")
         if self.scenario.samples is not None:
             raise BadInputError(
-                "the scenario of a Monte Carlo is drawn already; give the one that it was drawn"
-                " from"
+                "the scenario of a Monte Carlo is drawn already; give the scenario before the draw"
             )
         refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:
             if self.model.parameters[name].start == 0.0:
                 raise BadInputError(
-                    f"{name} is 0, so that a relative error does nothing; leave it out"
+                    f"{name} is 0, so that a relative error has no effect; leave it out"
                 )
         self.loop()  # what cannot be flown is refused here rather than in a worker
 

@@ -206,7 +206,7 @@ class Scenario(Shown):
         for name in gusts:
             if name not in in_gusts(model).disturbances:
                 raise BadInputError(
-                    f"{model.name} declares no disturbance {name}, which a gust is; declare it"
+                    f"{model.name} declares no disturbance {name}, which a gust needs; declare it"
                 )
         n = len(model.states)
         no_signal = zero(len(model.linear))

@@ -329,7 +329,7 @@ def table_value(element: Element, properties: Properties, number: int | None = N
         arguments[_AXES[axis]] = properties.read(name, variable.where)
     if sorted(arguments) != list(range(table.dimensions)):
         fault = f"the table has {table.dimensions} axes and {len(arguments)} independentVar"
-        raise element.error(f"{fault}; give one an axis")
+        raise element.error(f"{fault}; give one for each axis")
     return table.at(properties, [arguments[axis] for axis in range(table.dimensions)])
 
 

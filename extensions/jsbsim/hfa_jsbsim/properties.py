@@ -225,7 +225,7 @@ class Properties:
             if name.startswith("--"):
                 raise BadInputError(f"{where}: {shortened(name)} has several signs; give one")
             if name[1:2].isspace():
-                raise BadInputError(f"{where}: {shortened(name)} has a blank behind its sign")
+                raise BadInputError(f"{where}: {shortened(name)} has a blank after its sign")
             return -self.read(name[1:], where)
         key = plain(name)
         if not _NAME.fullmatch(key):
@@ -275,7 +275,7 @@ class Properties:
             try:
                 writer.value = writer.compute()
             except RecursionError as error:
-                raise BadInputError(f"{writer.where}: too many functions in each other") from error
+                raise BadInputError(f"{writer.where}: functions are nested too deeply") from error
             finally:
                 self._running.pop()
                 self._order = order

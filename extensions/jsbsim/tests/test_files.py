@@ -103,7 +103,7 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             glider(LIFT + REST + force("SIDE", "<p>- aero/beta-rad</p>")),
-            r"glider.xml:\d+: - aero/beta-rad has a blank behind its sign",
+            r"glider.xml:\d+: - aero/beta-rad has a blank after its sign",
         ),
         (
             glider(

@@ -95,7 +95,7 @@ def test_names_do_not_matter_if_widths_decide(game: Game) -> None:
 def test_module_declared_in_another_order_than_numbers_refused(game: Game) -> None:
     """A module declared in another order than its numbers is refused."""
     path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
-    with pytest.raises(BadInputError, match="'fc1' stands after 'fc2': the file does not tell"):
+    with pytest.raises(BadInputError, match="'fc1' comes after 'fc2': the file does not give"):
         from_network(game, path, activation="tanh")
 
 
@@ -162,7 +162,7 @@ def test_a_layer_norm_of_unknown_place_is_refused(
 ) -> None:
     """A layer norm whose place the names do not tell is refused."""
     message = refusal(torch_file("a.pt", with_norm(*names)), activation="tanh")
-    assert f"before or behind the LayerNorm '{names[1]}'; export the network to ONNX" in message
+    assert f"before or after the LayerNorm '{names[1]}'; export the network to ONNX" in message
 
 
 def test_layer_norm_states_or_output_needs_no_gap() -> None:
@@ -267,7 +267,7 @@ def test_pickle_would_run_code_refused_and_nothing_runs(packed: bool) -> None:
         else:
             path.write_bytes(content)
         assert (
-            "mkdir, which is not done: save state_dict() alone" if packed else "since torch 1.6"
+            "mkdir, which is refused: save state_dict() alone" if packed else "since torch 1.6"
         ) in refusal(path)
         assert not Path("executed").exists()
     pickle.loads(content)  # as torch.load without weights_only

@@ -166,7 +166,7 @@ def test_value_and_policy_of_one_file_are_named() -> None:
     assert json.loads(judged.out)["network"]["output"] == "V and policy"
     assert "hfa assess" in judged.err  # a zip has no normalizer and no map
     assert "of several networks name one, as network=" in hfa(*words[:-1]).err
-    assert "before = stands one of V, gradient, policy, V+policy" in hfa(*words, "W=value_net").err
+    assert "before = write one of V, gradient, policy, V+policy" in hfa(*words, "W=value_net").err
 
 
 def test_v_and_a_policy_are_judged_together(game: Game) -> None:

@@ -33,8 +33,8 @@ def plant_of(problem: FlightProblem) -> Plant:
     if problem.carried:
         names = " and ".join(problem.carried)
         raise BadInputError(
-            f"the rates of {model.title} depend on {names}, which the cost leaves out: no bound "
-            "covers flights that change it"
+            f"the rates of {model.title} depend on {names}, which the cost does not include: no "
+            "bound covers flights that change it"
         )
     states = {name: float(value) for name, value in problem.point.states._asdict().items()}
     envelope = problem.envelope

@@ -240,7 +240,7 @@ class FlightProblem:
                 and abs(off[place]) > _SAME * self.model.states[name].nominal
             ):
                 raise BadInputError(
-                    f"the two trims differ in {name}, which the linear model leaves out; "
+                    f"the two trims differ in {name}, which the linear model lacks; "
                     "hold it at one value"
                 )
         return off[self.places]

@@ -72,9 +72,9 @@ def test_a_run_goes_on_from_its_certificate(
 
 
 def test_a_state_that_flights_change_is_not_held(capsys: pytest.CaptureFixture[str]) -> None:
-    """The density at the flexible aircraft changes with its altitude, which the cost leaves out."""
+    """The density at the flexible aircraft changes with its altitude, which the cost does not include."""
     assert main(["prove", "cost", "--dihedral", "10"]) == 2
-    assert "depend on altitude, which the cost leaves out" in capsys.readouterr().err
+    assert "depend on altitude, which the cost does not include" in capsys.readouterr().err
 
 
 def test_every_field_has_a_use(certificate: Path) -> None:

@@ -125,7 +125,7 @@ def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
             )
         )
     return Table(
-        ("claim", "verdict", "the paper says", "measured", "asked for", _SUBJECT, *_BESIDE), rows
+        ("claim", "verdict", "the paper says", "measured", "required", _SUBJECT, *_BESIDE), rows
     )
 
 

@@ -95,7 +95,7 @@ def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) 
             raise BadInputError(f"the formula {shown(text)}: {node.func.id} takes {count}")
         parts = node.args
     else:
-        raise BadInputError(f"the formula {shown(text)} is more than arithmetic; {_RULE}")
+        raise BadInputError(f"the formula {shown(text)} contains more than arithmetic; {_RULE}")
     for part in parts:
         _check(part, text, known, names)
 

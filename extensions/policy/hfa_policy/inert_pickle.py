@@ -126,7 +126,7 @@ class _Restricted(pickle.Unpickler):
             return _inert(module, name)
         whose = " (a class or function of the user's own)" if "cloudpickle" in module else ""
         raise BadInputError(
-            f"it wants to call {shortened(f'{module}.{name}')}{whose}, which is not done; nothing "
+            f"it wants to call {shortened(f'{module}.{name}')}{whose}, which is refused; nothing "
             "of it was run"
         )
 

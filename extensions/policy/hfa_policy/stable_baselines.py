@@ -130,7 +130,8 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
     for name in settings:
         if name not in _SETTINGS:
             raise BadInputError(
-                f"its policy_kwargs set {shown(name)}, which is not read; export the policy to ONNX"
+                f"its policy_kwargs set {shown(name)}, which is not supported; export the "
+                "policy to ONNX"
             )
     _refuse_other_class("features_extractor_class", settings, (_FLATTEN,))
     algorithm, part, usual = _algorithm(tensors)
@@ -171,7 +172,8 @@ def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, .
     made_of = getattr(found, "made_of", None) or shown(found)
     if made_of not in known:
         raise BadInputError(
-            f"its {entry} is {shortened(made_of)}, which is not read; export the policy to ONNX"
+            f"its {entry} is {shortened(made_of)}, which is not supported; export the policy to "
+            "ONNX"
         )
 
 
@@ -182,11 +184,13 @@ def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
         raise BadInputError("it has a features extractor with weights; export the policy to ONNX")
     if any(name.startswith("actor.") and "running_mean" in name for name in tensors):
         raise BadInputError(
-            "its actor normalizes batches, as that of CrossQ does, which is not read from a zip; "
+            "its actor normalizes batches, as in CrossQ, which is not supported in a zip; "
             "export the policy to ONNX"
         )
     if "lstm" in names:
-        raise BadInputError("it is recurrent, which is not read; only feed-forward policies are")
+        raise BadInputError(
+            "it is recurrent, which is not supported; only feed-forward policies are"
+        )
     if "action_net.weight" in tensors:
         return "PPO or A2C", "policy_net+action_net", "tanh"
     if "actor.latent_pi" in names or "actor.log_std" in names:

@@ -261,7 +261,7 @@ def _discount(content: dict[str, Any]) -> float:
     if "discount" not in content:
         return 1.0
     if content.get("time") != "discrete":
-        raise BadInputError('discount belongs to a step; did you mean time = "discrete"?')
+        raise BadInputError('discount belongs to discrete time; did you mean time = "discrete"?')
     return _scalar("discount", read_block("discount", content["discount"]))
 
 
@@ -331,7 +331,7 @@ def _check_answer(answer: dict[str, Block], texts: dict[str, Any], plant: Plant)
     k = plant.E.shape[1]
     size = n + m + k
     if "H" in answer and not plant.is_discrete:
-        raise BadInputError('H belongs to a step; did you mean time = "discrete"?')
+        raise BadInputError('H belongs to discrete time; did you mean time = "discrete"?')
     if "L" in answer and not k:
         raise BadInputError("L is printed, and the plant has no E and gamma")
     shapes = {"P": (n, n), "K": (m, n), "L": (k, n), "H": (size, size)}

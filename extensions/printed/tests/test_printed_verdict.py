@@ -368,7 +368,11 @@ def test_time_that_every_digit_fits_is_asked_for(verdict_of):
         ("0.8223", "m*g", "A, row 2: 'm' is unknown; use numbers, + - * / ** and sin"),
         ("0.8223", "1/0", "A, row 2: '1/0' is inf; it must be finite"),
         ("[printed]", '[printed]\nscale = "4"', "scale is '4'; give a power of ten as"),
-        ('time = "continuous"', 'discount = "0.9"', "discount belongs to a step; did you mean"),
+        (
+            'time = "continuous"',
+            'discount = "0.9"',
+            "discount belongs to discrete time; did you mean",
+        ),
         ('Q = "1 0; 0 2"', f'Q = "diag {"1 " * 401}"', "Q: diag has 401 numbers; give at most 400"),
         ('Q = "1 0; 0 2"', "", "the plant has no Q"),
         ('R = "1"', 'R = "1"\nE = "1; 0"\ngamma = "-2"', "gamma is -2.0; it must be a positive"),

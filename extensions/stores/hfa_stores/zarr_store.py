@@ -331,8 +331,8 @@ def _refuse_another(path: Path, job: RowJob) -> None:
     other = _first_difference(path, expected)
     if other:
         raise BadInputError(
-            f"{path} is damaged or was made elsewhere: {other} is not as this {job.what} makes it; "
-            "start anew"
+            f"{path} is damaged or was made elsewhere: {other} differs from that of this "
+            f"{job.what}; start anew"
         )
     if not _same_labels(path, job.row, labels):
         raise BadInputError(

@@ -179,7 +179,7 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
     [
         (
             {"state_units": ["ft/s", "deg"]},
-            "state 2 is in deg and that of the plant in rad; convert it, or leave",
+            "state 2 is in deg and that of the plant in rad; convert it, or remove",
         ),
         (
             {"states": ["alpha", "speed"]},

@@ -74,7 +74,7 @@ def check_region(
     nominal = np.array([loop.model.signals[name].nominal for name in loop.states])
     distance = np.abs(equilibrium.x - stated) + equilibrium.radius
     if not np.all(distance <= SAME_EQUILIBRIUM * nominal):
-        raise Rejected("the equilibrium is another than is stated")
+        raise Rejected("the equilibrium differs from the stated one")
     _check_limits(statement, equilibrium)
     extents = np.array([statement.extents[name] for name in loop.states])
     decrease = Decrease(loop, equilibrium, statement.piece, extents, witness.multipliers)

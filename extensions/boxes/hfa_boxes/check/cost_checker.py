@@ -86,12 +86,12 @@ def check_cost(
     trim = np.array([{**plant.trim, **plant.inputs}[name] for name in names])
     solved = tuple(names.index(name) for name in witness.solved)
     if len(set(solved)) != len(plant.states):
-        raise Rejected("as many states and inputs are solved for as there are states")
+        raise Rejected("the number of solved states and inputs differs from the number of states")
     equilibrium = equilibrium_of(plant, stated, solved)
     for other, what in ((stated, "stated"), (trim, "the trim")):
         distance = np.abs(equilibrium.x - other) + equilibrium.radius
         if not np.all(distance <= SAME_EQUILIBRIUM * plant.nominal):
-            raise Rejected(f"the equilibrium is another than {what}")
+            raise Rejected(f"the equilibrium differs from {what}")
     low, high = plant.ends(plant.states).T
     at = equilibrium.x[: len(plant.states)]
     if not np.all((low <= at) & (at <= high)):

@@ -110,7 +110,7 @@ class BoxStatement:
         if isinstance(stated, Gain):
             policy = stated.function(tuple(plant.inputs))
         elif policy is None:
-            raise BadInputError("is about a network; give it by --weights or --policy")
+            raise BadInputError("concerns a network; give it by --weights or --policy")
         elif stated != digest_of(policy):
             raise BadInputError("is about another policy; give that one's --weights and options")
         loop = Loop(**vars(plant), policy=policy)

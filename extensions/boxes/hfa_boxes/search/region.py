@@ -238,7 +238,7 @@ class RegionSearch:
             widest = float(np.min(self._room**2 / widths))
             sampled.append((origin, self._good(Shape.of_matrix(P / widest, self.J, 2), quick=True)))
         if not sampled:
-            raise NoSolutionError("no V was found that falls near the equilibrium")
+            raise NoSolutionError("no V was found that decreases near the equilibrium")
         sampled.sort(key=lambda each: -each[1].size())
         best = None
         largest = 0.0

@@ -33,7 +33,7 @@ def spread_of_file(path: str, model: Model) -> ParameterSpread:
         raise BadInputError(f"{path}: [covariance] is not names of parameters and rows; {_ADVICE}")
     matrix = np.array(rows, dtype=float)
     if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(_scaled(matrix)).min() < -1e-8:
-        raise BadInputError(f"{path}: [covariance] is no covariance; {_ADVICE}")
+        raise BadInputError(f"{path}: [covariance] is not a covariance; {_ADVICE}")
     values = {name: model.parameters[name].start for name in names}
     return ParameterSpread(values, matrix)
 

@@ -199,7 +199,7 @@ def _parts(network: str) -> dict[str, str]:
         output, equals, part = item.strip().rpartition("=")
         if equals and output not in OUTPUTS:
             raise BadInputError(
-                f"--network {shortened(item)!r}: before = stands one of {', '.join(OUTPUTS)}"
+                f"--network {shortened(item)!r}: before = write one of {', '.join(OUTPUTS)}"
             )
         parts[output] = part
     return parts
@@ -231,7 +231,7 @@ def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str
             raise BadInputError(f"the network has {size} outputs; on this plant {meanings}")
         if len(fitting) > 1:
             raise BadInputError(
-                f"{size} outputs may be {' or '.join(fitting)}; say which, as "
+                f"{size} outputs may be {' or '.join(fitting)}; choose one, as "
                 f'network="{fitting[0]}={part}"',
                 ("--network", f"{fitting[0]}={part}"),
             )

@@ -249,8 +249,8 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
         before = last.get(_kind(layer))
         if before is not None and _numbers(before) > _numbers(layer):
             raise BadInputError(
-                f"layer {shortened(layer.name)!r} stands after {shortened(before.name)!r}: the "
-                "file does not tell in which order they run; save them in that order, or export "
+                f"layer {shortened(layer.name)!r} comes after {shortened(before.name)!r}: the "
+                "file does not give their order; save them in that order, or export "
                 "to ONNX"
             )
         last[_kind(layer)] = layer
@@ -334,7 +334,7 @@ def _activated(layers: list[Layer]) -> list[int]:
 
 def _unknown_place(norm: Layer) -> BadInputError:
     return BadInputError(
-        "the names of its layers do not tell whether the activation is before or behind the "
+        "the names of its layers do not decide whether the activation is before or after the "
         f"LayerNorm {shortened(norm.name)!r}; export the network to ONNX"
     )
 

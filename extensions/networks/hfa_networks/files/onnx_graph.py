@@ -454,7 +454,7 @@ def check_width(width: int, states: int, inputs: int) -> None:
     if width == states:
         return
     if inputs == 0:
-        raise BadInputError(f"the network has {width} inputs and is given {states} numbers")
+        raise BadInputError(f"the network has {width} inputs; {states} numbers were given")
     if width != states + inputs:
         raise BadInputError(
             f"the network has {width} inputs and the plant {states} states; a Q of them and the "

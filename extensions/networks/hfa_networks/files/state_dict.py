@@ -184,7 +184,7 @@ def refuse_others(others: Tensors, takes: int, gives: int) -> None:
         if end == takes or entry == gives or is_parallel:
             raise BadInputError(
                 f"tensor {shortened(name)!r} {first.shape} is in no part that was named, and may "
-                f"act before or behind the network; {_ELSE}"
+                f"act before or after the network; {_ELSE}"
             )
 
 

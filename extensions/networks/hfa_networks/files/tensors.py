@@ -49,7 +49,7 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
         return {name: numbers_in(name, rows) for name, rows in json.loads(content).items()}
     if content[:2] != b"PK":
         raise BadInputError(
-            "it is not what torch.save writes since torch 1.6; save state_dict() with it again"
+            "it is not a file of torch.save since torch 1.6; save state_dict() with it again"
         )
     return _torch_zip(content)
 
@@ -148,7 +148,7 @@ def refuse_shared(stored: Any) -> None:
         waiting.pop()
         counts[id(value)] = max(1, sum(counts.get(id(each), 0) for each in _inside(value)))
         if counts[id(value)] > _MOST_STEPS or len(waiting) > _MOST_STEPS:
-            raise BadInputError("it is damaged: its parts hold each other too many times")
+            raise BadInputError("it is damaged: its parts refer to each other too often")
 
 
 def _inside(value: Any) -> list[Any]:
@@ -176,7 +176,7 @@ class _Restricted(pickle.Unpickler):
             return _dtype(name)
         if (module, name) not in _ALLOWED:
             raise BadInputError(
-                f"it wants to make {shortened(f'{module}.{name}')}, which is not done: save "
+                f"it wants to make {shortened(f'{module}.{name}')}, which is refused: save "
                 "state_dict() alone"
             )
         return _ALLOWED[module, name]

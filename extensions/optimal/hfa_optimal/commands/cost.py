@@ -103,7 +103,7 @@ def cost(request: CostRequest) -> int:
     if request.output is not None and request.output.suffix.lower() != ".json":
         raise BadInputError(f"{request.output}: a certificate is a .json file; name one")
     if request.resume and request.output is None:
-        raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
+        raise BadInputError("--resume needs the certificate to continue; add -o FILE.json")
     return _prove(request)
 
 

@@ -177,7 +177,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
             raise BadInputError(f"{gains[0]}: a gain has no sample time; add --sample-time, s")
         if self.sample_time is not None and not gains:
             raise BadInputError(
-                "--sample-time is of a gain in a FILE.npz; give one, or leave it out"
+                "--sample-time is for a gain in a FILE.npz; give one, or leave it out"
             )
         return [
             sampled_gain(card, model, self.sample_time)
@@ -248,11 +248,11 @@ def assess(request: AssessRequest) -> int:
             origin = each.deployment.origin
             raise BadInputError(f"--best: {origin} has no [cost]; add the Q and R")
     if request.bound is not None and not request.best:
-        raise BadInputError("--bound is of flights beside the best ones; add --best K")
+        raise BadInputError("--bound is for flights compared with the best ones; add --best K")
     changes = [changes_of(each, request.vary) for each in deployed]
     points = tuple(request.points())
     if request.bound is not None and len(points) > 1:
-        raise BadInputError("--bound is of one trim; assess at one")
+        raise BadInputError("--bound is for one trim; assess at one")
     scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
     results = []
     for each, changes_of_each in zip(deployed, changes, strict=True):
@@ -267,7 +267,7 @@ def assess(request: AssessRequest) -> int:
         )
         results.append(found)
     if request.draws is not None and len(results) > 1:
-        raise BadInputError("--draws is of one deployment; name one")
+        raise BadInputError("--draws is for one deployment file; name one")
     if len(results) == 1:
         report = results[0].report()
         if request.draws is not None:
@@ -276,7 +276,7 @@ def assess(request: AssessRequest) -> int:
         show(report, request, figure=results[0].figure, notes=results[0].warnings)
         return 0 if results[0].ok else 1
     if request.picture is not None:
-        raise BadInputError("--picture is of one deployment; name one")
+        raise BadInputError("--picture is for one deployment file; name one")
     notes = [
         f"{one.deployed.deployment.origin}: {note}" for one in results for note in one.warnings
     ]

@@ -32,7 +32,7 @@ def require(holds: bool, where: str, value: Any = None) -> None:
     """Malformed, with the name of the entry, unless it holds."""
     if not holds:
         shown_value = "" if value is None else f" ({shown(value)})"
-        raise Malformed(f"{where} is not what a certificate holds{shown_value}")
+        raise Malformed(f"{where} is not valid in a certificate{shown_value}")
 
 
 #: What reading and checking raise where an entry is wrong or does not prove what is stated.

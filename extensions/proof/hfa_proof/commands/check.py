@@ -60,7 +60,7 @@ def prove(request: CheckRequest) -> int:
     if request.check is None:
         known = ", ".join(words_after("prove"))
         raise BadInputError(
-            f"name the statement to prove, hfa prove and one of {known}, or --check FILE"
+            f"name the statement to prove: hfa prove and one of {known}, or --check FILE"
         )
     of_others = offered(PARTS).get(f"check.{kind_of(request.check)}")
     if of_others is not None:

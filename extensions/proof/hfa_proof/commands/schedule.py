@@ -94,7 +94,7 @@ def schedule(request: ScheduleRequest) -> int:
     from hfa_proof.search.schedule_proof import prove_schedule
 
     if request.resume and request.output is None:
-        raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
+        raise BadInputError("--resume needs the certificate to continue; add -o FILE.json")
     intervals = request.intervals()
     family = family_of(request, request.error)
     low, high = request.ends(family)

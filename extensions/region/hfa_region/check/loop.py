@@ -119,7 +119,7 @@ class Equilibrium:
         signals = self.loop.model.signals
         for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
             if not abs(value - stated) <= exact(signals[name].nominal) * SAME_TRIM:
-                raise Rejected(f"the equilibrium has another {name} than is stated")
+                raise Rejected(f"{name} of the equilibrium differs from the stated value")
         for name in self.loop.inputs:
             for room in self.room(name):
                 if room is not None and not room > 0:

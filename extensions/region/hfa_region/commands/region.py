@@ -114,7 +114,7 @@ def region(request: RegionRequest) -> int:
     if request.output is not None and request.output.suffix.lower() != ".json":
         raise BadInputError(f"{request.output}: a certificate is a .json file; name one")
     if request.resume and request.output is None:
-        raise BadInputError("--resume needs the certificate to go on with; add -o FILE.json")
+        raise BadInputError("--resume needs the certificate to continue; add -o FILE.json")
     if request.policy is None and not _is_network(request):
         return _prove(request)
     from hfa_region.commands.on_boxes import prove_on_boxes
