@@ -116,7 +116,9 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
             )
         if not own.same(stated[path], own.value):
             name = _first_other(name, stated[path], own)
-            raise NoSolutionError(f"the certificate is about another {name} than {own.option} gives")
+            raise NoSolutionError(
+                f"the certificate is about another {name} than {own.option} gives"
+            )
     subjects = [table[path].subject for path in stated if path not in given]
     order = dict.fromkeys(field.subject for field in table.values())
     return [subject for subject in order if subject and subject in subjects]

@@ -186,7 +186,10 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "lower limit of an output": (_put([-1.0, 9.0], "statement", "limits", "sum"), "sum may"),
     "upper limit of an output": (_put([-9.0, 1.0], "statement", "limits", "sum"), "sum may"),
     "a limit wider than the model's": (_put([-2.0, 1.0], "statement", "limits", "z"), "limits: z"),
-    "another trim": (_put({"x": 1e-5, "y": 0.0}, "statement", "trim"), "x of the equilibrium differs"),
+    "another trim": (
+        _put({"x": 1e-5, "y": 0.0}, "statement", "trim"),
+        "x of the equilibrium differs",
+    ),
     "coordinates in a plane": (
         _put([[SCALE, SCALE], [SCALE, SCALE]], "witness", "T"),
         "not proved invertible",
