@@ -56,9 +56,15 @@ def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
     python = environment(tmp_path / "core")
     lines = [words.split() for words in LINES]
     program = PROGRAM.format(lines=lines)
-    done = subprocess.run([python, "-c", program], capture_output=True, text=True, check=True)
+
+    def run_in_it(program: str, check: bool) -> subprocess.CompletedProcess[str]:
+        """Run outside of the project's folder, in which `pip install .` leaves entry points."""
+        words = [python, "-c", program]
+        return subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=check)
+
+    done = run_in_it(program, check=True)
     names = "from hfa import *; import hfa; print('fly' in dir(hfa), 'Model' in dir(hfa)); hfa.fly"
-    refused = subprocess.run([python, "-c", names], capture_output=True, text=True, check=False)
+    refused = run_in_it(names, check=False)
     assert refused.stdout == "False True\n"
     assert "hfa.fly needs the package hfa_flight, which is not installed" in refused.stderr
     answers = dict(zip(LINES, json.loads(done.stdout), strict=True))
