@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from controller.hfa_game import ORDINARY_DEVIATIONS
-from hfa_model.vectors import INPUTS, LINEAR_STATES, STATE_UNITS
+from hfa_model.vectors import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.units import si_factor, si_unit
 from verification.critic.critic_errors import Box
 
-_UNITS = tuple(getattr(STATE_UNITS, name) for name in LINEAR_STATES)
-_SI_UNITS = tuple(si_unit(unit) for unit in _UNITS)
+_SI_UNITS = tuple(si_unit(unit) for unit in LINEAR_UNITS)
 
 
 def ordinary_box(
@@ -25,8 +24,8 @@ def ordinary_box(
     widths = np.array(ORDINARY_DEVIATIONS)
     speed = f"{widths[0]:g} ft/s"
     if state_units == _SI_UNITS:
-        widths = widths * [si_factor(unit) for unit in _UNITS]
+        widths = widths * [si_factor(unit) for unit in LINEAR_UNITS]
         speed = f"{widths[0]:.4g} m/s"
-    elif any(state_units) and state_units != _UNITS:
+    elif any(state_units) and state_units != LINEAR_UNITS:
         return None
     return Box(widths, f"ordinary deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s")
