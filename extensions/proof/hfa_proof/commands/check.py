@@ -35,8 +35,8 @@ class CheckRequest(PlantOptions, OutputOptions):
     design: Any = design_option("actuators of a controller in --weights")
 
     def origin(self) -> Mapping[str, Any]:
-        """ "": the report names the aircraft of the certificate."""
-        return {}
+        """Return the file of your own aircraft; the report names that of the certificate."""
+        return self._origin_of_file({}) if self.own else {}
 
 
 @command(CheckRequest)
