@@ -72,10 +72,13 @@ def faults_of(
     errors: of the columns, by one step from 0
     """
     spikes = list(outliers(search, fit))
-    if spikes:
+    # A column in another unit leaves residuals that look like outliers.
+    column = ""
+    if not spikes or unexplained(fit).any():
+        column = fault_of_columns(search, fit, progress)
+    if spikes and not column:
         yield from spikes
         return
-    column = fault_of_columns(search, fit, progress)
     sensor = sensor_fault(search, fit, errors) if fit.converged and not column else ""
     if column or sensor:
         yield column or sensor

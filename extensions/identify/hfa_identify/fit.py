@@ -311,12 +311,17 @@ class OutputError:
         noise: np.ndarray,
         pull: np.ndarray,
     ) -> Normal:
-        """The normal equations of a record. pull: (n,) of its start to the guess."""
+        """The normal equations of a record. pull: (n,) of its start to the guess.
+
+        FloatingPointError where they leave the finite numbers."""
         p = len(self.responses.free)
         weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
-        square = gram(rows, rows)
-        right = gram(rows, (residual * weights).reshape(-1, 1)).ravel()
+        with np.errstate(over="ignore", invalid="ignore"):
+            square = gram(rows, rows)
+            right = gram(rows, (residual * weights).reshape(-1, 1)).ravel()
+        if not (np.isfinite(square).all() and np.isfinite(right).all()):
+            raise FloatingPointError("the simulation diverges")
         return Normal(
             M=square[:p, :p],
             B=square[:p, p:],
