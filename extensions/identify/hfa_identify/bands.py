@@ -22,6 +22,9 @@ _WORSE = 1.2
 _MOST_ORDER = 4
 #: Largest sum of its coefficients: the noise has a mean.
 _SLOWEST = 0.995
+#: Poles of slow noise beside white noise, and parts of the variance that it may have.
+_POLES = (0.7, 0.8, 0.9, 0.94, 0.96, 0.97, 0.98, 0.985, 0.99, 0.993)
+_SHARES = (0.02, 0.04, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
 #: Lags at which its autocorrelation is computed, and below which value it is gone.
 _LENGTH = 8192
 _GONE = 1e-3
@@ -131,7 +134,8 @@ def _summed(S: np.ndarray, variance: float, correlation: np.ndarray) -> np.ndarr
 
 def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: float) -> np.ndarray:
     """The autocorrelation of the noise at lags 0, 1, ..., until it is gone: that of an
-    autoregressive process of order 0 to 4, whichever has the least BIC.
+    autoregressive process of order 0 to 4, or of white noise and slow noise of order 1 together,
+    whichever has the least BIC.
 
     fitted: number of unknowns that were fitted to this quantity. They take a part of the slow noise
         out of its residuals. The sum a of the coefficients is corrected by the first-order bias of
@@ -149,11 +153,37 @@ def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: fl
         criterion = count * math.log(left) + order * math.log(count)
         if criterion < least:
             least, coefficients = criterion, found
+    criterion, pole, share = _white_and_slow(seen, count)
+    if criterion < least:
+        slow = _autocorrelation_of(np.array([_unbiased(pole, fitted, count)]))
+        slow[1:] *= share
+        return slow
     total = float(coefficients.sum())
     if total > 0.0:
-        unbiased = min(total + fitted * (1.0 + 3.0 * total) / count, _SLOWEST)
-        coefficients = coefficients * (unbiased / total)
+        coefficients = coefficients * (_unbiased(total, fitted, count) / total)
     return _autocorrelation_of(coefficients)
+
+
+def _unbiased(total: float, fitted: float, count: int) -> float:
+    """The sum of the coefficients of a process without the bias of its estimate."""
+    return min(total + fitted * (1.0 + 3.0 * total) / count, _SLOWEST)
+
+
+def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
+    """Return BIC, pole and share of the variance of the slow noise that, with white noise, explains
+    an autocorrelation best, by the likelihood of Whittle."""
+    lags = np.arange(len(seen))
+    decreasing = seen * (1.0 - lags / len(seen))
+    power = np.maximum(2.0 * np.fft.rfft(decreasing, 2 * len(seen)).real - decreasing[0], 0.0)
+    turns = np.cos(np.pi * np.arange(len(power)) / (len(power) - 1))
+    poles = np.array(_POLES)[:, None, None]
+    shares = np.array(_SHARES)[:, None]
+    slow = (1.0 - poles**2) / (1.0 - 2.0 * poles * turns + poles**2)
+    spectra = 1.0 - shares + shares * slow
+    levels = np.log(spectra).mean(axis=-1) + np.log((power / spectra).mean(axis=-1))
+    pole, share = np.unravel_index(int(levels.argmin()), levels.shape)
+    criterion = count * float(levels[pole, share]) + 2.0 * math.log(count)
+    return criterion, _POLES[pole], _SHARES[share]
 
 
 def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:
