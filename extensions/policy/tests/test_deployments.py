@@ -198,11 +198,16 @@ def test_zip_whose_data_calls_refused_and_not_run(folder):
 SHARED_LISTS = b"\x80\x04]\x94" + b"".join(
     b"]\x94(" + 60 * (b"h" + bytes([level])) + b"e" for level in range(12)
 )
+#: A key of 2^32 leaves: each tuple contains the one before twice.
+SHARED_KEY = b"\x80\x04}K\x01\x940" + b"0".join(
+    2 * (b"h" + bytes([level])) + b"\x86\x94" for level in range(32)
+)
 
 
 @pytest.mark.parametrize(
     "content",
     [
+        pytest.param(SHARED_KEY + b"Ns.", id="a key of shared tuples"),
         pytest.param(b"\x80\x04}N" + 2_000_000 * b"\x85" + b"Ns.", id="a key of deep tuples"),
         pytest.param(SHARED_LISTS + b".", id="lists that share their items"),
         pytest.param(b"\x80\x04Nr\xff\xff\xff\x7f.", id="more numbers than bytes"),

@@ -23,6 +23,7 @@ from hfa_support.files import LARGEST
 LARGEST_NETWORK = 2**22
 #: Of a pickle; a tensor takes about fifty.
 _MOST_STEPS = 2**16
+_SHARED = "it is damaged: its parts refer to each other too often"
 #: Of safetensors and of torch. Integers (counters of batches) are read, and refused where they
 #: would be weights.
 _TYPES = {
@@ -131,6 +132,38 @@ def refuse_pickle_bomb(content: bytes) -> None:
             raise BadInputError("it is damaged: it numbers more objects than it has bytes")
         if count > _MOST_STEPS:
             raise BadInputError(f"its pickle has more than {_MOST_STEPS} steps; save weights alone")
+    _refuse_shared_tuples(content)
+
+
+def _refuse_shared_tuples(content: bytes) -> None:
+    """Raise BadInputError where a tuple has more leaves than `_MOST_STEPS`, counting shared ones at
+    each use: as the key of a dictionary it is hashed while the pickle is read.
+
+    The leaves of everything on the stack of the pickle are followed, without making anything."""
+    stack: list[int] = []
+    marks: list[int] = []
+    memory: dict[Any, int] = {}
+    for opcode, argument, _ in pickletools.genops(content):
+        if opcode.name == "MARK":
+            marks.append(len(stack))
+            continue
+        if "PUT" in opcode.name or opcode.name == "MEMOIZE":
+            memory[len(memory) if argument is None else argument] = stack[-1]
+            continue
+        leaves = 1
+        if "GET" in opcode.name:
+            leaves = memory[argument]
+        elif opcode.name == "DUP":
+            leaves = stack[-1]
+        before = list(opcode.stack_before)
+        begin = len(stack) - len(before)
+        if pickletools.markobject in before:
+            begin = marks.pop() - before.index(pickletools.markobject)
+        if opcode.name.startswith(("TUPLE", "FROZENSET")):
+            leaves = max(1, sum(stack[begin:]))
+        if leaves > _MOST_STEPS:
+            raise BadInputError(_SHARED)
+        stack[begin:] = [leaves] * len(opcode.stack_after)
 
 
 def refuse_shared(stored: Any) -> None:
@@ -148,7 +181,7 @@ def refuse_shared(stored: Any) -> None:
         waiting.pop()
         counts[id(value)] = max(1, sum(counts.get(id(each), 0) for each in _inside(value)))
         if counts[id(value)] > _MOST_STEPS or len(waiting) > _MOST_STEPS:
-            raise BadInputError("it is damaged: its parts refer to each other too often")
+            raise BadInputError(_SHARED)
 
 
 def _inside(value: Any) -> list[Any]:
@@ -184,6 +217,8 @@ class _Restricted(pickle.Unpickler):
     def persistent_load(self, pid: Any) -> np.ndarray:
         if not (isinstance(pid, tuple) and len(pid) == 5 and isinstance(pid[2], str)):
             raise BadInputError("it is damaged: a storage has no name")
+        if not isinstance(pid[1], str):
+            raise BadInputError("it is damaged: a storage has no type of number")
         return np.frombuffer(self.storages[f"data/{pid[2]}"], pid[1])
 
 
