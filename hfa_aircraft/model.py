@@ -23,6 +23,7 @@ from hfa_support.units import si_factor
 
 if TYPE_CHECKING:
     from hfa_aircraft.linearization import Linearization
+    from hfa_support.reporting.report import Report
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -143,11 +144,14 @@ class Model:
         )
         return f"<Model {self.title}: {counts}>"
 
-    def _repr_html_(self) -> str:
-        """Names, units, limits and trim, for a notebook."""
+    def report(self) -> Report:
+        """Return tables of the names, units, limits and trim."""
         from hfa_aircraft.signals_table import signals_report
 
-        return signals_report(self)._repr_html_()
+        return signals_report(self)
+
+    def _repr_html_(self) -> str:
+        return self.report()._repr_html_()
 
     def __reduce__(self) -> Any:
         """Return the arguments for a pickle: a model loaded from a file is loaded again."""
@@ -248,8 +252,11 @@ class Model:
         }
 
     def unit(self, name: str) -> str:
-        """Unit of whatever has a name."""
-        return (self.signals.get(name) or self.rates[name]).unit
+        """Unit of a signal, a parameter or a rate. BadInputError for another name."""
+        if name in self.signals:
+            return self.signals[name].unit
+        refuse_unknown("unknown name", name, (*self.signals, *self.rates))
+        return self.rates[name].unit
 
     def units(self, names: Sequence[str]) -> tuple[str, ...]:
         """Return the units of names, in order."""

@@ -118,5 +118,8 @@ def test_a_point_draws_its_limits() -> None:
 
 def test_a_model_is_a_table_in_a_notebook() -> None:
     text = MODEL._repr_html_()
+    assert "throttle" in MODEL.report().text()
+    with pytest.raises(BadInputError, match="unknown name 'sped'; did you mean speed"):
+        MODEL.unit("sped")
     for word in ("elevator_center", "ft/s", "lowest", "highest", "trim"):
         assert word in text

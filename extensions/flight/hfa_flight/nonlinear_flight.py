@@ -251,6 +251,11 @@ class Flight(StatesAndInputs, Result, Reported):
         return self.flight.times
 
     @property
+    def time(self) -> np.ndarray:
+        """(N,), s, under the name of `hfa.BestFlight` and of python-control."""
+        return self.flight.times
+
+    @property
     def states(self) -> np.ndarray:
         """X, absolute, (N, n)."""
         return self.flight.states + np.array(self.point.states)
