@@ -67,7 +67,10 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
 
     with the nominal inputs n, the box b and the slopes C of the observations by the states. The
     first is the motion by held nominal inputs over that by the box, the second the part of its
-    range by which an observation changes. Where no slow mode is out of reach, all are judged.
+    range by which an observation changes. Where no slow mode is out of reach, all are judged; else
+    the loop is without all modes out of reach, of which the fast ones decay: what is left of their
+    coupling changes its radius (by 4e-8 for the c172p by pitch), and they would dominate a relative
+    cost, since they cost nearly nothing.
     """
     A, B = equilibrium.A, equilibrium.B
     names = np.array(deployed.model.linear)
