@@ -141,13 +141,22 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
         frequency = float(np.pi * (len(when) - 1) / (when[-1] - when[0]))
         off_line = values - _line(times, values, frequency)
     parts = [np.abs(part) for part in np.split(off_line, crossings + 1)[1:-1]]
-    peaks = np.array([part.max() for part in parts])
+    peaks = np.array([_peak(part) for part in parts])
     places = [begin + 1 + part.argmax() for begin, part in zip(crossings, parts, strict=False)]
-    even = len(peaks) - len(peaks) % 2
-    pairs = peaks[:even].reshape(-1, 2).mean(axis=1)  # one up, one down: no level is left
-    middles = times[places][:even].reshape(-1, 2).mean(axis=1)
-    rate = -np.polyfit(middles, np.log(pairs), 1)[0] if len(pairs) > 1 else 0.0
+    pairs = (peaks[:-1] + peaks[1:]) / 2.0  # one up, one down: no level is left
+    middles = (times[places][:-1] + times[places][1:]) / 2.0
+    rate = -np.polyfit(middles, np.log(pairs), 1)[0]
     return _Swings(float(pairs.mean()), frequency, float(rate))
+
+
+def _peak(values: np.ndarray) -> float:
+    """The highest of the values of a half-period, by the parabola through it and its neighbours."""
+    place = int(values.argmax())
+    if not 0 < place < len(values) - 1:
+        return float(values[place])
+    before, highest, after = values[place - 1 : place + 2].tolist()
+    bend = before - 2.0 * highest + after
+    return highest if bend == 0.0 else highest - (before - after) ** 2 / (8.0 * bend)
 
 
 def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:

@@ -269,6 +269,14 @@ def test_a_slow_decay_is_no_limit_cycle() -> None:
     assert decay.frequency == pytest.approx(5.477, rel=1e-3)
     assert isinstance(found(1.0 + 0.5 * np.exp(-0.4 * t)), LimitCycle)
     assert isinstance(found(np.exp(0.005 * t)), LimitCycle)
+    # Four crossings in a quarter, and ten samples in a period.
+    t, wave = t[:10001], wave[:10001]
+    none = none[:10001]
+    assert isinstance(found(np.exp(-0.0055 * t)), Decay)
+    t, wave, none = t[::115], wave[::115], none[::115]
+    cycle = found(np.ones(len(t)))
+    assert isinstance(cycle, LimitCycle)
+    assert cycle.amplitude == pytest.approx(0.3, rel=3e-3)
 
 
 def test_what_still_oscillates_is_a_limit_cycle() -> None:
