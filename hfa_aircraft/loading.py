@@ -14,7 +14,7 @@ from hfa_aircraft.local_sources import fingerprint, hash_of_sources
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import AIRCRAFT, loaded, offered
-from hfa_support.errors import BadInputError, shown
+from hfa_support.errors import BadInputError, file_faults, shown
 from hfa_support.files import regular_file
 
 if TYPE_CHECKING:
@@ -107,10 +107,8 @@ def _read(offer: EntryPoint, text: str) -> Model:
     """Return the model that a reader of another package makes of a text. BadInputError where the
     result is not a Model."""
     read: AircraftReader = loaded(offer)
-    try:
+    with file_faults(text):
         model = read(text)
-    except OSError as error:
-        raise BadInputError(f"{text} cannot be read ({error.strerror}); give a file") from error
     if not isinstance(model, Model):
         raise BadInputError(
             f"{offer.value} reads {shown(text)} as {shown(model)}, not as a Model; correct that"

@@ -48,6 +48,20 @@ def said_of(what: str | Path) -> Iterator[None]:
         raise BadInputError(text, error.options) from error
 
 
+@contextmanager
+def file_faults(file: str | Path) -> Iterator[None]:
+    """An OSError or a ValueError of the block, a reader of another package, is a BadInputError
+    about the file."""
+    try:
+        yield
+    except BadInputError:
+        raise
+    except OSError as error:
+        raise BadInputError(f"{file} cannot be read ({error.strerror}); give a file") from error
+    except ValueError as error:
+        raise BadInputError(f"{file}: {error}; correct the file") from error
+
+
 def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
     """Raise BadInputError unless the name is known; the message suggests the nearest known name,
     and lists all.

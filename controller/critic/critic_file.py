@@ -20,7 +20,7 @@ from controller.game.names import UNNAMED, PlantNames
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import CRITICS, offered, part
-from hfa_support.errors import BadInputError, numbers_in, said_of
+from hfa_support.errors import BadInputError, file_faults, numbers_in, said_of
 from hfa_support.files import MATRIX_FILES
 
 #: The parts of a critic -> their dimensions.
@@ -79,7 +79,8 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     reading = reading or Reading()
     if is_network(Path(path)):
         read: CriticReader = part(CRITICS, _format_of(Path(path)), str(path))
-        return (read(game, path, reading),)
+        with file_faults(path):
+            return (read(game, path, reading),)
     entries = entries_in(path)
     with said_of(path):
         if UNKNOWN in entries:

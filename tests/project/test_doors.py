@@ -79,7 +79,8 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> None:
-    trimmed, overview, unknown, trim_help, missing = run_in_turn(
+    (folder / "broken.pm").write_bytes(b"mass \xff")
+    trimmed, overview, unknown, trim_help, missing, broken = run_in_turn(
         site,
         folder,
         "hfa trim --aircraft trainer.pm --at 55 --json",
@@ -87,6 +88,7 @@ def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> N
         "hfa level speed",
         "hfa trim --help",
         "hfa trim --aircraft none.pm",
+        "hfa trim --aircraft broken.pm",
     )
     assert trimmed.code == 0, trimmed.err
     lift = json.loads(trimmed.out)["operating_point"]["inputs"]["lift_coefficient"]
@@ -96,6 +98,8 @@ def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> N
     assert (unknown.code, unknown.out) == (2, "")
     assert "unknown word 'speed' behind `hfa level`" in unknown.err
     assert "FILE.pm" in trim_help.out
+    assert broken.err.startswith("hfa: broken.pm: 'utf-8' codec can't decode byte 0xff")
+    assert broken.err.endswith("; correct the file\n")
     assert missing.err == "hfa: none.pm cannot be read (No such file or directory); give a file\n"
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, is_finite, said_of, shown
+from hfa_support.errors import BadInputError, file_faults, is_finite, said_of, shown
 from hfa_support.files import read_toml
 
 #: Entries of such a file; all but the first two are for others who read it.
@@ -21,10 +21,8 @@ def changed_aircraft(path: str) -> Model | None:
 
     BadInputError names the file and its fault.
     """
-    try:
+    with file_faults(path):
         data = read_toml(path)
-    except OSError as error:
-        raise BadInputError(f"{path} cannot be read ({error.strerror}); give a file") from error
     if "aircraft" not in data:
         return None
     unknown = [name for name in data if name not in _KNOWN]

@@ -23,7 +23,7 @@ from hfa_derivatives.names import (
     Derivative,
     derivative_of,
 )
-from hfa_support.errors import BadInputError, shortened, shown
+from hfa_support.errors import BadInputError, file_faults, shortened, shown
 from hfa_support.files import read_toml, regular_file
 from hfa_support.units import SYSTEMS, conversion, si_unit
 
@@ -86,11 +86,9 @@ def read_table(path: str) -> Table:
 
     BadInputError names the entry and its row.
     """
-    try:
+    with file_faults(path):
         content = regular_file(path).read_bytes()
         entries = _rows(path, content) if path.endswith(".csv") else _of_toml(path)
-    except OSError as error:
-        raise BadInputError(f"{path} cannot be read ({error.strerror}); give a file") from error
     return _checked(entries, (path, hashlib.sha256(content).hexdigest()), Path(path).stem)
 
 
