@@ -238,8 +238,11 @@ def _starts(
     signals = {**system.model.rates, **system.model.signals}
     widths = np.array([_CELL * signals[name].nominal for name in variables])
     places = values / widths
-    cells, cell = np.unique(np.round(places), axis=0, return_inverse=True)
-    cell = cell.ravel()
+    nearest = np.round(places)
+    is_next = np.ones(len(nearest), dtype=bool)  # points one after the other mostly share a cell
+    is_next[1:] = (nearest[1:] != nearest[:-1]).any(axis=1)
+    cells, cell = np.unique(nearest[is_next], axis=0, return_inverse=True)
+    cell = cell.ravel()[np.cumsum(is_next) - 1]
     begun = _begun(system, variables, cells * widths)
     centers, known = newton(system, begun, _constants(system, variables, cells * widths))
     centers[~known] = begun[~known]
