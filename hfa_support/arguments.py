@@ -138,8 +138,10 @@ def _kind(annotation: Any) -> tuple[_Test, str] | None:
         return _of_members(_GENERIC[origin], get_args(annotation))
     if annotation is Any:  # a class too, from Python 3.11 on
         return None
-    if not isinstance(annotation, type) or getattr(annotation, "_is_protocol", False):
+    if not isinstance(annotation, type):
         return None
+    if getattr(annotation, "_is_protocol", False):
+        return (callable, "a function") if "__call__" in vars(annotation) else None
     name = annotation.__name__
     article = "an" if name[0] in "AEIOU" else "a"
     made = getattr(annotation, "how_to_make", "")

@@ -12,6 +12,7 @@ import pytest
 
 from hfa import BadInputError
 from hfa_support.arguments import checks_arguments
+from hfa_support.progress import Progress
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -33,6 +34,7 @@ def public(
     table: Mapping[str, float] | None = None,
     values: np.ndarray | None = None,
     called: Callable[..., Any] | None = None,
+    progress: Progress | None = None,
     anything: Any = 0,
     unknown: Fraction | None = None,
     *,
@@ -80,6 +82,7 @@ WRONG = [
     ({"values": "1 2"}, "public: values is '1 2'; give an array of numbers"),
     ({"text_or_texts": 3}, "text_or_texts is 3; give a text or a list or tuple in which each is"),
     ({"called": 3}, "public: called is 3; give a function"),
+    ({"progress": [None]}, "public: progress is a list; give a function"),
     ({"named": None}, "public: named is None; give a number"),
 ]
 
