@@ -7,8 +7,10 @@ import errno
 import json
 import os
 import shutil
+import signal
 import stat
 import tempfile
+import threading
 import time
 import tomllib
 from collections.abc import Iterator
@@ -26,6 +28,8 @@ MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 _LONGEST_REASON = 200
 #: On Windows a file is opened as text without it.
 _BINARY = getattr(os, "O_BINARY", 0)
+#: Signals that end the process.
+_ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 #: How often a folder is removed into which a compiler may still write.
 _REMOVALS = 20
 
@@ -100,8 +104,9 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
     _WAITING = []
     try:
         yield
-        for temporary, target in _WAITING:
-            temporary.replace(target)
+        with _signals_held():
+            for temporary, target in _WAITING:
+                temporary.replace(target)
     finally:
         for temporary, _ in _WAITING:
             temporary.unlink(missing_ok=True)
@@ -111,6 +116,26 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
             with suppress(OSError):  # it stays where there is a file in it
                 folder.rmdir()
             _MADE.discard(folder.absolute())
+
+
+@contextmanager
+def _signals_held() -> Iterator[None]:
+    """Ctrl-C, SIGTERM and SIGHUP take effect after the block, which must be short."""
+    held: list[int] = []
+    before: dict[int, Any] = {}
+    try:
+        # Python's handlers run in the main thread, and only there they can be set.
+        if threading.current_thread() is threading.main_thread():
+            for name in _ENDING:
+                number = getattr(signal, name, None)  # not every system has each
+                if number is not None and signal.getsignal(number) is not None:
+                    before[number] = signal.signal(number, lambda number, _: held.append(number))
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in held:
+            signal.raise_signal(number)
 
 
 @contextmanager

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
+import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -84,6 +86,31 @@ def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         around.close()
     assert set(tmp_path.iterdir()) == {*theirs, tmp_path / "kept"}
+
+
+def test_a_signal_between_two_names_waits(tmp_path: Path) -> None:
+    """A signal at the first of two files that get their names takes effect when both have them."""
+    seen: list[list[str]] = []
+    sent: list[str] = []
+
+    def send(event: str, _: Any) -> None:
+        if event == "os.rename" and armed and not sent:
+            sent.append(event)
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    armed = [True]
+    sys.addaudithook(send)  # cannot be removed
+    before = signal.signal(
+        signal.SIGTERM, lambda *_: seen.append(sorted(path.name for path in tmp_path.iterdir()))
+    )
+    try:
+        with all_or_none():
+            write_text(tmp_path / "a.json", "1")
+            write_text(tmp_path / "b.json", "2")
+    finally:
+        armed.clear()
+        signal.signal(signal.SIGTERM, before)
+    assert seen == [["a.json", "b.json"]]
 
 
 def test_a_file_is_registered_before_it_exists(
