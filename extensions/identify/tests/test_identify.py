@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 import hfa
 from hfa.main import main
 from hfa_derivatives.aircraft import from_derivatives
+from hfa_identify.bands import smooth_autocorrelation
 from hfa_identify.estimation import identify
 from hfa_identify.excitation import still_quantities
 from hfa_identify.records import Record, read_record
@@ -110,6 +111,15 @@ def test_coloured_residuals_widen_the_bands():
     assert found(coloured=True).coloured > 2.0
     assert all(each.white < 0.8 for each in found(coloured=True).quantities.values())
     assert "coloured: turbulence (add --turbulence)" in found(coloured=True).report().text()
+
+
+def test_slow_noise_beside_white_noise_is_seen():
+    """Noise with the autocorrelation 0.2 0.98^lag, whose sum over all lags is 20.6."""
+    generator = np.random.default_rng(0)
+    slow = lfilter([1.0], [1.0, -0.98], generator.standard_normal(4000)) * math.sqrt(1 - 0.98**2)
+    noise = generator.standard_normal(4000) + 0.5 * slow
+    seen = smooth_autocorrelation(noise, np.ones(4000, dtype=bool), 0.0)
+    assert 10.0 < 1.0 + 2.0 * seen[1:].sum() < 40.0
 
 
 def test_sensitivities_agree_with_differences():
