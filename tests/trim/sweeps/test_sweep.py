@@ -228,7 +228,9 @@ def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path:
     np.testing.assert_allclose(swept.A[1], alone.A, rtol=1e-9, atol=1e-12)
     stored = hfa(*words, "-o", str(tmp_path / "points.zarr"), "--json")
     assert json.loads(stored.out)["counts"]["trimmed"] == 2
-    assert_refused(hfa(*words, "--hold", "speed=60"), 2, "speed has a column or a range beside ")
+    assert_refused(
+        hfa(*words, "--hold", "speed=60"), 2, "speed has a column or a range in addition to "
+    )
     assert_refused(
         hfa("trim", "--dihedral", "5", *words[1:3]), 2, "is a list of points; `hfa sweep` takes it"
     )
