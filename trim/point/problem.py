@@ -132,12 +132,12 @@ class TrimProblem:
     def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
         """Yield those of `STARTS` evenly spread points between the limits at which the Jacobian
         differs from that at the guess; where it is constant, only one solution can exist. None
-        where equations outnumber unknowns.
+        without unknowns, or where equations outnumber them.
 
         The points are k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden
         ratio), without random numbers."""
         equations, unknowns = self.count
-        if equations > unknowns:
+        if not unknowns or equations > unknowns:
             return
         system = self.system
         far = np.minimum(_FAR, system.usual)

@@ -257,7 +257,7 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
     is one of many; "" elsewhere."""
     equations, unknowns = problem.count
     jacobian = problem.at(z).jacobian[:equations]
-    if equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
+    if not unknowns or equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
         return ""
     direction = np.abs(np.linalg.svd(jacobian)[2][-1])
     moving = [problem.free[i] for i in np.argsort(-direction) if direction[i] > 0.1]

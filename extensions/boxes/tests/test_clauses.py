@@ -12,7 +12,8 @@ import pytest
 from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model, Signal
 from hfa_boxes.check.checker import check_region, read_content
-from hfa_boxes.check.loop import Loop
+from hfa_boxes.check.cover import Boxes
+from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_proof.checker.checker import SCHEMA
@@ -24,7 +25,7 @@ Content = dict[str, Any]
 def _tank(x: Any, u: Any, p: Any, w: Any) -> Any:
     """The level rises by itself, and the valve drains it; the heat decays."""
     rates = {"level": p.inflow * x.level + u.valve, "heat": -x.heat, "slope": 0.0 * x.slope}
-    return rates, {"load": x.level + x.heat, "peak": 1.0 - 4.0 * (x.level - 0.1) ** 2}
+    return rates, {"load": x.level + x.heat, "peak": 1.0 - 40.0 * (x.level - 0.0625) ** 2}
 
 
 TANK = Model(
@@ -32,7 +33,7 @@ TANK = Model(
     {"level": Signal("m"), "heat": Signal("K"), "slope": Signal("rad", 1.0, -1.0, 1.0)},
     {"valve": Signal("m/s", 1.0, -1.0, 1.0)},
     _tank,
-    outputs={"load": Signal("1", 1.0, -3.0, 3.0), "peak": Signal("1", 1.0, -9.0, 9.0)},
+    outputs={"load": Signal("1", 1.0, -3.0, 3.0), "peak": Signal("1", 1.0, -99.0, 9.0)},
     parameters={"inflow": Signal("1/s", start=0.5)},
     linear=("level", "heat"),
     trim={"level": 0.0, "heat": 0.0, "slope": 0.25},
@@ -46,7 +47,7 @@ def tank() -> Content:
         "slope": (-1.0, 1.0),
         "valve": (-1.0, 1.0),
         "load": (-3.0, 3.0),
-        "peak": (-9.0, 9.0),
+        "peak": (-99.0, 9.0),
     }
     gain = Gain(np.array([[2.0, 0.0]]), {})
     at = {"level": 0.0, "heat": 0.0}
@@ -77,6 +78,20 @@ def test_the_tank_is_proved() -> None:
     assert 0 < checked(tank()) < 1000
 
 
+def test_the_hole_ends_where_the_jacobian_decides() -> None:
+    """The level rises above 0.4 by the sixth power of the command, and falls below: the hole is
+    0.25 wide, and a box that reaches 0.5 is not proved by it."""
+    content = tank()
+    content["statement"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}
+    statement, witness = read_content(content, TANK, None)
+    equilibrium = equilibrium_near(statement.loop, np.zeros(2))
+    extents = np.array(list(statement.extents.values()))
+    found = Decrease(statement.loop, equilibrium, statement.piece, extents, witness.multipliers)
+    assert found.hole == 2
+    box = Boxes(np.array([[0.375, 0.0]]), np.array([[3, 3]]))
+    assert found.undecided(box).tolist() == [True]
+
+
 def _put(value: Any, *path: Any) -> Callable[[Content], None]:
     """A change of an entry of the statement; a function changes its value."""
 
@@ -104,7 +119,7 @@ def _witness(**entries: Any) -> Callable[[Content], None]:
 FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "equilibrium": (_put(1.1e-6, "equilibrium", "level"), "another than is stated"),
     "set through the faces": (_through_the_faces, "inequality"),
-    "peak in the hole": (_put([-9.0, 0.99], "limits", "peak"), "inequality"),
+    "peak in the hole": (_put([-99.0, 0.96], "limits", "peak"), "inequality"),
     "output above its limit": (_put([-3.0, 1.2], "limits", "load"), "inequality"),
     "output below its limit": (_put([-1.2, 3.0], "limits", "load"), "inequality"),
     "held above its limits": (_put({"slope": 1.5}, "held"), "slope is held beyond"),

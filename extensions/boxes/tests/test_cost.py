@@ -249,13 +249,33 @@ SLED = Model(
 )
 
 
-def test_the_best_input_may_be_far_from_equilibrium() -> None:
-    """About the equilibrium g = y (u + u^3) + y^2 + u^2 is convex for small u, not for u = -10."""
-    plant = Plant(SLED, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-10.0, 10.0)})
+@pytest.mark.parametrize("ends", [(-10.0, 0.1), (-0.1, 10.0)])
+def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -> None:
+    """About the equilibrium g = y (u + u^3) + y^2 + u^2 is convex for small u, not for u = -10 and
+    y > 0, nor for u = 10 and y < 0."""
+    low, high = ends
+    ends_declared = {"speed": Signal("m/s", 1.0, low, high)}
+    plant = Plant(
+        replace(SLED, inputs=ends_declared),
+        {},
+        {"position": 0.0},
+        {"speed": 0.0},
+        {},
+        {"speed": ends},
+    )
     piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 0.1)
     statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
     with pytest.raises(NoSolutionError):
         check_cost(statement, CostWitness(("speed",), (1000,), np.zeros((1, 1), dtype=int)))
+
+
+def test_boxes_across_a_limit_are_in_the_envelope() -> None:
+    """W' = 1.8 y + 80 y^3 is above 2 |y|, that of the least cost, between 0.05 and the limits."""
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
+    piece = Piece(ONE, Polynomial(1, ((0.9, (2,)), (20.0, (4,)))), 0.02)
+    statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
+    with pytest.raises(NoSolutionError):
+        check_cost(statement, CostWitness(("speed",), (1000,)))
 
 
 def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
@@ -310,3 +330,26 @@ def test_an_input_without_slope_may_be_used() -> None:
     best = -np.linalg.solve([[2.0, 1.35 * y], [1.35 * y, 2.0]], [1.5 * y, 0.0])
     assert radii is not None
     assert np.all(np.abs(best) <= radii)
+
+
+def test_the_curvature_of_three_inputs_is_below_all_directions() -> None:
+    """Of x' = a + b + c + 0.4 (a b + b c + c a) the second derivative along (1, 1, 1) is lowest
+    where the slope of W is negative."""
+    names = ("a", "b", "c")
+
+    def cubed(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"position": u.a + u.b + u.c + 0.4 * (u.a * u.b + u.b * u.c + u.c * u.a)}, {}
+
+    ends = dict.fromkeys(names, (-1.0, 1.0))
+    signals = {name: Signal("1", 1.0, -1.0, 1.0) for name in names}
+    model = Model("three", {"position": Signal("m")}, signals, cubed, trim={"position": 0.0})
+    plant = Plant(model, {}, {"position": 0.0}, dict.fromkeys(names, 0.0), {}, ends)
+    piece = Piece(ONE, Polynomial(1, ((1.0, (2,)),)), 1.0)
+    equilibrium = Equilibrium(np.zeros(4), np.zeros(4))
+    inequality = CostInequality(plant, equilibrium, piece, ONE, np.eye(3))
+    y = -0.75
+    box = Boxes(np.array([[y]]), np.array([[40]]))
+    limits = np.ones((1, 3))
+    curvature = inequality._curvature(box, -limits, limits)[0]
+    along = 6.0 + 2.0 * y * 0.4 * 6.0
+    assert curvature.sum() <= along + 1e-9

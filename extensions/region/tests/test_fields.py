@@ -200,5 +200,7 @@ def test_a_trim_that_states_everything_is_taken(model: Model) -> None:
     stated = {"angle": 0.0, "rate": 0.0, "torque": 0.0}
     point = hfa.find_operating_point(model, hold=stated)
     assert point.values == stated
+    holds = [word for name in stated for word in ("--hold", f"{name}=0")]
+    assert main(["trim", "--aircraft", PENDULUM, *holds, "-q"]) == 0
     with pytest.raises(BadInputError, match="not an equilibrium"):
         hfa.find_operating_point(model, hold=stated | {"angle": 0.1})
