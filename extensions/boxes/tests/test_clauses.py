@@ -15,6 +15,7 @@ from hfa_boxes.check.checker import check_region, read_content
 from hfa_boxes.check.cover import Boxes
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.piece import Piece, Polynomial
+from hfa_boxes.check.plant import Equilibrium
 from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_proof.checker.checker import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -25,7 +26,8 @@ Content = dict[str, Any]
 def _tank(x: Any, u: Any, p: Any, w: Any) -> Any:
     """The level rises by itself, and the valve drains it; the heat decays."""
     rates = {"level": p.inflow * x.level + u.valve, "heat": -x.heat, "slope": 0.0 * x.slope}
-    return rates, {"load": x.level + x.heat, "peak": 1.0 - 40.0 * (x.level - 0.0625) ** 2}
+    off = (x.level - 0.0625) ** 2 + (x.heat - 0.0625) ** 2
+    return rates, {"load": x.level + x.heat, "peak": 1.0 - 40.0 * off}
 
 
 TANK = Model(
@@ -33,7 +35,7 @@ TANK = Model(
     {"level": Signal("m"), "heat": Signal("K"), "slope": Signal("rad", 1.0, -1.0, 1.0)},
     {"valve": Signal("m/s", 1.0, -1.0, 1.0)},
     _tank,
-    outputs={"load": Signal("1", 1.0, -3.0, 3.0), "peak": Signal("1", 1.0, -99.0, 9.0)},
+    outputs={"load": Signal("1", 1.0, -3.0, 3.0), "peak": Signal("1", 1.0, -999.0, 9.0)},
     parameters={"inflow": Signal("1/s", start=0.5)},
     linear=("level", "heat"),
     trim={"level": 0.0, "heat": 0.0, "slope": 0.25},
@@ -47,7 +49,7 @@ def tank() -> Content:
         "slope": (-1.0, 1.0),
         "valve": (-1.0, 1.0),
         "load": (-3.0, 3.0),
-        "peak": (-99.0, 9.0),
+        "peak": (-999.0, 9.0),
     }
     gain = Gain(np.array([[2.0, 0.0]]), {})
     at = {"level": 0.0, "heat": 0.0}
@@ -92,6 +94,17 @@ def test_the_hole_ends_where_the_jacobian_decides() -> None:
     assert found.undecided(box).tolist() == [True]
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
+    """V' < 0 holds from 0.25 to 0.5 about 0, and not about all points within 0.3 of it."""
+    statement, witness = read_content(tank(), TANK, None)
+    equilibrium = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
+    extents = np.array(list(statement.extents.values()))
+    found = Decrease(statement.loop, equilibrium, statement.piece, extents, witness.multipliers)
+    box = Boxes(np.array([[0.375, 0.0]]), np.array([[3, 3]]))
+    assert found.undecided(box).tolist() == [radius > 0.0]
+
+
 def _put(value: Any, *path: Any) -> Callable[[Content], None]:
     """A change of an entry of the statement; a function changes its value."""
 
@@ -119,7 +132,7 @@ def _witness(**entries: Any) -> Callable[[Content], None]:
 FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "equilibrium": (_put(1.1e-6, "equilibrium", "level"), "another than is stated"),
     "set through the faces": (_through_the_faces, "inequality"),
-    "peak in the hole": (_put([-99.0, 0.96], "limits", "peak"), "inequality"),
+    "peak in the hole": (_put([-999.0, 0.96], "limits", "peak"), "inequality"),
     "output above its limit": (_put([-3.0, 1.2], "limits", "load"), "inequality"),
     "output below its limit": (_put([-1.2, 3.0], "limits", "load"), "inequality"),
     "held above its limits": (_put({"slope": 1.5}, "held"), "slope is held beyond"),

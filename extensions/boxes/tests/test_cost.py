@@ -269,6 +269,15 @@ def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -
         check_cost(statement, CostWitness(("speed",), (1000,), np.zeros((1, 1), dtype=int)))
 
 
+@pytest.mark.parametrize("limits", [(-1.0, -0.1), (0.1, 1.0)])
+def test_an_equilibrium_beyond_a_limit_is_refused(limits: tuple[float, float]) -> None:
+    still = {"position": 0.0, "speed": 0.0}
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": limits})
+    statement = CostStatement(plant, still, ONE, ONE, cart_bound(0.9).pieces)
+    with pytest.raises(NoSolutionError, match="outside the limits"):
+        check_cost(statement, CostWitness(("speed",), (1000,)))
+
+
 def test_boxes_across_a_limit_are_in_the_envelope() -> None:
     """W' = 1.8 y + 80 y^3 is above 2 |y|, that of the least cost, between 0.05 and the limits."""
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
