@@ -94,6 +94,17 @@ def test_the_hole_ends_where_the_jacobian_decides() -> None:
     assert found.undecided(box).tolist() == [True]
 
 
+def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
+    """The valve saturates at a level of 0.5: y turned by 45 deg is within 0.25."""
+    statement, witness = read_content(tank(), TANK, None)
+    side = 0.5**0.5
+    turned = statement.piece._replace(M=np.array([[side, side], [-side, side]]))
+    equilibrium = equilibrium_near(statement.loop, np.zeros(2))
+    extents = np.array(list(statement.extents.values()))
+    found = Decrease(statement.loop, equilibrium, turned, extents, witness.multipliers)
+    assert found.hole == 2
+
+
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
     """V' < 0 holds from 0.25 to 0.5 about 0, and not about all points within 0.3 of it."""
@@ -124,6 +135,18 @@ def _through_the_faces(content: Content) -> None:
     content["witness"]["multipliers"] = [[0.5, 0.5]] * 2
 
 
+def _about(level: float) -> Callable[[Content], None]:
+    """About another level with more inflow, so that the valve saturates on one side."""
+
+    def change(content: Content) -> None:
+        claim = content["statement"]
+        claim["trim"]["level"] = claim["equilibrium"]["level"] = level
+        claim["parameters"]["inflow"] = 0.8
+        claim["inputs"]["valve"] = -0.8 * level
+
+    return change
+
+
 def _witness(**entries: Any) -> Callable[[Content], None]:
     return lambda content: content["witness"].update(entries)
 
@@ -145,6 +168,8 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "gain of the other sign": (_put([[-2.0, 0.0]], "policy", "K"), "about the equilibrium"),
     "a gain of nothing": (_put([[0.4, 0.0]], "policy", "K"), "about the equilibrium"),
     "terms that fill": (_put({"valve": [[9.0, [3, 0]]]}, "policy", "terms"), "inequality"),
+    "a valve that cannot open more": (_about(0.5), "inequality"),
+    "a valve that cannot close more": (_about(-0.5), "inequality"),
     "more inflow": (_put({"inflow": 1.2}, "parameters"), "inequality"),
     "W of degree 1": (_put(lambda W: [*W, [1.0, [1, 0]]], "piece", "W"), "W 2"),
     "W twice": (_put(lambda W: [*W, W[0]], "piece", "W"), "W"),
