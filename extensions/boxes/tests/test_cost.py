@@ -275,7 +275,7 @@ def test_an_equilibrium_beyond_a_limit_is_refused(limits: tuple[float, float]) -
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": limits})
     statement = CostStatement(plant, still, ONE, ONE, cart_bound(0.9).pieces)
     with pytest.raises(NoSolutionError, match="outside the limits"):
-        check_cost(statement, CostWitness(("speed",), (1000,)))
+        check_cost(statement, CostWitness(("speed",), (1000,), np.zeros((1, 1), dtype=int)))
 
 
 def test_boxes_across_a_limit_are_in_the_envelope() -> None:
@@ -284,7 +284,7 @@ def test_boxes_across_a_limit_are_in_the_envelope() -> None:
     piece = Piece(ONE, Polynomial(1, ((0.9, (2,)), (20.0, (4,)))), 0.02)
     statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
     with pytest.raises(NoSolutionError):
-        check_cost(statement, CostWitness(("speed",), (1000,)))
+        check_cost(statement, CostWitness(("speed",), (1000,), np.zeros((1, 1), dtype=int)))
 
 
 def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:

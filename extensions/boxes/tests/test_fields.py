@@ -47,7 +47,7 @@ CART = Model(
     trim={"place": 0.0, "speed": 0.0, "slope": 0.25},
 )
 """
-K = np.array([[1.0, 1.5]])
+K = np.array([[1.25, 1.5]])
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,14 @@ from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
 from hfa_boxes.check.checker import BoxWitness, _check_limits, check_region, read_content
-from hfa_boxes.check.cover import Boxes, OpenBoxError, RefutedError, cover, refute
+from hfa_boxes.check.cover import (
+    Boxes,
+    OpenBoxError,
+    RefutedError,
+    SmallestBoxError,
+    cover,
+    refute,
+)
 from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Equilibrium, zero_near
@@ -87,6 +94,22 @@ def test_what_may_be_zero_is_not_positive() -> None:
     with pytest.raises(OpenBoxError):  # zero at y = 0, which is no hole
         cover(inequality(ca.sumsqr(y), y), 10**4)
     assert cover(inequality(ca.sumsqr(y), y, hole=5), 10**4) >= 4
+
+
+def test_no_edge_is_halved_below_the_doubles() -> None:
+    """A zero at 0.3 halves the first edge again and again, the second never."""
+    depths = []
+
+    class Deep(Positive):
+        def undecided(self, boxes: Boxes) -> np.ndarray:
+            depths.append(int(boxes.depths.max()))
+            return super().undecided(boxes)
+
+    y = ca.SX.sym("y", 2)
+    question = inequality((y[0] - 0.3) ** 2, y)
+    with pytest.raises(SmallestBoxError):
+        cover(Deep(question.taylor, None), 10**4, longer=[0, 60])
+    assert max(depths) == 53
 
 
 @pytest.fixture(scope="module")
@@ -296,6 +319,14 @@ def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
         else:
             with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
                 zero_near(*near)
+
+
+def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
+    """(x - 1, y² + 1) has no zero, though its first entry has one."""
+    x = ca.SX.sym("x", 2)
+    program = Program(ca.Function("f", [x], [ca.vertcat(x[0] - 1, x[1] ** 2 + 1)]), "f")
+    with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
+        zero_near(program, np.array([0.9, 0.7]), np.ones(2), (0, 1))
 
 
 def test_a_hole_is_proved_everywhere_in_it() -> None:

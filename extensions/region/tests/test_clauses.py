@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from pendulum_regions import read_and_check
 
 from hfa_aircraft.model import Model, Signal
 from hfa_proof.checker.reading import Malformed, Rejected
+from hfa_region.check.checker import _check_extents
 from hfa_region.check.loop import HIGHEST, LOWEST, Equilibrium, RegionLoop
 from hfa_region.check.polynomial import Polynomial
 from hfa_region.check.positivity import Evidence, Square, check_positive
@@ -295,6 +297,13 @@ def test_equilibria_that_are_not_isolated_are_refused() -> None:
         Equilibrium(_loop(K=1.0))
 
 
+def test_the_jacobian_has_the_slope_of_the_policy() -> None:
+    """At x = 0.25 the slope of x' = x - (2 x + 0.5 x²) is -1.25."""
+    equilibrium = Equilibrium(replace(_loop(), policy={"u": ((0.5, (2,)),)}))
+    (slope,) = equilibrium._jacobian([arb(0.25)]).entries()
+    assert slope.contains(arb(-1.25))
+
+
 def test_output_is_within_limits_between_ends_of_disturbance() -> None:
     """An output is within its limits between the ends of a disturbance."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
@@ -329,3 +338,20 @@ def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
     own = {"x": (-1.0, 2.0)}
     assert limits_hold({"x": (-0.5, 1.5)}, own, ()) is None
     assert limits_hold({"x": stated}, own, ()) == "x"
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("extent", [0.6, 0.7])
+def test_limits_of_states_are_about_the_equilibrium(extent: float, sign: float) -> None:
+    """A state at 0.35 or -0.35 that moves by 0.7 leaves the limits -1 and 1."""
+    ends = sorted((-0.5 * sign, extent * sign))
+    claim = SimpleNamespace(
+        extents={"x": ends}, loop=SimpleNamespace(limits={"x": (-1.0, 1.0)}, held={})
+    )
+    equilibrium = SimpleNamespace(x=[arb(0.35 * sign)])
+    loop = SimpleNamespace(statement=claim, equilibrium=equilibrium, reach=lambda index: arb(0.5))
+    if extent > 0.65:
+        with pytest.raises(Rejected, match="x may leave its limits"):
+            _check_extents(loop, {}, {})
+    else:
+        _check_extents(loop, {}, {})

@@ -25,7 +25,8 @@ class CostStatement:
     plant: the model; its limits of states are the envelope
     equilibrium: moving state or input -> value, within 1e-6 nominal values
     Q: (n, n), symmetric, positive semidefinite
-    R: (m, m), symmetric, positive semidefinite pieces: each proved separately
+    R: (m, m), symmetric, positive semidefinite
+    pieces: each proved separately
     """
 
     plant: Plant

@@ -18,6 +18,8 @@ from hfa_support.progress import Progress
 
 #: A box with narrower edges than 2^-this is not halved: what holds there by less is not proved.
 _DEEPEST = 40
+#: Centres of more often halved edges are not doubles.
+_FINEST = 53
 #: How often the search is reported.
 _TOLD = 4
 
@@ -141,7 +143,9 @@ def cover(
         wide = batch.part(open_boxes)
         if len(wide.centres) and count > most:
             raise OpenBoxError(f"more than {most} boxes", wide.centres[-1])
-        smallest = np.flatnonzero(wide.depths.sum(axis=1) >= _DEEPEST * n)
+        is_smallest = wide.depths.sum(axis=1) >= _DEEPEST * n
+        is_smallest |= wide.depths.max(axis=1) >= _FINEST
+        smallest = np.flatnonzero(is_smallest)
         if len(smallest):
             raise SmallestBoxError("a box as small as any", wide.centres[smallest[0]])
         waiting = _joined(waiting, wide.halves(shape))
