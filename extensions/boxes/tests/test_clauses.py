@@ -153,7 +153,7 @@ def _witness(**entries: Any) -> Callable[[Content], None]:
 
 #: What is wrong -> how, and the message of the clause that refuses it.
 FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
-    "equilibrium": (_put(1.1e-6, "equilibrium", "level"), "another than is stated"),
+    "equilibrium": (_put(1.1e-6, "equilibrium", "level"), "differs from the stated"),
     "set through the faces": (_through_the_faces, "inequality"),
     "peak in the hole": (_put([-999.0, 0.96], "limits", "peak"), "inequality"),
     "output above its limit": (_put([-3.0, 1.2], "limits", "load"), "inequality"),
