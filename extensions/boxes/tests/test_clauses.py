@@ -181,7 +181,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "limits of an output wider": (_put([-4.0, 3.0], "limits", "load"), "load beyond"),
     "a limit left out": (lambda content: content["statement"]["limits"].pop("peak"), "missing"),
     "all limits left out": (_put({}, "limits"), "missing"),
-    "no policy": (_put("0" * 64, "policy"), "about a network"),
+    "no policy": (_put("0" * 64, "policy"), "a network; give it"),
     "another model": (_put("van der Pol", "dynamics"), "of another file"),
     "another file": (_put("0" * 64, "source"), "of another file"),
     "states exchanged": (_put(["heat", "level"], "states"), "states"),
