@@ -165,6 +165,32 @@ PRINTED_ULTRA_STICK = np.array(
     ]
 )
 
+#: F-104 at 305 ft/s: M. V. Cook, Flight Dynamics Principles, Example 5.1, after G. L. Teper, quoted
+#: from memory, since the book was not at hand. Its dimensional derivatives, in slug, ft and s, are
+#: divided by sizes of ours, which cancel. Its lift exceeds the weight by 1.3 %.
+_SPEED = 305.0
+_FORCE = 0.5 * float(air_at(0.0).density) * _SPEED**2 * 196.1
+_MOMENT = _FORCE * 9.55
+F104 = {
+    "units": "english",
+    "geometry": {"wing_area": 196.1, "span": 21.94, "chord": 9.55},
+    "mass": {"mass": 746.0, "Ixx": 3500.0, "Iyy": 65000.0, "Izz": 66000.0},
+    "condition": {"speed": _SPEED, "altitude": 0.0},
+    "CL_0": 159.64 * _SPEED / (2.0 * _FORCE), "CL_alpha": (328.24 - 26.26 / 2.0) * _SPEED / _FORCE,
+    "CD_0": 26.26 * _SPEED / (2.0 * _FORCE), "CD_alpha": (159.64 / 2.0 - 79.82) * _SPEED / _FORCE,
+    "Cm_alpha": -1014.0 * _SPEED / _MOMENT,
+    "Cm_alphadot": -36.4 * 2.0 * _SPEED**2 / (_MOMENT * 9.55),
+    "Cm_q": -18135.0 * 2.0 * _SPEED / (_MOMENT * 9.55), "Cm_elevator": -1.5,
+    "CY_beta": -1.0, "Cl_beta": -0.1, "Cl_p": -0.3, "Cl_aileron": 0.04,
+    "Cn_beta": 0.5, "Cn_r": -0.7, "Cn_rudder": -0.16,
+    "thrust": [0.0, 15000.0],
+    "elevator": ["-25 deg", "25 deg"],
+    "aileron": ["-25 deg", "25 deg"],
+    "rudder": ["-25 deg", "25 deg"],
+}  # fmt: skip
+#: The factors s² + a s + b of its characteristic polynomial: (a, b, tolerance).
+PRINTED_F104 = {"phugoid": (0.033, 0.022, 0.02), "short period": (0.893, 4.884, 0.002)}
+
 
 def linear_model(table, **held):
     model = from_derivatives(table).with_parameters(**held)
@@ -239,6 +265,16 @@ def test_a_small_unmanned_aircraft_has_its_published_short_period():
     assert abs(found - printed) < 0.002 * abs(printed)
     wrong = eigenvalue_near(linear_model({**ULTRA_STICK, "Cm_alpha": -0.723}), printed)
     assert abs(wrong - printed) > 0.01 * abs(printed)
+
+
+@pytest.mark.parametrize("mode", PRINTED_F104)
+def test_the_f104_has_its_published_modes(mode):
+    """Longitudinally, within 2 and 0.2 %."""
+    damping, stiffness, tolerance = PRINTED_F104[mode]
+    root = complex(-damping / 2.0, math.sqrt(stiffness - damping**2 / 4.0))
+    found = eigenvalue_near(linear_model(F104, gravity=32.2), root)
+    polynomial = (-2.0 * found.real, abs(found) ** 2)
+    assert polynomial == pytest.approx((damping, stiffness), rel=tolerance)
 
 
 def test_inertias_turned_by_hand_give_the_same_modes():
