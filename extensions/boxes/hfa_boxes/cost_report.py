@@ -51,7 +51,7 @@ def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Re
     statement = verified.statement
     pairs = zip(statement.pieces, verified.boxes, strict=True)
     rows = [(at_least(piece.c, 6), str(boxes)) for piece, boxes in pairs]
-    data = CheckedLowerBound(statement, verified.boxes, verified.written).as_data()
+    checked = CheckedLowerBound(statement, verified.boxes, verified.written, list(not_given))
     title = _title(statement, "Verified, proved", not_given)
     plant = statement.plant
     parts: tuple[str | Table, ...] = (
@@ -64,7 +64,7 @@ def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Re
     pieces: list[str | Table] = []
     for piece in statement.pieces:
         pieces += piece_in_words(piece, plant.states)
-    return Report(title, (*parts, *pieces), data=data)
+    return Report(title, (*parts, *pieces), data=checked.as_data())
 
 
 def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()) -> str:

@@ -40,7 +40,7 @@ class LowerBound(ProvedResult):
     boxes: number of boxes of each piece.
     """
 
-    keys = "proved states state_units trim equilibrium limits Q R pieces"
+    keys = "proved states state_units trim parameters equilibrium limits Q R pieces"
 
     statement: CostStatement
     boxes: Sequence[int]
@@ -95,10 +95,12 @@ class CheckedLowerBound(LowerBound):
     """A bound that a certificate proves.
 
     written: version, command and date in the file, which nothing verifies.
+    not_given: parts of the subject that no option gave, so that they were not compared.
     """
 
     schema = "hfa.lower-bound-check/1"
     made_by = "hfa prove cost --check FILE"
-    keys = f"{LowerBound.keys} written"
+    keys = f"{LowerBound.keys} written not_given"
 
     written: Mapping[str, str]
+    not_given: Sequence[str] = ()

@@ -85,7 +85,7 @@ def checked_report(
     """
     statement = verified.statement
     loop = statement.loop
-    checked = CheckedBoxes(statement, verified.boxes, verified.written)
+    checked = CheckedBoxes(statement, verified.boxes, verified.written, list(not_given))
     inputs = Table(
         ("input", "trim", "lowest", "highest"),
         [

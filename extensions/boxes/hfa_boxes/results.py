@@ -24,7 +24,7 @@ class BoxSet(ProvedResult):
     """
 
     keys = (
-        "proved prover rho states state_units trim equilibrium policy limits extents "
+        "proved prover rho states state_units trim parameters equilibrium policy limits extents "
         "degree P? M coefficients powers boxes"
     )
 
@@ -125,10 +125,12 @@ class CheckedBoxes(BoxSet):
     """A set that a certificate proves.
 
     written: version, command and date in the file, which nothing verifies.
+    not_given: parts of the subject that no option gave, so that they were not compared.
     """
 
     schema = "hfa.region-boxes-check/1"
     made_by = "hfa prove region --check FILE"
-    keys = f"{BoxSet.keys} written"
+    keys = f"{BoxSet.keys} written not_given"
 
     written: Mapping[str, str]
+    not_given: Sequence[str] = ()

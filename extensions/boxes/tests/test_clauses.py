@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -103,6 +104,20 @@ def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
     extents = np.array(list(statement.extents.values()))
     found = Decrease(statement.loop, equilibrium, turned, extents, witness.multipliers)
     assert found.hole == 2
+
+
+def test_deviations_hold_those_of_the_exact_inverse() -> None:
+    """Of y = (3 z_1, 7 z_2): thirds and sevenths are not doubles."""
+    statement, witness = read_content(tank(), TANK, None)
+    stretched = statement.piece._replace(M=np.diag([3.0, 7.0]))
+    equilibrium = equilibrium_near(statement.loop, np.zeros(2))
+    extents = np.array(list(statement.extents.values()))
+    found = Decrease(statement.loop, equilibrium, stretched, extents, witness.multipliers)
+    linear, radius = found.deviations(Boxes(np.array([[0.375, 0.625]]), np.array([[3, 3]])), 4)
+    for i, (centre, factor) in enumerate(((0.375, 3), (0.625, 7))):
+        value, *slopes = (Fraction(each) for each in linear[2 + i, :, 0].tolist())
+        off = abs(value - Fraction(centre) / factor) + abs(sum(slopes) - Fraction(1, 8) / factor)
+        assert 0 < off <= Fraction(float(radius[2 + i, 0]))
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])

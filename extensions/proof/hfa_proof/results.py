@@ -38,6 +38,10 @@ class Subject(Protocol):
         """Each other state -> the value that it keeps."""
 
     @property
+    def parameters(self) -> Mapping[str, float]:
+        """Every parameter of the model -> value."""
+
+    @property
     def limits(self) -> Mapping[str, tuple[float, float]]:
         """Signal -> lowest and highest value."""
 
@@ -69,6 +73,11 @@ class ProvedResult(Result):
     def trim(self) -> Mapping[str, float]:
         """State or input -> value at the trim."""
         return {**self.subject.trim, **self.subject.inputs, **self.subject.held}
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Parameter of the model -> value."""
+        return self.subject.parameters
 
     @property
     def limits(self) -> Mapping[str, Sequence[float]]:

@@ -30,8 +30,8 @@ class ProvedSet(ProvedResult):
     """
 
     keys = (
-        "proved prover rho states state_units trim K policy limits disturbances extents terms P? "
-        "parts"
+        "proved prover rho states state_units trim parameters K policy limits disturbances extents "
+        "terms P? parts"
     )
 
     statement: RegionStatement
