@@ -20,6 +20,10 @@ ROUNDING = 1e-9
 _ROUNDS = 17
 #: A crossover is found where two secants agree, relative.
 _SETTLED = 1e-15
+#: What is left of the part of M that is 0 at a crossover, of |M|.
+_ROOT = 1e-6
+#: How often steps of a grid are halved in which curves of several loops were exchanged.
+_HALVINGS = 12
 #: Frequencies of a grid in a decade, beside those at which Re M or Im M is 0.
 _PER_DECADE = 20
 #: How often the largest value of a grid is sought among so many points about it.
@@ -136,48 +140,24 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
 
     Frequencies at which Im M or Re M is 0 are sought where it changes its sign between those of the
     grid. Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994)."""
-    seen = _followed(loci(grid))
-    # Where l is 0 or infinite but for rounding, signs of Im M change by rounding.
-    is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
-
-    def crossing(part: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies at which this part of M changes its sign, and M there."""
-        above = part(seen) > 0.0
-        is_counted = ~(is_lost[1:] & is_lost[:-1])
-        where, column = np.nonzero((above[1:] != above[:-1]) & is_counted)
-        low = grid[where]
-        high = grid[where + 1]
-        first = seen[where, column]
-        last = seen[where + 1, column]
-        settled = low
-        for number in range(_ROUNDS):
-            share = 0.5 if number % 2 else part(first) / (part(first) - part(last))
-            point = low + share * (high - low)
-            expected = first + share * (last - first)
-            curves = loci(point)
-            nearest = np.abs(curves - expected[:, None]).argmin(axis=1)
-            value = curves[np.arange(len(point)), nearest]
-            before = (part(value) > 0.0) == above[where, column]
-            low = np.where(before, point, low)
-            high = np.where(before, high, point)
-            first = np.where(before, value, first)
-            last = np.where(before, last, value)
-            if number % 2 == 0:
-                if np.all(np.abs(point - settled) <= _SETTLED * point):
-                    break
-                settled = point
-        return point, value
-
+    for _ in range(_HALVINGS):
+        seen = _followed(loci(grid))
+        real = _crossings_of(np.imag, loci, grid, seen)
+        imaginary = _crossings_of(np.real, loci, grid, seen)
+        jumps = np.union1d(real.jumps, imaginary.jumps)
+        if not jumps.size:
+            break
+        grid = np.insert(grid, jumps + 1, (grid[jumps] + grid[jumps + 1]) / 2.0)
     static = seen[0][np.abs(seen[0].imag) <= ROUNDING * np.abs(seen[0])].real  # at ω = 0
-    real = np.concatenate([static, crossing(np.imag)[1].real])
+    reals = np.concatenate([static, real.values.real])
     if loop is not None:
-        real = np.append(real, loop.D)
+        reals = np.append(reals, loop.D)
     with np.errstate(divide="ignore"):
-        gains = (real + 0.5) / (real - 0.5)  # -1 / l
+        gains = (reals + 0.5) / (reals - 0.5)  # -1 / l
     gains = gains[(gains > ROUNDING) & (gains < 1.0 / ROUNDING)]
-    frequencies, values = crossing(np.real)
-    angles = np.angle((values - 0.5) / (values + 0.5))  # of -l
+    angles = np.angle((imaginary.values - 0.5) / (imaginary.values + 0.5))  # of -l
     phases = np.degrees(np.abs(angles))
+    frequencies = imaginary.frequencies
     if loop is not None:
         frequencies = loop.rate(frequencies)
     return LoopMargin(
@@ -188,6 +168,49 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
         delay=float((np.mod(angles, 2.0 * np.pi) / frequencies).min(initial=math.inf)),
         disk=min(1.0 / float(np.abs(seen).max()), 2.0),
     )
+
+
+class _Crossings(NamedTuple):
+    """Where a part of M changes its sign: frequencies, M there, and the steps of the grid in which
+    it jumps over 0 because two curves were exchanged."""
+
+    frequencies: np.ndarray
+    values: np.ndarray
+    jumps: np.ndarray
+
+
+def _crossings_of(
+    part: Callable[[np.ndarray], np.ndarray], loci: Loci, grid: np.ndarray, seen: np.ndarray
+) -> _Crossings:
+    """Where this part of M changes its sign; seen: M at the grid, each column a curve."""
+    # Where l is 0 or infinite but for rounding, signs of Im M change by rounding.
+    is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
+    above = part(seen) > 0.0
+    is_counted = ~(is_lost[1:] & is_lost[:-1])
+    where, column = np.nonzero((above[1:] != above[:-1]) & is_counted)
+    low = grid[where]
+    high = grid[where + 1]
+    first = seen[where, column]
+    last = seen[where + 1, column]
+    settled = low
+    for number in range(_ROUNDS):
+        share = 0.5 if number % 2 else part(first) / (part(first) - part(last))
+        point = low + share * (high - low)
+        expected = first + share * (last - first)
+        curves = loci(point)
+        nearest = np.abs(curves - expected[:, None]).argmin(axis=1)
+        value = curves[np.arange(len(point)), nearest]
+        before = (part(value) > 0.0) == above[where, column]
+        low = np.where(before, point, low)
+        high = np.where(before, high, point)
+        first = np.where(before, value, first)
+        last = np.where(before, last, value)
+        if number % 2 == 0:
+            if np.all(np.abs(point - settled) <= _SETTLED * point):
+                break
+            settled = point
+    is_jump = np.abs(part(value)) > _ROOT * np.abs(value)
+    return _Crossings(point, value, where[is_jump])
 
 
 def _followed(loci: np.ndarray) -> np.ndarray:
