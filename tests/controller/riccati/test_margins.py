@@ -264,3 +264,14 @@ def test_two_complex_loci_have_no_gain_at_rest() -> None:
     frequencies = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 100)])
     margin = margin_of(loci, frequencies)
     assert (margin.gain_low, margin.gain_high) == (0.0, math.inf)
+
+
+def test_two_curves_that_change_places_are_no_crossing() -> None:
+    """On this grid each curve is nearest to the other one, on the other side of the real axis."""
+
+    def loci(omega: np.ndarray) -> np.ndarray:
+        passed = np.clip(omega - 1.0, 0.0, 1.0)
+        return np.stack([0.7 + 3.0 * passed + 0.1j, 3.7 - 3.0 * passed - 0.1j], axis=1)
+
+    margin = margin_of(loci, np.arange(4.0))
+    assert (margin.gain_low, margin.gain_high) == (0.0, math.inf)
