@@ -12,7 +12,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import is_hurwitz
 from controller.riccati.derivations import by_sign
-from controller.riccati.normal_form import NormalForm, stable_graph
+from controller.riccati.normal_form import NormalForm, stable_basis
 from hfa_support.errors import NoSolutionError
 
 #: Newton steps after the Schur form. Each gains about 16 digits less those that the condition
@@ -40,8 +40,12 @@ def unrefined(form: NormalForm) -> np.ndarray:
     """
     if not form.Q.any() and is_hurwitz(form.A):
         return np.zeros_like(form.A)
+    basis = stable_basis(form.hamiltonian)
+    if basis is None:  # the stable subspace has not half the dimension
+        raise NoSolutionError(_NO_GRAPH)
+    n = len(form.A)
     try:
-        return stable_graph(form.hamiltonian)
+        return np.linalg.solve(basis[:n].T, basis[n:].T)
     except np.linalg.LinAlgError as error:
         raise NoSolutionError(_NO_GRAPH) from error
 

@@ -117,11 +117,6 @@ class NormalForm:
         """Return the game with another delta, in these coordinates."""
         return replace(self, delta=delta)
 
-    def computed_from(self, sizes: Sizes) -> Self:
-        """Return the game with the sizes of its terms in the user's coordinates; the form is not
-        turned."""
-        return replace(self, made_of=sizes.in_coordinates(self.T, np.diag(self.units)))
-
     def game(self) -> Game:
         """The game in y, with the R and delta of the user."""
         R = self.root @ self.root.T
@@ -337,15 +332,3 @@ def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, fl
     )
     stable_first = np.array_equal(growth < 0.0, np.arange(2 * half) < half)
     return (basis[:, :half] if stable_first and not failed else None), float(separation)
-
-
-def stable_graph(matrix: np.ndarray) -> np.ndarray:
-    """P, (n, n), with [I; P] a basis of the stable subspace of a Hamiltonian.
-
-    np.linalg.LinAlgError where none exists.
-    """
-    basis = stable_basis(matrix)
-    if basis is None:
-        raise np.linalg.LinAlgError("the stable subspace has not half the dimension")
-    half = len(matrix) // 2
-    return np.linalg.solve(basis[:half].T, basis[half:].T)

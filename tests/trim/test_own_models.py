@@ -19,8 +19,7 @@ from own_models import F16, GTM, NAVION, navion, trimmed
 from hfa import BadInputError, Model, Signal, find_operating_point, linearize, sweep
 from trim import TrimError, release
 from trim.point.condition import usual_condition
-from trim.point.solve import other_trims
-from trim.point.trim_report import trim_report
+from trim.point.trim_report import other_trims, trim_report
 from trim.sweeps.points import TRIMMED, trim_points
 
 #: Stevens and Lewis, table 3.6-3: xcg, what is held, rates, alpha, beta, throttle, elevator,

@@ -12,7 +12,6 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from trim.point.condition import TrimCondition, refuse_unfit, release, usual_condition
 from trim.point.operating_point import OperatingPoint, Status
 from trim.point.problem import TrimProblem
-from trim.point.system import declared_start
 
 
 class TrimError(NoSolutionError):
@@ -75,27 +74,6 @@ def find_operating_point(
             f"the equations overflow or divide by zero at this condition with these parameters; "
             f"take other values ({error})"
         ) from error
-
-
-def other_trims(
-    model: Model, condition: TrimCondition, point: OperatingPoint
-) -> list[OperatingPoint]:
-    """Return further solutions of a condition with as many equations as unknowns, found by Newton's
-    method from the declaration's initial values and from `STARTS` points between the limits, such
-    as the back side of the power curve. Others may exist."""
-    problem = TrimProblem.of(condition, point)
-    trim = problem.unknowns(point.values)
-    equations, unknowns = problem.count
-    starts = [*problem.starts(trim)]
-    if not starts or equations != unknowns:
-        return []
-    starts.append(problem.unknowns(declared_start(model, condition.imposed)))
-    trims = [trim]
-    for solution in problem.ends_within(starts):
-        distances = [float(np.abs(solution - z).max()) for z in trims]
-        if problem.solved(solution) and min(distances) > 1e-6:
-            trims.append(solution)
-    return [problem.point(z, Status.TRIMMED) for z in trims[1:]]
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:

@@ -16,7 +16,6 @@ from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
 from hfa_support.linear_table import LinearTable
 from hfa_support.native.bound import RowFunction
-from trim.limits import Limits
 from trim.point.condition import TrimCondition
 
 #: Norm of the scaled residuals from which one more step ends at rounding.
@@ -325,12 +324,6 @@ class TrimSystem:
         """z (..., k), those that are far out less whole turns."""
         turn = np.where(np.isfinite(self.usual), 4.0 * self.usual, 1.0)
         return np.where(self.far_out(z), z - turn * np.round(z / turn), z)
-
-    @cached_property
-    def point_limits(self) -> Limits:
-        """The limits of states, inputs and watched states and outputs."""
-        names = (*self.model.states, *self.model.inputs, *self.watched.names)
-        return self.condition.limits_on(names)
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""

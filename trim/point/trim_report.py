@@ -19,7 +19,7 @@ from trim.point.margins import Margin, all_margins
 from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.point_records import point_records
 from trim.point.problem import STARTS, TrimProblem
-from trim.point.solve import other_trims
+from trim.point.system import declared_start
 
 #: How many of the nearest limits are named, beside those that bind.
 _NEAREST = 3
@@ -206,6 +206,27 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
     if with_rates:
         columns.insert(1, "imposed")
     return Table(tuple(columns), rows)
+
+
+def other_trims(
+    model: Model, condition: TrimCondition, point: OperatingPoint
+) -> list[OperatingPoint]:
+    """Return further solutions of a condition with as many equations as unknowns, found by Newton's
+    method from the declaration's initial values and from `STARTS` points between the limits, such
+    as the back side of the power curve. Others may exist."""
+    problem = TrimProblem.of(condition, point)
+    trim = problem.unknowns(point.values)
+    equations, unknowns = problem.count
+    starts = [*problem.starts(trim)]
+    if not starts or equations != unknowns:
+        return []
+    starts.append(problem.unknowns(declared_start(model, condition.imposed)))
+    trims = [trim]
+    for solution in problem.ends_within(starts):
+        distances = [float(np.abs(solution - z).max()) for z in trims]
+        if problem.solved(solution) and min(distances) > 1e-6:
+            trims.append(solution)
+    return [problem.point(z, Status.TRIMMED) for z in trims[1:]]
 
 
 def _search(

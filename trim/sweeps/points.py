@@ -209,7 +209,8 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     if not settled.all():
         _settle_from_neighbours(system, values, z, c, settled)
     point, A, B, residual = system.linear(z, c)
-    within = system.point_limits.within(point).all(axis=1)
+    names = (*model.states, *model.inputs, *system.watched.names)
+    within = system.condition.limits_on(names).within(point).all(axis=1)
     within &= system.limits.within(z * system.scales).all(axis=1)  # a free output, as gamma
     balanced = (np.abs(residual) <= BALANCE).all(axis=1)
     within &= ~system.far_out(z).any(axis=1)

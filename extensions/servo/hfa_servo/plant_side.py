@@ -8,6 +8,7 @@ Zhou, Doyle and Glover, Robust and Optimal Control, Theorem 17.1 and Section 17.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +58,9 @@ class Side(NamedTuple):
 
     def form(self, delta: float) -> NormalForm:
         """The normal form of the game, with the sizes of the terms it was computed from."""
-        return NormalForm.of(self.game(delta)).computed_from(self._sizes(delta))
+        form = NormalForm.of(self.game(delta))
+        sizes = self._sizes(delta).in_coordinates(form.T, np.diag(form.units))
+        return replace(form, made_of=sizes)
 
     def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
         """F1 and F2 with the worst w = F1 x and the best u = F2 x for the value x'X x."""
