@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 
 import casadi as ca
@@ -19,6 +20,7 @@ from hfa_boxes.enclosure.elementary import (
     sin_cos,
     tanh,
 )
+from hfa_boxes.enclosure.functions import ENCLOSED
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_boxes.enclosure.taylor import TaylorProgram, highest, lowest
@@ -64,6 +66,46 @@ def test_the_chain_rule_holds_every_slope() -> None:
         values = np.array(slopes(place))
         assert np.all(found.slopes.low - 1e-13 <= values)
         assert np.all(values <= found.slopes.high + 1e-13)
+
+
+#: Kind -> the function and its slope.
+FUNCTIONS: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = {
+    "tanh": (np.tanh, lambda t: 1.0 - np.tanh(t) ** 2),
+    "relu": (lambda t: np.maximum(t, 0.0), lambda t: np.where(t > 0.0, 1.0, 0.0)),
+    "step": (lambda t: np.where(t > 0.0, 1.0, 0.0), np.zeros_like),
+    "square": (np.square, lambda t: 2.0 * t),
+    "inverse": (np.reciprocal, lambda t: -1.0 / t**2),
+    "sqrt": (np.sqrt, lambda t: 0.5 / np.sqrt(t)),
+    "exp": (np.exp, np.exp),
+    "log": (np.log, np.reciprocal),
+    "sin": (np.sin, np.cos),
+    "cos": (np.cos, lambda t: -np.sin(t)),
+    "atan": (np.arctan, lambda t: 1.0 / (1.0 + t**2)),
+}
+
+
+@pytest.mark.parametrize("kind", ENCLOSED)
+def test_each_part_of_an_enclosure_holds_its_function(kind: str) -> None:
+    """Curves, lines and slopes, over ranges that are narrow, wide and not about their centres."""
+    function, slope = FUNCTIONS[kind]
+    generator = np.random.default_rng(3)
+    is_positive = kind in ("inverse", "sqrt", "log")
+    centre = generator.uniform(1.0 if is_positive else -3.0, 3.0, 400)
+    width = generator.choice([1e-6, 0.01, 0.9] if is_positive else [1e-6, 0.1, 2.0, 6.0], 400)
+    low = centre - width * generator.uniform(0.0, 1.0, 400)
+    high = centre + width * generator.uniform(0.0, 1.0, 400)
+    slopes = ENCLOSED[kind].slopes(low, high)
+    for share in np.linspace(0.0, 1.0, 41):
+        t = low + share * (high - low)
+        for enclose in (ENCLOSED[kind].curve, ENCLOSED[kind].line):
+            if enclose is None:
+                continue
+            found = enclose((centre, low, high))
+            d = t - centre
+            off = np.abs(function(t) - (found.value + d * (found.slope + d * found.bend)))
+            assert np.all(off <= found.rest + 1e-14 * (1.0 + np.abs(function(t))))
+        assert np.all(slopes.low <= slope(t) + 1e-13 * (1.0 + np.abs(slope(t))))
+        assert np.all(slopes.high >= slope(t) - 1e-13 * (1.0 + np.abs(slope(t))))
 
 
 def test_elementary_functions_are_as_near_as_stated() -> None:
