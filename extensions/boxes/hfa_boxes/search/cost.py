@@ -293,9 +293,16 @@ class CostSearch:
         depths = np.full(n, 3)
         while undecided(depths) > _OPEN * len(places) and depths[0] < _DEEPEST_TRIED:
             depths = depths + 1
+        rows = np.eye(n, dtype=int)
+        exchanges = [rows[i] - rows[j] for i in range(n) for j in range(n) if i != j]
         for _ in range(_STRETCHED * n):
-            counts = [undecided(depths - row) for row in np.eye(n, dtype=int)]
-            if min(counts) > _OPEN * len(places):
+            counts = [undecided(depths - row) for row in rows]
+            if min(counts) <= _OPEN * len(places):
+                depths = depths - rows[int(np.argmin(counts))]
+                continue
+            # as many halvings, across other edges
+            counts = [undecided(depths - each) for each in exchanges]
+            if not counts or min(counts) >= undecided(depths):
                 break
-            depths[int(np.argmin(counts))] -= 1
+            depths = depths - exchanges[int(np.argmin(counts))]
         return tuple(int(depth) for depth in depths.max() - depths)

@@ -24,12 +24,15 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
 #: Shares of the sampled set that are tried, linearly, one after the other; where none is proved,
-#: halves of the first, down to the least.
+#: halves of the first, down to the least. The first that is tried of a later V.
 _SHARES = (0.5, 0.8, 0.95, 0.985)
+_LARGE = 0.95
 _LEAST = 0.004
-#: Part of the time that is left in which a set grows, and that one level gets while none is proved.
+#: Part of the time that is left in which a set grows, that one level gets while none is proved, and
+#: that the large share of a later V gets, which is tried first.
 _OF_GROWTH = 0.4
 _FIRST = 0.3
+_OF_LARGE = 0.6
 #: Refuted places that become rows of linear programs, for one V.
 _REFUTED = 12
 #: Lyapunov matrices that are tried, and those of them that are sampled more.
@@ -158,10 +161,10 @@ class RegionSearch:
         refuted = 0
         low = 0.0
         high = 1.0
-        share = _SHARES[0]
+        share = _SHARES[0] if self._best is None else _LARGE
         while share > _LEAST:
             # most of the time is for sets that may be proved
-            part = 1.0 if self._best is not None else _FIRST
+            part = 1.0 if low > 0.0 else _FIRST if self._best is None else _OF_LARGE
             self._deadline = time.process_time() + part * self._left()
             try:
                 self._prove(growth.shape, share, origin)
