@@ -109,6 +109,12 @@ class Place:
         """Indices of the linear states that decide whether a flight converges, (k,)."""
         return np.ones(len(self.box), dtype=bool) if self.reach is None else self.reach.judged
 
+    @property
+    def stays(self) -> bool:
+        """Whether flights that converge stay converged: no mode diverges, out of reach neither."""
+        own = () if self.reach is None else self.reach.own
+        return self.stable and all(mode.growth <= 0.0 for mode in own)
+
 
 @dataclass(frozen=True)
 class Outcome(Result):
@@ -116,7 +122,7 @@ class Outcome(Result):
 
     starts: number of flights.
     returned: number that converged: within the ball about the equilibrium for half a period of the
-        slowest oscillation and two seconds, or at the end.
+        slowest oscillation and two seconds, or at the end; at the end where a mode diverges.
     lost: number that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
     worst_outcome: "leaves the envelope", "does not converge" or "converges": of the worst flight.
@@ -204,6 +210,7 @@ class FlownRows:
         self.drifts = np.array(drifts)[owners]
         self.balls = np.array([BALL * place.box for place in places])[owners]
         self.stable = np.array([place.stable for place in places])[owners]
+        self.stays = np.array([place.stays for place in places])[owners]
         self.judged = np.array([place.judged for place in places])[owners]
         window = flight.samples_in_window * flight.dt
         enough = [2 + math.ceil(place.swing / window - 1e-9) for place in places]
@@ -282,11 +289,11 @@ class FlownRows:
         return distance, np.where(judged, (highest - lowest) / 2.0 / self.balls[flying], 0.0)
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """Return the mask of the flights about a stable equilibrium that stayed in the ball for so
-        many windows that an oscillation would have left it."""
+        """Return the mask of the flights that stayed in the ball for so many windows that an
+        oscillation would have left it, where nothing takes them out of it later."""
         self.in_ball[flying] = np.where(distance <= 1.0, self.in_ball[flying] + 1, 0)
         stays = self.in_ball[flying] >= self.enough[flying]
-        return np.asarray(self.stable[flying] & stays & (distance <= self.nearest[flying]))
+        return np.asarray(self.stays[flying] & stays & (distance <= self.nearest[flying]))
 
     def _standing(self, flying: np.ndarray, distance: np.ndarray, swings: np.ndarray) -> np.ndarray:
         """Return the mask of the flights that have been at another equilibrium for long enough."""

@@ -156,3 +156,27 @@ def test_states_lag_behind_an_equilibrium_that_climbs():
     off = (X - place.equilibrium.states)[rows] - place.drift @ (X - states[0])
     assert abs(place.lag[0]) > 1e-3
     assert off[0] == pytest.approx(place.lag[0], rel=0.1)
+
+
+def test_a_mode_out_of_reach_takes_flights_out_again():
+    """y' = .02 y, which no action moves, and x' = -x + u + .02 y²: flights that begin with a large
+    y have x = .02 y² / 2.04 in the ball at first and not at the end."""
+    signal = hfa.Signal(nominal=1.0, min=-50.0, max=50.0)
+    model = hfa.Model(
+        "two",
+        {"x": signal, "y": signal},
+        {"u": signal},
+        lambda x, u, p, w: ({"x": -x.x + u.u + 0.02 * x.y**2, "y": 0.02 * x.y}, {}),
+    )
+    point = hfa.find_operating_point(model, hold={"y": 0.0, "u": 0.0}, free=("x",))
+    o = ca.SX.sym("o")
+    card = Deployment(
+        policy={"file": ca.Function("gain", [o], [-o])},
+        observation={"x": {}},
+        action={"u": {}},
+        timing={"dt": 0.1},
+    )
+    (found,) = Assessor(card.on(model), (point,), 20, 0, {"x": 1.0, "y": 1.0}).assessed()
+    starts, _ = seeded_starts(found.place, 20, 0, False)
+    at_end = 0.02 / 2.04 * (starts[:, 1] * np.exp(0.02 * found.place.seconds)) ** 2
+    assert found.flights.returned == (at_end <= 0.05).sum() < 20
