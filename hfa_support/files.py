@@ -1,5 +1,5 @@
 """Files that we write appear whole or not at all; those that users bring are regular ones of a
-bounded size whose text parses, or one line states why not."""
+bounded size whose text parses, otherwise one line states the reason."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def _suffixes(kind: str) -> tuple[str, ...]:
 
 
 def _purpose() -> str:
-    """Use of these suffixes."""
+    """Return the use of these suffixes."""
     said = [
         f"{suffix}: {about_part(f'{kind}{suffix}')}"
         for kind in (FILE, STORE)

@@ -14,7 +14,10 @@ from hfa_support.reporting.report import Report
 def draws_option() -> Any:
     """The field `draws` of a request."""
     return option(
-        "spread over N aircraft, drawn from uncertain parameters", "N", whole(1), part="draws"
+        "add the spread over N aircraft, drawn from uncertain parameters",
+        "N",
+        whole(1),
+        part="draws",
     )
 
 

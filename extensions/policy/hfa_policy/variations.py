@@ -147,7 +147,7 @@ def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
 
 def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
     """The deployment with numbers in place of the trim values of its observations: a deployed
-    policy does not know the trim of a changed aircraft."""
+    policy keeps the trim of the original aircraft."""
     card = deployed.deployment
     whole = {
         name: {**entry, "about": 0.0, "scale": 1.0} for name, entry in card.observation.items()

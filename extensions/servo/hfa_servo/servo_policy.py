@@ -121,7 +121,7 @@ class ServoPolicy(Policy):
 
 class MatrixTables:
     """Matrices (N, rows, columns) each, linear between breakpoints: one CasADi function, which is
-    called and not written out."""
+    called, not expanded."""
 
     def __init__(self, breakpoints: np.ndarray, stacks: Sequence[np.ndarray]) -> None:
         self._shapes = [stack.shape[1:] for stack in stacks]

@@ -38,7 +38,7 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     """One flight, or many members of one."""
 
     samples: int | None = option(
-        "fly so many members, each with its own errors, noise and turbulence",
+        "fly N members, each with its own errors, noise and turbulence",
         "N",
         whole(1, _MOST_MEMBERS),
         rare=True,

@@ -73,7 +73,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         named=True,
     )
     inputs: str = option(
-        "between their samples: linear (default) or steps, as those of a computer are",
+        "inputs between samples: linear (default) or steps",
         "KIND",
         one_of("linear", "steps"),
         default="linear",
@@ -84,10 +84,10 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         input_file(*RECORDS),
     )
     columns: Path | None = option(
-        "where the columns are in logs of PX4 (.ulg)", "FILE.toml", input_file(".toml")
+        "table of the columns in logs of PX4 (.ulg)", "FILE.toml", input_file(".toml")
     )
     turbulence: bool = option(
-        "the air moved: filter error; speed, alpha, beta of the records are through the air"
+        "estimate turbulence (filter error); speed, alpha, beta of the records are through the air"
     )
     plan: bool = option("also compare manoeuvres that would narrow the widest band")
     output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")

@@ -80,7 +80,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         "compare with the policy of this deployment file", "CARD.toml", input_file(".toml")
     )
     seconds: float | None = option(
-        "horizon, s; default: as long as the flight costs anything", "S", positive, rare=True
+        "horizon, s; default: the cost after it is negligible", "S", positive, rare=True
     )
     limits: Mapping[str, tuple[float, float]] = option(
         "limits of a state in place of its flight envelope; repeatable",

@@ -79,7 +79,7 @@ class CriticRequest(SolutionRequest):
         names="file",
         required=True,
     )
-    basis: str = option("of W; default quadratic", "NAME", default="quadratic", rare=True)
+    basis: str = option("basis of W; default quadratic", "NAME", default="quadratic", rare=True)
 
 
 @command(SolutionRequest)

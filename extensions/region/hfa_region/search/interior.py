@@ -160,7 +160,8 @@ class _Cone:
 
 
 class _Part:
-    """A group at work: its cones, multipliers y and what its equations miss."""
+    """The state of a group in the iteration: its cones, multipliers y and the residual of its
+    equations."""
 
     def __init__(self, group: Group, Q: float, Z: float) -> None:
         self.group = group

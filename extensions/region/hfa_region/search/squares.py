@@ -252,7 +252,7 @@ class Solution:
         return float(self.x[0])
 
     def matrix(self, gram: Gram) -> np.ndarray:
-        """A Gram matrix, its margin in it."""
+        """Return a Gram matrix, with its margin added."""
         without = self.matrices[gram.identity][gram.place]
         return without + self.margin * np.eye(gram.size)
 
