@@ -81,12 +81,13 @@ def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
 
 
 def one_of(*words: str) -> Callable[[str], str]:
-    """The kind of a word among those named."""
+    """The kind of a word among those named, in lower case."""
 
     def convert(text: str) -> str:
-        if text not in words:
+        word = text.lower()
+        if word not in words:
             raise BadInputError(f"is {shortened(text)!r}; use one of {', '.join(words)}")
-        return text
+        return word
 
     return convert
 

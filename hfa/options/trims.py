@@ -12,6 +12,7 @@ from typing import Any
 from hfa.options.argument_types import (
     PICTURES,
     breakpoint_value,
+    one_of,
     output_file,
     quantity,
     span,
@@ -22,7 +23,7 @@ from hfa_model import choice
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_model.variants import further_dynamics, variant_named
 from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError, refuse_unknown, shortened
+from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import note_read
 from hfa_support.reporting.report import SUFFIXES, Report
 from hfa_support.units import SYSTEMS
@@ -52,12 +53,6 @@ def of_hfa(about: str, otherwise: str = "") -> Callable[[Model | None], str]:
     return lambda model: otherwise if is_own(model) else about
 
 
-def _unit_system(text: str) -> str:
-    if text.lower() not in SYSTEMS:
-        raise BadInputError(f"is {shortened(text)!r}; use one of {', '.join(SYSTEMS)}")
-    return text.lower()
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UnitsOption(Request):
     """In which units the model is."""
@@ -68,7 +63,7 @@ class UnitsOption(Request):
             "units of input and output: si (m, kg, N); by default those of the aircraft",
         ),
         "UNITS",
-        _unit_system,
+        one_of(*SYSTEMS),
         default="english",
         rare=True,
     )
