@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple, Self
@@ -60,6 +61,7 @@ class NormalForm:
     root: (m, m), lower triangular, R = root root'
     delta: of the games
     made_of: sizes of the terms of the matrices of one game, None where they are given
+    R: (m, m) of the user, None where R = I
     """
 
     A: np.ndarray
@@ -70,6 +72,7 @@ class NormalForm:
     root: np.ndarray
     delta: float
     made_of: Sizes | None = field(default=None, kw_only=True)
+    R: np.ndarray | None = field(default=None, kw_only=True)
 
     @classmethod
     @lru_cache(maxsize=8)
@@ -100,6 +103,7 @@ class NormalForm:
             T=np.eye(A.shape[-1]) / rows,
             root=root,
             delta=like.delta,
+            R=like.R,
         )
 
     def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
@@ -136,6 +140,25 @@ class NormalForm:
     def S(self) -> np.ndarray:
         """B B' - E E', (..., n, n)."""
         return self.B @ self.B.mT - self.E @ self.E.mT
+
+    @cached_property
+    def rounded(self) -> np.ndarray:
+        """Return what rounding of the root of R, of B and of E has changed of B B' - E E', (..., n,
+        n), to first order.
+
+        Next to the smallest delta the two nearly cancel, and P would be that of another game."""
+        n, m = self.B.shape[-2:]
+        root = np.broadcast_to(self.root, (*self.B.shape[:-2], m, m))
+        R = np.broadcast_to(np.eye(m) if self.R is None else self.R, root.shape)
+        high, low = product(exact(np.concatenate([self.B, root], axis=-2)), exact(root.mT))
+        left = (np.concatenate([self.inputs, R], axis=-2) - high) - low
+        of_B = np.linalg.solve(root, left[..., :n, :].mT).mT
+        of_R = np.linalg.solve(root, np.linalg.solve(root, left[..., n:, :]).mT)
+        half = self.B @ (0.5 * self.B @ of_R - of_B).mT
+        if math.isfinite(self.delta):
+            high, low = product(exact(self.E), exact(np.eye(self.E.shape[-1]) * self.delta))
+            half = half + ((self.disturbance - high) - low) / self.delta @ self.E.mT
+        return np.asarray(half + half.mT)
 
     @property
     def units(self) -> np.ndarray:
@@ -189,7 +212,7 @@ class NormalForm:
         signed = inputs[0] * signs, inputs[1] * signs
         total = add(linear, add(transposed(linear), exact(self.Q)))
         total = add(total, product(signed, transposed(inputs)))
-        return np.asarray(total[0])
+        return np.asarray(total[0] + X @ self.rounded @ X)
 
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
         """`relative_residuals` of the normal form."""

@@ -250,6 +250,15 @@ def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
         assert error(game, P) <= max(EXACT, 1e-15 / abs(apart))
 
 
+@pytest.mark.parametrize("m", [1, 2])
+def test_rounding_of_R_and_delta_is_corrected(m: int) -> None:
+    """1e-11 above delta_min = 0.9 S_control^-½: rounding of R^-½ B and E / delta moved P by 7e-6."""
+    R = np.array([[0.37, 0.1], [0.1, 0.53]])[:m, :m]
+    B = np.array([[1.3, 0.7]])[:, :m]
+    smallest = 0.9 / math.sqrt((B @ np.linalg.solve(R, B.T)).item())
+    assert error(Game([[0.0]], B, [[0.9]], [[1.0]], R, smallest * (1.0 + 1e-11))) <= EXACT
+
+
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 def test_the_smallest_delta_is_within_a_millionth(a: float) -> None:
     smallest = minimum_delta(scalar(a, 1.0))
