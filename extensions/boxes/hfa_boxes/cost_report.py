@@ -13,11 +13,11 @@ from hfa_boxes.search.cost import CostBound
 from hfa_boxes.words import piece_in_words
 from hfa_proof.outward import at_least
 from hfa_proof.results import limits_in_words, parameters_in_words
-from hfa_proof.subject import taken_from_certificate
+from hfa_proof.subject import first_line
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 
-_NOT_COVERED = "disturbances not covered"
+_NOT_COVERED = "disturbances"
 
 
 def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
@@ -68,12 +68,9 @@ def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Re
 
 
 def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the first line, with the subjects that the user did not give, else with the effects
-    that are not covered; otherwise these follow in the next line."""
+    """Return the claim, the subjects that the user did not give, and what is not covered."""
     claim = f"{verdict}: lower bound of the cost of flights of {statement.plant.model.title}"
-    if not_given:
-        return f"{claim}{taken_from_certificate(not_given)}\n{_NOT_COVERED}"
-    return f"{claim}; {_NOT_COVERED}"
+    return first_line(claim, not_given, _NOT_COVERED)
 
 
 def _sentence(statement: CostStatement) -> str:

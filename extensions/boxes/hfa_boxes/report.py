@@ -20,11 +20,11 @@ from hfa_proof.results import (
     parameters_in_words,
     place_in_words,
 )
-from hfa_proof.subject import taken_from_certificate
+from hfa_proof.subject import first_line
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_values
 
-NOT_COVERED = "sampling, delay, actuators, disturbances not covered"
+NOT_COVERED = "sampling, delay, actuators, disturbances"
 
 
 def found_report(
@@ -110,12 +110,9 @@ def checked_report(
 def _title(
     statement: BoxStatement, verdict: str, not_covered: str, not_given: Sequence[str] = ()
 ) -> str:
-    """Return the first line, with the subjects that the user did not give, else with the effects
-    that are not covered; otherwise these follow in the next line."""
+    """Return the claim, the subjects that the user did not give, and what is not covered."""
     claim = f"{verdict}: region of attraction of {statement.loop.model.title}"
-    if not_given:
-        return f"{claim}{taken_from_certificate(not_given)}\n{not_covered}"
-    return f"{claim}; {not_covered}"
+    return first_line(claim, not_given, not_covered)
 
 
 def _sentence(statement: BoxStatement, policy: str) -> str:

@@ -131,7 +131,7 @@ def test_a_network_is_proved_and_checked(proved: Any, capsys: pytest.CaptureFixt
     assert main(["prove", "region", *words]) == 0
     out = capsys.readouterr().out
     assert out.startswith(
-        "Verified, proved: region of attraction of pendulum; sampling, delay, actuators"
+        "Verified, proved: region of attraction of pendulum, without sampling, delay, actuators"
     )
     assert content["statement"]["extents"]["angle"][1] > np.radians(20.0)
 

@@ -15,6 +15,9 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, NoSolutionError
 
+#: Longest first line of a report.
+_COLUMNS = 100
+
 
 class Field(NamedTuple):
     """The treatment of a field of a statement.
@@ -155,3 +158,11 @@ def taken_from_certificate(subjects: Iterable[str]) -> str:
     *first, last = names
     listed = f"{', '.join(first)} and {last}" if first else last
     return f", of the {listed} in the certificate"
+
+
+def first_line(claim: str, not_given: Iterable[str], not_covered: str) -> str:
+    """Return a claim, the subjects that the user did not give, and the effects that are not
+    covered; the last in a second line where one is longer than 100 columns."""
+    line = f"{claim}{taken_from_certificate(not_given)}"
+    whole = f"{line}, without {not_covered}"
+    return whole if len(whole) <= _COLUMNS else f"{line}\nwithout {not_covered}"

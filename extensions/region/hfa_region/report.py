@@ -18,7 +18,7 @@ from hfa_proof.results import (
     place_in_words,
     polynomial_in_words,
 )
-from hfa_proof.subject import taken_from_certificate
+from hfa_proof.subject import first_line
 from hfa_region.check.certificate import VerifiedRegion
 from hfa_region.check.extents import extents_of
 from hfa_region.check.statement import RegionStatement
@@ -124,12 +124,11 @@ def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple
 
 
 #: What no statement covers, in a first line.
-_WITHOUT = "without sampling, delay, actuators"
+_WITHOUT = "sampling, delay, actuators"
 
 
 def _title(statement: RegionStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the first line, with the subjects that the user did not give, else with the effects
-    that are not covered; otherwise these follow in the next line."""
+    """Return the claim, the subjects that the user did not give, and what is not covered."""
     title = statement.loop.model.title
     if statement.loop.disturbances:
         claim = f"{verdict}: invariant set of {title} under disturbances"
@@ -137,9 +136,7 @@ def _title(statement: RegionStatement, verdict: str, not_given: Sequence[str] = 
     else:
         claim = f"{verdict}: region of attraction of {title}"
         without = f"{_WITHOUT}, disturbances"
-    if not_given:
-        return f"{claim}{taken_from_certificate(not_given)}\n{without}"
-    return f"{claim}, {without}"
+    return first_line(claim, not_given, without)
 
 
 def _sentence(statement: RegionStatement) -> str:

@@ -44,7 +44,7 @@ def test_the_continuous_policy_is_that_of_the_file(tmp_path: Path) -> None:
     trim = np.zeros(policy.function.numel_in(1))
     torque = float(policy.function(np.array([0.1, -0.3]), trim))
     assert torque == pytest.approx(-1.98 * 0.1 + 0.98 * 0.3)
-    assert policy.not_covered == "sample time 0.02 s, delay 0.04 s not covered"
+    assert policy.not_covered == "sampling (0.02 s), delay (0.04 s), actuators, disturbances"
 
 
 @pytest.mark.slow
@@ -53,8 +53,9 @@ def test_a_deployment_file_is_proved(tmp_path: Path, capsys: pytest.CaptureFixtu
     words = card(tmp_path)
     proof = str(tmp_path / "proof.json")
     assert main([*words, "--seconds", "3", "-o", proof]) == 0
-    first = capsys.readouterr().out.splitlines()[0]
-    assert first.endswith("of pendulum; sample time 0.02 s, delay 0.04 s not covered")
+    first, second, *_ = capsys.readouterr().out.splitlines()
+    assert first.endswith("of pendulum")
+    assert second == "without sampling (0.02 s), delay (0.04 s), actuators, disturbances"
     assert main([*words, "--check", proof]) == 0
     assert main([*card(tmp_path, gain=-0.99), "--check", proof]) == 2
 

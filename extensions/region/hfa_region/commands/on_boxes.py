@@ -122,11 +122,11 @@ def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]
 def card_policy(path: Path, linear: LinearModel) -> ProvedPolicy:
     """A deployment file whose action is computed and applied at every instant."""
     deployment = Deployment.load(path)
-    timing = f"sample time {deployment.dt:g} s, delay {deployment.delay:g} s"
+    timing = f"sampling ({deployment.dt:g} s), delay ({deployment.delay:g} s)"
     return ProvedPolicy(
         continuous(deployment.on(linear.point.model)),
-        f"{path}, applied continuously; actuators, disturbances not covered",
-        not_covered=f"{timing} not covered",
+        f"{path}, applied continuously",
+        not_covered=f"{timing}, actuators, disturbances",
     )
 
 
