@@ -11,13 +11,16 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
 import hfa
+from hfa_aircraft.layout import components
 from hfa_optimal.flights import Flown
 from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.problem import FlightProblem, flight_problem
@@ -25,6 +28,7 @@ from hfa_optimal.search import BestFlights
 from hfa_support.errors import NoSolutionError
 from hfa_support.files import write_text
 from hfa_support.jsonable import json_text
+from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 
@@ -62,6 +66,17 @@ def problem_of(source: str) -> FlightProblem:
     return flight_problem(model, point, game.Q, game.R)
 
 
+@cache
+def rates_of(problem: FlightProblem) -> BoundFunction:
+    """(X, U) -> the rates of all states, by the model's own equations."""
+    model = problem.model
+    X = ca.SX.sym("X", len(model.states))
+    U = ca.SX.sym("U", len(model.inputs))
+    vectors = components(X), components(U), components(ca.DM(model.p))
+    rates, _ = model.layout.expressions(vectors, ())
+    return BoundFunction(ca.Function("rates", [X, U], [ca.densify(rates)], {"cse": True}))
+
+
 def independent_cost(problem: FlightProblem, flown: Flown) -> float:
     """The cost of a flight by DOP853 of SciPy on the model's equations, with the linear cost of its
     end.
@@ -74,9 +89,10 @@ def independent_cost(problem: FlightProblem, flown: Flown) -> float:
     moved = problem.moved
     places = problem.places
     rows = np.column_stack([flown.states[:, places], flown.inputs[:, moved]])
+    rates = rates_of(problem)
     k = len(places)
 
-    def rate(t: float, y: np.ndarray) -> list[float]:
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
         place = np.clip(np.searchsorted(flown.times, t) - 1, 0, len(rows) - 2)
         before, after = flown.times[place : place + 2]
         share = (t - before) / (after - before)
@@ -87,7 +103,10 @@ def independent_cost(problem: FlightProblem, flown: Flown) -> float:
         u[moved] += v
         z = y[places] - trim_x[places]
         price = z @ problem.Q @ z + v @ problem.R @ v
-        return [*problem.model.rates_at(y[:-1].tolist(), u.tolist()).values(), float(price)]
+        X, U = rates.inputs
+        X[:], U[:] = y[:-1], u
+        rates()
+        return np.append(rates.results[0], price)
 
     begin = [*flown.states[0], 0.0]
     seconds = float(flown.times[-1])
