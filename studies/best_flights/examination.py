@@ -128,13 +128,12 @@ def examined(name: str, source: str, count: int) -> dict[str, Any]:
             found = search.found(start)
         except NoSolutionError as error:
             seconds = time.process_time() - began
-            flights.append({"start": start.tolist(), "reason": str(error), "seconds": seconds})
+            flights.append({"reason": str(error), "seconds": seconds})
             continue
         seconds = time.process_time() - began
         linear = found.linear
         flights.append(
             {
-                "start": start.tolist(),
                 "cost": found.flown.cost,
                 "independent": independent_cost(problem, found.flown),
                 "proposed": found.proposal.cost,

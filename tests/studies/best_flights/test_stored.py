@@ -12,7 +12,13 @@ import hfa
 from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.search import BestFlights
 from studies.best_flights.__main__ import DEGREES, LIMITS, START, best_beside_policies
-from studies.best_flights.examination import independent_cost, problem_of, summary, table
+from studies.best_flights.examination import (
+    AIRCRAFT,
+    independent_cost,
+    problem_of,
+    summary,
+    table,
+)
 
 EXAMINED = ROOT / "studies" / "best_flights" / "results" / "examination.json"
 STORED = ROOT / "studies" / "best_flights" / "results" / "best_flights.json"
@@ -48,6 +54,7 @@ def test_stored_examination_is_what_the_page_shows() -> None:
     .5 %, 95 % found."""
     rows = json.loads(EXAMINED.read_text(encoding="utf-8"))["aircraft"]
     page = (ROOT / "docs" / "optimize.md").read_text(encoding="utf-8")
+    assert [(row["aircraft"], row["starts"]) for row in rows] == [(name, 50) for name in AIRCRAFT]
     for row, shown in zip(rows, table(rows).rows, strict=True):
         assert f"| {' | '.join(map(str, shown))} |" in page
         again = summary(row["flights"])
