@@ -16,6 +16,7 @@ from pendulum_regions import read_and_check
 from hfa_aircraft.model import Model, Signal
 from hfa_proof.checker.reading import Malformed, Rejected
 from hfa_region.check.checker import _check_extents
+from hfa_region.check.extents import extents_of
 from hfa_region.check.loop import HIGHEST, LOWEST, Equilibrium, RegionLoop
 from hfa_region.check.polynomial import Polynomial
 from hfa_region.check.positivity import Evidence, Square, check_positive
@@ -338,6 +339,15 @@ def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
     own = {"x": (-1.0, 2.0)}
     assert limits_hold({"x": (-0.5, 1.5)}, own, ()) is None
     assert limits_hold({"x": stated}, own, ()) == "x"
+
+
+def test_extents_of_a_quartic_are_proved_or_of_the_ball() -> None:
+    """Those of the statement, and never beyond the ball of radius 2."""
+    loop = RegionStatement.read(sink()["statement"], SINK).loop
+    terms = ((1.0, (4, 0)), (1.0, (0, 2)))
+    statement = RegionStatement(loop, terms, 3.0, {"x": (-1.5, 9.0), "y": (-9.0, 1.5)})
+    found = extents_of(statement, 2.0 * np.eye(2))
+    assert found == {"x": (-1.5, pytest.approx(2.0)), "y": (pytest.approx(-2.0), 1.5)}
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])

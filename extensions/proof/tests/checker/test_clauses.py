@@ -106,6 +106,7 @@ def _refused_by_the_other_solution(made: Any) -> None:
 
 #: What is wrong -> kind of certificate, how, and the message of the clause that refuses it.
 FORGED: dict[str, tuple[str, Change, str]] = {
+    "an error of what is scheduled": ("two trims", put({"p": 0.01}, *FLIGHT, "spread"), "spread"),
     "a trim above a limit": ("two trims", put([-9.0, 1.0], *FLIGHT, "limits", "x"), "x may lie"),
     "a trim below a limit": ("two trims", put([1.7, 9.0], *FLIGHT, "limits", "x"), "x may lie"),
     "a limit wider than the model's": (
