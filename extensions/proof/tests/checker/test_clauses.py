@@ -42,7 +42,7 @@ from hfa_proof.checker.trims import (
     linear_model_on,
     root_offsets,
 )
-from hfa_proof.checker.witness import GameWitness, Line, ModelsWitness, TrimBox
+from hfa_proof.checker.witness import GameWitness, Line, ModelsWitness, SolutionBox, TrimBox
 
 _NO_SOLUTION = "a root|eigenvalue|Hurwitz"
 
@@ -276,6 +276,18 @@ def test_boxes_of_another_branch_are_refused() -> None:
         models.append(linear_model_on(flight, TrimBox.read(entries, flight)))
     with pytest.raises(Rejected, match="branch"):
         check_branches(flight, models)
+
+
+@ctx.workprec(256)
+def test_a_solution_far_from_the_stated_one_is_enclosed() -> None:
+    """0.75 p² + 2 p = 1, stated 0.1 beside the root with a reach of 0.5: one step of Newton's
+    method is not the root."""
+    one = np.eye(1)
+    root = (arb(1.75).sqrt() - 1) / arb(0.75)
+    stated = TaylorModel(arb_mat([[root.mid() + arb(0.1)]]))
+    box = SolutionBox(np.ones(1), stated, arb(0.5), Line(one, one))
+    found = solution_on(Weights(one, one, one, 2.0), _one(-1.0), _one(1.0), box, lowest=1)
+    assert found.P.range()[0, 0].contains(root)
 
 
 def test_weights_that_are_no_cost_are_refused() -> None:
