@@ -224,7 +224,7 @@ def test_what_monte_carlo_cannot_draw_or_repeat_refused(plan: MonteCarlo) -> Non
     no_moment = hfa.aircraft(parameters=PARAMETERS._replace(zero_lift_moment=0.0))
     moment = with_scenario(plan, uncertainty=Uncertainty({"zero_lift_moment": 1.0}))
     for said, make in (
-        ("does nothing", lambda: replace(moment, model=no_moment)),
+        ("has no effect", lambda: replace(moment, model=no_moment)),
         (
             "unknown parameter 'span'",
             lambda: with_scenario(plan, uncertainty=Uncertainty({"span": 0.1})),

@@ -145,7 +145,7 @@ def test_the_parameters_of_the_hfa_are_drawn(capsys):
         ("", "has no [covariance], which --draws needs"),
         ("[covariance]\nnames = ['CL_alpha']\nrows = [[1.0, 2.0]]", "is not names of parameters"),
         ("[covariance]\nnames = ['Cl']\nrows = [[1.0]]", "is not names of parameters"),
-        ("[covariance]\nnames = ['CL_alpha']\nrows = [[-1.0]]", "is no covariance"),
+        ("[covariance]\nnames = ['CL_alpha']\nrows = [[-1.0]]", "is not a covariance"),
     ],
 )
 def test_a_wrong_covariance_is_refused(covariance, message, folder, capsys):
