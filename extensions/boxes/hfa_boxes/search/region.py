@@ -28,8 +28,8 @@ from hfa_support.progress import Progress
 _SHARES = (0.5, 0.8, 0.95, 0.985)
 _LARGE = 0.95
 _LEAST = 0.004
-#: Part of the time that is left in which a set grows, that one level gets while none is proved, and
-#: that the large share of a later V gets, which is tried first.
+#: Part of the time that is left in which a first V is chosen or a set grows, that one level gets
+#: while none is proved, and that the large share of a later V gets, which is tried first.
 _OF_GROWTH = 0.4
 _FIRST = 0.3
 _OF_LARGE = 0.6
@@ -152,6 +152,8 @@ class RegionSearch:
                     pass
             except OutOfTimeError:
                 pass
+            if self._left() <= 0.0:
+                return
             level = growth.shape.bound(self.samples, _HIGHEST).level
             growth.shape = growth.shape.of_level(min(level, _HIGHEST))
             self._levels(growth, f"one of degree {degree} that was searched for")
@@ -232,8 +234,11 @@ class RegionSearch:
 
     def _first(self) -> tuple[str, Shape]:
         """The quadratic V with the largest set by samples, in words and with its set."""
-        sampled = []
+        sampled: list[tuple[str, Shape]] = []
+        end = time.process_time() + _OF_GROWTH * self._left()
         for origin, P in self._candidates():
+            if sampled and time.process_time() > end:
+                break
             slope = P @ self.J
             if not np.all(np.linalg.eigvalsh(slope + slope.T) < 0.0):
                 continue
@@ -247,7 +252,7 @@ class RegionSearch:
         largest = 0.0
         for origin, shape in sampled[:_SAMPLED]:
             # more samples make a set smaller
-            if shape.size() <= largest:
+            if shape.size() <= largest or (best is not None and time.process_time() > end):
                 break
             good = self._good(shape, quick=False)
             if good.size() > largest:
