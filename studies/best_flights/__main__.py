@@ -1,5 +1,5 @@
 """Cost of flights of the nonlinear HFA from the paper's x(0) at 5, 10 and 15 deg, within two sets
-of limits: exact game policy, exact LQR, best flight found.
+of limits: exact game policy, exact LQR, learned critic, best flight found.
 
 Writes FOLDER/best_flights.json, which `hfa report --flights` shows, and FOLDER/best_flights.png.
 Takes half a minute of computing."""
@@ -50,19 +50,27 @@ _DRAWN = ("speed", "alpha", "pitch_rate", "elevator_center")
 
 
 def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, float]]) -> BestFlight:
-    """Return the best flight found from x(0), with the exact game policy and the exact LQR."""
+    """Return the best flight found from x(0), with the exact LQR, the policy of a critic that
+    `hfa learn` learns, and the exact game policy."""
     game = hfa.paper.published_game(linear)
     problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
     search = BestFlights(problem)
     found = search.found(problem.deviations(START))
-    exact = gain_pilot(search.flights, "exact game policy, clipped", hfa.solve_game(game).K)
-    flown = exact.fly(search.flights, found.proposal.start, (1.0 + AFTER) * found.seconds)
-    return BestFlight(problem, found, (flown,))
+    gains = {
+        "learned critic, clipped": hfa.learn(game, seed=0).K,
+        "exact game policy, clipped": hfa.solve_game(game).K,
+    }
+    flown = []
+    for name, K in gains.items():
+        pilot = gain_pilot(search.flights, name, K)
+        seconds = (1.0 + AFTER) * found.seconds
+        flown.append(pilot.fly(search.flights, found.proposal.start, seconds))
+    return BestFlight(problem, found, tuple(flown))
 
 
 def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
     """A row of the table."""
-    linear, exact = best.policies
+    linear, learned, exact = best.policies
     return {
         "dihedral_deg": degrees,
         "within": name,
@@ -74,6 +82,7 @@ def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
         },
         "exact_policy": exact.as_data(),
         "exact_lqr": linear.as_data(),
+        "learned_critic": learned.as_data(),
     }
 
 

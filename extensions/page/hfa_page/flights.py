@@ -18,6 +18,12 @@ from hfa_support.reporting.text import Cell, Table, shown_unit
 
 _STUDY = "`python -m studies.best_flights`"
 _TITLE = "Flights of the nonlinear aircraft from the paper's x(0)"
+#: Name in the table -> key in the file.
+_POLICIES = {
+    "exact game policy": "exact_policy",
+    "exact LQR": "exact_lqr",
+    "learned critic": "learned_critic",
+}
 #: Entries of the flown linear models and of the page's own that differ by less are equal.
 _SAME = 1e-9
 
@@ -79,12 +85,11 @@ def load_flights(path: Path) -> StoredFlights:
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
     """A row for each angle and set of limits: cost and final deviation of each flight."""
-    header = ("dihedral, limits", "exact game policy", "exact LQR", "best flight found")
+    header = ("dihedral, limits", *_POLICIES, "best flight found")
     rows = [
         (
             f"{flight['dihedral_deg']:g} deg, {flight['within']}",
-            _policy(flight["exact_policy"]),
-            _policy(flight["exact_lqr"]),
+            *(_policy(flight[key]) for key in _POLICIES.values()),
             Cell(f"{flight['best']['cost']:,.0f}", "good"),
         )
         for flight in flights

@@ -83,7 +83,7 @@ def test_folder_holds_page_its_pictures_and_its_numbers(made: tuple[Result, Path
     assert "the same matrices as those of this page" in html
     assert f"Read from {CLAIMS}" in html
     assert "Flights of the nonlinear aircraft from the paper" in html.partition("<details")[0]
-    assert data["flights"]["schema"] == "hfa.paper-flights/1"
+    assert data["flights"]["schema"] == "hfa.paper-flights/2"
 
 
 def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> None:

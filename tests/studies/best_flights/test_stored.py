@@ -44,7 +44,8 @@ def test_a_flight_is_found_again(index: int) -> None:
     linear = hfa.paper.level_model(hfa.aircraft(), np.radians(stored["dihedral_deg"]))
     best = best_beside_policies(linear, LIMITS[stored["within"]])
     assert best.cost == pytest.approx(stored["best"]["cost"], rel=0.005)
-    lqr, exact = best.policies
+    lqr, learned, exact = best.policies
+    assert learned.cost == pytest.approx(stored["learned_critic"]["cost"], rel=1e-3)
     assert exact.cost == pytest.approx(stored["exact_policy"]["cost"], rel=1e-3)
     assert lqr.cost == pytest.approx(stored["exact_lqr"]["cost"], rel=1e-3)
 
