@@ -68,8 +68,8 @@ class FlightsData(Result):
     start: state -> its deviation from the trim at the begin.
     limits: set of limits -> state or input -> lowest and highest value.
     models: dihedral_deg, A and B of each linear model.
-    flights: dihedral_deg; within, the set of limits; best, exact_policy, exact_lqr and learned_critic with
-        costs of flights on the nonlinear aircraft.
+    flights: dihedral_deg; within, the set of limits; best, exact_policy, exact_lqr and
+        learned_critic with costs of flights on the nonlinear aircraft.
     """
 
     schema = "hfa.paper-flights/2"
