@@ -179,11 +179,12 @@ class CostSearch:
             if proved:
                 break
             yield _SHARES[0] * largest / 4.0**quarters
-        tried = np.zeros(len(costs), dtype=bool)
+        # a flight that does not converge shows nothing of the least cost
+        tried = ~np.isfinite(costs)
         for _ in range(_FOR_POOR):
             ratios = np.where(tried, np.inf, self._bounds(proved) / costs)
             cost = costs[np.argmin(ratios)]
-            if ratios.min() >= self._good:
+            if not ratios.min() < self._good:
                 break
             yield (1.0 - self._problem.margin) * float(cost)
             tried |= (costs >= _NEAR * cost) & (costs <= cost)
