@@ -26,7 +26,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
 _HEAD = """# Printed answers of others
 
-`hfa printed` judges an answer that a paper, a manual or a repository prints with its plant:
+`hfa printed` judges a printed answer with its plant:
 
 ```console
 $ hfa printed studies/published/sources/radp_suspension.toml
@@ -35,9 +35,9 @@ as printed: all 20 entries
 ```
 
 [Each verdict](critics.md#a-printed-answer) concerns digits, not causes. [The table of
-results](../studies/published/results.csv) lists every answer with its whole verdict. [Its
-folder](../studies/published/sources) has a file for each, with the source that was opened and the
-numbers, digit by digit. `python -m studies.published` judges all of them.
+results](../studies/published/results.csv) lists every answer with its verdict, [its
+folder](../studies/published/sources) the sources with the printed digits. `python -m
+studies.published` judges all of them.
 """
 
 

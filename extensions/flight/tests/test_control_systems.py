@@ -62,7 +62,7 @@ def test_a_system_of_python_control_is_traced() -> None:
         ),
         (
             lambda: system(lambda t, x, u, p: [x[1], np.sin(t)]),
-            "pendulum depends on time; make what it does over time",
+            "pendulum depends on time; make its dependence on time an input",
         ),
         (
             lambda: system(pendulum, dt=0.1),
