@@ -66,7 +66,7 @@ def test_a_run_goes_on_from_its_certificate(
     assert main([*words, "--R", "9"]) == 2
     assert "another R" in capsys.readouterr().err
     before = json.loads(certificate.read_text())["statement"]["pieces"]
-    assert main([*words, "--seconds", "1", "--json"]) == 0
+    assert main([*words, "--seconds", "0.3", "--json"]) == 0
     pieces = json.loads(capsys.readouterr().out)["pieces"]
     assert [piece["c"] for piece in pieces][: len(before)] == [piece["c"] for piece in before]
 
