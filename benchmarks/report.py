@@ -371,7 +371,7 @@ def _draw_bars(axes: Any, bars: Sequence[dict[str, Any]]) -> None:
     axes.tick_params(axis="y", labelsize=7)
     axes.set(
         xscale="log",
-        xlim=(0.3, 5000),
+        xlim=(0.2, 5000),
         xlabel="time of the peer divided by ours (orange: slower than the peer)",
     )
     axes.plot([], [], color="black", linewidth=1.5, label="limit of this machine")
