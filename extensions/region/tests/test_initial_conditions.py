@@ -73,7 +73,7 @@ def test_the_region_of_the_tutorials_navion(tmp_path: Path) -> None:
         tmp_path / "region.json", aircraft, *weights, "--degree", "2", "--seconds", "2"
     )
     assert data["states"] == ["speed", "alpha", "pitch", "pitch_rate"]
-    assert data["rho"] < data["lost_at"]["V"]
+    assert data["rho"] < data["leaves_limits_at"]["V"]
     assert data["extents"]["speed"] > 1.0
     # The limits of the inputs and of gamma are those of the model.
     assert data["limits"]["thrust"] == [0.0, 1000.0]
@@ -86,7 +86,7 @@ def test_the_region_of_the_f16_with_constant_derivatives(tmp_path: Path) -> None
     aircraft = f"{ROOT / 'examples' / 'f16_constant.py'}:F16"
     words = ("--delta", "inf", "--degree", "2", "--seconds", "2")
     statement, data = stated(tmp_path / "region.json", aircraft, *words)
-    assert data["rho"] < data["lost_at"]["V"]
+    assert data["rho"] < data["leaves_limits_at"]["V"]
     assert data["extents"]["speed"] > 10.0
     assert statement.loop.limits["elevator"] == (-25.0, 25.0)
     assert starts_lost(statement, 1000) == (0, 0)

@@ -208,7 +208,7 @@ def test_a_search_goes_on_from_its_certificate(
 ) -> None:
     again = tmp_path / "again.json"
     again.write_text(certificate.read_text())
-    words = ("--aircraft", PENDULUM, "--degree", "2", "--seconds", "0.1", "--json", "--resume")
+    words = ("--aircraft", PENDULUM, "--degree", "2", "--seconds", "0.001", "--json", "--resume")
     assert run(*words, "-o", str(again)) == 0
     assert json.loads(capsys.readouterr().out)["origin"] == "V of the certificate"
     assert run(*words, "--Q", "5,5", "-o", str(again)) == 2

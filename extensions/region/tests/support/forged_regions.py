@@ -130,7 +130,11 @@ def _gram_gone(content: Content, generator: np.random.Generator) -> None:
 
 
 def _gram_negated(content: Content, generator: np.random.Generator) -> None:
-    square = _some_gram(content, generator)
+    """Of a multiplier: the checker computes the main one anew from the identity."""
+    parts = content["witness"]["parts"]
+    part = parts[generator.integers(len(parts))]
+    multipliers = list(part["evidence"]["multipliers"].values())
+    square = multipliers[generator.integers(len(multipliers))]
     square["gram"] = (-np.array(square["gram"])).tolist()
 
 
