@@ -131,7 +131,7 @@ def _study(module: str, words: list[str]) -> Result:
 
 PICTURES = ROOT / "docs" / "pictures"
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-#: The commands of the other page need its package: `test_doors.py` runs them.
+#: The commands of the other page need its package: `test_entry_points.py` runs them.
 RUN_HERE = [path for path in DOCUMENTS if path != PAGE]
 
 
