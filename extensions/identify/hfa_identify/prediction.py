@@ -20,7 +20,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.filter_gain import Gain, GainSlopes, gain_with_slopes
 from hfa_identify.records import Record
-from hfa_identify.response import TOGETHER, Responses, Simulation, finer, products
+from hfa_identify.response import TOGETHER, Responses, Simulation, carried, finer
 from hfa_identify.search import begin_of
 from hfa_identify.sensors import SensorError
 from hfa_support.errors import BadInputError
@@ -312,9 +312,7 @@ class Predictions(Responses):
                 corrected = corrected[: len(change)]
                 moved = change[:, :, :n] @ corrected
                 moved[:, :, n:] += change[:, :, n:]
-                within = products(moved[:, :, :n], moved[:, :, n:], 1)
-                reached = within[:, :, p:] @ S
-                reached[:, :, :p] += within[:, :, :p]
+                reached = carried(moved, 1, S)
                 S = reached[-1]
                 slopes = seen[:, :, :n] @ reached[: len(seen)]
                 slopes[:, :, :p] += seen[:, :, n:]

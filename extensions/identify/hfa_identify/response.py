@@ -303,9 +303,7 @@ class Responses:
                 change = self._step_slopes(
                     simulated, rest, slice(first * count, (first + TOGETHER) * count)
                 )
-                within = products(change[:, :, :n], change[:, :, n:], count)
-                reached = within[:, :, p:] @ S
-                reached[:, :, :p] += within[:, :, :p]
+                reached = carried(change, count, S)
                 S = reached[-1]
                 slopes = self._observed_slopes(at_samples[rows], driven[rows], rest)
                 total[rows] = slopes[:, :, :n] @ reached[: len(slopes)]
@@ -430,7 +428,22 @@ def finer(time: np.ndarray, inputs: np.ndarray, count: int) -> tuple[np.ndarray,
     return np.interp(fine, places, time), np.column_stack([np.empty((len(fine), 0)), *columns])
 
 
-def products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
+def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
+    """(N + 1, n, p + n) sensitivities of the states by θ and x₀ before a part of the steps, and
+    after every `count`-th step of it.
+
+    change: (steps, n, n + p), slopes of the states after a step by those before and by θ
+    S: (n, p + n), before the part
+    """
+    n = change.shape[1]
+    p = change.shape[2] - n
+    within = _products(change[:, :, :n], change[:, :, n:], count)
+    reached = within[:, :, p:] @ S
+    reached[:, :, :p] += within[:, :, :p]
+    return reached
+
+
+def _products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
     """(N, n, p + n) of S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I).
 
     by_state: (steps, n, n) Φ_x. by_theta: (steps, n, p) Φ_θ.

@@ -64,7 +64,7 @@ def best_costs(
         starts=table.starts,
         found=table.found,
         refused=table.refused,
-        lost=sum(each.departure is not None or not each.converges for each in flown),
+        lost=sum(each.lost for each in flown),
         policy_over_best=_ratios(flown),
         lqr_over_best=_ratios(linear),
         offset_rate=offset,

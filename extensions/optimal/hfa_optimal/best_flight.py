@@ -45,6 +45,11 @@ class PolicyFlight(Result):
     departure: Any
     saturated: Sequence[str]
 
+    @property
+    def lost(self) -> bool:
+        """True if it left the envelope, or does not end in the trim."""
+        return self.departure is not None or not self.converges
+
     @staticmethod
     def of(flown: Flown, best: float | None) -> PolicyFlight:
         """Return a flight compared with the cost of the best one; None without it."""

@@ -192,7 +192,7 @@ class WithFlights(Result):
 
 def _summary(column: Sequence[PolicyFlight]) -> PolicySummary:
     ratios = [each.over_best for each in column if each.over_best is not None]
-    lost = sum(each.departure is not None or not each.converges for each in column)
+    lost = sum(each.lost for each in column)
     left = sum(each.departure is not None for each in column)
     converged = sum(each.converges for each in column)
     counts = (column[0].policy, lost, left, converged)

@@ -15,7 +15,7 @@ from hfa_optimal.collocation import DEGREE, Proposal, adapted_mesh, collocation_
 from hfa_optimal.flights import Flights, Flown
 from hfa_optimal.problem import FlightProblem, flight_problem
 from hfa_optimal.quickest_program import TimeProgram
-from hfa_optimal.search import BestFlights
+from hfa_optimal.search import BestFlights, difference_of_meshes
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.report import Picture, Report, Reported
@@ -102,8 +102,7 @@ class QuickestFlight(StatesAndInputs, Result, Reported):
     @property
     def spread(self) -> float:
         """Relative difference of the times on the last two meshes."""
-        before, last = list(self.meshes.values())[-2:]
-        return abs(last / before - 1.0)
+        return difference_of_meshes(self.meshes)
 
     @property
     def box(self) -> Mapping[str, float]:

@@ -101,7 +101,7 @@ def _processes(count: int) -> Iterator[Run]:
         try:
             of_thread.connection, end = context.Pipe()
             child = context.Process(target=_serve, args=(end,), daemon=True)
-            with _signals_held():
+            with _signals_blocked():
                 child.start()
         except OSError as error:  # too many files are open, or too many processes run
             raise BadInputError(
@@ -132,8 +132,8 @@ def _processes(count: int) -> Iterator[Run]:
 
 
 @contextmanager
-def _signals_held() -> Iterator[None]:
-    """Delay signals until the block ends.
+def _signals_blocked() -> Iterator[None]:
+    """Block signals in this thread until the block ends.
 
     A process that starts in the block inherits that for good: a terminal sends Ctrl-C to every
     process of a run, and only the one that started the others shall answer.
