@@ -97,8 +97,8 @@ def check_cost(
     if not np.all((low <= at) & (at <= high)):
         raise Rejected("the equilibrium is outside the limits")
     counts = []
+    shapes = witness.longer.tolist()
     try:
-        shapes = witness.longer.tolist()
         for piece, most, longer in zip(statement.pieces, witness.boxes, shapes, strict=True):
             inequality = CostInequality(plant, equilibrium, piece, statement.Q, statement.R)
             counts.append(cover(inequality, most, progress, longer))

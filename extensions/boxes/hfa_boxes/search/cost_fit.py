@@ -27,6 +27,10 @@ _SAMPLES = 20_000
 _ADDED = 400
 _TURNS = 40
 _FIRST = 1500
+#: Samples of a turn have W up to so many levels. A row is violated where its slack, in units of the
+#: running cost, is below minus this part of the margin; at -_KEPT margins g is 0.
+_NEAR_SET = 1.05
+_VIOLATED = 0.1
 #: More rows than the first are reduced to the second: those far from active are left out.
 _MOST_ROWS = 6000
 _KEPT_ROWS = 4000
@@ -131,8 +135,8 @@ class Fit:
         self._sides: list[np.ndarray] = []
 
     def fitted(self) -> Polynomial:
-        """The polynomial of the last linear program, which no sample violates; OpenBoxError where
-        none exists."""
+        """The polynomial of the last of the linear programs, each with the rows that samples
+        violated in the one before; OpenBoxError where none exists."""
         if not self._rows:
             z = self._ball(_FIRST)
             self._add(z, self._best_inputs(z))
@@ -140,19 +144,23 @@ class Fit:
         for _ in range(_TURNS):
             self._tell(len(self._sides))
             self._solve()
-            z = self._ball(_SAMPLES)
-            z = z[self._values(z @ self.M.T) <= 1.05 * self.c]
-            rows, sides = self._row(z, self._best_inputs(z))
-            # in units of the running cost: 0 is the row itself, -_KEPT margin is g = 0
-            slack = rows @ self._coefficients - sides
-            worst = np.argsort(slack)[:_ADDED]
-            worst = worst[slack[worst] < -0.1 * self._problem.margin]
+            rows, sides = self._violated()
             has_low_wall = self._add_walls(_FIRST // 3, every=False)
-            if not len(worst) and not has_low_wall:
+            if not len(rows) and not has_low_wall:
                 break
-            self._rows.append(rows[worst])
-            self._sides.append(sides[worst])
+            self._rows.append(rows)
+            self._sides.append(sides)
         return self._basis.polynomial(self._coefficients)
+
+    def _violated(self) -> tuple[np.ndarray, np.ndarray]:
+        """The rows that samples of the set violate most, and their right sides."""
+        z = self._ball(_SAMPLES)
+        z = z[self._values(z @ self.M.T) <= _NEAR_SET * self.c]
+        rows, sides = self._row(z, self._best_inputs(z))
+        slack = rows @ self._coefficients - sides
+        worst = np.argsort(slack)[:_ADDED]
+        worst = worst[slack[worst] < -_VIOLATED * self._problem.margin]
+        return rows[worst], sides[worst]
 
     def places(self, count: int) -> np.ndarray:
         """Return (N, n), coordinates of at most `count` samples in the set, off the faces of the
