@@ -41,7 +41,7 @@ def run(learner: Any, *, progress: Progress | None = None) -> Run:
     start(): the memory before the first, whatever the learner carries from one tick to the next
     advance(tick, memory): the memory after tick number `tick` (0 .. ticks - 1), a pure function
     observe(tick, memory): the row after `tick` ticks (0 .. ticks): "time", s, and further values to
-    keep, with the same names each time; with "law_residual_norm", the residual that the learner
+        keep, with the same names each time; with "law_residual_norm", the residual that the learner
         drives to zero, the progress shows it
     """
     memory = learner.start()

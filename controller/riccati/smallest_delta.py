@@ -245,7 +245,7 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
 
 def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
     """Return each eigenvalue of A, with the distance by which rounding of the entries of A may move
-    it by, to first order.
+    it, to first order.
 
     That is y'|D|x / |y'x| for a change D of the entries by rounding; at most `_NEAR_AXIS` of the
     size of A, also where A is defective. Source: Golub and Van Loan, Section 7.2.2."""
@@ -261,7 +261,7 @@ def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
 
 
 def _mode_text(eigenvalue: complex, error: float) -> str:
-    """Return, for a message, "mode with eigenvalue 0.5 ± 1i; a part up to the error is 0."""
+    """Return, for a message, "mode with eigenvalue 0.5 ± 1i"; a part up to the error is 0."""
     real = eigenvalue.real if abs(eigenvalue.real) > error else 0.0
     text = f"mode with eigenvalue {real:.4g}"
     if abs(eigenvalue.imag) > error:

@@ -68,7 +68,7 @@ def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Re
 
 
 def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the claim, the subjects that the user did not give, and what is not covered."""
+    """Return the claim, the subjects that the user did not give, and the effects left out."""
     claim = f"{verdict}: lower bound of the cost of flights of {statement.plant.model.title}"
     return first_line(claim, not_given, _NOT_COVERED)
 

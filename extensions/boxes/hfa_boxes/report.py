@@ -110,7 +110,7 @@ def checked_report(
 def _title(
     statement: BoxStatement, verdict: str, not_covered: str, not_given: Sequence[str] = ()
 ) -> str:
-    """Return the claim, the subjects that the user did not give, and what is not covered."""
+    """Return the claim, the subjects that the user did not give, and the effects left out."""
     claim = f"{verdict}: region of attraction of {statement.loop.model.title}"
     return first_line(claim, not_given, not_covered)
 

@@ -75,9 +75,11 @@ def flight_envelope(
 ) -> Limits:
     """Return the limits of all states within which the equations of a model are valid.
 
-    These are min and max of the states, the limits of the model about a trim (`Extras.envelope`),
-    and
-    `changes`: state -> (lowest, highest), absolute; `ANGLE_OF_ATTACK` is another name of alpha's.
+    These are min and max of the states, and the limits of the model about a trim
+    (`Extras.envelope`).
+
+    changes: state -> (lowest, highest), absolute, in place of these; `ANGLE_OF_ATTACK` is another
+        name of alpha's
 
     BadInputError for a name that is not a state, or when the trim lies outside.
     """

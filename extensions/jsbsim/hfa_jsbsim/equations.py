@@ -15,7 +15,7 @@ class EquationsOfMotion:
     """(x, u, p, w) -> rates by state, outputs by name, of numbers or expressions.
 
     still: (x, u, p) -> both as columns, without gusts. gusty: makes (x, u, p, w) -> both, when they
-        are first needed in moving air.
+    are first needed in moving air.
     jsbsim_steps: step, s -> flights of the model in JSBSim's own steps (`frame.Frames`).
     """
 

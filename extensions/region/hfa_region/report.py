@@ -128,7 +128,7 @@ _WITHOUT = "sampling, delay, actuators"
 
 
 def _title(statement: RegionStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the claim, the subjects that the user did not give, and what is not covered."""
+    """Return the claim, the subjects that the user did not give, and the effects left out."""
     title = statement.loop.model.title
     if statement.loop.disturbances:
         claim = f"{verdict}: invariant set of {title} under disturbances"

@@ -342,7 +342,7 @@ def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
 
 
 def test_extents_of_a_quartic_are_proved_or_of_the_ball() -> None:
-    """Those of the statement, and never beyond the ball of radius 2."""
+    """The extents are those of the statement, and never beyond the ball of radius 2."""
     loop = RegionStatement.read(sink()["statement"], SINK).loop
     terms = ((1.0, (4, 0)), (1.0, (0, 2)))
     statement = RegionStatement(loop, terms, 3.0, {"x": (-1.5, 9.0), "y": (-9.0, 1.5)})

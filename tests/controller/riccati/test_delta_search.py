@@ -207,7 +207,7 @@ def refusal_of(solve: Callable[[], object]) -> str:
 
 
 def test_an_unreached_mode_is_named_in_any_units() -> None:
-    """Also beside fast states."""
+    """The mode is named beside fast states too."""
     for seed in range(5):
         rng = np.random.default_rng(seed)
         turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]

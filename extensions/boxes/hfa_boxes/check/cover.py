@@ -45,8 +45,9 @@ class Boxes(NamedTuple):
         return Boxes(self.centres[which], self.depths[which])
 
     def halves(self, longer: np.ndarray) -> Boxes:
-        """Return both halves of each box, across the first of the widest edges; an edge counts as
-        halved so much more often (n,) than it is."""
+        """Return both halves of each box, across the first of the widest edges.
+
+        longer: (n,), how much less often each edge is halved"""
         rows = np.arange(len(self.centres))
         across = np.argmin(self.depths + longer, axis=1)
         depths = self.depths.copy()
@@ -96,7 +97,7 @@ class Question(Protocol):
 
     @property
     def is_outside(self) -> Callable[[Boxes], np.ndarray]:
-        """Return which boxes do not meet the set."""
+        """Boxes -> the mask of those that do not meet the set."""
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
         """Return the mask of the boxes to halve; RefutedError at a place where the answer is no."""

@@ -95,7 +95,7 @@ class Decrease(OnPiece):
 
     @property
     def is_outside(self) -> Callable[[Boxes], np.ndarray]:
-        """Return which boxes do not meet the set."""
+        """Boxes -> the mask of those that do not meet the set."""
         return self.is_beyond
 
     def undecided(self, boxes: Boxes) -> np.ndarray:

@@ -75,7 +75,7 @@ def _in_si(spread: ParameterSpread, native: Model) -> ParameterSpread:
 
 
 def _is_square(rows: Any, size: int) -> bool:
-    """Return whether this is a square matrix of `count` rows of finite numbers."""
+    """Return whether this is a square matrix of `size` rows of finite numbers."""
     if not isinstance(rows, list) or len(rows) != size:
         return False
     return all(

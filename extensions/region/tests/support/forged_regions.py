@@ -130,7 +130,7 @@ def _gram_gone(content: Content, generator: np.random.Generator) -> None:
 
 
 def _gram_negated(content: Content, generator: np.random.Generator) -> None:
-    """Of a multiplier: the checker computes the main one anew from the identity."""
+    """Negate that of a multiplier; the checker computes the main one anew from the identity."""
     parts = content["witness"]["parts"]
     part = parts[generator.integers(len(parts))]
     multipliers = list(part["evidence"]["multipliers"].values())
