@@ -17,8 +17,8 @@ from controller.riccati.certificate import (
     certified_solution,
 )
 from controller.riccati.normal_form import NormalForm
-from hfa_support.arguments import checks_arguments
-from hfa_support.errors import NoSolutionError
+from hfa_support.arguments import ArrayLike, checks_arguments
+from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
 from hfa_support.reporting.report import Report, Reported
@@ -62,6 +62,17 @@ class Solution(Result, Reported):
     worst_case_eigenvalues: Roots
     abscissa_error: float
     names: PlantNames
+
+    def poles(self) -> np.ndarray:
+        """The eigenvalues of A - B K, (n,) complex, 1/s."""
+        return self.closed_loop_eigenvalues
+
+    def cost(self, z: ArrayLike) -> float:
+        """Return z'P z, the value of the game from the state z, (n,)."""
+        state = numbers_in("z", z)
+        if state.shape != (len(self.P),):
+            raise BadInputError(f"z is of shape {state.shape}; give ({len(self.P)},)")
+        return float(state @ self.P @ state)
 
     def report(self) -> Report:
         """P, K, the closed loop and the certificate."""

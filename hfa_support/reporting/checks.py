@@ -64,6 +64,9 @@ class Checked:
         """True if every check holds."""
         return all(check.ok for check in self.checks)
 
+    def __bool__(self) -> bool:
+        return self.ok
+
 
 def checked(
     name: str, value: float, relation: str, limit: float, reason: str = "", kind: str = ""

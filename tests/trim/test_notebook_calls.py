@@ -43,13 +43,30 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
     assert linear.simulate({"throttle": 1.0}).outputs[:, -1] == pytest.approx(
         linear.step().outputs[:, 0, -1]
     )
+    named = linear.step(time, inputs="elevator_center", outputs=["pitch", "alpha"])
+    assert named.outputs[:, 0] == pytest.approx(x[[2, 1]], rel=1e-9, abs=1e-9)
+    with pytest.raises(BadInputError, match="time is 'throttle'; give a number"):
+        linear.step("throttle")
+
+
+def test_words_of_the_model_are_held_values_of_a_trim_and_columns_of_a_sweep() -> None:
+    point = hfa.trim(MODEL, dihedral=0.2, speed=70.0)
+    assert point == hfa.trim(MODEL, hold={"dihedral": 0.2, "speed": 70.0})
+    assert point == hfa.trim(MODEL, hold={"dihedral": 0.2}, speed=70.0)
+    assert np.array_equal(point.linearize(full=True).A, linearize(MODEL, point, full=True).A)
+    swept = sweep(MODEL, dihedral=[0.1, 0.2], speed=[70.0])
+    assert np.array_equal(swept.A, sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [70.0]}).A)
+    with pytest.raises(BadInputError, match="'holds'"):
+        hfa.trim(MODEL, holds={"speed": 70.0})
+    with pytest.raises(BadInputError, match="'sped'; did you mean speed"):
+        sweep(MODEL, sped=[70.0])
 
 
 def test_other_attributes_are_those_of_python_control() -> None:
     linear = _linear()
     assert linear.ninputs == 5
     assert linear.dcgain() == pytest.approx(linear.C @ -np.linalg.solve(linear.A, linear.B))
-    with pytest.raises(AttributeError, match="'StateSpace' object has no attribute 'dcgane'"):
+    with pytest.raises(AttributeError, match="a LinearModel has no attribute 'dcgane'"):
         linear.dcgane  # noqa: B018
 
 

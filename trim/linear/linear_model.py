@@ -153,12 +153,17 @@ class LinearModel(ByValue, Result, Reported):
 
         return zeros_of(self)
 
-    def step(self, time: Any = None) -> control.TimeResponseData:
-        """Outputs after a unit step of each input, (outputs, inputs, N), as deviations; time: (N,)
-        or the last, s. python-control chooses it unless given."""
+    def step(
+        self, time: Any = None, inputs: Any = None, outputs: Any = None
+    ) -> control.TimeResponseData:
+        """The named outputs after a unit step of each named input, (outputs, inputs, N), as
+        deviations; all unless named.
+
+        time: (N,) or the last, s; python-control chooses it unless given.
+        """
         from trim.linear.responses import step
 
-        return step(self, time)
+        return step(self, time, inputs, outputs)
 
     def simulate(self, u: Any, time: Any = None) -> control.TimeResponseData:
         """Outputs over time (N,), (outputs, N), as deviations from the operating point.
@@ -204,7 +209,11 @@ class LinearModel(ByValue, Result, Reported):
             """Return another attribute of `to_control()`: `damp`, `dcgain`, `sample`, `ninputs`."""
             if name.startswith("_"):
                 raise AttributeError(name)
-            return getattr(self.to_control(), name)
+            system = self.to_control()
+            if not hasattr(system, name):
+                message = f"a LinearModel has no attribute {name!r}"
+                raise AttributeError(message, name=name, obj=self)
+            return getattr(system, name)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with

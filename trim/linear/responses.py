@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
 from trim.linear.positions import positions
 
@@ -44,11 +45,15 @@ def _as_names(names: Names) -> tuple[str, ...] | None:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
-def step(model: LinearModel, time: Any) -> control.TimeResponseData:
-    """Return y after a unit step of each input, (outputs, inputs, N); time: (N,) or the last."""
+@checks_arguments
+def step(
+    model: LinearModel, time: float | ArrayLike | None, inputs: Names, outputs: Names
+) -> control.TimeResponseData:
+    """Return the named outputs after a unit step of each named input, (outputs, inputs, N); time:
+    (N,) or the last."""
     import control
 
-    return control.step_response(model.to_control(), time, squeeze=False)
+    return control.step_response(chosen(model, inputs, outputs).to_control(), time, squeeze=False)
 
 
 def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData:

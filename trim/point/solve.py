@@ -34,6 +34,7 @@ def find_operating_point(
     *,
     hold: Mapping[str, float] | None = None,
     free: Sequence[str] = (),
+    **held: float,
 ) -> OperatingPoint:
     """Return the state and input with f(X, U) = imposed rates and y(X, U) = imposed outputs, every
     residual within `BALANCE` of its scale, within the limits.
@@ -49,6 +50,7 @@ def find_operating_point(
     start: a neighbouring point for the search; default: that of the declaration
     hold: variable, output or rate (speed_dot) -> imposed value, in the model's units
     free: variables that are set free; a rate (h_dot) that is not balanced
+    held: further values of `hold`, by name: speed=100.0
 
     Raises TrimError when the equations cannot be balanced within the limits, BadInputError when the
     condition is not well posed or its numbers, with the model's, overflow. Source: Stevens,
@@ -62,6 +64,7 @@ def find_operating_point(
     if condition is None:
         condition = usual_condition(model)
     refuse_unfit(condition, model)
+    hold = {**(hold or {}), **held}
     if hold or free:
         free = (free,) if isinstance(free, str) else tuple(free)
         condition = release(condition, hold=hold, free=free)

@@ -464,12 +464,13 @@ def _mode_text(eigenvalues: np.ndarray) -> str:
 @checks_arguments
 def sweep(
     model: Model,
-    grid: Mapping[str, Sequence[float] | np.ndarray],
+    grid: Mapping[str, Sequence[float] | np.ndarray] | None = None,
     *,
     condition: TrimCondition | None = None,
     start: OperatingPoint | None = None,
     listed: bool = False,
     progress: Progress | None = None,
+    **columns: Sequence[float] | np.ndarray,
 ) -> Sweep:
     """Trim and linearize at every point of the product of the given values, or, when `listed`, at
     every row of these columns: a `SweepPlan` run in memory.
@@ -480,6 +481,7 @@ def sweep(
     start: initial point of the search at each point
     listed: whether the values of the grid are columns, one row for each point
     progress: called with (points done, points in all)
+    columns: further variables of the grid, by name: speed=[60.0, 70.0]
 
     A point that has no trim becomes a row with its reason. BadInputError when a name is unknown, a
     value lies outside its limits, or the grid is empty or has more than `MOST_POINTS` points.
@@ -488,6 +490,7 @@ def sweep(
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape
     (4, 6, 6)
     """
+    grid = {**(grid or {}), **columns}
     plan = SweepPlan(grid, model, condition, start=start, listed=listed)  # type: ignore[arg-type]
     return run_plan(plan, progress)
 

@@ -119,6 +119,9 @@ class Assessment(Result, Reported):
         changed = all(variation.holds for variation in self.variations)
         return self.holds and changed and not self.unmet and not self._leaving_roughly()
 
+    def __bool__(self) -> bool:
+        return self.ok
+
     @property
     def headlines(self) -> list[str]:
         """Findings over all trims, one sentence each, worst first."""

@@ -243,6 +243,7 @@ def test_box_and_needs_are_those_of_the_command():
     place = model.linear.index("pitch")
     assert result.points[0].place.box[place] == pytest.approx(0.01)
     assert not result.ok
+    assert not result
     assert "delay 9" in result.unmet[0]
     for wrong, said in (({"pich": 0.1}, "did you mean pitch"), ({"pitch": -1.0}, "box of pitch")):
         with pytest.raises(hfa.BadInputError, match=said):

@@ -21,7 +21,7 @@ from controller.riccati.careful_derivations import by_refined_sign
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin
-from hfa import Game, NoSolutionError, solve_game
+from hfa import BadInputError, Game, NoSolutionError, solve_game
 
 MODELS = sorted(game_models())
 OURS = regenerated_models()
@@ -73,9 +73,11 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
     )
     flown = np.linalg.eigvals(game.A - game.B @ solution.K)
     # Eigenvalues of two different matrices: rounding times their condition, about 1e4.
-    np.testing.assert_allclose(
-        np.sort(solution.closed_loop_eigenvalues.real), np.sort(flown.real), rtol=1e-9
-    )
+    np.testing.assert_allclose(np.sort(solution.poles().real), np.sort(flown.real), rtol=1e-9)
+    z = np.arange(1.0, 7.0)
+    assert solution.cost(z) == pytest.approx(z @ P @ z)
+    with pytest.raises(BadInputError, match=r"give \(6,\)"):
+        solution.cost(z[:2])
     assert solution.worst_case_eigenvalues.real.max() < 0.0
     content = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
     assert np.array_equal(np.array(content["P"]), P)

@@ -86,8 +86,12 @@ def test_a_barely_controllable_plant_is_judged() -> None:
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     B = np.array([[-0.5999976], [0.8000018]])
     game = Game(A, B, np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
-    assert check_critic(game, from_value(game, value(game))).ok
-    assert not check_critic(game, from_value(game, value(game) * (1.0 + 1e-5))).ok
+    verdict = check_critic(game, from_value(game, value(game)))
+    assert verdict
+    assert verdict.ok
+    failed = check_critic(game, from_value(game, value(game) * (1.0 + 1e-5)))
+    assert not failed
+    assert not failed.ok
 
 
 def test_a_gain_alone_passes(game: Game) -> None:
