@@ -5,9 +5,9 @@ from controller.critic.critic import (
     Critic as Critic,
     from_gain as from_gain,
     from_value as from_value,
-    from_weights as from_weights,
 )
 from controller.critic.critic_file import load_critic as load_critic
+from controller.critic.weights import from_weights as from_weights
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.learning.certified import learn as learn

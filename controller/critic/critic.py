@@ -15,10 +15,10 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from controller.game.basis import Basis, basis
+from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, shape_text
 from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.errors import BadInputError, is_finite, numbers_in, shown
+from hfa_support.errors import BadInputError, numbers_in
 from hfa_support.reporting.fields import Shown
 from hfa_support.reporting.results import Matrix
 
@@ -202,68 +202,6 @@ def from_value(game: Game, P: ArrayLike, time: float | None = None) -> Critic:
     return Critic(game.gain(P), P, "P", feedback=game.R_inverse_B_transposed, time=time)
 
 
-@checks_arguments
-def from_weights(
-    game: Game,
-    weights: ArrayLike,
-    functions: Basis | str | ca.Function = "quadratic",
-    constant: float = 0.0,
-    precision: str = "float64",
-    time: float | None = None,
-) -> Critic:
-    """V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
-
-    game: that the critic should solve
-    weights: W, (M,)
-    functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
-    constant: V(0)
-    precision: of the numbers in its file
-    time: s, of a critic of a history
-
-    BadInputError when W has another length than the basis, or is complex, and where the constant is
-    no finite number.
-
-    >>> import hfa
-    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
-    >>> hfa.from_weights(game, [3.0]).K.tolist()
-    [[3.0]]
-    """
-    weights = numbers_in("W", weights)
-    n = len(game.A)
-    if not is_finite(constant):
-        raise BadInputError(f"constant is {shown(constant)}; V(0) must be a finite number")
-    if isinstance(functions, ca.Function):
-        count = functions.numel_out(0)
-        if functions.numel_in(0) != n or weights.shape != (count,):
-            raise BadInputError(
-                f"there are {weights.size} weights and {n} states; the features are {count} "
-                f"functions of {functions.numel_in(0)} states"
-            )
-        from controller.critic.expressions import from_functions
-
-        z = ca.SX.sym("z", n)
-        V = ca.DM(weights).T @ ca.vec(functions(z)) + constant
-        return from_functions(game, z, {"V": V}, "weights of a list of functions", precision)
-    psi = basis(functions, n) if isinstance(functions, str) else functions
-    if weights.shape != (psi.size,):
-        raise BadInputError(
-            f"there are {weights.size} weights; basis {psi.name!r} on {psi.states} states has "
-            f"{psi.size}: name the basis of these weights"
-        )
-    P = psi.matrix(weights)
-    return Critic(
-        game.gain(P),
-        P,
-        "weights",
-        weights=weights,
-        basis=psi,
-        constant=constant,
-        precision=precision,
-        feedback=game.R_inverse_B_transposed,
-        time=time,
-    )
-
-
 def from_parts(
     game: Game,
     parts: Mapping[str, np.ndarray],
@@ -281,6 +219,8 @@ def from_parts(
     if "P" in parts:
         critic = from_value(game, parts["P"], time)
     if "W" in parts:
+        from controller.critic.weights import from_weights
+
         weighted = from_weights(game, parts["W"], functions, time=time)
         if "P" in parts and weighted.P is not None:
             _refuse_different_values(numbers_in("P", parts["P"]), weighted.P)

@@ -81,7 +81,7 @@ def learn(request: LearnRequest) -> int:
     The learned critic is compared with the exact solution. A plant in discrete time is learned by
     Q-learning from recorded steps. Exit code 1 when a check does not hold.
     """
-    from controller.critic.critic import from_weights
+    from controller.critic.weights import from_weights
     from verification.critic.critic_check import check_critic
 
     named = request.game(may_be_discrete=True)

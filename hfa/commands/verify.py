@@ -10,7 +10,6 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from controller.critic.critic import from_weights
 from controller.critic.critic_file import critic_suffixes, critics_in, is_network
 from controller.game.zero_sum import Game
 from hfa.options.argument_types import positive, whole
@@ -143,6 +142,8 @@ def verify(request: VerifyRequest) -> int:
     verdicts = {}
     progress = ProgressLine("compare")
     if not paths:
+        from controller.critic.weights import from_weights
+
         run = request.learned(named.game)
         critic = from_weights(named.game, run.weights[-1], run.basis)
         verdicts[""] = check_critic(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from hfa_support.reporting.text import in_degrees
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trim.linear.linear_model import LinearModel
     from trim.point.problem import TrimProblem
 
 SCHEMA = "hfa.operating-point/1"
@@ -213,12 +212,6 @@ class OperatingPoint(Result, Reported):
         from trim.point.saved_point import saved_report
 
         return saved_report(self)
-
-    def linearize(self, **options: Any) -> LinearModel:
-        """Return `linearize(model, point)` of this point's model, with its options."""
-        from trim.linear.linear_model import linearize
-
-        return linearize(self.model, self, **options)
 
     def plot(self) -> Axes:
         """Draw every variable between its limits in a figure of pyplot; returns its Axes."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.critic.critic import from_weights
+from controller.critic.weights import from_weights
 from controller.hfa_files import published_game
 from controller.learning.certified import learn
 from controller.riccati.solution_report import AnalysedGame, analyse_game

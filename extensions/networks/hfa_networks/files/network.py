@@ -11,9 +11,10 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from controller.critic.critic import Critic, from_weights, symbols_for
+from controller.critic.critic import Critic, symbols_for
 from controller.critic.critic_file import Reading
 from controller.critic.expressions import from_functions
+from controller.critic.weights import from_weights
 from controller.game.basis import Basis, basis
 from controller.game.zero_sum import Game
 from hfa_networks.files.activations import COMMON
