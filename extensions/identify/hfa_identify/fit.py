@@ -181,8 +181,9 @@ class OutputError:
             try:
                 theta, starts = self._moved(found, *_TRIALS[level])
                 simulated = self._simulated(theta, starts)
-                if self._likelihood_of(simulated, theta, starts) <= found.likelihood:
-                    return level, self._fitted(simulated, theta, starts, step)
+                likelihood = self._likelihood_of(simulated, theta, starts)
+                if likelihood <= found.likelihood:
+                    return level, self._fitted(simulated, theta, starts, likelihood, step)
             except FloatingPointError:
                 continue
         return len(_TRIALS), None
@@ -200,7 +201,9 @@ class OutputError:
         """The fit with these parameters and starts, not known to be converged.
 
         FloatingPointError where the simulation diverges."""
-        return self._fitted(self._simulated(theta, starts), theta, starts, steps)
+        simulated = self._simulated(theta, starts)
+        likelihood = self._likelihood_of(simulated, theta, starts)
+        return self._fitted(simulated, theta, starts, likelihood, steps)
 
     def _simulated(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> list[Simulation]:
         """The simulations of the records."""
@@ -227,10 +230,10 @@ class OutputError:
         simulated: Sequence[Simulation],
         theta: np.ndarray,
         starts: tuple[np.ndarray, ...],
+        likelihood: float,
         steps: int,
     ) -> Fit:
-        """The fit of simulations: their sensitivities and normal equations."""
-        likelihood = self._likelihood_of(simulated, theta, starts)
+        """The fit of simulations with this L: their sensitivities and normal equations."""
         responses = tuple(Response(each.y, self.responses.slopes(each)) for each in simulated)
         residuals = self._residuals([response.y for response in responses])
         noise = self._noise(residuals, theta)
