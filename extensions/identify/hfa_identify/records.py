@@ -111,7 +111,8 @@ def record_of(
     if not measured:
         raise BadInputError(f"{name} has no measured state or output; add one")
     for each, values in measured.items():
-        _check_measured(name, each, values)
+        others = [column for other, column in measured.items() if other != each]
+        _check_measured(name, each, values, [*inputs, *others])
     for each, values in (*zip(model.inputs, inputs, strict=True), *measured.items()):
         _check_size(model, name, each, values)
     return Record(name, time, np.column_stack([np.empty((len(time), 0)), *inputs]), measured)
@@ -243,8 +244,11 @@ def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray])
             )
 
 
-def _check_measured(name: str, column: str, values: np.ndarray) -> None:
-    """BadInputError where a sensor is infinite, or did not move over the whole record."""
+def _check_measured(
+    name: str, column: str, values: np.ndarray, others: Sequence[np.ndarray]
+) -> None:
+    """BadInputError where a sensor is infinite, did not move over the whole record, or repeats a
+    value while another column moves."""
     if np.isinf(values).any():
         raise BadInputError(f"{name}: {column} is infinite; leave such samples empty")
     seen = values[np.isfinite(values)]
@@ -257,7 +261,11 @@ def _check_measured(name: str, column: str, values: np.ndarray) -> None:
             f"{name}: {column} is {seen[0]:g} at every sample, as from a frozen sensor; leave it"
             " out"
         )
-    longest = _longest_repeat(seen)
+    first, last = _longest_repeat(seen)
+    places = np.flatnonzero(np.isfinite(values))[[first, last]]
+    if not any(np.ptp(_finite(other[places[0] : places[1] + 1])) > 0.0 for other in others):
+        return
+    longest = last - first + 1
     repeated = int((np.diff(seen) == 0.0).sum())
     # A coarse sensor repeats many values, a fine one none but where it is frozen.
     is_fine = repeated - (longest - 1) <= _SELDOM * len(seen)
@@ -285,8 +293,15 @@ def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> Non
         )
 
 
-def _longest_repeat(values: np.ndarray) -> int:
-    """The largest number of equal values in succession."""
+def _longest_repeat(values: np.ndarray) -> tuple[int, int]:
+    """The places of the first and the last of most equal values in succession."""
     changes = np.flatnonzero(np.diff(values) != 0.0)
     edges = np.concatenate([[-1], changes, [len(values) - 1]])
-    return int(np.diff(edges).max())
+    longest = int(np.diff(edges).argmax())
+    return int(edges[longest]) + 1, int(edges[longest + 1])
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    """The values that are present; one 0 where none is."""
+    seen = values[np.isfinite(values)]
+    return seen if len(seen) else np.zeros(1)

@@ -16,7 +16,7 @@ from hfa_derivatives.aircraft import from_derivatives
 from hfa_identify.bands import smooth_autocorrelation
 from hfa_identify.estimation import identify
 from hfa_identify.excitation import still_quantities
-from hfa_identify.records import Record, read_record
+from hfa_identify.records import Record, read_record, record_of
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
 
@@ -126,8 +126,6 @@ def test_sensitivities_agree_with_differences():
     """Sensitivities of outputs with respect to parameters and initial conditions, with several
     steps between samples."""
     model = from_derivatives(UAV)
-    from hfa_identify.records import record_of
-
     coarse = {name: values[::8] for name, values in record().items()}
     read = record_of(model, coarse, {})
     responses = Responses(model, FREE[3:5], ("alpha", "load_factor"))
@@ -379,6 +377,19 @@ def test_a_faulty_record_is_refused(change, message):
         return
     with pytest.raises(hfa.BadInputError, match=message):
         identify(begun(), columns, FREE)
+
+
+def test_a_steady_second_is_no_frozen_sensor():
+    """A simulated record without noise repeats all of its columns until the first input."""
+    columns = record()
+    for values in columns.values():
+        if values is not columns["time"]:
+            values[:12] = values[0]
+    read = record_of(from_derivatives(UAV), columns, {})
+    assert read.measured["alpha"][11] == read.measured["alpha"][0]
+    columns["speed"][5] += 0.1
+    with pytest.raises(hfa.BadInputError, match="alpha repeats one value 12 times"):
+        record_of(from_derivatives(UAV), columns, {})
 
 
 def test_wrong_names_are_refused():
