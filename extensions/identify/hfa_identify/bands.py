@@ -12,11 +12,11 @@ from hfa_identify.fit import Fit
 BAND = 1.959964
 #: Lags of the autocorrelation that a test of whiteness looks at.
 LAGS = 25
-#: A quantity is not explained where this part of its variance is left in the residuals, and the
-#: model moves it by this part of their variance; and where the residuals vary by so much more than
-#: the quantity itself.
-_UNEXPLAINED = 0.5
+#: A quantity is not explained where the model moves it by this part of the variance of its
+#: residuals, and they are smaller than the quantity by less than this part of the motion; and where
+#: the residuals vary by so much more than the quantity itself.
 _MOVES = 0.25
+_SEEN = 0.5
 _WORSE = 1.2
 #: Highest order of an autoregressive process that residuals are taken to be.
 _MOST_ORDER = 4
@@ -221,8 +221,8 @@ def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
 
 
 def unexplained(fit: Fit) -> np.ndarray:
-    """(k,) flags of quantities that the model moves, but not as they were measured: more than half
-    of their variation is left in the residuals."""
+    """(k,) flags of quantities that the model moves, but not as they were measured: less than half
+    of this motion is in the measured one. Noise alone, however large, is no such motion."""
     flags = []
     for place, noise in enumerate(fit.noise):
         y = np.concatenate(
@@ -237,9 +237,13 @@ def unexplained(fit: Fit) -> np.ndarray:
                 for residual, present in zip(fit.residuals, fit.present, strict=True)
             ]
         )
-        varied = (y + v).var() if len(y) else np.inf
-        moves = len(y) > 0 and y.var() > _MOVES * v.var()
-        flags.append((moves and noise > _UNEXPLAINED * varied) or noise > _WORSE * varied)
+        if not len(y):
+            flags.append(False)
+            continue
+        varied = (y + v).var()
+        moved = y.var()
+        is_other = moved > _MOVES * v.var() and varied - noise < _SEEN * moved
+        flags.append(is_other or noise > _WORSE * varied)
     return np.array(flags)
 
 
