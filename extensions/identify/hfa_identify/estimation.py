@@ -219,7 +219,7 @@ def _identified(
 
     other: a second minimum that explains the records as well."""
     responses = search.responses
-    model = responses.model
+    model = responses.calm.model
     first = responses.turbulent
     names = responses.free[first:]
     theta = fit.theta[first:]

@@ -24,14 +24,14 @@ def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str
 
 def _still(search: Search, name: str) -> str:
     """The state or input of largest ∂²f/∂θ∂(x, u), where it did not move in any record."""
-    model = search.responses.model
+    model = search.responses.calm.model
     x, u, p = model.layout.symbols("x", "u", "p")
     vectors = [components(x), components(u), components(p)]
     rates, _ = model.layout.expressions(vectors, ())
     effect = ca.jacobian(rates, p[list(model.parameters).index(name)])
     mixed = ca.densify(ca.jacobian(effect, ca.vertcat(x, u)))
     slopes = ca.Function("mixed", [x, u, p], [mixed])
-    record, start = search.records[0], search.guesses[0]
+    record, start = search.records[0], search.guesses[0][: len(model.states)]
     sizes = [model.signals[each].nominal for each in (*model.states, *model.inputs)]
     rows = [each.rate or each.nominal for each in model.states.values()]
     values = np.abs(slopes(start, record.inputs[0], model.p).full()) * sizes
@@ -43,16 +43,18 @@ def _still(search: Search, name: str) -> str:
 def _moves(search: Search, quantity: str, size: float) -> bool:
     """Return whether a state or input moved in a record; a state without a sensor moved where the
     model at the begin of the search moves it, or diverges."""
-    model = search.responses.model
+    calm = search.responses.calm
+    model = calm.model
+    begin = search.begin[search.responses.turbulent :]
     for record, start in zip(search.records, search.guesses, strict=True):
         if quantity in model.inputs:
             values = record.inputs[:, list(model.inputs).index(quantity)]
         elif quantity in record.measured:
             values = record.measured[quantity]
         else:
-            simulated = Responses(model, search.responses.free, (quantity,))
+            simulated = Responses(model, calm.free, (quantity,))
             try:
-                values = simulated.of(record, start, search.begin).y[:, 0]
+                values = simulated.of(record, start[: len(model.states)], begin).y[:, 0]
             except FloatingPointError:
                 return True
         if np.nanmax(values) - np.nanmin(values) > _MOVES * size:

@@ -289,8 +289,9 @@ def _change(search: Search, theta: np.ndarray) -> float:
     total = 0.0
     # Turbulence and noise of sensors come first, where they are unknowns.
     names, begin = search.responses.free[-len(theta) :], search.begin[-len(theta) :]
+    parameters = search.responses.calm.model.parameters
     for name, value, before in zip(names, theta, begin, strict=True):
-        if name not in search.responses.model.parameters or before == 0.0 or value == 0.0:
+        if name not in parameters or before == 0.0 or value == 0.0:
             continue
         size = _CHANGED_SIGN if value * before < 0.0 else 0.0
         total += max(size, abs(math.log(abs(value / before)))) ** 2

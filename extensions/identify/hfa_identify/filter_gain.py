@@ -6,8 +6,8 @@ Q = ∫ exp(A s) W exp(A s)' ds, at a sample it falls by K C P, with
     S = C P C' + R,   K = P C' S⁻¹,   S = T D T',
 
 T unit lower triangular and D diagonal: v = T⁻¹ (z - y) are the innovations of the measured
-quantities taken one after the other, uncorrelated and of variances D. W is the diagonal power of
-the turbulence in the states that it moves, R the diagonal variance of the sensors.
+quantities taken one after the other, uncorrelated and of variances D. W is the power of the
+turbulence in the states that it moves, R the diagonal variance of the sensors.
 
 Sources: R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., 2015, chapter 5; B. D.
 O. Anderson, International Journal of Control 28 (1978) 295-306 (doubling).
@@ -53,7 +53,7 @@ class GainSlopes:
     logarithms: np.ndarray
 
 
-#: Unknowns (N, p) -> A (N, n, n), C (N, k, n), W (N, n) and R (N, k).
+#: Unknowns (N, p) -> A (N, n, n), C (N, k, n), W (N, n, n) and R (N, k).
 Matrices = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
 
 
@@ -110,8 +110,7 @@ def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray
     n = A.shape[1]
     Ah = A * h
     Phi = np.eye(n) + Ah @ (np.eye(n) + Ah / 2.0 @ (np.eye(n) + Ah / 3.0))
-    power = np.zeros_like(A)
-    power[:, range(n), range(n)] = W * h
+    power = W * h
     first = Ah @ power
     second = Ah @ first + first @ Ah.transpose(0, 2, 1)
     Q = (

@@ -80,7 +80,7 @@ class Identified(Result, Reported):
     undetermined: parameter that the records do not determine -> the state or input that it
         multiplies, where that did not move; "" otherwise.
     at_bounds: parameters that end at a limit of the model.
-    unexplained: quantities that the model moves, and of whose variation it explains less than half.
+    unexplained: quantities that the model moves otherwise than they were measured.
     column_errors: name of a bias, scale or delay that is not free -> its estimate by one step.
     faults: of the records, which explain residuals: sentences.
     other_minimum: name -> estimate at a second minimum that explains the records as well.
@@ -246,7 +246,7 @@ class Identified(Result, Reported):
         """The turbulence in words."""
         changes = []
         for name, size in self.turbulence.items():
-            unit = self.model.unit(name)
+            unit = self.model.unit(name) if name in self.model.states else "rad"
             changes.append(f"{name} {shown_value(size, unit)} {shown_unit(unit)}")
         return (
             f"Turbulence: random changes in 1 s of {', '.join(changes)}. Residuals are those of"

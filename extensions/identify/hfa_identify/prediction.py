@@ -1,14 +1,15 @@
 """One-step predictions of a model in turbulence, with their exact sensitivities (filter error).
 
-White noise moves the speed and the flow angles through the air, and the rates: gusts are random
-walks, as those of Dryden are over less than their scale length. With a steady gain K
-(`filter_gain.py`) the states are corrected at each sample, x + K (z - y), and advance to the next
-as in `response.py`. The unknowns begin with the logarithms of the turbulence and of the sensors'
-noise.
+White noise moves the speed and the flow angles through the air, and turns the air
+(`rotating_air.py`): gusts are random walks, as those of Dryden are over less than their scale
+length. With a steady gain K (`filter_gain.py`) the states are corrected at each sample,
+x + K (z - y), and advance to the next as in `response.py`. The unknowns begin with the logarithms
+of the turbulence and of the sensors' noise.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,15 +22,16 @@ from hfa_aircraft.signals import Signal
 from hfa_identify.filter_gain import Gain, GainSlopes, gain_with_slopes
 from hfa_identify.records import Record
 from hfa_identify.response import TOGETHER, Responses, Simulation, carried, finer
+from hfa_identify.rotating_air import BEGIN, LAG, LIMITS, in_rotating_air, rotations_of
 from hfa_identify.search import begin_of
 from hfa_identify.sensors import SensorError
 from hfa_support.errors import BadInputError
 from hfa_support.native.machine_code import machine_code
 
 #: Turbulence with which a search begins: change of the speed in 1 s as a part of the speed, of
-#: other states in rad and rad/s.
+#: other states in rad.
 _BEGIN = 0.02
-_BEGIN_OF = {"alpha": 0.02, "beta": 0.02, "roll_rate": 0.1, "pitch_rate": 0.1, "yaw_rate": 0.1}
+_BEGIN_OF = {"alpha": 0.02, "beta": 0.02, "gust_roll": 0.02}
 #: The logarithms of the turbulence and of the sensors' noise change by at most so much.
 _WIDEST = 9.0
 
@@ -63,7 +65,8 @@ class Condition:
         state = np.mean([begin_of(model, record, held) for record in records], axis=0)
         speed = dict(zip(model.states, state.tolist(), strict=True)).get("speed", 1.0)
         sizes = {"speed": _BEGIN * speed, **_BEGIN_OF}
-        turbulence = {name: size for name, size in sizes.items() if name in model.states}
+        moved = in_rotating_air(model).states
+        turbulence = {name: size for name, size in sizes.items() if name in moved}
         if not turbulence:
             raise BadInputError(
                 f"{model.name} has none of the states {', '.join(sizes)}, which turbulence moves;"
@@ -106,17 +109,25 @@ class Predictions(Responses):
     """Predicts records from sample to sample, with a steady gain.
 
     free: names of parameters and errors of sensors. The unknowns are the turbulence, the noise of
-    the sensors, and these.
+        the sensors, the lag of the air's rotation, and these.
     """
+
+    # A controller feeds gusts to inputs: the next sample of an input depends on the innovation.
+    _looks_ahead = False
 
     def __init__(
         self, model: Model, free: Sequence[str], measured: Sequence[str], condition: Condition
     ) -> None:
         self.condition = condition
-        self._moved = [list(model.states).index(name) for name in condition.turbulence]
+        self._still = model
+        in_gusts = in_rotating_air(model)
         names = [f"turbulence_{name}" for name in condition.turbulence]
         names += [f"noise_{name}" for name in condition.noise]
-        super().__init__(model, (*names, *free), measured)
+        if in_gusts is not model:
+            names.append(LAG)
+        self._turbulent = len(names)
+        super().__init__(in_gusts, (*names, *free), measured)
+        self._moves = _moved_states(in_gusts, tuple(condition.turbulence))
         if self._late_outputs:
             name = self.free[next(iter(self._late_outputs.values()))]
             raise BadInputError(
@@ -129,17 +140,17 @@ class Predictions(Responses):
     @property
     def turbulent(self) -> int:
         """Number of the first unknowns that are turbulence and noise of sensors."""
-        return len(self.condition.turbulence) + len(self.condition.noise)
+        return self._turbulent
 
     @cached_property
     def calm(self) -> Responses:
         """The simulation of calm air, with the other unknowns."""
-        return Responses(self.model, self.free[self.turbulent :], self.measured)
+        return Responses(self._still, self.free[self.turbulent :], self.measured)
 
     def wider(self, names: Sequence[str]) -> Predictions:
         """Return the equations with errors of sensors as further unknowns."""
         free = (*self.free[self.turbulent :], *names)
-        return Predictions(self.model, free, self.measured, self.condition)
+        return Predictions(self._still, free, self.measured, self.condition)
 
     def has_error(self, error: SensorError) -> bool:
         """Return whether an error of a sensor can be an unknown: a measured quantity is not
@@ -159,6 +170,9 @@ class Predictions(Responses):
             name: Signal("1", 1.0, start - _WIDEST, start + _WIDEST, start)
             for name, start in zip(self.free, np.log(sizes).tolist(), strict=False)
         }
+        if self.turbulent > len(sizes):
+            least, most = map(math.log, LIMITS)
+            signals[LAG] = Signal("1", 1.0, least, most, math.log(BEGIN))
         return signals | self.calm.signals
 
     # The gain.
@@ -185,17 +199,18 @@ class Predictions(Responses):
         (N, k) for rows of unknowns (N, p)."""
         n, p, k = self.sizes
         count = len(theta)
-        states = np.tile(self.condition.state, (count, 1))
+        states = np.zeros((count, n))
+        states[:, : len(self.condition.state)] = self.condition.state
         inputs = np.zeros((count, self._step.numel_in(1)))
         inputs[:, : len(self.condition.inputs)] = self.condition.inputs
         _, slopes = self._rates(states, inputs, theta)
         A = slopes.reshape(count, n, n + p)[:, :, :n]
         (seen,) = self._seen_slopes(states, inputs, theta)
         C = seen.reshape(count, k, n + p)[:, :, :n]
-        powers = np.exp(2.0 * theta[:, : self.turbulent])
-        W = np.zeros((count, n))
-        W[:, self._moved] = powers[:, : len(self._moved)]
-        return A, C, W, powers[:, len(self._moved) :]
+        sources = len(self._moves)
+        powers = np.exp(2.0 * theta[:, : sources + k])
+        W = np.einsum("Ns,si,sj->Nij", powers[:, :sources], self._moves, self._moves)
+        return A, C, W, powers[:, sources:]
 
     # The predictions.
 
@@ -270,13 +285,12 @@ class Predictions(Responses):
         )
         at_samples = np.vstack([start, moved.full().T])
         innovations = np.where(present, z - self._outputs(at_samples, driven, rest), 0.0)
-        y = z - innovations @ gain.whiten.T
-        if not np.isfinite(y).all():
+        if not np.isfinite(innovations).all():
             raise FloatingPointError("the simulation diverges")
         return Prediction(
             record,
             theta,
-            y,
+            z - innovations @ gain.whiten.T,
             at_samples,
             begins.full().T,
             (before, after),
@@ -323,6 +337,19 @@ class Predictions(Responses):
         if not np.isfinite(total).all():
             raise FloatingPointError("the simulation diverges")
         return total
+
+
+def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
+    """(s, n) 1 for each state that a white noise moves: the one that it is named after, and the
+    rotation of the air that follows from it."""
+    states = list(model.states)
+    moves = np.zeros((len(sources), len(states)))
+    for row, name in zip(moves, sources, strict=True):
+        row[states.index(name)] = 1.0
+        for each in rotations_of(model).values():
+            if each.of == name:
+                row[states.index(each.state)] = 1.0
+    return moves
 
 
 def _over_intervals(change: np.ndarray, count: int) -> np.ndarray:

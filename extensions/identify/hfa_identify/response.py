@@ -81,6 +81,9 @@ class Responses:
     measured: states and outputs that records have.
     """
 
+    #: Whether the slope of a late input is that about a sample, or that before it.
+    _looks_ahead = True
+
     def __init__(self, model: Model, free: Sequence[str], measured: Sequence[str]) -> None:
         self.model = model
         self.free = tuple(free)
@@ -210,8 +213,9 @@ class Responses:
             later = record.time + theta[place]
             recorded = record.inputs[:, column]
             inputs[:, column] = np.interp(later, record.time, recorded)
-            rise = np.interp(later + half, record.time, recorded)
-            rise -= np.interp(later - half, record.time, recorded)
+            end = later + half if self._looks_ahead else later
+            rise = np.interp(end, record.time, recorded)
+            rise -= np.interp(end - 2.0 * half, record.time, recorded)
             slopes[:, column] = rise / (2.0 * half)
             rest[place] = 0.0
         return np.hstack([inputs, slopes]), rest

@@ -55,9 +55,10 @@ class Search:
         """The fit of short windows in calm air, with no more samples than the integration
         needs."""
         windows = [part for record in self.thinned for part in record.windows(_WINDOW)]
-        starts = [begin_of(self.responses.model, window, self.held) for window in windows]
+        calm = self.responses.calm
+        starts = [begin_of(calm.model, window, self.held) for window in windows]
         first = self.responses.turbulent
-        search = OutputError(self.responses.calm, windows, self.bounds[first:], starts)
+        search = OutputError(calm, windows, self.bounds[first:], starts)
         return search.fit(self.begin[first:], starts, progress, _ROUGH, most_steps)
 
     def moving_inputs(self) -> list[str]:

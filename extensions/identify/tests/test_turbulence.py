@@ -39,59 +39,68 @@ def model(factor=1.0):
 
 
 @cache
-def record(samples=300, seed=0, gusts=GUSTS):
-    """Columns of an exact discrete simulation with white noise on the rate of alpha."""
-    A = np.array([[TRUE["Z_alpha"], 1.0], [TRUE["M_alpha"], TRUE["M_q"]]])
-    B = np.array([0.0, TRUE["M_elevator"]])
+def record(samples=300, seed=0, lag=100.0):
+    """Columns of an exact discrete simulation with white noise on the rate of alpha, which turns
+    the air after a lag (s)."""
+    A = np.array(
+        [
+            [TRUE["Z_alpha"], 1.0, 0.0],
+            [TRUE["M_alpha"], TRUE["M_q"], -TRUE["M_q"] / lag],
+            [0.0, 0.0, -1.0 / lag],
+        ]
+    )
+    B = np.array([0.0, TRUE["M_elevator"], 0.0])
     fine = STEP / 10
     Phi = expm(A * fine)
-    held = np.linalg.solve(A, (Phi - np.eye(2)) @ B)
+    held = np.linalg.solve(A, (Phi - np.eye(3)) @ B)
     random = np.random.default_rng(seed)
     time = STEP * np.arange(samples)
     elevator = 0.03 * np.sign(np.sin(2.0 * time)) * (time > 0.5)
-    x = np.zeros(2)
+    x = np.zeros(3)
     states = np.empty((samples, 2))
     for place in range(samples):
-        states[place] = x
+        states[place] = x[:2]
         for _ in range(10):
             x = Phi @ x + held * elevator[place]
-            x[0] += gusts * np.sqrt(fine) * random.standard_normal()
+            x[[0, 2]] += GUSTS * np.sqrt(fine) * random.standard_normal()
     noise = random.standard_normal(states.shape) * list(SENSORS.values())
     measured = dict(zip(SENSORS, (states + noise).T, strict=True))
     return {"time": time, "elevator": elevator, **measured}
 
 
 def test_slopes_of_the_likelihood_are_exact():
-    """The right-hand sides of the normal equations against differences of L, by turbulence, noise,
-    parameters, a bias and the state at the start; with missing samples and several steps
-    of integration between samples."""
+    """The right-hand sides of the normal equations against differences of L, by turbulence with its
+    rotation, noise, parameters, a bias and the state at the start; with missing samples and several
+    steps of integration between samples."""
     columns = {name: values[:200:5] for name, values in record().items()}
     columns["alpha"] = np.where(np.arange(40) % 7 == 3, np.nan, columns["alpha"])
     read = record_of(model(), columns, {})
     free = ("Z_alpha", "M_q", "bias_alpha")
     condition = Condition.of(model(), [read], tuple(SENSORS), {})
     predictions = Predictions(model(), free, tuple(SENSORS), condition)
-    start = np.array([0.01, -0.02])
+    start = np.array([0.01, -0.02, 0.003])
     theta = np.array([each.start for each in predictions.signals.values()])
     theta[-1] = 0.003
     assert predictions.steps_between(read, start, theta) > 1
     bounds = np.tile([-np.inf, np.inf], (len(theta), 1))
-    search = OutputError(predictions, [read], bounds, [np.zeros(2)])
+    search = OutputError(predictions, [read], bounds, [np.zeros(3)])
     at = search.at(theta, (start,))
     (normal,) = at.normals
     exact = -np.concatenate([normal.g, normal.h])
     for place, slope in enumerate(exact):
         change = 1e-5 * np.eye(len(exact))[place]
         ends = [
-            search.at(theta + sign * change[:-2], (start + sign * change[-2:],)).likelihood
+            search.at(theta + sign * change[:-3], (start + sign * change[-3:],)).likelihood
             for sign in (1.0, -1.0)
         ]
         assert (ends[0] - ends[1]) / 2e-5 == pytest.approx(slope, rel=1e-3, abs=0.02), place
 
 
-def test_turbulence_is_estimated_with_the_parameters():
-    """(θ - true)' C⁻¹ (θ - true) is a chi-square of 4, above 18.5 once in 1000."""
-    found = identify(model(1.3), record(), list(TRUE), inputs="steps", turbulence=True)
+@pytest.mark.parametrize("lag", [100.0, 0.1])
+def test_turbulence_is_estimated_with_the_parameters(lag):
+    """(θ - true)' C⁻¹ (θ - true) is a chi-square of 4, above 18.5 once in 1000; in air that turns
+    and in air that does not."""
+    found = identify(model(1.3), record(lag=lag), list(TRUE), inputs="steps", turbulence=True)
     assert found.ok
     misses = [each.value - TRUE[name] for name, each in found.parameters.items()]
     assert misses @ np.linalg.solve(found.covariance, misses) < 18.5

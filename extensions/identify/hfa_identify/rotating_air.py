@@ -1,0 +1,102 @@
+"""Rates of rotation of the air of gusts, as further states of a model.
+
+A gust that differs between nose and tail, or between the wing tips, turns the air about the
+aircraft. With the white noise n that moves alpha, the pitch rate relative to the air is
+
+    q - z / τ,   z' = -z / τ + n,   τ = 4 b / (π V)
+
+where b is the wing span: the gust's rate of change through a lag. The yaw rate follows likewise
+from beta, r + z / τ with 3 b / (π V). The roll rate of the air has a noise of its own. Angular
+accelerations depend on these rates. The lift due to the pitch rate of the air is neglected.
+
+Source: MIL-F-8785C, 1980, section 3.7.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+
+from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
+
+#: Parameter that is added: the logarithm of τ in s.
+LAG = "turbulence_lag"
+#: τ at which a search begins and its limits, s. At the upper one the air does not rotate.
+BEGIN = 0.2
+LIMITS = (0.02, 100.0)
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """A rotation of the air.
+
+    state: z, which is added to the model.
+    of: flow angle whose noise moves it too; "" where it has a noise of its own.
+    sign: of z / τ in the rate relative to the air.
+    lag: in units of τ.
+    """
+
+    state: str
+    of: str
+    sign: float
+    lag: float
+
+
+#: Rate of the aircraft -> rotation of the air.
+ROTATIONS = {
+    "roll_rate": Rotation("gust_roll", "", 1.0, 1.0),
+    "pitch_rate": Rotation("gust_pitch", "alpha", -1.0, 1.0),
+    "yaw_rate": Rotation("gust_yaw", "beta", 1.0, 0.75),
+}
+
+
+def rotations_of(model: Model) -> dict[str, Rotation]:
+    """Return rate of the aircraft -> rotation of the air, where the model has their states."""
+    return {
+        rate: each
+        for rate, each in ROTATIONS.items()
+        if rate in model.states and (not each.of or each.of in model.states)
+    }
+
+
+def in_rotating_air(model: Model) -> Model:
+    """Return the model with the states of `ROTATIONS` and the parameter `LAG`; the model itself
+    where it has no rates of rotation."""
+    rotations = rotations_of(model)
+    if not rotations:
+        return model
+    added = {each.state: Signal("rad", 0.01) for each in rotations.values()}
+    return replace(
+        model,
+        states={**model.states, **added},
+        steady=(*model.steady, *added),
+        parameters={**model.parameters, LAG: Signal("1", 1.0)},
+        equations=_InRotatingAir(model),
+    )
+
+
+@dataclass(frozen=True)
+class _InRotatingAir:
+    """(x, u, p, w) -> rates by state, outputs by name, of a model in rotating air."""
+
+    model: Model
+
+    def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
+        """Rates and outputs."""
+        layout = self.model.layout
+        own = layout.record("p", [getattr(p, name) for name in self.model.parameters])
+        states = {name: getattr(x, name) for name in self.model.states}
+        lag = ca.exp(getattr(p, LAG))
+        relative = dict(states)
+        rates = {}
+        for rate, each in rotations_of(self.model).items():
+            rates[each.state] = -getattr(x, each.state) / (each.lag * lag)
+            relative[rate] = states[rate] - each.sign * rates[each.state]
+        moved, outputs = self.model.equations(layout.record("x", states.values()), u, own, w)
+        turned, _ = self.model.equations(layout.record("x", relative.values()), u, own, w)
+        rates |= {rate: turned[rate] for rate in rotations_of(self.model)}
+        return {**moved, **rates}, outputs
