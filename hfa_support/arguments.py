@@ -67,7 +67,8 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
             else:
                 continue
             if not holds(value):
-                if wanted.endswith(_NUMBERS) and isinstance(value, (list, tuple, np.ndarray)):
+                is_rows = isinstance(value, (list, tuple, np.ndarray)) and _is_read(value)
+                if wanted.endswith(_NUMBERS) and is_rows:
                     numbers_in(f"{name}: {parameter}", value)  # says which row is wrong
                 raise BadInputError(f"{name}: {parameter} is {_said(value)}; give {wanted}")
         try:
@@ -151,7 +152,7 @@ def _kind(annotation: Any) -> tuple[_Test, str] | None:
 
 def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_Test, str]:
     """A sequence of one kind of classes or texts, X in `Sequence[X]` and `tuple[X, ...]`; of others
-    the whole alone."""
+    the whole alone. A text is not a sequence of texts."""
     holds, words = whole
     of_one_kind = len(arguments) == 1 or (len(arguments) == 2 and arguments[1] is Ellipsis)
     member = arguments[0] if of_one_kind else Any
@@ -161,9 +162,6 @@ def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_
     if known is None:
         return whole
     is_member, called = known
-    if member is str and whole == _GENERIC[Sequence]:  # a text is a sequence of texts
-        holds = _any_of([_is_text, holds])
-        words = f"a text or {words}"
     return (
         lambda value: holds(value) and all(map(is_member, value)),
         f"{words} in which each is {called}",
@@ -197,12 +195,25 @@ def _is_array(value: Any) -> bool:
         return True
     try:
         return np.asarray(value).dtype.kind in "fiu" or np.asarray(value).size == 0
-    except (TypeError, ValueError):
+    except Exception:  # a class of the user may raise any error
         return False
 
 
 def _is_sequence(value: Any) -> bool:
-    return isinstance(value, Sequence) and not isinstance(value, (str, bytes))
+    return isinstance(value, Sequence) and not isinstance(value, (str, bytes)) and _is_read(value)
+
+
+def _is_mapping(value: Any) -> bool:
+    return isinstance(value, Mapping) and _is_read(value)
+
+
+def _is_read(value: Any) -> bool:
+    """Return whether the items can be read: a class of the user may raise any error."""
+    try:
+        list(value.items() if isinstance(value, Mapping) else value)
+    except Exception:
+        return False
+    return True
 
 
 def _said(value: Any) -> str:
@@ -226,7 +237,7 @@ _KINDS: dict[Any, tuple[_Test, str]] = {
     None: (_is_none, ""),
 }
 _GENERIC: dict[Any, tuple[_Test, str]] = {
-    Mapping: (lambda value: isinstance(value, Mapping), "a dictionary"),
+    Mapping: (_is_mapping, "a dictionary"),
     Sequence: (_is_sequence, "a list or tuple"),
     tuple: (_is_sequence, "a tuple"),
     list: (_is_sequence, "a list"),

@@ -22,6 +22,16 @@ class Thing:
     how_to_make: ClassVar[str] = "Thing()"
 
 
+class Unread(list[Any]):
+    def __iter__(self) -> Any:
+        raise RuntimeError("a fault of the list")
+
+
+class Unreadable(dict[str, float]):
+    def items(self) -> Any:
+        raise KeyError("a fault of the dictionary")
+
+
 @checks_arguments
 def public(
     thing: Thing,
@@ -39,7 +49,8 @@ def public(
     unknown: Fraction | None = None,
     *,
     named: float = 1.0,
-    text_or_texts: Sequence[str] = (),
+    texts: Sequence[str] = (),
+    text_or_texts: str | Sequence[str] = (),
 ) -> str:
     return "done"
 
@@ -80,6 +91,10 @@ WRONG = [
     ({"values": [[1.0], [1.0, 2.0]]}, "row 2 has 2 numbers and row 1 has 1"),
     ({"values": np.array([1j])}, "public: values does not consist of rows of real numbers"),
     ({"values": "1 2"}, "public: values is '1 2'; give an array of numbers"),
+    ({"texts": "ab"}, "public: texts is 'ab'; give a list or tuple in which each is a text"),
+    ({"texts": Unread([1])}, "public: texts is an Unread; give a list or tuple"),
+    ({"table": Unreadable(a=1.0)}, "public: table is an Unreadable; give a dictionary"),
+    ({"values": Unread([1.0])}, "public: values is an Unread; give an array of numbers"),
     ({"text_or_texts": 3}, "text_or_texts is 3; give a text or a list or tuple in which each is"),
     ({"called": 3}, "public: called is 3; give a function"),
     ({"progress": [None]}, "public: progress is a list; give a function"),

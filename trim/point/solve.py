@@ -33,7 +33,7 @@ def find_operating_point(
     start: OperatingPoint | None = None,
     *,
     hold: Mapping[str, float] | None = None,
-    free: Sequence[str] = (),
+    free: str | Sequence[str] = (),
     **held: float,
 ) -> OperatingPoint:
     """Return the state and input with f(X, U) = imposed rates and y(X, U) = imposed outputs, every

@@ -58,8 +58,8 @@ from hfa_proof.checker.witness import (
     TrimBox,
 )
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, on_one_line
-from hfa_support.files import read_json
+from hfa_support.errors import BadInputError, file_faults, on_one_line
+from hfa_support.files import regular_file
 from hfa_support.progress import Progress, told
 
 SCHEMA = "hfa.certificate/9"
@@ -138,15 +138,16 @@ def kind_of(path: Path) -> str:
 
 def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
     """The content of a file that was not edited, and which run wrote it."""
+    with file_faults(path):
+        text = regular_file(path).read_bytes()
     try:
-        content = read_json(path)
-        text = path.read_text(encoding="utf-8")
+        content = json.loads(text)
         origin = content["provenance"]
         body = {key: value for key, value in content.items() if key not in _CLOSING}
-        edited = text != sealed(json.dumps(body)[:-1], json.dumps(origin))
+        edited = text != sealed(json.dumps(body)[:-1], json.dumps(origin)).encode()
         schema = str(content["schema"])
         written = {key: on_one_line(str(origin[key])) for key in ("version", "command", "date")}
-    except (OSError, ValueError, LookupError, AttributeError, TypeError) as error:
+    except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
         raise BadInputError(
             f"{path} is not a certificate; name a file of `hfa prove ... -o`"
         ) from error

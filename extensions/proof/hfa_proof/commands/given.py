@@ -29,7 +29,7 @@ from hfa_proof.checker.statement import (
 from hfa_proof.options import family_of, loop_of_file
 from hfa_proof.search.loops import Intervals
 from hfa_proof.subject import Given
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, NoSolutionError
 
 if TYPE_CHECKING:
     from hfa.options.games import PlantOptions
@@ -137,8 +137,8 @@ def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, G
 
 
 def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """K, P and W of --weights. BadInputError where the file has no K and the statement's K is not
-    that of its value."""
+    """K, P and W of --weights. NoSolutionError where the file has no K and the statement's K is not
+    the gain of its P or W."""
     request.refuse(("design",), "is of a schedule, but the certificate is about a game")
     if request.weights is None:
         request.refuse(("basis",), "is of W; add --weights FILE")
@@ -156,7 +156,11 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
         parts["W"] = parts["W"][:, None]
     given = {f"critic.{name}": Given(value, option) for name, value in parts.items()}
     if "K" not in parts:
-        given["gain_of_value"] = Given(True, f"{option} without K")
+        if not statement.gain_of_value:
+            raise NoSolutionError(
+                f"{request.weights} has no K, and the certificate's K is not the gain of its P or W;"
+                " give a file with K"
+            )
         given["critic.K"] = Given(statement.critic["K"], option)
     return given
 

@@ -95,6 +95,11 @@ def test_what_is_no_certificate_is_said(tmp_path: Path, text: str) -> None:
         check_certificate(path)
 
 
+def test_a_missing_certificate_is_said(tmp_path: Path) -> None:
+    with pytest.raises(BadInputError, match=r"none\.json cannot be read \(No such file"):
+        check_certificate(tmp_path / "none.json")
+
+
 def test_where_alpha_is_free_derivative_follows_pitch_with(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
