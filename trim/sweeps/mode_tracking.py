@@ -112,7 +112,8 @@ def _pair_over_meetings(
 ) -> None:
     """Pair the modes that met at the point before with the last point at which they were apart.
 
-    Their shapes there and the straight line through both points tell them apart.
+    Their shapes there tell them apart, and their eigenvalues less the mean of those that met, which
+    change sign.
 
     origin: (N,), the point that each is reached from; -1 for the first
     order: (N, n), the eigenvalue of each mode at each point; that of `point` is changed in place
@@ -133,9 +134,11 @@ def _pair_over_meetings(
             earlier = origin[earlier]
         if earlier >= 0:
             there = modes.some(earlier, order[earlier, columns])
-            straight = 2 * modes.values[before, order[before, columns]] - there.values
             here = order[point, columns]
-            gain = _gain(there._replace(values=straight), modes.some(point, here))
+            behind = modes.some(point, here)
+            opposite = there._replace(values=there.values.mean() - there.values)
+            centred = behind._replace(values=behind.values - behind.values.mean())
+            gain = _gain(opposite, centred)
             order[point, columns] = here[linear_sum_assignment(gain, maximize=True)[1]]
 
 

@@ -53,6 +53,22 @@ def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
     np.testing.assert_allclose(tracked, expected, atol=1e-7)
 
 
+def test_nearly_parallel_shapes_that_turn_cross_on_a_point() -> None:
+    """Two shapes 4 deg apart turn by as much from one side of the meeting to the other; both
+    eigenvalues rise."""
+    s = np.linspace(-1.0, 1.0, 5)
+    expected = np.stack([-8.0 + 3.0 * s, -8.0 + 2.0 * s, np.full_like(s, -0.1)], axis=1)
+    matrices = []
+    for turn, eigenvalues in zip(np.radians(4.0 * s), expected, strict=True):
+        angles = turn + np.radians([0.0, 4.0])
+        shapes = np.zeros((3, 3))
+        shapes[:2, :2] = [np.cos(angles), np.sin(angles)]
+        shapes[2, 2] = 1.0
+        matrices.append(models_with(eigenvalues[None], shapes)[0])
+    tracked = track_modes(np.array(matrices), STATES, hfa.aircraft())
+    np.testing.assert_allclose(tracked, expected, atol=1e-7)
+
+
 def test_a_mode_crosses_two_integrators_on_a_point() -> None:
     """Two eigenvalues 0 meet at every point, the third meets them at one."""
     s = np.linspace(-1.0, 1.0, 5)
