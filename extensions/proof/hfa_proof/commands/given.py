@@ -158,8 +158,8 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
     if "K" not in parts:
         if not statement.gain_of_value:
             raise NoSolutionError(
-                f"{request.weights} has no K, and the certificate's K is not the gain of its P or W;"
-                " give a file with K"
+                f"{request.weights} has no K, and the certificate's K is not the gain of its P or "
+                "W; give a file with K"
             )
         given["critic.K"] = Given(statement.critic["K"], option)
     return given
