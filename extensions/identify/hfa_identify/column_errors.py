@@ -42,6 +42,12 @@ class ColumnError(Result):
     shift: float
 
     @property
+    def is_assumed(self) -> bool:
+        """Return whether the bands assume that it is 0: within its own band it moves an estimate
+        beyond that estimate's, or without end."""
+        return self.bands is None or self.bands > 1.0
+
+    @property
     def clear(self) -> float:
         """The estimate divided by its standard deviation."""
         return abs(self.value) / self.half * BAND if self.value is not None and self.half else 0.0

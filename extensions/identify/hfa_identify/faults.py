@@ -20,9 +20,10 @@ from hfa_identify.sensors import sensor_errors
 #: An outlier is so many robust standard deviations off.
 _OFF = 8.0
 #: An error of a column is tried where one step estimates it at so many standard deviations, and
-#: named where the search does at so many.
+#: named where the search estimates it at so many that chance does so, for any of the errors of one
+#: record, less often than this.
 _SEEN = 2.5
-_CLEAR = 4.5
+_CHANCE = 0.005
 #: It matters where an estimate moves by this part of its band of white residuals, or where it is
 #: so clear.
 _MATTERS = 0.3
@@ -31,6 +32,9 @@ _OBVIOUS = 8.0
 _TRIED = 3
 #: A fault explains the records as well as another where residuals differ by less than this part.
 _ALIKE = 0.02
+#: An error of a column explains them as well where the square of its estimate, in standard
+#: deviations, is smaller by less than this.
+_LIKELIER = 6.0
 _KNOT = 0.514444  # m/s
 _FOOT = 0.3048  # m
 _POUND = 4.448222  # N
@@ -106,29 +110,41 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 
 def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> str:
     """Return the bias, scale or delay of a column that explains residuals and is obvious, or moves
-    an estimate by a third of its band; "" without one.
+    an estimate by a third of its band; "" without one. Two that explain them alike are joined by
+    "or".
 
     errors: of the columns, by one step from 0
     """
-    best = 0.0
-    fault = ""
+    from scipy.stats import norm
+
     suspects = [
         name
         for name, each in errors.items()
         if each.clear > _OBVIOUS or (each.clear > _SEEN and each.shift > _MATTERS)
     ]
     suspects.sort(key=lambda name: -errors[name].clear)
+    least = float(norm.isf(0.5 * _CHANCE / max(len(errors), 1)))
+    found: dict[str, tuple[float, float]] = {}
     for name in suspects[:_TRIED]:
         value, clear = _estimated(search, fit, name)
-        if clear > max(_CLEAR, best) and _is_plausible(search, name, value):
-            best = clear
-            unit = search.responses.model.time_unit if name.startswith("delay") else ""
-            unit = search.responses.model.unit(name[5:]) if name.startswith("bias") else unit
-            stated = f" {unit}" if unit not in ("", "1") else ""
-            fault = f"{name} of {value:.3g}{stated} explains residuals; add {name} to --free"
-            if _is_within_a_sample(search, name, value):
-                fault = "inputs are steps between their samples; add --inputs steps"
-    return fault
+        if clear > least and _is_plausible(search, name, value):
+            found[name] = value, clear
+    if not found:
+        return ""
+    names = sorted(found, key=lambda name: -found[name][1])
+    if _is_within_a_sample(search, names[0], found[names[0]][0]):
+        return "inputs are steps between their samples; add --inputs steps"
+    best = found[names[0]][1]
+    alike = [name for name in names if best**2 - found[name][1] ** 2 < _LIKELIER][:2]
+    stated = " or ".join(_with_value(search, name, found[name][0]) for name in alike)
+    return f"{stated} explains residuals; add {'one' if len(alike) > 1 else alike[0]} to --free"
+
+
+def _with_value(search: Search, name: str, value: float) -> str:
+    """The name of an error of a column, and its value."""
+    model = search.responses.calm.model
+    unit = sensor_errors(model, (name.partition("_")[2],))[name].signal(model).unit
+    return f"{name} of {value:.3g}" + (f" {unit}" if unit not in ("", "1") else "")
 
 
 def _is_plausible(search: Search, name: str, value: float) -> bool:

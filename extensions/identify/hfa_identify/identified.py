@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _WHITE = 0.8
 #: In turbulence the residuals must be white: where a smaller share is, the air moved otherwise.
 _WHITE_ENOUGH = 0.6
+#: Error of a column -> in words.
+_ERRORS = {"bias": "bias", "scale": "scale error", "delay": "delay"}
 #: Bands that are widened by more are not to be trusted: the noise is slower than the manoeuvre.
 _BEYOND = 8.0
 
@@ -195,7 +197,7 @@ class Identified(Result, Reported):
     def report(self) -> Report:
         """Return the report: estimates, goodness of fit, and undetermined parameters."""
         findings = list(self.findings)
-        parts: list[Any] = [self._estimates(), self._explained()]
+        parts: list[Any] = [*self._assumed(), self._estimates(), self._explained()]
         if len(self.undetermined) > 1:
             still_rows = [(name, still or "-") for name, still in self.undetermined.items()]
             parts.append(Table(("not determined", "did not move"), tuple(still_rows)))
@@ -253,12 +255,23 @@ class Identified(Result, Reported):
             " predictions from each sample to the next."
         )
 
+    def _assumed(self) -> list[str]:
+        """A sentence on the errors of columns that the records do not tell from parameters."""
+        columns: dict[str, list[str]] = {}
+        for name, each in self.column_errors.items():
+            kind, _, column = name.partition("_")
+            if each.is_assumed:
+                columns.setdefault(kind, []).append(column)
+        errors = [f"{_ERRORS[kind]} of {', '.join(names)}" for kind, names in columns.items()]
+        if not errors:
+            return []
+        return [f"The bands assume no {', no '.join(errors)}: the records cannot tell it (below)."]
+
     def _columns(self) -> list[Any]:
-        """A table of delays, and of biases that move an estimate beyond its band unseen."""
+        """A table of delays, and of errors of columns that the bands assume to be 0."""
         rows = []
         for name, each in self.column_errors.items():
-            is_unseen = each.bands is None or each.bands > 1.0
-            if not (name.startswith("delay") or (name.startswith("bias") and is_unseen)):
+            if not (name.startswith("delay") or each.is_assumed):
                 continue
             value = half = "any"
             if each.value is not None and each.half is not None:

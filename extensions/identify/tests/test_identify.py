@@ -199,6 +199,7 @@ def late(values, samples=2):
         ("elevator", late, "delay_elevator of 0.08"),
         ("pitch", late, "delay_pitch of 0.0"),
         ("pitch_rate", lambda q: q + 0.02, "bias_pitch_rate of 0.0"),
+        ("speed", lambda v: v + 4.0, "bias_speed of"),
         pytest.param("alpha", lambda a: -a, "alpha has the wrong sign", marks=pytest.mark.slow),
         (
             "pitch_rate",
@@ -246,6 +247,7 @@ def test_biases_that_nothing_tells_are_stated():
     assert bias.bands > 10.0
     assert "bias_alpha" in str(result)
     assert result.column_errors["bias_elevator"].value is None
+    assert "The bands assume no bias of elevator, speed, alpha, pitch, no scale" in str(result)
 
 
 def lag(rates, start):
