@@ -55,7 +55,7 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
     checks: of the entries and both spectra.
     """
 
-    keys = (
+    json_keys = (
         "dihedral_deg=published.dihedral_deg dynamics=model.point.dynamics "
         "operating_point=model.point states=model.states inputs=model.inputs A=model.A B=model.B "
         "entries printed_eigenvalues eigenvalues checks"
@@ -98,7 +98,7 @@ class Regeneration(ByValue, Result, Reported):
 
     schema = "hfa.regeneration/1"
     made_by = "hfa regenerate"
-    keys = "ok cases=pairs"
+    json_keys = "ok cases=pairs"
 
     pairs: tuple[RegeneratedPair, ...]
 

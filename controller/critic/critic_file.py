@@ -79,7 +79,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     reading = reading or Reading()
     if is_network(Path(path)):
         read: CriticReader = part(CRITICS, _format_of(Path(path)), str(path))
-        with file_faults(path):
+        with said_of(path), file_faults(path):
             return (read(game, path, reading),)
     entries = entries_in(path)
     with said_of(path):

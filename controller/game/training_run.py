@@ -68,7 +68,7 @@ class TrainingRun(Result, Reported):
 
     schema = "hfa.learning-result/1"
     made_by = "hfa learn"
-    keys = (
+    json_keys = (
         "law basis times? weights? residual_norm? law_residual_norm? K excitation settings seed "
         "diagnostics clock P settling_time status=outcome W weight_units?"
     )

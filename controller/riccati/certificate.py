@@ -76,7 +76,7 @@ class Certificate(Checked, Result):
 
     checks: of P, all of which must hold."""
 
-    keys = "ok checks"
+    json_keys = "ok checks"
 
     checks: tuple[Check, ...]
 

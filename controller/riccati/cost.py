@@ -36,7 +36,7 @@ class FlightCost(Result):
         balanced units; 0 for an unstable loop.
     exact_distance: the same of the optimum."""
 
-    keys = (
+    json_keys = (
         "cost_lost_worst_percent=worst cost_lost_mean_percent=mean l2_gain=gain "
         "l2_gain_exact=exact_gain distance_to_instability=distance "
         "distance_to_instability_exact=exact_distance"

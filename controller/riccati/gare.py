@@ -48,7 +48,7 @@ class Solution(Result, Reported):
     (True, (1, 1))
     """
 
-    keys = (
+    json_keys = (
         "P K disturbance_gain delta certificate closed_loop_eigenvalues "
         "closed_loop_abscissa_error=abscissa_error worst_case_eigenvalues"
     )

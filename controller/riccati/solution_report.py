@@ -36,7 +36,7 @@ class AnalysedGame(Result, Shown):
 
     schema = "hfa.game-solution/1"
     made_by = "hfa solve"
-    keys = (
+    json_keys = (
         "states=solution.names.states inputs=solution.names.inputs P=solution.P K=solution.K "
         "disturbance_gain=solution.disturbance_gain delta=solution.delta "
         "certificate=solution.certificate closed_loop_eigenvalues=solution.closed_loop_eigenvalues "

@@ -101,7 +101,7 @@ class Judged(Result):
     converged: whether every check of the judge holds.
     H: of a plant in discrete time, Q(x, u, w) = [x; u; w]' H [x; u; w]."""
 
-    keys = "converged certificates H?"
+    json_keys = "converged certificates H?"
 
     certificates: Sequence[Check]
     converged: bool

@@ -272,7 +272,7 @@ class NamedGame(Result):
     weights_from: "Q", "R", "delta" -> source: "given", "file", "design" or "default".
     """
 
-    keys = (
+    json_keys = (
         "plant=game.names.origin plant_provenance?=origins states=game.names.states "
         "inputs=game.names.inputs state_units=game.names.state_units "
         "input_units=game.names.input_units delta=game.delta warnings"

@@ -34,7 +34,7 @@ class Check(Result):
     kind: "error", "stability" of the loop, "game loop", "cost", "gain" or "data".
     """
 
-    keys = "name value limit ok reason"
+    json_keys = "name value limit ok reason"
 
     name: str
     value: float

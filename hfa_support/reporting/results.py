@@ -44,13 +44,13 @@ class Result:
 
     schema: name and number of the format of a result that is written separately; "" for a part.
     made_by: the command that writes it.
-    keys: the entries in their order: the name of a field or property, or KEY=FIELD.PROPERTY; with
-        ? after the key where it is omitted when it is None or empty. "" for all fields, those with
-        the default None omitted when None."""
+    json_keys: the entries in their order: the name of a field or property, or KEY=FIELD.PROPERTY;
+        with ? after the key where it is omitted when it is None or empty. "" for all fields, those
+        with the default None omitted when None."""
 
     schema: ClassVar[str] = ""
     made_by: ClassVar[str] = ""
-    keys: ClassVar[str] = ""
+    json_keys: ClassVar[str] = ""
 
     def as_data(self) -> dict[str, Any]:
         """Return key -> value as stored in files; arrays stay arrays."""
@@ -101,8 +101,8 @@ def _is_empty(value: Any) -> bool:
 
 def declared_entries(kind: type[Result]) -> tuple[Entry, ...]:
     """The entries of a class, in order."""
-    if kind.keys:
-        return tuple(map(_entry, kind.keys.split()))
+    if kind.json_keys:
+        return tuple(map(_entry, kind.json_keys.split()))
     shown = [field for field in fields(kind) if field.repr]  # type: ignore[arg-type]
     return tuple(Entry(field.name, (field.name,), field.default is None) for field in shown)
 

@@ -52,7 +52,7 @@ class EntryRow(Result):
     half_unit: half a unit of the last printed digit
     """
 
-    keys = "name printed computed half_units percent"
+    json_keys = "name printed computed half_units percent"
 
     matrix: str
     row: str

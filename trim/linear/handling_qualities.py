@@ -28,7 +28,7 @@ class Quantity(Result):
     value: in its unit.
     unit: of the value."""
 
-    keys = "value unit"
+    json_keys = "value unit"
 
     name: str
     value: float

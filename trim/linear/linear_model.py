@@ -52,7 +52,7 @@ class LinearModel(ByValue, Result, Reported):
     how_to_make: ClassVar[str] = "linearize(model, point)"
     schema = "hfa.linear-model/1"
     made_by = "hfa linearize"
-    keys = (
+    json_keys = (
         "dihedral_deg?=point.dihedral_deg scheduled?=point.scheduled dynamics=point.dynamics "
         "operating_point=point states inputs state_units input_units state_offsets input_offsets "
         "A B outputs output_units C D disturbances? disturbance_units? E? F? output_offsets "

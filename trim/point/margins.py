@@ -28,7 +28,7 @@ class Margin(Result):
     scale: the nominal size.
     """
 
-    keys = "value unit role lowest highest margin=distance nearer at_limit"
+    json_keys = "value unit role lowest highest margin=distance nearer at_limit"
 
     name: str
     value: float

@@ -61,7 +61,7 @@ class OperatingPoint(Result, Reported):
 
     how_to_make: ClassVar[str] = "find_operating_point(model)"
     schema = SCHEMA
-    keys = "dynamics status states state_units inputs input_units residuals"
+    json_keys = "dynamics status states state_units inputs input_units residuals"
 
     states: Record
     inputs: Record
@@ -98,6 +98,10 @@ class OperatingPoint(Result, Reported):
     def __iter__(self) -> Iterator[str]:
         """The names of the states, the inputs and the outputs."""
         return iter((*self.model.states, *self.model.inputs, *self.model.outputs))
+
+    def keys(self) -> tuple[str, ...]:
+        """The names of `__iter__`, so that dict(point) is a dictionary of all values."""
+        return tuple(self)
 
     @property
     def x(self) -> np.ndarray:

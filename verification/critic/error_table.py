@@ -43,7 +43,7 @@ class ErrorTable(Result):
     predefined_time: T_w, s; None when none is promised.
     """
 
-    keys = "time=times limit settling_time predefined_time predefined_time_kept"
+    json_keys = "time=times limit settling_time predefined_time predefined_time_kept"
 
     times: Vector
     errors: Mapping[str, np.ndarray]

@@ -107,7 +107,7 @@ class Verdict(Checked, Result, Reported):
 
     schema = "hfa.critic-check/1"
     made_by = "hfa verify"
-    keys = (
+    json_keys = (
         "ok grade P_rel_error K_rel_error diagnosis checks=checks_with_kinds P=critic.P K=critic.K "
         "P_exact=exact.P K_exact=exact.K"
     )

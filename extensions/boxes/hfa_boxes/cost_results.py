@@ -40,7 +40,7 @@ class LowerBound(ProvedResult):
     boxes: number of boxes of each piece.
     """
 
-    keys = "proved states state_units trim parameters equilibrium limits Q R pieces"
+    json_keys = "proved states state_units trim parameters equilibrium limits Q R pieces"
 
     statement: CostStatement
     boxes: Sequence[int]
@@ -85,7 +85,7 @@ class FoundLowerBound(LowerBound):
 
     schema = "hfa.lower-bound/1"
     made_by = "hfa prove cost"
-    keys = f"{LowerBound.keys} stopped"
+    json_keys = f"{LowerBound.json_keys} stopped"
 
     stopped: str
 
@@ -100,7 +100,7 @@ class CheckedLowerBound(LowerBound):
 
     schema = "hfa.lower-bound-check/1"
     made_by = "hfa prove cost --check FILE"
-    keys = f"{LowerBound.keys} written not_given"
+    json_keys = f"{LowerBound.json_keys} written not_given"
 
     written: Mapping[str, str]
     not_given: Sequence[str] = ()

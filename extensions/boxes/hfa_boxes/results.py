@@ -23,7 +23,7 @@ class BoxSet(ProvedResult):
     boxes: number of boxes on which V' < 0.
     """
 
-    keys = (
+    json_keys = (
         "proved prover rho states state_units trim parameters equilibrium policy limits extents "
         "degree P? M coefficients powers boxes"
     )
@@ -113,7 +113,7 @@ class FoundBoxes(BoxSet):
 
     schema = "hfa.region-boxes/1"
     made_by = "hfa prove region --prover boxes"
-    keys = f"{BoxSet.keys} origin decrease_fails_at stopped"
+    json_keys = f"{BoxSet.json_keys} origin decrease_fails_at stopped"
 
     origin: str
     decrease_fails_at: Mapping[str, float] | None
@@ -130,7 +130,7 @@ class CheckedBoxes(BoxSet):
 
     schema = "hfa.region-boxes-check/1"
     made_by = "hfa prove region --check FILE"
-    keys = f"{BoxSet.keys} written not_given"
+    json_keys = f"{BoxSet.json_keys} written not_given"
 
     written: Mapping[str, str]
     not_given: Sequence[str] = ()

@@ -27,7 +27,7 @@ class CheckedOutput(Result):
     tolerance: of the file.
     """
 
-    keys = "case output printed computed tolerance ok"
+    json_keys = "case output printed computed tolerance ok"
 
     case: str
     output: str
@@ -51,7 +51,7 @@ class CheckedDocument(Result, Reported):
 
     schema = "hfa.daveml-check/1"
     made_by = "hfa daveml"
-    keys = "path title ok cases outputs"
+    json_keys = "path title ok cases outputs"
 
     document: Document
     outputs: Sequence[CheckedOutput]

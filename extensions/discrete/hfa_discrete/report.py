@@ -23,7 +23,7 @@ class AnalysedDiscreteGame(Result, Shown):
 
     schema = "hfa.discrete-solution/1"
     made_by = "hfa solve, of a plant in discrete time"
-    keys = (
+    json_keys = (
         "states=solution.names.states inputs=solution.names.inputs P=solution.P K=solution.K "
         "disturbance_gain=solution.disturbance_gain H=solution.H delta=solution.game.delta "
         "discount=solution.discount delta_min=delta_min.value delta_margin "

@@ -216,7 +216,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     schema = "hfa.flight/1"
     made_by = "hfa fly"
-    keys = (
+    json_keys = (
         "dynamics=point.dynamics states=state_names state_units inputs=input_names input_units "
         "operating_point=point scenario envelope=envelope_limits within_limits held departure "
         "limit_cycle=cycle decay? exceeded flown final largest_deviation rms_error "

@@ -36,7 +36,7 @@ class TrimPath(Result):
     commands: r as a deviation from its value at `base`
     """
 
-    keys = "names=commands.names values=commands.values times=commands.times filter"
+    json_keys = "names=commands.names values=commands.values times=commands.times filter"
 
     base: OperatingPoint
     states: LinearTable

@@ -190,7 +190,7 @@ class CommandedStates(Result):
     filtered: whether they go through the command filter; else they are steps.
     """
 
-    keys = (
+    json_keys = (
         "names=commands.names times=commands.times values=commands.values "
         "bandwidth=commands.bandwidth damping=commands.damping"
     )

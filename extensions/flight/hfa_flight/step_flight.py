@@ -32,7 +32,7 @@ class StepFlight(Result, Reported):
 
     schema = "hfa.step-flight/1"
     made_by = "hfa fly --model"
-    keys = (
+    json_keys = (
         "plant=problem.step.names.origin policy states=problem.step.names.states "
         "inputs=problem.step.names.inputs x=states u=inputs cost spectral_radius=radius decays "
         "warnings"

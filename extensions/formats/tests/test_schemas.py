@@ -88,7 +88,7 @@ class Value(Result):
     leaf: a part.
     winds: (k,) where there are some."""
 
-    keys = "twice name=leaf.name roots=leaf.roots winds?"
+    json_keys = "twice name=leaf.name roots=leaf.roots winds?"
 
     leaf: Leaf
     winds: Vector

@@ -96,7 +96,7 @@ class Identified(Result, Reported):
 
     schema = "hfa.identified/1"
     made_by = "hfa identify"
-    keys = (
+    json_keys = (
         "dynamics=model.name first_line ok records parameters quantities covariance coloured "
         "column_errors "
         "correlated undetermined at_bounds unexplained faults other_minimum parts_disagree "

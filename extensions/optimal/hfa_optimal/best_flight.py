@@ -82,7 +82,7 @@ class BestFlight(StatesAndInputs, Result, Reported):
 
     schema = "hfa.best-flight/1"
     made_by = "hfa optimize"
-    keys = (
+    json_keys = (
         "operating_point=point start cost proposed_cost spread linear_cost seconds saturated "
         "states=state_names state_units inputs=input_names input_units Q R envelope policies "
         "lower_bound over_bound"

@@ -87,7 +87,7 @@ class StartsTable(Result, Reported):
 
     schema = "hfa.best-flights/1"
     made_by = "hfa optimize"
-    keys = "operating_point=point Q R starts found refused policies flights over_bound"
+    json_keys = "operating_point=point Q R starts found refused policies flights over_bound"
 
     problem: FlightProblem
     flights: tuple[StartFlights, ...]

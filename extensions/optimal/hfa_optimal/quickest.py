@@ -67,7 +67,7 @@ class QuickestFlight(StatesAndInputs, Result, Reported):
 
     schema = "hfa.quickest-flight/1"
     made_by = "hfa optimize"
-    keys = (
+    json_keys = (
         "operating_point=point start seconds spread reserve box arrival saturated "
         "states=state_names state_units inputs=input_names input_units envelope"
     )

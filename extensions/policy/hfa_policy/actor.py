@@ -62,7 +62,7 @@ def read_actor(
     if source is None:
         raise BadInputError("policy.file is missing; name the file of the policy")
     if isinstance(source, ca.Function):
-        actor = Actor(source, "a CasADi function", bool(entries.get("squash", False)))
+        actor = Actor(source, f"function {source.name()}", bool(entries.get("squash", False)))
         _refuse_sizes(actor.function, "the function", width, actions)
         return actor
     if not isinstance(source, (str, Path)):
@@ -123,9 +123,7 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     squash = bool(entries.get("squash", False))
     gain = stored_gain(path)
     if gain is not None:
-        o = ca.SX.sym("o", gain.shape[1])
-        function = ca.Function("gain", [o], [ca.densify(-ca.DM(gain) @ o)])
-        return Actor(function, f"a gain {gain.shape[0]} x {gain.shape[1]}", squash)
+        return Actor(gain_function(gain), f"a gain {gain.shape[0]} x {gain.shape[1]}", squash)
     if path.suffix.lower() == ".onnx" and "activation" in entries:
         raise BadInputError(f"policy.activation: {path} contains it; leave it out")
     parts = {"policy": str(entries.get("network", ""))}
@@ -174,6 +172,12 @@ def stored_gain(path: Path) -> np.ndarray | None:
                 f"K has shape {gain.shape}; give actions x observations finite numbers"
             )
         return gain
+
+
+def gain_function(K: np.ndarray) -> ca.Function:
+    """Return u = -K o as a function of the observations o."""
+    o = ca.SX.sym("o", K.shape[1])
+    return ca.Function("gain", [o], [ca.densify(-ca.DM(K) @ o)])
 
 
 def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: int) -> None:

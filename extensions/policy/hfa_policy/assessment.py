@@ -67,7 +67,7 @@ class AssessedPoint(Result):
     rough: flights with sensor noise or in moving air; None without them.
     """
 
-    keys = (
+    json_keys = (
         "holds spectral_radius=radius delay_limit=delays.limit delay_limit_fine=delays.fine "
         "delay_searched=delays.searched radii disk_margin=margins.disk.disk input_margins "
         "equilibrium=equilibrium_states equilibrium_inputs K=equilibrium.K cost_lost=cost "

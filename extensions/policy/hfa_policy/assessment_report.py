@@ -66,7 +66,7 @@ class Assessment(Result, Reported):
 
     schema = "hfa.assessment/1"
     made_by = "hfa assess"
-    keys = (
+    json_keys = (
         "dynamics=deployed.model.name deployment_file=deployed.deployment.origin first_line holds "
         "dt=deployed.deployment.dt delay=deployed.deployment.delay "
         "history=deployed.deployment.history "

@@ -51,7 +51,7 @@ class BestCosts(Result):
     brackets: one a start; none without a certificate of a lower bound.
     """
 
-    keys = (
+    json_keys = (
         "initial_conditions=starts found refused not_converged=lost policy_over_best lqr_over_best "
         "offset_rate brackets"
     )

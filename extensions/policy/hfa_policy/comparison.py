@@ -23,7 +23,7 @@ class Comparison(Result, Reported):
 
     schema = "hfa.assessments/1"
     made_by = "hfa assess"
-    keys = "first_line ok assessments"
+    json_keys = "first_line ok assessments"
 
     assessments: tuple[Assessment, ...]
 

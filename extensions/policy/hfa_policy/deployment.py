@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_policy.actor import NONE as NONE, Actor, read_actor, stored_gain
+from controller.critic.critic_file import critic_in
+from controller.game.names import PlantNames
+from controller.game.zero_sum import Game
+from hfa_policy.actor import NONE as NONE, Actor, gain_function, read_actor, stored_gain
 from hfa_policy.normalizer import Normalizer, normalizer_of, read_normalizer
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shown
@@ -273,10 +276,12 @@ class Deployment(Shown):
 
 
 def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
-    """Return the deployment of a gain K in an .npz: u = -K x on all inputs, of deviations of all
-    linear states from the trim, sampled every dt seconds. BadInputError for another shape."""
-    K = stored_gain(path)
+    """Return the deployment of a gain K in a critic's file: u = -K x on all inputs, of deviations
+    of all linear states from the trim, sampled every dt seconds. BadInputError for another
+    shape."""
     wanted = (len(model.inputs), len(model.linear))
+    in_arrays = path.suffix.lower() == ".npz"
+    K = stored_gain(path) if in_arrays else _gain_of_critic(path, model)
     if K is None or K.shape != wanted:
         given = "it has no K" if K is None else f"K is {K.shape[0]} x {K.shape[1]}"
         raise BadInputError(
@@ -284,13 +289,25 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
             f"states {', '.join(model.linear)}, or a deployment file"
         )
     return Deployment(
-        policy={"file": path.name},
+        policy={"file": path.name if in_arrays else gain_function(K)},
         observation={name: {} for name in model.linear},
         action={name: {} for name in model.inputs},
         timing={"dt": dt},
         folder=path.parent,
         origin=str(path),
     )
+
+
+def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
+    """Return the gain K of a critic's file. BadInputError for a critic that is not a gain: its
+    policy depends on R or on the activation of a network."""
+    n, m = len(model.linear), len(model.inputs)
+    names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)
+    plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names)
+    critic = critic_in(path, plant)
+    if critic.feedback is not None or not critic.linear:
+        raise BadInputError(f"{path}: it holds no gain K; write a deployment file")
+    return critic.K
 
 
 def _plain(value: Any) -> Any:

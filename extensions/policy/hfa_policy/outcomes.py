@@ -137,7 +137,7 @@ class Outcome(Result):
     """
 
     #: The last line has the names of 0.3, for one version.
-    keys = (
+    json_keys = (
         "flights=starts converged=returned left_envelope=lost worst_initial=worst_start "
         "worst_outcome slowest_convergence=slowest converged_elsewhere=elsewhere "
         "other_equilibrium=elsewhere_at limit_cycle=cycle moving seconds departure "

@@ -32,7 +32,7 @@ class Variation(Result):
     assessed: the assessment; its point has the states and inputs of the original trim.
     """
 
-    keys = (
+    json_keys = (
         "name value holds=assessed.holds spectral_radius=assessed.radius "
         "equilibrium=assessed.equilibrium_states flights=assessed.flights "
         "disturbed=assessed.disturbed findings=assessed.findings "

@@ -41,7 +41,7 @@ class ChangedEntry(Result):
     slip: the change of the text
     """
 
-    keys = "entry typed value lowest highest slip"
+    json_keys = "entry typed value lowest highest slip"
 
     position: Position
     typed: str

@@ -41,7 +41,7 @@ class PrintedVerdict(Result, Reported):
 
     schema = "hfa.printed-check/1"
     made_by = "hfa printed"
-    keys = (
+    json_keys = (
         "ok verdict=classified.name reason=classified.reason title=file.title "
         "relative_error=classified.comparison.relative_error cost_lost_percent=cost_lost entries "
         "other_plants=classified.changed weights_from not_searched=classified.not_searched"

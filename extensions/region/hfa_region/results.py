@@ -29,7 +29,7 @@ class ProvedSet(ProvedResult):
     reaches: state -> lowest and highest deviation in the set.
     """
 
-    keys = (
+    json_keys = (
         "proved prover rho states state_units trim parameters K policy limits disturbances extents "
         "terms P? parts"
     )
@@ -113,7 +113,9 @@ class FoundSet(ProvedSet):
 
     schema = "hfa.region/1"
     made_by = "hfa prove region"
-    keys = f"{ProvedSet.keys} origin decrease_fails_at leaves_limits_at lost_at limits_that_bind"
+    json_keys = (
+        f"{ProvedSet.json_keys} origin decrease_fails_at leaves_limits_at lost_at limits_that_bind"
+    )
 
     origin: str
     decrease_fails_at: Place | None
@@ -152,7 +154,7 @@ class CheckedSet(ProvedSet):
 
     schema = "hfa.region-check/1"
     made_by = "hfa prove region --check FILE"
-    keys = f"{ProvedSet.keys} written not_given"
+    json_keys = f"{ProvedSet.json_keys} written not_given"
 
     written: Mapping[str, str]
     not_given: Sequence[str] = ()

@@ -110,7 +110,7 @@ class PlantSolution(Result, Reported):
 class OutputSolution(PlantSolution):
     """The controller of a plant with sensors."""
 
-    keys = (
+    json_keys = (
         f"{_HEAD} Ak?=solution.Ak Bk?=solution.Bk Ck?=solution.Ck Dk?=solution.Dk X?=solution.X "
         f"Y?=solution.Y coupling?=solution.coupling {_TAIL} warnings"
     )
@@ -145,7 +145,7 @@ class OutputSolution(PlantSolution):
 class StateSolution(PlantSolution):
     """The gain of a plant whose states are measured."""
 
-    keys = (
+    json_keys = (
         f"{_HEAD} {_TAIL} P?=solution.P K?=solution.K "
         "disturbance_gain?=solution.disturbance_gain warnings"
     )

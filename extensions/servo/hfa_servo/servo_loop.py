@@ -163,7 +163,7 @@ class _Cell(NamedTuple):
 class MarginTable(Checked, Result, Reported):
     """The margins of a controller at many scheduling values, behind many actuators."""
 
-    keys = "ok rows=data_rows checks"
+    json_keys = "ok rows=data_rows checks"
 
     controller: ScheduledController
     rows: tuple[LoopRow, ...]

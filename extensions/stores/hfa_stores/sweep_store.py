@@ -38,7 +38,7 @@ class SweepAttributes(StatesAndInputs, Result):
 
     schema = "hfa.sweep-store/3"
     made_by = "hfa sweep -o FILE.zarr: attributes of the store"
-    keys = (
+    json_keys = (
         "variables=plan.variables variable_units=plan.units grid=plan.grid "
         "condition=plan.condition.changes states=state_names state_units inputs=input_names "
         "input_units status warnings=plan.warnings plan=plan.text"
@@ -68,7 +68,7 @@ class StoredSweep(Result, Reported):
 
     schema = "hfa.sweep-summary/1"
     made_by = "hfa sweep -o FILE.zarr"
-    keys = (
+    json_keys = (
         "store dynamics=plan.dynamics variables=plan.variables variable_units=plan.units "
         "grid=plan.grid condition=plan.condition.changes points=plan.count counts warnings"
     )

@@ -54,7 +54,7 @@ class Draws(Result):
     unsolved: aircraft on which the game has no solution; None without a gain.
     """
 
-    keys = (
+    json_keys = (
         "first_line ok count seed parameters trimmed stable? cost_lost_worst_percent? bands "
         "unsolved?"
     )

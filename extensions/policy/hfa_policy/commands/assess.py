@@ -8,6 +8,7 @@ from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from controller.critic.critic_file import critic_suffixes
 from hfa.options.argument_types import input_file, number, quantity, span, whole
 from hfa.options.command import command
 from hfa.options.draws import draws_option
@@ -77,15 +78,21 @@ def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
     return span(model, name, text)
 
 
+def _card_path(text: str) -> Path:
+    """Return the path of a deployment file or of a critic."""
+    return input_file(".toml", *critic_suffixes())(text)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     """A policy as it is deployed."""
 
     cards: tuple[Path, ...] = option(
         "deployment files: observations, actions and timing of a policy; several give one "
-        "table, from the same initial conditions; or a gain K in a FILE.npz, with --sample-time",
+        "table, from the same initial conditions; or a gain K in a critic's file, with "
+        "--sample-time",
         "CARD.toml",
-        input_file(".toml", ".npz"),
+        _card_path,
         names="cards",
         count="+",
     )
@@ -172,12 +179,12 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         for a sample time without a gain."""
         from hfa_policy.deployment import Deployment, sampled_gain
 
-        gains = [card for card in self.cards if card.suffix.lower() == ".npz"]
+        gains = [card for card in self.cards if card.suffix.lower() != ".toml"]
         if gains and self.sample_time is None:
             raise BadInputError(f"{gains[0]}: a gain has no sample time; add --sample-time, s")
         if self.sample_time is not None and not gains:
             raise BadInputError(
-                "--sample-time is for a gain in a FILE.npz; give one, or leave it out"
+                "--sample-time is for a gain K in a critic's file; give one, or leave it out"
             )
         return [
             sampled_gain(card, model, self.sample_time)

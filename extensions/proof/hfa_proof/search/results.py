@@ -115,7 +115,7 @@ class InterpolatedModels(StatesAndInputs, Result):
 
     schema = "hfa.lpv/1"
     made_by = "hfa prove models"
-    keys = (
+    json_keys = (
         "dynamics=model.name tolerance error=statement.errors dihedral_deg? A=statement.A "
         "B=statement.B K=statement.K inputs_offset states=state_names inputs=input_names "
         "state_units input_units scheduled?"
