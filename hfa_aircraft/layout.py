@@ -154,6 +154,9 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
     still: whether the disturbances are 0; then w has no symbols. BadInputError names the fault of
         the equations.
     """
+    if still and not layout.names[3]:
+        symbols, f_of_all, seen_of_all = _symbolic(layout, False)
+        return symbols[:3], f_of_all, seen_of_all
     names = list(VECTORS)
     symbols = layout.symbols(*(names[:3] if still else names))
     values = [components(vector) for vector in symbols]

@@ -8,7 +8,7 @@ import control
 import numpy as np
 import pytest
 from cli import complaints_about
-from policy_cases import FOLDER, GTM, ROOT, aircraft, card, gtm_card, trims
+from policy_cases import FOLDER, GTM, ROOT, aircraft, card, gtm_card, model_of, trims
 from scipy.integrate import solve_ivp
 
 import hfa
@@ -80,7 +80,7 @@ def test_formula_not_smooth_at_trim_refused_by_name(table, name, entry):
     """A formula that is not smooth at the trim is refused by name."""
     o = ca.SX.sym("o", 4)
     right = gtm_card({"file": ca.Function("gain", [o], [0.1 * o[1:3]])})
-    model = load_model(GTM)
+    model = model_of(GTM)
     wrong = right.changed(**{table: {**getattr(right, table), name: entry}})
     with pytest.raises(hfa.BadInputError, match=rf"^the deployment: {table}\.{name}: its formula"):
         assess(model, wrong, [45.0])
@@ -159,7 +159,7 @@ def test_clip_active_at_rest_said_not_judged_stable():
         "throttle": {"map": "trim + a"},
     }
     deployment = gtm_card({"file": push}, action=action)
-    result = assess(load_model(GTM), deployment, [45.0], samples=0)
+    result = assess(model_of(GTM), deployment, [45.0], samples=0)
     (point,) = result.points
     assert result.first_line.startswith("FAIL: its linear loop does not hold at 45 m/s")
     action = "saturated at the equilibrium: the action of elevator at the end of its box"
@@ -287,7 +287,7 @@ def test_aircraft_of_one_input_is_assessed_and_flown(delay):
 
 def kinked_model():
     """The GTM whose speed falls with |pitch rate|: a kink at every trim."""
-    gtm = load_model(GTM)
+    gtm = model_of(GTM)
 
     def equations(x, u, p, w):
         rates, outputs = gtm.equations(x, u, p, w)
@@ -307,7 +307,7 @@ def test_slopes_at_a_kink_are_those_of_linearize():
     linear = hfa.linearize(model, point.point)
     np.testing.assert_array_equal(point.equilibrium.A, linear.A)
     np.testing.assert_array_equal(point.equilibrium.B, linear.B)
-    gtm = load_model(GTM)
+    gtm = model_of(GTM)
     smooth = hfa.linearize(gtm, hfa.find_operating_point(gtm, hold={"speed": 45.0}))
     np.testing.assert_allclose(linear.A, smooth.A, rtol=1e-6, atol=1e-6)
     assert point.equilibrium.K[0, 3] == pytest.approx(-0.25, rel=1e-6)
@@ -334,7 +334,7 @@ def f16_card(**tables):
 def test_a_trim_at_edge_of_envelope_is_refused():
     """The state at the edge is one that other states move; the shipped aircraft is inside at its
     own trim."""
-    model = load_model(F16)
+    model = model_of(F16)
     edged = replace(
         model, states={**model.states, "altitude": model.states["altitude"]._replace(min=0.0)}
     )
@@ -345,7 +345,7 @@ def test_a_trim_at_edge_of_envelope_is_refused():
 
 
 def test_a_lost_flight_names_state_limit_and_time():
-    model = load_model(F16)
+    model = model_of(F16)
     edge = {**model.states, "altitude": model.states["altitude"]._replace(min=-3.0)}
     edged = replace(model, states=edge)
     deployed = f16_card().on(edged)
@@ -409,7 +409,7 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
     out about the original trim."""
     from scipy.optimize import root
 
-    model = load_model(F16)
+    model = model_of(F16)
     card = f16_card().changed(observation={"alpha": {}, "pitch_rate": {}, "gamma": {}})
     result = hfa.assess(model, card, [502.0], samples=0, vary={"xcg": (0.34, 0.36)})
     trim = result.points[0].point
@@ -449,7 +449,7 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
     ],
 )
 def test_a_wrong_change_is_refused_before_trims(vary, said):
-    model = load_model(F16)
+    model = model_of(F16)
     no_trim = [object()]
     with pytest.raises(hfa.BadInputError, match=said):
         assess(model, f16_card(), no_trim, vary=vary)
@@ -457,7 +457,7 @@ def test_a_wrong_change_is_refused_before_trims(vary, said):
 
 def test_several_deployments_are_one_table(capsys, tmp_path):
     """The trims and initial conditions are equal; FAIL where one file does not meet a need."""
-    model = load_model(GTM)
+    model = model_of(GTM)
     linear = hfa.linearize(model, trims_of(model, [45.0])[0])
     weights = {name: 1.0 / signal.nominal**2 for name, signal in model.signals.items()}
     Q = {name: weights[name] for name in model.linear}

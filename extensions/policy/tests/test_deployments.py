@@ -11,10 +11,9 @@ import zipfile
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, trims
+from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, model_of, trims
 from tolerances import FEW_ROUNDINGS
 
-from hfa_aircraft.loading import load_model
 from hfa_policy.assess import assess
 from hfa_policy.deployment import Deployment
 from hfa_policy.environment import environment, vector_environment
@@ -52,7 +51,7 @@ def folder(tmp_path):
 
 def compiled(path):
     """All of a card, read and compiled."""
-    return Deployment.load(path).on(load_model(GTM)).command
+    return Deployment.load(path).on(model_of(GTM)).command
 
 
 def message_of(folder, text):
@@ -126,7 +125,7 @@ def test_formulas_that_are_code_are_refused(formula):
     observation = {"speed": {}, "alpha": {}, "pitch": {}, "odd": {"formula": formula}}
     deployment = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation=observation)
     with pytest.raises(BadInputError, match=r"formula|unknown name|calls|arithmetic"):
-        deployment.on(load_model(GTM))
+        deployment.on(model_of(GTM))
 
 
 def test_a_formula_is_arithmetic():
@@ -137,7 +136,7 @@ def test_a_formula_is_arithmetic():
         observation=entries,
         action={"elevator": {"map": "trim + 0.1 * sin(a) - 2 ** 2 * pitch_rate"}},
     )
-    deployed = deployment.on(load_model(GTM))
+    deployed = deployment.on(model_of(GTM))
     X = np.array([45.0, 0.05, 0.1, 0.07])
     trim = np.array([45.0, 0.05, 0.0, 0.05, 0.02, 15.0])
     observed = np.array(deployed.observe(X, trim[4:], trim)).ravel()
@@ -345,7 +344,7 @@ def test_gain_and_state_dict_onnx_graph_policies_too(tmp_path):
     observation = np.array([1.0, -2.0, 0.5, 3.0])
     for name in ("gain.npz", "layer.npz"):
         deployment = gtm_card({"file": tmp_path / name})
-        action = np.array(deployment.on(load_model(GTM)).act(observation)).ravel()
+        action = np.array(deployment.on(model_of(GTM)).act(observation)).ravel()
         np.testing.assert_allclose(action, -K @ observation, rtol=FEW_ROUNDINGS)
 
 

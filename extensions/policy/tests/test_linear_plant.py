@@ -20,6 +20,7 @@ u1 = {}
 [timing]
 dt = 0.02
 """
+SAMPLED = ("--sample-time", "0.02")
 
 
 @pytest.fixture
@@ -91,7 +92,7 @@ def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
     np.savez("plant.npz", A=A, B=[[0.0], [1.0], [0.1]])
     for gain, said in ((0.0, "leaves x3 (doubles in 150 s) as it is"), (0.005, "")):
         np.savez("K.npz", K=[[4.24, 2.8, gain]])
-        words = ["assess", "K.npz", "--model", "plant.npz", "--sample-time", "0.02", "--json"]
+        words = ["assess", "K.npz", "--model", "plant.npz", *SAMPLED, "--json"]
         assert main(words) == 1
         line = json.loads(capsys.readouterr().out)["first_line"]
         assert line.startswith("FAIL on the linear plant: does not hold")
@@ -104,17 +105,21 @@ def test_a_gain_alone_is_assessed(folder, capsys):
     A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
     np.savez("plant.npz", A=A, B=B)
     np.savez("K.npz", K=[[4.24, 2.8]])
+    np.save("K.npy", [[4.24, 2.8]])
+    np.save("P.npy", np.eye(2))
     (folder / "card.toml").write_text(CARD)
     words = ["--model", "plant.npz", "--samples", "0", "--json"]
     radii = []
-    for named in (["K.npz", "--sample-time", "0.02"], ["card.toml"]):
+    for named in (["K.npz", *SAMPLED], ["K.npy", *SAMPLED], ["card.toml"]):
         assert main(["assess", *named, *words]) == 0
         (point,) = json.loads(capsys.readouterr().out)["points"]
         radii.append(point["spectral_radius"])
-    assert radii[0] == radii[1]
-    assert main(["assess", "plant.npz", "--sample-time", "0.02", *words]) == 2
+    assert radii[0] == radii[1] == radii[2]
+    assert main(["assess", "P.npy", *SAMPLED, *words]) == 2
+    assert "P.npy: it holds no gain K; write a deployment file" in capsys.readouterr().err
+    assert main(["assess", "plant.npz", *SAMPLED, *words]) == 2
     assert "it has no K; give 1 x 2, inputs u1 by states x1, x2" in capsys.readouterr().err
     assert main(["assess", "K.npz", *words]) == 2
     assert "add --sample-time" in capsys.readouterr().err
-    assert main(["assess", "card.toml", "--sample-time", "0.02", *words]) == 2
+    assert main(["assess", "card.toml", *SAMPLED, *words]) == 2
     assert "--sample-time is for a gain" in capsys.readouterr().err

@@ -7,10 +7,9 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import AIRCRAFT, FOLDER, ROOT, aircraft, card, trims
+from policy_cases import AIRCRAFT, FOLDER, ROOT, aircraft, card, model_of, trims
 
 import hfa
-from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor
 from hfa_policy.change_flights import ChangeFlights, Sample
 from hfa_policy.deployment import Deployment
@@ -317,7 +316,7 @@ def optimum_on_f16(times=1.0):
     """The card of an exact optimum on the F-16, `times` as strong, which observes with scales."""
     Q = {name: scale**-2 for name, scale in SCALES.items()}
     R = {"thrust": 1e-6, "elevator": 0.04}
-    model = load_model(F16)
+    model = model_of(F16)
     linear = hfa.linearize(model, hfa.find_operating_point(model, hold={"speed": 502.0}))
     K = hfa.solve_game(hfa.game(linear, Q, R)).K
     o = ca.SX.sym("o", 4)
@@ -333,7 +332,7 @@ def optimum_on_f16(times=1.0):
 
 def kinds_on_f16(deployment):
     """Return the changes that would fly better."""
-    model = load_model(F16)
+    model = model_of(F16)
     assessor = Assessor(deployment.on(model), trims_of(model, [502.0]), 24)
     return [mistake.kind for mistake in mistakes_of(assessor, assessor.assessed())]
 
@@ -376,7 +375,7 @@ def test_a_change_is_named_only_near_the_optimum(times, found):
 
 def test_optimum_of_changed_flights_is_that_of_scipy():
     """The card of the exact optimum costs what it does, but for sampling."""
-    model = load_model(F16)
+    model = model_of(F16)
     deployed = optimum_on_f16().on(model)
     assessor = Assessor(deployed, tuple(trims_of(model, [502.0])), 4)
     flights = ChangeFlights(assessor, assessor.places(assessor.flight()))
@@ -390,7 +389,7 @@ def test_all_signs_are_suggested_together():
     """All signs are suggested where each alone would not do."""
     right = optimum_on_f16()
     turned_all = {name: {"map": "trim - a"} for name in right.action}
-    model = load_model(F16)
+    model = model_of(F16)
     wrong = right.changed(action=turned_all)
     assessor = Assessor(wrong.on(model), trims_of(model, [502.0]), 24)
     texts = [mistake.text for mistake in mistakes_of(assessor, assessor.assessed())]

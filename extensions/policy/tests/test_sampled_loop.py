@@ -7,11 +7,10 @@ import casadi as ca
 import control
 import numpy as np
 import pytest
-from policy_cases import GTM, gtm_card
+from policy_cases import GTM, gtm_card, model_of
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, solve_lyapunov
 
 import hfa
-from hfa_aircraft.loading import load_model
 from hfa_policy.assessment import Assessor
 from hfa_policy.cost_above_optimum import cost_lost, lqr_at
 from hfa_policy.sampled_loop import Chain, chain_of, delays, held, margins, slowest_swing
@@ -24,7 +23,7 @@ R = {"elevator": 1.11, "throttle": 0.00051}
 
 def linear_case(scale=1.0):
     """The rest of the exact LQR times `scale` as a policy on the GTM, and its deployment."""
-    model = load_model(GTM)
+    model = model_of(GTM)
     (point,) = trims_of(model, [45.0])
     linear = hfa.linearize(model, point)
     game = hfa.game(linear, Q, R)

@@ -378,7 +378,7 @@ def test_holding_by_name_agrees_with_the_command() -> None:
 
 
 def test_an_operating_point_lists_its_names() -> None:
-    """Iteration gives the names that `point[name]` takes, each once."""
+    """Iteration gives the names that `point[name]` takes, each once; dict() their values."""
     model = hfa.aircraft()
     point = find_operating_point(model)
     names = list(point)
@@ -387,3 +387,4 @@ def test_an_operating_point_lists_its_names() -> None:
     assert all(np.isfinite(point[name]) for name in names)
     assert "elevator_outer" in point
     assert "sped" not in point
+    assert dict(point) == {name: point[name] for name in names}

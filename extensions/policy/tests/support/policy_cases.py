@@ -27,11 +27,13 @@ AIRCRAFT = {
 UNTRAINED = {"ppo_squash": (GTM, (45.0,)), "sac_sde": (GTM, (45.0,))}
 
 
-@cache
+model_of = cache(load_model)
+
+
 def aircraft(name):
     """The model of a policy's aircraft."""
     where = (AIRCRAFT | UNTRAINED)[name][0]
-    return load_model(where) if where else hfa.aircraft()
+    return model_of(where) if where else hfa.aircraft()
 
 
 @cache
