@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ from hfa_boxes.check.cover import Boxes
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Equilibrium
-from hfa_boxes.check.statement import BoxStatement, Gain
+from hfa_boxes.check.statement import BoxStatement, Gain, digest_of
 from hfa_proof.checker.checker import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
 
@@ -81,6 +83,12 @@ def test_the_tank_is_proved() -> None:
     assert 0 < checked(tank()) < 1000
 
 
+def test_policies_of_other_digits_have_other_digests() -> None:
+    z = ca.SX.sym("z", 2)
+    policies = [ca.Function("u", [z], [k * z[0]]) for k in (0.25, np.nextafter(0.25, 1.0))]
+    assert len({digest_of(policy) for policy in policies}) == 2
+
+
 def test_the_hole_ends_where_the_jacobian_decides() -> None:
     """The level rises above 0.4 by the sixth power of the command, and falls below: the hole is
     0.25 wide, and a box that reaches 0.5 is not proved by it."""
@@ -131,6 +139,15 @@ def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
     assert found.undecided(box).tolist() == [radius > 0.0]
 
 
+def test_the_equilibrium_is_compared_in_nominal_values() -> None:
+    """2e-7 m is more than a millionth of 0.01 m."""
+    states = {**TANK.states, "level": Signal("m", 0.01)}
+    content = tank()
+    content["statement"]["equilibrium"]["level"] = 2e-7
+    with pytest.raises(NoSolutionError, match="differs from the stated"):
+        check_region(*read_content(content, replace(TANK, states=states), None))
+
+
 def _put(value: Any, *path: Any) -> Callable[[Content], None]:
     """A change of an entry of the statement; a function changes its value."""
 
@@ -177,6 +194,8 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "held below its limits": (_put({"slope": -1.5}, "held"), "slope is held beyond"),
     "state above its limit": (_put([-9.0, 0.9], "limits", "level"), "level may leave"),
     "state below its limit": (_put([-0.9, 9.0], "limits", "level"), "level may leave"),
+    "extent as far as a limit": (_put([-9.0, 0.91], "limits", "level"), "level may leave"),
+    "extent as low as a limit": (_put([-0.91, 9.0], "limits", "level"), "level may leave"),
     "extent above": (_put([-0.91, 0.89], "extents", "level"), "inequality"),
     "extent below": (_put([-0.89, 0.91], "extents", "heat"), "inequality"),
     "extents that do not hold 0": (_put([0.1, 0.91], "extents", "level"), "extents"),

@@ -356,9 +356,69 @@ def test_the_curvature_of_three_inputs_is_below_all_directions() -> None:
     piece = Piece(ONE, Polynomial(1, ((1.0, (2,)),)), 1.0)
     equilibrium = Equilibrium(np.zeros(4), np.zeros(4))
     inequality = CostInequality(plant, equilibrium, piece, ONE, np.eye(3))
-    y = -0.75
-    box = Boxes(np.array([[y]]), np.array([[40]]))
+    box = Boxes(np.array([[-0.75]]), np.array([[2]]))
     limits = np.ones((1, 3))
     curvature = inequality._curvature(box, -limits, limits)[0]
-    along = 6.0 + 2.0 * y * 0.4 * 6.0
+    along = 6.0 - 2.0 * 0.4 * 6.0  # at y = -1
     assert curvature.sum() <= along + 1e-9
+
+
+def _on_a_line(
+    model: Model, k: float, radius: float = 0.0, ends: tuple[float, float] = (-1.0, 1.0)
+) -> CostInequality:
+    """Return the inequality of W = k y² about an equilibrium known to within a radius in its
+    input."""
+    plant = Plant(model, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": ends})
+    equilibrium = Equilibrium(np.zeros(2), np.array([0.0, radius]))
+    piece = Piece(ONE, Polynomial(1, ((k, (2,)),)), 1.0)
+    return CostInequality(plant, equilibrium, piece, ONE, ONE)
+
+
+def test_inputs_reach_their_limits_from_all_equilibria() -> None:
+    """Of an equilibrium within 1e-3 the deviations reach 0.101."""
+    low, high = _on_a_line(CART, 0.75, 1e-3, (-0.1, 0.1)).ends[0]
+    assert low <= -0.101
+    assert high >= 0.101
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
+    """g = 1.5 y (u + e) + y² + u² is positive at y = 0.5 for e = 0, and not for all |e| <= 0.3."""
+    box = Boxes(np.array([[0.5]]), np.array([[10]]))
+    assert _on_a_line(CART, 0.75, radius)._undecided(box).tolist() == [radius > 0.0]
+
+
+def test_the_envelope_is_met_in_turned_coordinates() -> None:
+    """y from 0.25 to 0.75 and from -0.25 to 0.25 holds z_1 = (y_1 - y_2) / 2 = 0."""
+
+    def still(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"a": -x.a, "b": -x.b}, {}
+
+    model = Model("still", {"a": Signal(), "b": Signal()}, {}, still, trim={})
+    plant = Plant(model, {}, {"a": 0.0, "b": 0.0}, {}, {}, {"a": (-0.1, 0.1)})
+    W = Polynomial(2, ((1.0, (2, 0)), (1.0, (0, 2))))
+    piece = Piece(np.array([[1.0, 1.0], [-1.0, 1.0]]), W, 1.0)
+    equilibrium = Equilibrium(np.zeros(2), np.zeros(2))
+    inequality = CostInequality(plant, equilibrium, piece, np.eye(2), np.zeros((0, 0)))
+    near = Boxes(np.array([[0.5, 0.0]]), np.array([[2, 2]]))
+    far = Boxes(np.array([[0.5, 0.0]]), np.array([[4, 4]]))
+    assert inequality.is_outside(near).tolist() == [False]
+    assert inequality.is_outside(far).tolist() == [True]
+
+
+def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
+    """g = 2 k y u (1 - y) + y² + u²: at y = -0.5 the best u is 0.75 k, at y = 0.5 it is -0.25 k."""
+    uneven = replace(
+        SLED, equations=lambda x, u, p, w: ({"position": u.speed * (1.0 - x.position)}, {})
+    )
+    box = Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int))
+    (radius,) = _on_a_line(uneven, 0.5)._best_inputs_within(box)
+    assert radius >= 0.375
+
+
+def test_the_hessian_is_definite_for_all_inputs_within_the_radii() -> None:
+    """g = y (u + u³) + y² + u² is convex near u = 0, and not at u = 1."""
+    inequality = _on_a_line(SLED, 0.5)
+    box = Boxes(np.zeros((1, 1)), np.full((1, 1), 10))
+    assert inequality._is_convex(box, np.array([1e-3]))
+    assert not inequality._is_convex(box, np.array([1.0]))

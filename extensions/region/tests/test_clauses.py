@@ -5,12 +5,13 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import replace
+from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from flint import arb
+from flint import arb, ctx
 from pendulum_regions import read_and_check
 
 from hfa_aircraft.model import Model, Signal
@@ -305,6 +306,27 @@ def test_the_jacobian_has_the_slope_of_the_policy() -> None:
     assert slope.contains(arb(-1.25))
 
 
+@pytest.mark.parametrize(
+    ("ends", "reached"), [((-0.1, 9.0), (True, False)), ((-9.0, 0.1), (False, True))]
+)
+def test_each_limit_of_an_input_has_its_own_room(
+    ends: tuple[float, float], reached: tuple[bool, bool]
+) -> None:
+    """u = 2 x moves by 2 in the ball."""
+    loop = replace(_loop(), limits={"u": ends})
+    region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+    assert region.reaches("u") == reached
+
+
+def test_the_policy_is_about_the_trim_and_not_the_equilibrium() -> None:
+    """About the equilibrium at 2e-7 the command u = 2 z + 0.5 z², z = x - 1e-7, has a slope above
+    2."""
+    loop = replace(_loop(), trim={"x": 1e-7}, policy={"u": ((0.5, (2,)),)}, limits={})
+    region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
+    (slope,) = region.command(0).parts[1].values()
+    assert slope > 2
+
+
 def test_output_is_within_limits_between_ends_of_disturbance() -> None:
     """An output is within its limits between the ends of a disturbance."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
@@ -348,6 +370,23 @@ def test_extents_of_a_quartic_are_proved_or_of_the_ball() -> None:
     statement = RegionStatement(loop, terms, 3.0, {"x": (-1.5, 9.0), "y": (-9.0, 1.5)})
     found = extents_of(statement, 2.0 * np.eye(2))
     assert found == {"x": (-1.5, pytest.approx(2.0)), "y": (pytest.approx(-2.0), 1.5)}
+
+
+def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
+    """sqrt(3) rounded to nearest is below it."""
+    statement = RegionStatement.read(sink()["statement"], SINK)
+    low, high = extents_of(statement, np.eye(2))["x"]
+    assert Fraction(high) ** 2 > 3
+    assert Fraction(low) ** 2 > 3
+
+
+def test_the_equilibrium_is_enclosed() -> None:
+    """That of x' = 2 - x² is no double, and no number of 192 bits."""
+    model = Model("root", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": 2.0 - x.x**2}, {}))
+    loop = SaturatedLoop(model, {}, {"x": 2.0**0.5}, {}, {}, np.zeros((0, 1)), {})
+    (found,) = Equilibrium(loop).x
+    with ctx.workprec(400):
+        assert found.contains(arb(2).sqrt())
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])

@@ -20,7 +20,7 @@ from hfa_proof.checker.reading import NOT_PROVED
 from hfa_proof.commands.check import CheckRequest
 from hfa_proof.subject import compare, entries_of
 from hfa_region.check.certificate import VerifiedRegion, check_certificate
-from hfa_region.check.statement import RegionStatement
+from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.commands.given import given_for
 from hfa_region.fields import FIELDS
 from hfa_region.report import checked_report
@@ -190,6 +190,14 @@ def test_outcomes_of_starts_are_told_apart() -> None:
     assert found(free, 100.0) == [Outcome.RETURNED, Outcome.RETURNED]
     assert found(free, 3.0) == [Outcome.UNKNOWN, Outcome.UNKNOWN]
     assert found(kept, 100.0) == [Outcome.RETURNED, Outcome.LEFT]
+
+
+def test_a_start_far_away_returns() -> None:
+    """x' = -x from 1e35 nominal values."""
+    model = Model("one", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
+    loop = SaturatedLoop(model, {}, {"x": 0.0}, {}, {}, np.zeros((0, 1)), {})
+    found = outcomes(Plant(loop), np.array([[1e35]]), _is_near, 100.0)
+    assert found.tolist() == [Outcome.RETURNED]
 
 
 def _is_near(z: np.ndarray) -> np.ndarray:

@@ -31,6 +31,13 @@ def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
     assert found is None or [float(each) for each in found] == [2.0, second]
 
 
+@pytest.mark.parametrize("slope", [-1.75, -1.25, -0.75, -0.25, 0.25, 0.75, 1.25, 1.75])
+def test_corners_hold_the_least_value_of_a_parabola(slope: float) -> None:
+    """slope s + s² is lowest at -slope / 2, and there at a corner's value or above."""
+    corners = TaylorModel(arb(0), arb(slope), arb(1)).corners()
+    assert min(float(corner.lower()) for corner in corners) <= -(slope**2) / 4.0
+
+
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_the_rest_along_box_is_of_third_order(dynamics: str) -> None:
     """The rest along a box is of third order."""

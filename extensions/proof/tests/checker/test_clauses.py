@@ -25,11 +25,13 @@ from hfa_proof.checker.checker import (
     check_models,
     interpolation_errors,
 )
-from hfa_proof.checker.modes import check_motion, least_and_most
+from hfa_proof.checker.loop import LoopBox
+from hfa_proof.checker.modes import check_motion, check_pieces, least_and_most
 from hfa_proof.checker.reading import Fields, Malformed, Rejected
 from hfa_proof.checker.riccati import check_axis, distance_bounds, solution_on
 from hfa_proof.checker.statement import (
     ModelsStatement,
+    UncertainActuators,
     Weights,
     _read_limits,
     in_model_unit,
@@ -42,7 +44,14 @@ from hfa_proof.checker.trims import (
     linear_model_on,
     root_offsets,
 )
-from hfa_proof.checker.witness import GameWitness, Line, ModelsWitness, SolutionBox, TrimBox
+from hfa_proof.checker.witness import (
+    GameWitness,
+    Line,
+    ModelsWitness,
+    Piece,
+    SolutionBox,
+    TrimBox,
+)
 
 _NO_SOLUTION = "a root|eigenvalue|Hurwitz"
 
@@ -104,6 +113,14 @@ def _refused_by_the_other_solution(made: Any) -> None:
     }
 
 
+def _only_a_gain(made: Any) -> None:
+    """K is claimed to be the gain of a value that is not stated."""
+    for name in ("P", "W"):
+        made["statement"]["critic"].pop(name, None)
+        made["statement"]["distances"].pop(name, None)
+    made["statement"]["gain_of_value"] = True
+
+
 #: What is wrong -> kind of certificate, how, and the message of the clause that refuses it.
 FORGED: dict[str, tuple[str, Change, str]] = {
     "an error of what is scheduled": ("two trims", put({"p": 0.01}, *FLIGHT, "spread"), "spread"),
@@ -139,6 +156,12 @@ FORGED: dict[str, tuple[str, Change, str]] = {
     ),
     "a value at the refused delta": ("scalar", _refused_with_a_value, "has another sign"),
     "a solution that does not stabilize": ("scalar", _refused_by_the_other_solution, "Hurwitz"),
+    "a gain of no value": ("plant", _only_a_gain, "gain_of_value"),
+    "a trim stated 1e-5 away": (
+        "two trims",
+        put(lambda x: x + 1e-5, *FLIGHT, "trims", 0, "unknowns", "x"),
+        "a root",
+    ),
     "other modes": ("scalar", put([1, 1], *CLAIM, "modes"), "modes"),
     "actuators too slow": ("actuators", _slower, "not positive definite"),
     "actuators too fast": ("actuators", _faster, "not positive definite"),
@@ -247,6 +270,21 @@ def test_motion_in_both_directions_is_checked() -> None:
     for growth in (3.0, -3.0):
         with pytest.raises(Rejected):
             check_motion(loop, P, arb_mat([[growth]]), np.eye(1))
+
+
+def test_the_delay_acts_on_the_commands_that_arrive() -> None:
+    """x' = -x(t - delay) is unstable with a delay of 2 s, and proved with 0.5 s."""
+    zero, one = _one(0.0), _one(1.0)
+    loop = LoopBox(zero, arb_mat([[0]]), arb_mat([[1]]), -one)
+    for delay, X in ((0.5, [1.0, 10.0]), (2.0, [1e-3, 10.0])):
+        ends = (1.0, 1.0)
+        actuators = UncertainActuators((1,), np.ones(1), ends, ends, delay)
+        piece = Piece(ends, np.eye(1), np.array(X), np.eye(3))
+        if delay > 1.0:
+            with pytest.raises(Rejected, match="not positive definite"):
+                check_pieces(loop, actuators, [piece])
+        else:
+            check_pieces(loop, actuators, [piece])
 
 
 def test_a_line_beside_the_axis_bounds_one_side() -> None:

@@ -20,6 +20,8 @@ from trim.linear.linear_model import LinearModel
 _STEPS = 3.0
 #: Nominal deviations beyond which a trajectory diverges, whatever the limits.
 _FAR = 1e4
+#: The same in multiples of the largest initial deviation.
+_FAR_OF_STARTS = 1e2
 #: What would move by less than so many nominal deviations in as long again has come to rest.
 _RESTS = 1e-2
 #: A value V of many deviations (N, n), and its slope there (N, n).
@@ -158,13 +160,9 @@ class Plant:
         low, high = self.room.T
         return ~np.all((signals >= low) & (signals <= high), axis=1)
 
-    def diverged(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask of the deviations (N, n) `_FAR` away or not finite."""
-        return ~np.all(np.abs(z) <= _FAR * self.nominal, axis=1)
-
     def away(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask of the deviations (N, n) beyond a limit or diverged."""
-        return self.beyond(z) | self.diverged(z)
+        """Return the mask of the deviations (N, n) beyond a limit, `_FAR` away or not finite."""
+        return self.beyond(z) | ~np.all(np.abs(z) <= _FAR * self.nominal, axis=1)
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """z' of many deviations (N, n)."""
@@ -276,8 +274,11 @@ def outcomes(
     seconds: how long each is followed
 
     A trajectory is followed by the classical method of Runge and Kutta until its first outcome,
-    which is looked for at every step.
+    which is looked for at every step. It diverges where a state is not finite or exceeds `_FAR`
+    nominal deviations and `_FAR_OF_STARTS` times the largest of the starts.
     """
+    largest = np.max(np.abs(starts), axis=0, initial=0.0)
+    far = np.maximum(_FAR * plant.nominal, _FAR_OF_STARTS * largest)
     fastest = float(np.max(np.abs(np.linalg.eigvals(plant.closed_matrix))))
     step = 1.0 / (_STEPS * fastest)
     z = np.array(starts, dtype=float)
@@ -287,7 +288,7 @@ def outcomes(
         for _ in range(int(np.ceil(seconds / step)) + 1):
             now = z[flying]
             returned = holds(now)
-            diverged = plant.diverged(now)
+            diverged = ~np.all(np.abs(now) <= far, axis=1)
             left = plant.beyond(now) & ~diverged
             result[flying[left]] = Outcome.LEFT
             result[flying[diverged]] = Outcome.LOST
