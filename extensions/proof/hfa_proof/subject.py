@@ -2,7 +2,7 @@
 shown.
 
 Each kind of statement has one table of its fields. A field with a subject is compared where the
-user gave it; the first line names the subjects that were not given.
+user gave it; the title names the subjects that were not given.
 """
 
 from __future__ import annotations
@@ -149,20 +149,21 @@ def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[
             raise LookupError(f"the table of fields has no {path}")
 
 
-def taken_from_certificate(subjects: Iterable[str]) -> str:
-    """Return the end of a first line with the subjects that the user did not give; "" if all were
-    given."""
-    names = list(subjects)
+def qualified(claim: str, not_given: Iterable[str]) -> str:
+    """Return a claim with the subjects that the user did not give; the subjects are on a second
+    line where one is longer than 100 columns."""
+    names = list(not_given)
     if not names:
-        return ""
+        return claim
     *first, last = names
     listed = f"{', '.join(first)} and {last}" if first else last
-    return f", of the {listed} in the certificate"
+    line = f"{claim}, of the {listed} in the certificate"
+    return line if len(line) <= _COLUMNS else f"{claim}, of the certificate's\n{listed}"
 
 
 def first_line(claim: str, not_given: Iterable[str], not_covered: str) -> str:
     """Return a claim, the subjects that the user did not give, and the effects that are not
-    covered; the last in a second line where one is longer than 100 columns."""
-    line = f"{claim}{taken_from_certificate(not_given)}"
+    covered; each in a line of its own where one is longer than 100 columns."""
+    line = qualified(claim, not_given)
     whole = f"{line}, without {not_covered}"
     return whole if len(whole) <= _COLUMNS else f"{line}\nwithout {not_covered}"

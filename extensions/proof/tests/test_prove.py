@@ -49,8 +49,11 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
 
 @pytest.mark.parametrize("kind", ["schedule", "errors", "solution", "critic", "models"])
 def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
-    result = hfa("prove", "--check", str(certificates[kind]), "--json")
+    """Its title has at most 100 columns, also where nothing else was given."""
+    result = hfa("prove", "--check", str(certificates[kind]), "--json", "-o", "check.md")
     assert result.code == 0
+    title = Path("check.md").read_text(encoding="utf-8").partition("\n\n")[0]
+    assert max(map(len, title.splitlines())) <= 100
     data = json.loads(result.out)
     origin = json.loads(certificates[kind].read_text())["provenance"]
     assert data["proved"] is True

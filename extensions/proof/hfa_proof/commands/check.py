@@ -45,8 +45,8 @@ def prove(request: CheckRequest) -> int:
     and, for your own aircraft, from its file.
 
     Every field of the statement is compared with the other options: the aircraft with its
-    parameters, trim and limits, or the plant of --model; weights; gains or critic. The first line
-    names the fields that were not given. Exit code 0: the statement is proved. Exit code 1: it is
+    parameters, trim and limits, or the plant of --model; weights; gains or critic. The title names
+    the fields that were not given. Exit code 0: the statement is proved. Exit code 1: it is
     not proved, or is about another subject. The command needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.checker.checker import check_certificate, kind_of

@@ -36,7 +36,7 @@ from hfa_proof.search.report import (
     schedule_data,
     schedule_parts,
 )
-from hfa_proof.subject import taken_from_certificate
+from hfa_proof.subject import qualified
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.text import Table
 
@@ -79,18 +79,16 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
         lines += _weights_said(statement.weights)
         data["game"] = content["weights"]
         data["proved"] = data["closed_loop_hurwitz"] is True
-        what = "the exact game, the plant of a file"
+        what = "exact game, the plant of a file"
         if isinstance(statement.plant, Flight):
             unit = statement.plant.model.schedule_unit
-            what = (
-                f"the exact game, {statement.plant.model.schedule} {statement.plant.low:g} {unit}"
-            )
+            what = f"exact game, {statement.plant.model.schedule} {statement.plant.low:g} {unit}"
     else:
         rows = [
             (INTERPOLATION_ERRORS[name], at_most(error, 3))
             for name, error in statement.errors.items()
         ]
-        parts.append(Table(("error between the breakpoints, at most", "bound"), rows))
+        parts.append(Table(("error of linear interpolation, at most", "bound"), rows))
         lines += _weights_said(statement.weights)
         tables = ("breakpoints", "A", "B", "inputs", "K")
         lines.append(
@@ -100,11 +98,10 @@ def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
         data |= {"error": dict(statement.errors), "nodes": len(statement.breakpoints)}
         data["proved"] = True
         data["game"] = content["weights"]
-        what = f"linear interpolation of {len(statement.breakpoints)} models, "
-        what += interval_said(statement.flight)
+        what = f"{len(statement.breakpoints)} models, {interval_said(statement.flight)}"
     origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
     parts += ["\n".join([*lines, f"{verified.boxes} boxes"]), origin]
-    title = f"{_checked_verdict(statement, data)}: {what}{taken_from_certificate(not_given)}"
+    title = qualified(f"{_checked_verdict(statement, data)}: {what}", not_given)
     return Report(title, parts, data=data)
 
 
@@ -118,8 +115,8 @@ def _checked_verdict(statement: Statement, data: Content) -> str:
     if not isinstance(statement, GameStatement):
         return "Verified, but not proved on the whole interval"
     if data["closed_loop_hurwitz"] is None:
-        return "Verified, but whether the critic's gain stabilizes is open"
-    return "Verified, refuted, the critic's gain does not stabilize"
+        return "Verified, but whether the gain stabilizes is open"
+    return "Verified, refuted, the gain does not stabilize"
 
 
 def _flight_said(flight: Flight) -> tuple[str, Content]:

@@ -143,7 +143,7 @@ def test_gain_of_refuted_critic_is_in_first_line(tmp_path: Path) -> None:
     assert made is not None
     report = checked(made, "plant", tmp_path)
     assert report is not None
-    assert report.title.startswith("Verified, but whether the critic's gain stabilizes is open")
+    assert report.title.startswith("Verified, but whether the gain stabilizes is open")
     assert report.data["proved"] is False
 
 
