@@ -38,6 +38,13 @@ class BoundFunction:
         """Evaluate: `results` follow from `inputs`."""
         self._evaluate()
 
+    def at(self, *arguments: Any) -> list[np.ndarray]:
+        """Return copies of the results for these arguments, numbers or flat arrays."""
+        for memory, argument in zip(self.inputs, arguments, strict=True):
+            memory[:] = argument
+        self._evaluate()
+        return [result.copy() for result in self.results]
+
 
 #: Expressions are built and compiled by one thread at a time.
 MAKING = threading.RLock()

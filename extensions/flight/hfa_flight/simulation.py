@@ -69,8 +69,10 @@ class CompiledLoop:
             "loop_observed", [*arguments], [ca.densify(ca.vertcat(*observed))], {"cse": True}
         )
         self._ends = np.cumsum([column.numel() for column in observed[:-1]]).tolist()
-        self._command = ca.Function("command", [*arguments], [ca.densify(now.command)])
-        self._measured = ca.Function("measured", [*arguments], [ca.densify(now.measured)])
+        command = ca.Function("command", [*arguments], [ca.densify(now.command)])
+        measured = ca.Function("measured", [*arguments], [ca.densify(now.measured)])
+        self._command = BoundFunction(command)
+        self._measured = BoundFunction(measured)
         self._alpha = -1
         if now.angle.numel():
             self._alpha = list(loop.plant.point.model.states).index(ALPHA)
@@ -137,10 +139,10 @@ class CompiledLoop:
                 now[1:] = rows[done]
                 loop.hold(tick, held)
                 if sampler is not None:
-                    measured = np.array(self._measured(now[0], now[1:], held)).ravel()
+                    (measured,) = self._measured.at(now[0], now[1:], held)
                     held[loop.held_slices.policy] = sampler(tick, measured)
                 if loop.scenario.delayed_ticks:
-                    commands.append(np.array(self._command(now[0], now[1:], held)).ravel())
+                    commands += self._command.at(now[0], now[1:], held)
                     held[loop.held_slices.delay] = self._delayed(tick, now[0], commands)
                 self._tick()
                 rows[done + 1 : done + steps + 1] = after[:, 1:]

@@ -21,6 +21,7 @@ from hfa_policy.deployment import Deployment
 from hfa_policy.held_step import parts_of_a_sample
 from hfa_policy.mistakes_in_files import notes_on_card
 from hfa_support.errors import BadInputError
+from hfa_support.native.bound import BoundFunction
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ class DeployedPolicy(Policy):
         waiting: list[tuple[int, np.ndarray]] = []
         acting = [inputs]
         past: list[np.ndarray] = []
+        sampled = BoundFunction(self.deployed.sampled)
 
         def arrived(tick: int) -> np.ndarray:
             while waiting and waiting[0][0] <= tick:
@@ -88,8 +90,8 @@ class DeployedPolicy(Policy):
                 if not past:
                     first = np.array(self.deployed.observe(*at)).ravel()
                     past.append(np.tile(first, deployment.history - 1))
-                U, past[0] = self.deployed.sampled(*at, past[0])
-                waiting.append((tick + late, np.array(U).ravel()))
+                U, past[0] = sampled.at(*at, past[0])
+                waiting.append((tick + late, U))
             return np.asarray(arrived(tick) - inputs)
 
         return sample
