@@ -12,11 +12,7 @@ from hfa_identify.fit import Fit
 BAND = 1.959964
 #: Lags of the autocorrelation that a test of whiteness looks at.
 LAGS = 25
-#: A quantity is not explained where the model moves it by this part of the variance of its
-#: residuals, and they are smaller than the quantity by less than this part of the motion; and where
-#: the residuals vary by so much more than the quantity itself.
-_MOVES = 0.25
-_SEEN = 0.5
+#: A quantity is not explained where its residuals vary by so much more than itself.
 _WORSE = 1.2
 #: Highest order of an autoregressive process that residuals are taken to be.
 _MOST_ORDER = 4
@@ -221,29 +217,17 @@ def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
 
 
 def unexplained(fit: Fit) -> np.ndarray:
-    """(k,) flags of quantities that the model moves, but not as they were measured: less than half
-    of this motion is in the measured one. Noise alone, however large, is no such motion."""
+    """(k,) flags of quantities that the model moves otherwise than they were measured: without this
+    motion less would be left. Large noise alone is no such motion."""
     flags = []
     for place, noise in enumerate(fit.noise):
-        y = np.concatenate(
-            [
-                response.y[present[:, place], place]
-                for response, present in zip(fit.responses, fit.present, strict=True)
-            ]
-        )
-        v = np.concatenate(
-            [
-                residual[present[:, place], place]
-                for residual, present in zip(fit.residuals, fit.present, strict=True)
-            ]
-        )
-        if not len(y):
-            flags.append(False)
-            continue
-        varied = (y + v).var()
-        moved = y.var()
-        is_other = moved > _MOVES * v.var() and varied - noise < _SEEN * moved
-        flags.append(is_other or noise > _WORSE * varied)
+        seen = [
+            (response.y + residual)[present[:, place], place]
+            for response, residual, present in zip(
+                fit.responses, fit.residuals, fit.present, strict=True
+            )
+        ]
+        flags.append(noise > _WORSE * np.concatenate(seen).var())
     return np.array(flags)
 
 

@@ -36,6 +36,8 @@ SMALL = 1e-3
 #: A search that no step improves has ended at a minimum where the undamped step is smaller.
 _STUCK = 0.05
 _MOST_STEPS = 30
+#: An unknown whose whole range is so small a part of its standard deviation is not moved.
+_LOOSE = 0.1
 #: Steps that are tried in turn: damping, and part of the step that is taken.
 _TRIALS = (
     (0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (1e-4, 1.0), (1e-3, 1.0), (1e-2, 1.0), (1e-1, 1.0),
@@ -344,7 +346,8 @@ class OutputError:
     def _solved(self, found: Fit, damping: float) -> tuple[np.ndarray, list[np.ndarray]]:
         """The step of the parameters and those of the starts.
 
-        A parameter at its bound stays there where the step leads outward."""
+        A parameter at its bound stays there where the step leads outward, one that the records do
+        not determine within its bounds where it is."""
         p = len(found.theta)
         total = np.zeros((p, p))
         right = np.zeros(p)
@@ -358,7 +361,9 @@ class OutputError:
             right += normal.g - normal.B @ inverse @ normal.h
         low = (found.theta <= self.bounds[:, 0]) & (right < 0.0)
         high = (found.theta >= self.bounds[:, 1]) & (right > 0.0)
-        inside = ~(low | high)
+        with np.errstate(invalid="ignore"):  # no information, no bounds
+            loose = np.diag(total) * np.ptp(self.bounds, axis=1) ** 2 < _LOOSE**2
+        inside = ~(low | high | loose)
         change = np.zeros(p)
         change[inside] = _solution(total[np.ix_(inside, inside)], right[inside])
         moves = [

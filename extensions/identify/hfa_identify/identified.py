@@ -265,7 +265,8 @@ class Identified(Result, Reported):
         errors = [f"{_ERRORS[kind]} of {', '.join(names)}" for kind, names in columns.items()]
         if not errors:
             return []
-        return [f"The bands assume no {', no '.join(errors)}: the records cannot tell it (below)."]
+        stated = ", no ".join(errors)
+        return [f"The bands assume no {stated}, which the records cannot tell from parameters."]
 
     def _columns(self) -> list[Any]:
         """A table of delays, and of errors of columns that the bands assume to be 0."""
