@@ -116,7 +116,8 @@ def balanced_stack(matrices: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """[[A, -S], [-Q, -A']], (..., 2n, 2n)."""
-    return np.block([[A, -S], [-Q, -A.mT]])
+    rows = [np.concatenate(row, axis=-1) for row in ([A, -S], [-Q, -A.mT])]
+    return np.concatenate(rows, axis=-2)
 
 
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:

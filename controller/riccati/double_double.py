@@ -42,13 +42,14 @@ def product(left: Pair, right: Pair) -> Pair:
     bits = (53 - math.ceil(math.log2(SLICES * max(columns, 1)))) // 2
     of_rows = _slices(left, bits, -1)
     of_columns = _slices(right, bits, -2)
-    total: Pair | None = None
-    for order in range(SLICES, 0, -1):  # products of slices of one size at once, smallest first
-        part = np.concatenate(of_rows[:order], axis=-1) @ np.concatenate(
-            of_columns[order - 1 :: -1], axis=-2
-        )
-        total = exact(part) if total is None else add(exact(part), total)
-    assert total is not None
+    parts = [  # products of slices of one size at once, largest first
+        np.concatenate(of_rows[:order], axis=-1)
+        @ np.concatenate(of_columns[order - 1 :: -1], axis=-2)
+        for order in range(1, SLICES + 1)
+    ]
+    total = exact(parts.pop() + parts.pop())  # rounded below the digits of the result
+    while parts:
+        total = add(exact(parts.pop()), total)
     return total
 
 
@@ -66,14 +67,14 @@ def _slices(pair: Pair, bits: int, axis: int) -> list[np.ndarray]:
     remainder, low = pair
     has_low_part = np.ndim(low) > 0
     largest = np.abs(remainder).max(axis=axis, keepdims=True, initial=0.0)
-    exponent = np.frexp(largest)[1]
+    # Beside this number a double has no bits below the first slice.
+    shift = np.ldexp(1.5, np.frexp(largest)[1] + (52 - bits))
     slices = []
     for number in range(1, SLICES + 1):
         if has_low_part and number in (3, SLICES):  # the low part begins below two slices
             remainder, low = add((remainder, 0.0), (low, 0.0))
-        # Beside this number a double has no bits below the slice.
-        shift = np.ldexp(1.5, exponent + (52 - number * bits))
         piece = (remainder + shift) - shift
         slices.append(piece)
         remainder = remainder - piece
+        shift = shift * 2.0**-bits
     return slices

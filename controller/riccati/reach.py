@@ -74,17 +74,20 @@ def rank_distance(
     Stability of Numerical Algorithms, Theorem 7.3 (Oettli and Prager)."""
     n = A.shape[-1]
     both = np.concatenate([A.mT, rows], axis=1)
-    one = np.eye(both.shape[1], n)
+    sizes = np.abs(both)
 
     def weights(at: np.ndarray, parts: np.ndarray) -> np.ndarray:
-        terms = (np.abs(both) + np.abs(at) * one) @ parts
+        terms = sizes @ parts
+        terms[:, :n] += np.abs(at) * parts
         return 1.0 / np.where(terms > 0.0, terms, 1.0)
 
     at = nearest(values)[:, None, None]
     weight = weights(at, np.ones((len(A), n, 1)))
     least = np.ones(len(A))
     for _ in range(_PASSES):
-        vector = least_vectors(weight * (both - at * one))
+        shifted = both.astype(complex)
+        np.einsum("kii->ki", shifted[:, :n])[:] -= at[:, 0]
+        vector = least_vectors(weight * shifted)
         parts = np.abs(vector)
         rounding = 8 * n * np.finfo(float).eps * parts.max(axis=1, keepdims=True)
         vector = np.where(parts <= rounding, 0.0, vector)
@@ -93,7 +96,8 @@ def rank_distance(
         rate = (conjugate * image[:, :n]).sum(axis=1) / (conjugate * vector).sum(axis=1)
         at = nearest(rate)[:, :, None]
         weight = weights(at, np.abs(vector))
-        changes = weight * np.abs(image - at * (one @ vector))
+        image[:, :n] -= at * vector
+        changes = weight * np.abs(image)
         least = np.minimum(least, changes.max(axis=(1, 2)))
         if least.min() > 1e3 * RANK:
             break
@@ -108,18 +112,20 @@ def least_vectors(matrices: np.ndarray) -> np.ndarray:
     A singular triangle is moved by rounding. Singular values are computed where its inverse
     overflows (a chain of 20 integrators). Source: Golub and Van Loan, Matrix Computations, Section
     5.5.7."""
+    from scipy.linalg.lapack import ztrtri
+
     triangle = np.linalg.qr(matrices, mode="r")
     diagonal = np.einsum("kii->ki", triangle)  # a view
     rounding = np.finfo(float).eps * np.abs(triangle).max(axis=(1, 2))[:, None] + FAINT
     diagonal[np.abs(diagonal) < rounding] = 0.0
     diagonal += np.where(diagonal == 0.0, rounding, 0.0)
-    inverse = np.linalg.inv(triangle)
+    inverse = np.array([ztrtri(each.T, lower=1)[0].T for each in triangle])
     if not np.isfinite(inverse).all():
         return np.asarray(np.linalg.svd(matrices)[2][:, -1:].mT.conj())
     inverse = inverse / np.abs(inverse).max(axis=(1, 2), keepdims=True)
-    squared = inverse @ inverse.mT.conj()
-    largest = np.einsum("kii->ki", squared).real.argmax(axis=1)
-    vector = np.take_along_axis(squared, largest[:, None, None], axis=2)
-    for _ in range(_INVERSE_STEPS):
-        vector = squared @ (vector / np.linalg.norm(vector, axis=1, keepdims=True))
+    adjoint = inverse.mT.conj()
+    row = np.linalg.norm(inverse, axis=2).argmax(axis=1)[:, None, None]
+    vector = inverse @ np.take_along_axis(adjoint, row, axis=2)
+    for _ in range(_INVERSE_STEPS):  # grows by at most n² a step, and does not shrink
+        vector = inverse @ (adjoint @ vector)
     return np.asarray(vector / np.linalg.norm(vector, axis=1, keepdims=True))
