@@ -12,7 +12,8 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import is_hurwitz
 from controller.riccati.derivations import by_sign
-from controller.riccati.normal_form import NormalForm, stable_basis
+from controller.riccati.normal_form import NormalForm
+from controller.riccati.schur import stable_basis
 from hfa_support.errors import NoSolutionError
 
 #: Newton steps after the Schur form. Each gains about 16 digits less those that the condition

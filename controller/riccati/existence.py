@@ -15,7 +15,8 @@ from controller.riccati.certificate import (
     solution_checks,
 )
 from controller.riccati.delta_search import Answer
-from controller.riccati.normal_form import BACKWARD, NormalForm, ordered_basis
+from controller.riccati.normal_form import BACKWARD, NormalForm
+from controller.riccati.schur import ordered_basis
 from hfa_support.errors import NoSolutionError
 
 #: What rounding, and a change of the last bits of A, B, E and Q, make of one entry of a Hamiltonian

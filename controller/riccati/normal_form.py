@@ -240,6 +240,8 @@ class NormalForm:
         twice the digits. With the basis [X1; X2] of the stable subspace X1 = W cos(θ) Z', and
         tan(θ) are the eigenvalues of P. Source: Golub and Van Loan, Matrix Computations, Section
         6.4.3 (angles between subspaces)."""
+        from controller.riccati.schur import stable_basis
+
         form = self
         dearest = 1.0
         while dearest < 1.0 / RANK:
@@ -260,6 +262,8 @@ class NormalForm:
         Fast states next to slow ones make a P from 1e-11 to 1, in whose coordinates rounding of
         the fast states hides the slow ones. A direction in which P is only rounding keeps its unit.
         The game itself is returned where P is not found."""
+        from controller.riccati.schur import stable_basis
+
         form = self.turned()
         n = len(form.A)
         basis = stable_basis(form.with_delta(np.inf).hamiltonian)
@@ -330,28 +334,3 @@ def relative_residual(game: Game, P: np.ndarray) -> float:
     """`relative_residuals` of one game, in its own units."""
     S_disturbance = game.S_disturbance / game.delta**2
     return float(relative_residuals(game.A, game.S_control, S_disturbance, game.Q, P))
-
-
-def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
-    """(2n, n), orthonormal, of the stable subspace of a Hamiltonian; None where it has not half
-    the dimension."""
-    return ordered_basis(matrix, job=b"N")[0]
-
-
-def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
-    """Return the basis of the stable subspace, and the separation if requested.
-
-    LAPACK is called directly, because SciPy's ordered Schur form calls Python for each eigenvalue
-    and prints two lines after a signal."""
-    from scipy.linalg.lapack import dgees, dtrsen
-
-    half = len(matrix) // 2
-    form, _, growth, _, basis, _, failed = dgees(lambda *_: 0, matrix)  # the order is not asked
-    if failed:
-        return None, 0.0
-    size = max(1, 2 * half * half)
-    _, basis, growth, _, _, _, separation, failed = dtrsen(
-        growth < 0.0, form, basis, job=job, lwork=size, liwork=size
-    )
-    stable_first = np.array_equal(growth < 0.0, np.arange(2 * half) < half)
-    return (basis[:, :half] if stable_first and not failed else None), float(separation)

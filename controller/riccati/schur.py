@@ -1,0 +1,30 @@
+"""The stable subspace of a Hamiltonian by its ordered Schur form."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
+    """(2n, n), orthonormal, of the stable subspace of a Hamiltonian; None where it has not half
+    the dimension."""
+    return ordered_basis(matrix, job=b"N")[0]
+
+
+def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
+    """Return the basis of the stable subspace, and the separation if requested.
+
+    LAPACK is called directly, because SciPy's ordered Schur form calls Python for each eigenvalue
+    and prints two lines after a signal."""
+    from scipy.linalg.lapack import dgees, dtrsen
+
+    half = len(matrix) // 2
+    form, _, growth, _, basis, _, failed = dgees(lambda *_: 0, matrix)  # the order is not asked
+    if failed:
+        return None, 0.0
+    size = max(1, 2 * half * half)
+    _, basis, growth, _, _, _, separation, failed = dtrsen(
+        growth < 0.0, form, basis, job=job, lwork=size, liwork=size
+    )
+    stable_first = np.array_equal(growth < 0.0, np.arange(2 * half) < half)
+    return (basis[:, :half] if stable_first and not failed else None), float(separation)
