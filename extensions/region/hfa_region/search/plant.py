@@ -14,6 +14,7 @@ import numpy as np
 
 from hfa_boxes.check.statement import model_limits
 from hfa_region.check.statement import SaturatedLoop, Terms
+from hfa_support.native.bound import RowFunction
 from trim.linear.linear_model import LinearModel
 
 #: Steps of a simulation in the time constant of the fastest mode.
@@ -149,9 +150,9 @@ class Plant:
         return ca.Function("loop", [z], [closed, *slopes])
 
     @cached_property
-    def _rates(self) -> ca.Function:
+    def _rates(self) -> RowFunction:
         z = ca.SX.sym("z", len(self.loop.states))
-        return ca.Function("rates", [z], [self._function(z)[0]])
+        return RowFunction(ca.Function("rates", [z], [ca.densify(self._function(z)[0])]))
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
         """Return the mask of the deviations (N, n) beyond a limit; outputs by their slopes at the
@@ -166,7 +167,7 @@ class Plant:
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """z' of many deviations (N, n)."""
-        return np.array(self._rates(z.T)).T
+        return self._rates(z)[0]
 
     @cached_property
     def closed_matrix(self) -> np.ndarray:
