@@ -318,7 +318,7 @@ def test_steps_of_inputs_are_told_from_slopes():
     """Inputs that a computer holds, read as if they were linear between samples."""
     model = from_derivatives(UAV)
     moves = [(0.5, 0.04), (1.7, -0.04), (2.5, 0.04), (2.9, -0.04), (3.3, 0.0)]
-    flight = hfa.fly(model, hfa.find_operating_point(model), {"elevator": moves}, seconds=8)
+    flight = hfa.fly(model, hfa.find_operating_point(model), {"elevator": moves}, seconds=5)
     columns = {}
     columns["time"] = flight.times[::20]
     for place, name in enumerate(model.inputs):
