@@ -364,8 +364,8 @@ class TrimSystem:
         n = len(self.model.states)
         m = len(self.model.inputs)
         end = n + m + len(self.structure.watched)
-        A = flat[:, end : end + n * n].reshape(-1, n, n)
-        B = flat[:, end + n * n : end + n * (n + m)].reshape(-1, n, m)
+        A = flat[:, end : end + n * n].reshape(len(flat), n, n)
+        B = flat[:, end + n * n : end + n * (n + m)].reshape(len(flat), n, m)
         return flat[:, :end], A, B, flat[:, end + n * (n + m) :]
 
     def linear_rows(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from known_models import model_at
 import hfa_model
 from hfa import BadInputError, TrimCondition, find_operating_point, linearize, sweep
 from hfa.paper import level_flight
-from hfa_aircraft.model import Model
+from hfa_aircraft.model import Model, Signal
 from hfa_model import DEGREE, INPUTS, STATES, VARIANTS, Parameters, choice
 from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
 from hfa_support.linear_table import LinearTable
@@ -174,6 +174,22 @@ def test_modes_do_not_jump_over_two_variables(over_two: Sweep) -> None:
         fast[:, 0], [-26.9628, -29.2923, -31.6144, -33.9310, -36.2431], atol=1e-3
     )
     assert (np.abs(np.diff(fast, axis=0)) < 0.2 * np.abs(fast[:-1]) + 0.2).all()
+
+
+def test_an_aircraft_without_inputs_is_swept() -> None:
+    """x' = -q x."""
+    model = Model(
+        "still",
+        {"x": Signal()},
+        {},
+        lambda x, u, p, w: ({"x": -p.q * x.x}, {}),
+        parameters={"q": Signal(start=1.0)},
+        trim={},
+        schedule="q",
+    )
+    found = sweep(model, {"q": [1.0, 2.0]})
+    assert found.B.shape == (2, 1, 0)
+    np.testing.assert_allclose(found.eigenvalues, [[-1.0], [-2.0]])
 
 
 def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:

@@ -125,14 +125,18 @@ class Family:
 
     def flight(self, low: float, high: float) -> Flight:
         """Return the flights of an interval in the form of a statement, without their stated
-        trims."""
+        trims. BadInputError where a limit is wider than the model's."""
         model = self.model
         condition = self.condition()
         imposed = dict(condition.imposed)
         imposed.pop(model.schedule, None)
         limits = {}
-        for name in model.limits:
+        for name, (least, most) in model.limits.items():
             lowest, highest = condition.limits_of(name)
+            if lowest < least or highest > most:
+                raise BadInputError(
+                    f"the limits of {name} are wider than the model's; give limits within them"
+                )
             if np.isfinite((lowest, highest)).any() and name not in model.disturbances:
                 limits[name] = (max(lowest, -_FAR), min(highest, _FAR))
         parameters = {name: signal.start for name, signal in model.parameters.items()}

@@ -38,6 +38,7 @@ from hfa_proof.checker.statement import (
     read_statement,
 )
 from hfa_proof.checker.trims import (
+    _check_limits,
     _holds_root,
     _root_offsets,
     check_branches,
@@ -121,6 +122,13 @@ def _only_a_gain(made: Any) -> None:
     made["statement"]["gain_of_value"] = True
 
 
+def _a_gain_of_other_weights(made: Any) -> None:
+    """K is claimed to be the gain of W alone, and is not."""
+    del made["statement"]["critic"]["P"]
+    del made["statement"]["distances"]["P"]
+    made["statement"]["gain_of_value"] = True
+
+
 #: What is wrong -> kind of certificate, how, and the message of the clause that refuses it.
 FORGED: dict[str, tuple[str, Change, str]] = {
     "an error of what is scheduled": ("two trims", put({"p": 0.01}, *FLIGHT, "spread"), "spread"),
@@ -156,6 +164,7 @@ FORGED: dict[str, tuple[str, Change, str]] = {
     ),
     "a value at the refused delta": ("scalar", _refused_with_a_value, "has another sign"),
     "a solution that does not stabilize": ("scalar", _refused_by_the_other_solution, "Hurwitz"),
+    "K that does not follow from W": ("plant", _a_gain_of_other_weights, "K is not the gain"),
     "a gain of no value": ("plant", _only_a_gain, "gain_of_value"),
     "a trim stated 1e-5 away": (
         "two trims",
@@ -200,6 +209,16 @@ FORGED |= {
         "two trims",
         put([0.5, 1.0], *FLIGHT, "limits", "u"),
         "u beyond its limits",
+    ),
+    "scheduling values above a limit": (
+        "rate",
+        put([0.0, 0.246], *FLIGHT, "limits", "dihedral"),
+        "dihedral beyond its limits",
+    ),
+    "scheduling values below a limit": (
+        "rate",
+        put([0.246, 1.0], *FLIGHT, "limits", "dihedral"),
+        "dihedral beyond its limits",
     ),
     "runs that end early": ("two trims", put(_ends_early, *CLAIM, "loop"), "loop"),
     "a rate behind uncertain actuators": (
@@ -254,6 +273,23 @@ def test_more_equations_than_unknowns_have_no_trim() -> None:
     slopes = SimpleNamespace(slopes=[[_one(1.0)], [_one(1.0)]])
     with pytest.raises(Rejected, match="as many equations as unknowns"):
         _root_offsets([_one(0.0), _one(0.0)], slopes, [arb(1)])
+
+
+@pytest.mark.parametrize("load", [-2.0, 2.0])
+def test_limits_of_outputs_are_checked(load: float) -> None:
+    model = SimpleNamespace(schedule="p", outputs={"load": Signal()})
+    flight = SimpleNamespace(model=model, imposed={}, limits={"load": (-1.0, 1.0)})
+    _check_limits(flight, {"load": arb(0.5)})
+    with pytest.raises(Rejected, match="load may lie"):
+        _check_limits(flight, {"load": arb(load)})
+
+
+def test_an_equation_within_rounding_of_0_counts() -> None:
+    """0 x = 0 needs no unknown; of 0 x = e with |e| <= 1e-60 that is not known."""
+    slopes = SimpleNamespace(slopes=[[arb(1)], [arb(0)]])
+    assert _root_offsets([arb(0), arb(0)], slopes, [arb(1)])[0].contains(0)
+    with pytest.raises(Rejected, match="as many equations as unknowns"):
+        _root_offsets([arb(0), arb(0, 1e-60)], slopes, [arb(1)])
 
 
 def test_bounds_of_a_distance_hold_all_of_box() -> None:

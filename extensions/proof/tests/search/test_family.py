@@ -77,6 +77,13 @@ def test_the_remainder_shrinks_with_the_third_power() -> None:
     assert np.all((orders > 2.8) & (orders < 3.6))
 
 
+@pytest.mark.parametrize("limits", [(0.0, 201.0), (-1.0, 200.0)])
+def test_limits_wider_than_those_of_the_model_are_refused(limits: tuple[float, float]) -> None:
+    flights = Family(hfa.aircraft(), release(LEVEL_FLIGHT, limits={"throttle": limits}))
+    with pytest.raises(BadInputError, match="limits of throttle are wider"):
+        flights.flight(14.0, 14.5)
+
+
 def test_an_interval_without_a_trim_is_named() -> None:
     """Beyond 40 deg elevator_center reaches 30 deg: a box that ends just before the last trim
     cannot rule it out."""
