@@ -422,3 +422,12 @@ def test_the_hessian_is_definite_for_all_inputs_within_the_radii() -> None:
     box = Boxes(np.zeros((1, 1)), np.full((1, 1), 10))
     assert inequality._is_convex(box, np.array([1e-3]))
     assert not inequality._is_convex(box, np.array([1.0]))
+
+
+def test_the_hessian_is_definite_at_both_ends_of_its_entries() -> None:
+    """g = 0.6 y u (1 + 3 y) + y² + u² has the mixed derivative 0.6 (1 + 6 y), from -1.2 to 2.4."""
+    uneven = replace(
+        SLED, equations=lambda x, u, p, w: ({"position": u.speed * (1.0 + 3.0 * x.position)}, {})
+    )
+    box = Boxes(np.zeros((1, 1)), np.ones((1, 1), dtype=int))
+    assert not _on_a_line(uneven, 0.3)._is_convex(box, np.zeros(1))

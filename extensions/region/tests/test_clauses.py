@@ -16,10 +16,10 @@ from pendulum_regions import read_and_check
 
 from hfa_aircraft.model import Model, Signal
 from hfa_proof.checker.reading import Malformed, Rejected
-from hfa_region.check.checker import _check_extents
+from hfa_region.check.checker import _check_extents, check_covered, limits_of
 from hfa_region.check.extents import extents_of
 from hfa_region.check.loop import HIGHEST, LOWEST, Equilibrium, RegionLoop
-from hfa_region.check.polynomial import Polynomial
+from hfa_region.check.polynomial import Polynomial, key_of
 from hfa_region.check.positivity import Evidence, Square, check_positive
 from hfa_region.check.statement import RegionStatement, SaturatedLoop, limits_hold
 from hfa_region.check.taylor import Taylor
@@ -404,3 +404,119 @@ def test_limits_of_states_are_about_the_equilibrium(extent: float, sign: float) 
             _check_extents(loop, {}, {})
     else:
         _check_extents(loop, {}, {})
+
+
+# A loop of two states in turned coordinates, against its formulas in doubles.
+
+
+def _glider(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """Two states, one input and one disturbance."""
+    rates = {
+        "a": -x.a + 0.5 * x.b * x.b + 0.3 * u.u,
+        "b": x.a - 0.4 * x.b + u.u + 0.2 * x.a * u.u + w.w,
+    }
+    return rates, {}
+
+
+GLIDER = Model(
+    "glider",
+    {"a": Signal(), "b": Signal()},
+    {"u": Signal(min=-0.3, max=0.5)},
+    _glider,
+    disturbances={"w": Signal()},
+    trim={},
+)
+GLIDER_T = np.array([[0.8, -0.5], [0.4, 0.9]])
+
+
+def _glider_loop() -> RegionLoop:
+    loop = SaturatedLoop(
+        GLIDER,
+        {},
+        {"a": 0.0, "b": 0.0},
+        {"u": 0.0},
+        {},
+        np.array([[0.2, 0.6]]),
+        {"u": (-0.3, 0.5)},
+        {"u": ((0.1, (2, 0)), (-0.3, (1, 2)))},
+        {"w": 0.05},
+    )
+    terms = ((1.0, (2, 0)), (0.4, (1, 1)), (1.5, (0, 2)), (0.2, (3, 1)))
+    return RegionLoop(RegionStatement(loop, terms, 2.0, {}), GLIDER_T, 5)
+
+
+def _commanded(z: np.ndarray) -> np.ndarray:
+    a, b = z.T
+    return -0.2 * a - 0.6 * b + 0.1 * a**2 - 0.3 * a * b**2
+
+
+def _values(polynomial: Polynomial, y: np.ndarray) -> np.ndarray:
+    """Values at (N, 2), in doubles."""
+    total = np.zeros(len(y))
+    for key, _, coefficient in polynomial.terms():
+        total += float(coefficient) * y[:, 0] ** (key & 255) * y[:, 1] ** (key >> 8)
+    return total
+
+
+def _ball_points() -> np.ndarray:
+    y = np.random.default_rng(4).uniform(-1.0, 1.0, (400, 2))
+    return y[np.linalg.norm(y, axis=1) < 1.0]
+
+
+@pytest.mark.parametrize("side", [LOWEST, HIGHEST])
+@pytest.mark.parametrize("what", ["free", LOWEST, HIGHEST])
+def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
+    """-V' / rho of the formulas is above its bound and near it, at every place of the ball."""
+    y = _ball_points()
+    z = y @ GLIDER_T.T
+    a, b = z.T
+    u = {"free": _commanded(z), LOWEST: -0.3, HIGHEST: 0.5}[what]
+    w = -0.05 if side == LOWEST else 0.05
+    da = -a + 0.5 * b**2 + 0.3 * u
+    db = a - 0.4 * b + u + 0.2 * a * u + w
+    slope_a = 2.0 * a + 0.4 * b + 0.6 * a**2 * b
+    slope_b = 0.4 * a + 3.0 * b + 0.2 * a**3
+    decrease = -(slope_a * da + slope_b * db) / 2.0
+    bound = _glider_loop().decrease({"u": what, "w": side}).lowest(2, 6)
+    away = decrease - _values(bound, y)
+    assert np.all(away >= -1e-12)
+    near = np.linalg.norm(y, axis=1) < 0.3
+    assert np.all(away[near] < 1e-3)
+
+
+def test_parts_are_where_the_input_is_as_stated() -> None:
+    """All constraints of exactly one part hold at each place."""
+    y = _ball_points()
+    command = _commanded(y @ GLIDER_T.T)
+    loop = _glider_loop()
+    stated = {"free": (command > -0.3) & (command < 0.5), LOWEST: command <= -0.3}
+    stated[HIGHEST] = command >= 0.5
+    for what, expected in stated.items():
+        constraints = limits_of(loop, {"u": what})
+        holds = np.all([_values(each, y) >= 0.0 for each in constraints.values()], axis=0)
+        assert np.array_equal(holds, expected)
+        assert expected.any()
+
+
+@pytest.mark.parametrize("missing", range(6))
+def test_every_part_is_needed(missing: int) -> None:
+    loop = _glider_loop()
+    parts = [{"u": u, "w": w} for u in ("free", LOWEST, HIGHEST) for w in (LOWEST, HIGHEST)]
+    check_covered(loop, parts)
+    with pytest.raises(Rejected, match="do not cover"):
+        check_covered(loop, [part for i, part in enumerate(parts) if i != missing])
+
+
+def test_the_remainders_of_a_product_multiply() -> None:
+    """|y|² times |y|², each known only to be within |y|² of 0."""
+    unknown = Taylor(1, Polynomial([{}]), arb(1))
+    assert (unknown * unknown).remainder >= 1
+    assert (unknown * -2).remainder >= 2
+
+
+@pytest.mark.parametrize(("power", "largest"), [(1, 0.5), (2, 0.25), (3, 0.125)])
+def test_the_norm_of_a_product_is_above_its_values(power: int, largest: float) -> None:
+    """(y_1 y_2)^k is 2^-k on the unit circle."""
+    parts: list[dict[int, arb]] = [{} for _ in range(2 * power)]
+    product = Polynomial([*parts, {key_of((power, power)): arb(1)}])
+    assert product.norms()[2 * power] >= largest
