@@ -92,7 +92,7 @@ def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
     np.savez("plant.npz", A=A, B=[[0.0], [1.0], [0.1]])
     for gain, said in ((0.0, "leaves x3 (doubles in 150 s) as it is"), (0.005, "")):
         np.savez("K.npz", K=[[4.24, 2.8, gain]])
-        words = ["assess", "K.npz", "--model", "plant.npz", *SAMPLED, "--json"]
+        words = ["assess", "K.npz", "--model", "plant.npz", *SAMPLED, "--samples", "4", "--json"]
         assert main(words) == 1
         line = json.loads(capsys.readouterr().out)["first_line"]
         assert line.startswith("FAIL on the linear plant: does not hold")
