@@ -77,6 +77,10 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     BadInputError, one line that names the file.
     """
     reading = reading or Reading()
+    suffix = Path(path).suffix
+    if suffix.lower() not in critic_suffixes():
+        known = ", ".join(critic_suffixes())
+        raise BadInputError(f"{path}: the suffix {suffix!r} is unknown; use {known}")
     if is_network(Path(path)):
         read: CriticReader = part(CRITICS, _format_of(Path(path)), str(path))
         with said_of(path), file_faults(path):

@@ -11,7 +11,7 @@ from game_files import stored
 from tolerances import FEW_ROUNDINGS
 
 from controller import critic_in, critics_over_time
-from controller.critic.critic_file import Reading, critics_in, stored_parts
+from controller.critic.critic_file import Reading, critic_suffixes, critics_in, stored_parts
 from hfa import BadInputError, Game
 
 #: Two states, one input: 3 weights, 4 entries of P, 2 of K.
@@ -59,6 +59,12 @@ def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None
     with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
         critic_in(stored("a.json", **content), GAME)
     assert "\n" not in str(refusal.value)
+
+
+def test_the_message_on_a_suffix_lists_those_of_packages() -> None:
+    with pytest.raises(BadInputError, match=r"^K\.abc: the suffix '\.abc' is unknown") as refusal:
+        critic_in("K.abc", GAME)
+    assert str(refusal.value).endswith(", ".join(critic_suffixes()))
 
 
 def test_functions_of_a_critic_follow_its_matrices() -> None:
