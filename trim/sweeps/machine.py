@@ -58,6 +58,8 @@ static int factor(double *J, int *pivots)
                 J[p * K + i] = swapped;
             }}
         for (int i = j + 1; i < K; i++) {{
+            if (J[i * K + j] == 0.0)
+                continue;
             double share = J[i * K + j] / J[j * K + j];
             J[i * K + j] = share;
             for (int l = j + 1; l < K; l++)
@@ -267,6 +269,7 @@ def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | 
     return compiled(
         lambda symbol: _C_TEXT.format(functions=functions, symbol=symbol, **numbers, **sizes),
         lambda symbol, library: CompiledTrim(symbol, library, rows),
+        "-O3",
     )
 
 

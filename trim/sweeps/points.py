@@ -35,10 +35,14 @@ TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
 #: the Navion (688). No clock decides: machine code gives the same numbers to rounding only, and a
 #: sweep has the same bits each time.
 COMPILE_FROM = 30_000
-#: Width of the cells at whose centers points with free states begin, in nominal values.
+#: Width of the cells at whose centers points with free states begin, in nominal values: of a single
+#: variable, and of each of several, which have many more cells.
+_FINE_CELL = 0.01
 _CELL = 0.03
 #: Largest change of a scaled unknown over a cell.
 _STEEPEST = 0.2
+#: Slopes are taken over this part of a cell.
+_NEXT = 1e-5
 #: Rounds in which points begin again at settled neighbours, at most.
 _ROUNDS = 100
 
@@ -227,17 +231,19 @@ def _starts(
     variables: tuple[str, ...],
     values: np.ndarray,
 ) -> np.ndarray:
-    """Return (N, k), the initial unknowns of each point: linear in the values about the
-    solution at the centre of the point's cell.
+    """Return (N, k), the initial unknowns of each point: quadratic in a single variable, linear
+    in several, about the solution at the center of the point's cell.
 
-    The cells are the model's, 3 % of the nominal values wide, so that no row depends on its
-    neighbours. Their searches begin at the model's initial point. A slope that is steeper than
-    `_STEEPEST` may lead to another solution and counts as 0. Inputs alone have one solution: their
-    searches begin as those of single trims do, with the same bits."""
+    The cells are the model's, so that no row depends on its neighbours. Their searches begin at the
+    model's initial point. Terms that change by more than `_STEEPEST` over a cell may lead to
+    another solution and count as 0. Inputs alone have one solution: their searches begin as those
+    of single trims do, with the same bits."""
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
     signals = {**system.model.rates, **system.model.signals}
-    widths = np.array([_CELL * signals[name].nominal for name in variables])
+    is_single = len(variables) == 1
+    width = _FINE_CELL if is_single else _CELL
+    widths = np.array([width * signals[name].nominal for name in variables])
     places = values / widths
     nearest = np.round(places)
     is_next = np.ones(len(nearest), dtype=bool)  # points one after the other mostly share a cell
@@ -247,16 +253,23 @@ def _starts(
     begun = _begun(system, variables, cells * widths)
     centers, known = newton(system, begun, _constants(system, variables, cells * widths))
     centers[~known] = begun[~known]
+
+    def step(places: np.ndarray, z: np.ndarray) -> np.ndarray:
+        residual, jacobian = system.residuals(z, _constants(system, variables, places * widths))
+        return z + newton_step(jacobian, residual[:, : system.moved])
+
+    def is_gentle(changes: np.ndarray) -> np.ndarray:
+        return (known & (np.abs(changes).max(axis=1) < _STEEPEST))[:, None]
+
     z = centers[cell]
-    for column in range(len(variables)):
-        beside = cells.copy()
-        beside[:, column] += 0.5
-        residual, jacobian = system.residuals(
-            centers, _constants(system, variables, beside * widths)
-        )
-        slopes = 2.0 * newton_step(jacobian, residual[:, : system.moved])
-        slopes[~known | ~(np.abs(slopes).max(axis=1) < _STEEPEST)] = 0.0
-        z += slopes[cell] * (places - cells[cell])[:, [column]]
+    away = places - cells[cell]
+    for column, direction in enumerate(np.eye(len(variables))):
+        slopes = (step(cells + _NEXT * direction, centers) - centers) / _NEXT
+        z += np.where(is_gentle(slopes), slopes, 0.0)[cell] * away[:, [column]]
+        if is_single:
+            led = centers + slopes / 2.0
+            bends = 4.0 * (step(cells + direction / 2.0, led) - led)
+            z += np.where(is_gentle(bends), bends, 0.0)[cell] * away**2
     return z
 
 
