@@ -8,7 +8,8 @@ from typing import Any
 import casadi as ca
 
 from hfa_jsbsim.properties import Properties, is_constant
-from hfa_jsbsim.xml_file import Element
+from hfa_jsbsim.xml_file import Element, number_of
+from hfa_support.errors import shortened
 
 
 def parameter(element: Element, name: str, properties: Properties, default: float) -> Any:
@@ -17,14 +18,26 @@ def parameter(element: Element, name: str, properties: Properties, default: floa
     return default if child is None else properties.value(child.text, child)
 
 
+def coefficients(component: Element, properties: Properties, count: int) -> list[Any]:
+    """The numbers or properties in <c1>, <c2>, ... of a filter. BadInputError for a missing one."""
+    children = [component.need(f"c{number}") for number in range(1, count + 1)]
+    return [properties.value(child.text, child) for child in children]
+
+
 def inputs_of(component: Element, properties: Properties) -> list[Any]:
     """The values of all inputs."""
-    return [properties.value(child.text, child) for child in component.all("input")]
+    return [_input(child, properties) for child in component.all("input")]
 
 
 def input_of(component: Element, properties: Properties) -> Any:
     """The value of the first input."""
-    child = component.need("input")
+    return _input(component.need("input"), properties)
+
+
+def _input(child: Element, properties: Properties) -> Any:
+    """The value of the property that an <input> names. BadInputError for a number."""
+    if number_of(child.text) is not None:
+        raise child.error(f"<input> is {shortened(child.text)}; name a property")
     return properties.value(child.text, child)
 
 
@@ -36,7 +49,7 @@ def ends_of(element: Element) -> tuple[float, float]:
 def travels(component: Element) -> bool:
     """Return whether a <kinematic> takes time from one detent to another."""
     settings = component.need("traverse").all("setting")
-    return any(setting.value_of("time", 0.0) > 0.0 for setting in settings)
+    return any(setting.need("time").number() > 0.0 for setting in settings)
 
 
 def beyond(value: Any, width: Any) -> Any:

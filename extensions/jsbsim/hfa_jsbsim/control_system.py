@@ -11,6 +11,7 @@ import casadi as ca
 
 from hfa_jsbsim.component_parts import (
     beyond,
+    coefficients,
     detents,
     ends_of,
     input_of,
@@ -294,7 +295,7 @@ def _washout(component: Element, properties: Properties) -> Any:
 def _lead_lag(component: Element, properties: Properties) -> Any:
     """(c1 s + c2) / (c3 s + c4)."""
     value = input_of(component, properties)
-    c1, c2, c3, c4 = (parameter(component, f"c{i}", properties, 0.0) for i in range(1, 5))
+    c1, c2, c3, c4 = coefficients(component, properties, 4)
     if is_constant(c4) and float(c4) == 0.0:
         raise component.error("<c4> is 0: the filter has no steady value; give another")
     if not properties.has_filter_states:
@@ -310,7 +311,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 def _second_order(component: Element, properties: Properties) -> Any:
     """(c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
     value = input_of(component, properties)
-    c1, c2, c3, c4, c5, c6 = (parameter(component, f"c{i}", properties, 0.0) for i in range(1, 7))
+    c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     if is_constant(c6) and float(c6) == 0.0:
         raise component.error("<c6> is 0: the filter has no steady value; give another")
     if not properties.has_filter_states:
@@ -394,7 +395,7 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
     of the input is 0, as for a steady one.
     """
     value = ca.SX(input_of(component, properties))
-    integral = component.find("ki" if component.name == "pid" else "c1")
+    integral = component.find("ki") if component.name == "pid" else component.need("c1")
     gain = 0.0 if integral is None else properties.value(integral.text, integral)
     integrated: Any = 0.0
     if not (is_constant(gain) and float(gain) == 0.0):

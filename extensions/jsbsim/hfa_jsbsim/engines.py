@@ -264,8 +264,9 @@ def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
     if file.thruster.name == "nozzle":
         area = file.thruster.need("area").number("FT2")
         thrust = ca.fmax(thrust - around.motion.air.pressure * area, 0.0)
-    reverser = file.full_name("reverser-angle-rad")
-    thrust = thrust * ca.cos(ca.SX(properties.read_or(reverser, 0.0, file.mount.where)))
+    if file.thruster.name == "direct" and file.thruster_mount.find("pointing") is None:
+        reverser = file.full_name("reverser-angle-rad")
+        thrust = thrust * ca.cos(ca.SX(properties.read_or(reverser, 0.0, file.mount.where)))
     force, moment = pushed(file, around, thrust)
     return Effect(force, moment, thrust)
 
@@ -419,9 +420,9 @@ def _augmented(
 
 def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0) -> Any:
     """The value of one of the engine's functions; the default without it."""
+    names = (name, f"propulsion/engine[#]/{name}", file.full_name(name))
     for function in file.engine.all("function"):
-        own_name = function.attributes.get("name", "")
-        if own_name.rsplit("/", 1)[-1] == name:
+        if function.attributes.get("name", "") in names:
             return function_value(function, around.properties, file.number)
     if name in ("IdleThrust", "MilThrust"):
         raise file.engine.error(f"the turbine has no function {name}; add it")
@@ -457,16 +458,16 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
         low, high = file.shaft("n1")
         speed = low + throttle_of(file, around) * (high - low)
     tables = {table.attributes.get("name", ""): table for table in engine.all("table")}
-    if "EnginePowerRPM_N1" not in tables:
-        raise engine.error("the turboprop has no table EnginePowerRPM_N1; add it")
+    for name in ("EnginePowerRPM_N1", "ITT_N1"):  # without them JSBSim ends
+        if name not in tables:
+            raise engine.error(f"the turboprop has no table {name}; add it")
     power = internal_table(tables["EnginePowerRPM_N1"], around, [engine_rpm(file, around), speed])
-    names = {function.attributes.get("name", "") for function in engine.all("function")}
-    if any(name.endswith("EnginePowerVC") for name in names):
-        power = power * _share(file, around, "EnginePowerVC")
-    elif "EnginePowerVC" in tables:
-        power = power * table_value(tables["EnginePowerVC"], around.properties, file.number)
-    if engine.find("maxpower") is not None:
-        power = ca.fmin(power, engine.value_of("maxpower", 0.0))
+    factor = _share(file, around, "EnginePowerVC", None)
+    if factor is None:
+        if "EnginePowerVC" not in tables:
+            raise engine.error("the turboprop has no table EnginePowerVC; add it")
+        factor = table_value(tables["EnginePowerVC"], around.properties, file.number)
+    power = ca.fmin(power * factor, engine.need("maxpower").number())
     limiter = engine.find("ielumaxtorque")
     if limiter is not None and file.has_propeller and not around.properties.step:
         torque = limiter.number("FT*LB")

@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from hfa_jsbsim.component_parts import beyond, detents, input_of, parameter
+from hfa_jsbsim.component_parts import beyond, coefficients, detents, input_of, parameter
 from hfa_jsbsim.properties import Properties
 from hfa_jsbsim.xml_file import Element
 
@@ -62,7 +62,7 @@ def _washout(component: Element, properties: Properties) -> Any:
 def _lead_lag(component: Element, properties: Properties) -> Any:
     """(c1 s + c2) / (c3 s + c4)."""
     value = input_of(component, properties)
-    c1, c2, c3, c4 = (parameter(component, f"c{i}", properties, 0.0) for i in range(1, 5))
+    c1, c2, c3, c4 = coefficients(component, properties, 4)
     step = properties.step
     below = 2.0 * c3 + step * c4
     past = _Past(component, properties)
@@ -79,7 +79,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 def _second_order(component: Element, properties: Properties) -> Any:
     """(c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
     value = input_of(component, properties)
-    c1, c2, c3, c4, c5, c6 = (parameter(component, f"c{i}", properties, 0.0) for i in range(1, 7))
+    c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     step = properties.step
     below = 4.0 * c4 + 2.0 * c5 * step + c6 * step**2
     past = _Past(component, properties)
@@ -229,7 +229,7 @@ def _pid(component: Element, properties: Properties) -> Any:
     older_input = past.of("older input", lambda: ca.if_else(reset, 0.0, last_input))
     integral: Any = 0.0
     is_pid = component.name == "pid"
-    child = component.find("ki" if is_pid else "c1")
+    child = component.find("ki") if is_pid else component.need("c1")
     if child is not None:
         default = _WEIGHTS["ab2" if is_pid else "trap"]
         weights = _WEIGHTS.get(child.attributes.get("type", ""), default)

@@ -203,7 +203,14 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     if not fewest <= len(values) <= most:
         wanted = str(fewest) if fewest == most else f"{fewest} or more"
         raise element.error(f"<{name}> has {len(values)} values; give {wanted}")
+    if name == "atan2" and any(_is_minus_zero(value) for value in values):
+        raise element.error("<atan2> of a zero with a sign is not read; write 0")
     return operation(*(ca.SX(value) for value in values))
+
+
+def _is_minus_zero(value: Any) -> bool:
+    """Return whether a value is the number -0, whose sign an expression loses."""
+    return isinstance(value, float) and value == 0.0 and math.copysign(1.0, value) < 0.0
 
 
 def numbered(element: Element, name: str, number: int | None) -> str:
@@ -270,6 +277,8 @@ def _stacked(nested: list[Element]) -> Table:
     tables = tuple(read_table(child) for child in nested)
     points = np.array([child.as_number(child.attributes.get("breakPoint", "")) for child in nested])
     first = tables[0]
+    if first.dimensions < 2:
+        raise nested[0].error("a table over a further axis has no columns; give a row of them")
     if any(table.dimensions != first.dimensions for table in tables):
         raise nested[0].error("the tables over the last axis differ in dimensions; correct them")
     alike = all(

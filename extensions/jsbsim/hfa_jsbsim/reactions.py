@@ -26,14 +26,20 @@ class Reactions:
         self._moments = list(section.all("moment")) if section is not None else []
         for force in self._forces:
             self._define(force, "xyz")
+            names = [f"{_base(force)}/location-{axis}-in" for axis in "xyz"]
             place = force.find("location")
-            location = np.zeros(3) if place is None else place.vector("IN")
-            for axis, value in zip("xyz", location, strict=True):
-                self._own[f"{_base(force)}/location-{axis}-in"] = value
+            self._begin(names, None if place is None else place.vector("IN"))
         for moment in self._moments:
             self._define(moment, "lmn")
-        for name, value in self._own.items():
-            properties.define_initial(name, value)
+
+    def _begin(self, names: list[str], vector: np.ndarray | None) -> None:
+        """Let the properties of a vector begin with its values; without a vector they keep those
+        that the file sets, else are 0."""
+        values = np.zeros(3) if vector is None else vector
+        for name, value in zip(names, values, strict=True):
+            self._own[name] = value
+            if vector is not None or not self._properties.is_known(name):
+                self._properties.define_initial(name, value)
 
     def _define(self, element: Element, axes: str) -> None:
         """The properties of a force's or a moment's magnitude and direction."""
@@ -41,8 +47,7 @@ class Reactions:
         magnitude = f"{_base(element)}/{_magnitude(element)}"
         if not self._properties.is_known(magnitude):
             self._properties.define_initial(magnitude, 0.0)
-        for axis, value in zip(axes, _direction(element), strict=True):
-            self._own[f"{_base(element)}/{axis}"] = value
+        self._begin([f"{_base(element)}/{axis}" for axis in axes], _direction(element))
 
     def loads(self, motion: Motion, arm: Callable[[Any], Any]) -> tuple[ca.SX, ca.SX]:
         """Force, lb, and moment about the center of gravity, ft lb, in body axes.
@@ -100,10 +105,12 @@ def _magnitude(element: Element) -> str:
     return "magnitude" if element.name == "force" else "magnitude-lbsft"
 
 
-def _direction(element: Element) -> np.ndarray:
-    """(3,) of length 1; zeros without a direction."""
+def _direction(element: Element) -> np.ndarray | None:
+    """(3,) of length 1; None without a direction."""
     child = element.find("direction")
-    vector = np.zeros(3) if child is None else child.vector("IN")
+    if child is None:
+        return None
+    vector = child.vector("IN")
     length = float(np.linalg.norm(vector))
     return vector / length if length else vector
 

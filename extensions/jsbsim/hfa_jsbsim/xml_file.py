@@ -183,7 +183,7 @@ _FACTORS = {
 def number_of(text: str) -> float | None:
     """Return a text as a number, in the format of C; None where it is not a number."""
     try:
-        return None if "_" in text else float(text)
+        return float(text) if text.isascii() and "_" not in text else None
     except ValueError:
         return None
 

@@ -43,6 +43,18 @@ QUICK = (
     "functions: axes X, Y, Z, stability frame",
     "functions: moments, wind frame",
     "functions: force at the center of gravity",
+    "airframe: turbine, function of another name",
+    "airframe: nozzle that a system turns back",
+    "airframe: turboprop without a power over speed",
+    "airframe: turboprop without a largest power",
+    "airframe: external moment of a direction that is set",
+    "control: gain, input number",
+    "control: lead lag, a coefficient missing",
+    "control: integrator without a gain",
+    "control: kinematic without times",
+    "functions: atan2 of minus zero",
+    "functions: value in another alphabet",
+    "functions: table of rows over a further axis",
 )
 
 
@@ -79,6 +91,18 @@ def test_constructs_were_dropped_in_silence_agree_or_named(tmp_path):
         "axes X, Y, Z, stability frame": "agrees",
         "moments, wind frame": "agrees",
         "force at the center of gravity": "agrees",
+        "turbine, function of another name": "refused",
+        "nozzle that a system turns back": "refused",
+        "turboprop without a power over speed": "refused",
+        "turboprop without a largest power": "refused",
+        "external moment of a direction that is set": "agrees",
+        "gain, input number": "refused",
+        "lead lag, a coefficient missing": "refused",
+        "integrator without a gain": "refused",
+        "kinematic without times": "refused",
+        "atan2 of minus zero": "refused",
+        "value in another alphabet": "refused",
+        "table of rows over a further axis": "refused",
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from studies.jsbsim.constructs.jet import SLOTS, pitching
+from studies.jsbsim.constructs.jet import SLOTS, pitching, writing
 
 _EMPTY = SLOTS["mass"]
 _TURBINE = SLOTS["turbine"]
@@ -205,6 +205,11 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "turbine, spool function": {
         "shares": f'{_SHARES} <function name="N2SpoolUp"> <v>9</v> </function>'
     },
+    "turbine, function of another name": {"shares": _SHARES.replace("Mil", "own/Mil")},
+    "nozzle that a system turns back": {
+        "thruster": '<nozzle> <area unit="FT2"> 0.1 </area> </nozzle>',
+        **writing("propulsion/engine/reverser-angle-rad", 0.4),
+    },
     "thruster, pointing": {
         "thruster_place": _PLACE + " <pointing> <x> 0.9 </x> <y> 0.1 </y> <z> 0 </z> </pointing>"
     },
@@ -283,6 +288,15 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "turboprop, fuel": _driven(
         _BLADES.format(1), _TWO, f"{_POWER} <psfc> 0.5 </psfc>", "turboprop_engine"
     ),
+    "turboprop without a power over speed": _driven(
+        _BLADES.format(1),
+        _TWO,
+        _POWER.replace("EnginePowerVC", "own/EnginePowerVC"),
+        "turboprop_engine",
+    ),
+    "turboprop without a largest power": _driven(
+        _BLADES.format(1), _TWO, _POWER.replace("maxpower", "power"), "turboprop_engine"
+    ),
     "electric engine": _driven("", _ONE, '<power unit="WATTS"> 90000 </power>', "electric_engine"),
     "planet": {"sections": "<planet> <J2> 0 </J2> </planet>"},
     "function in mass": _mass('<function name="inertia/f"> <v>2</v> </function>')
@@ -304,6 +318,10 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "external moment of a function": _external(
         '<moment name="twist" frame="BODY"> <function> <v>500</v> </function>'
         " <direction> <x>0</x> <y>1</y> <z>0</z> </direction> </moment>"
+    ),
+    "external moment of a direction that is set": _external(
+        '<property value="-0.7">external_reactions/twist/m</property>'
+        ' <moment name="twist"> <function> <v>500</v> </function> </moment>'
     ),
     "external force of a property": _external(
         '<property value="250">fcs/pull</property> <force name="push" frame="BODY">'

@@ -180,6 +180,13 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
     "lag filter, clip": _of("lag_filter", f"<c1>20</c1> {_clip(-0.1, 0.1)}"),
     "lead lag filter": _of("lead_lag_filter", "<c1>1</c1> <c2>4</c2> <c3>1</c3> <c4>5</c4>"),
     "lead lag, no constant": _of("lead_lag_filter", "<c1>1</c1> <c2>0</c2> <c3>1</c3> <c4>5</c4>"),
+    "lead lag, a coefficient missing": _of("lead_lag_filter", "<c2>3</c2> <c3>1</c3> <c4>5</c4>"),
+    "integrator without a gain": _of("integrator", ""),
+    "kinematic without times": _of(
+        "kinematic",
+        "<traverse> <setting> <position>0</position> </setting> <setting>"
+        " <position>5</position> </setting> </traverse>",
+    ),
     "second order filter": _of(
         "second_order_filter", "<c1>0</c1> <c2>0</c2> <c3>9</c3> <c4>1</c4> <c5>8</c5> <c6>12</c6>"
     ),

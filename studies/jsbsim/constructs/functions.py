@@ -87,6 +87,12 @@ CONSTRUCTS: dict[str, dict[str, str]] = {
         _A,
         "<v>-1</v> <v>0</v> <v>0.05</v> <v>2</v> <v>0.05</v> <v>3</v> <v>1</v> <v>1</v>",
     ),
+    "atan2 of minus zero": _of("atan2", "<v>-0.0</v>", "<v>-1</v>"),
+    "value in another alphabet": function("<v>\u0663</v>"),
+    "table of rows over a further axis": function(
+        f'<table> {_ROW} {_COLUMN} <tableData breakPoint="0"> -1 2\n 1 3 </tableData>'
+        ' <tableData breakPoint="0.1"> -1 5\n 1 3 </tableData> </table>'
+    ),
     "sum of one": _of("sum", _A),
     "difference of three": _of("difference", _A, _V, _B),
     "pi": _of("product", "<pi/>", _A),
