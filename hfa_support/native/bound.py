@@ -65,6 +65,10 @@ class RowFunction(threading.local):
         self.function = function
         self._bound: dict[int, tuple[BoundFunction, Rows, Rows]] = {}
 
+    def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
+        """Pickle the Function alone."""
+        return RowFunction, (self.function,)
+
     def __call__(self, *tables: Any) -> list[np.ndarray]:
         """Return the results (N, size of the result) for arguments (N, size of the argument)."""
         count = len(tables[0])

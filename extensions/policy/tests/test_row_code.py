@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import casadi as ca
@@ -46,7 +47,8 @@ def test_every_operation_one_row_where_number_none_too(one_row: bool) -> None:
     a, b = (np.array(column)[:, None] for column in zip(*pairs, strict=True))
     code = row_code(function, one_row)
     assert isinstance(code, RowCode)
-    np.testing.assert_allclose(code(a, b)[0], RowFunction(function)(a, b)[0], rtol=1e-15)
+    in_turn = pickle.loads(pickle.dumps(RowFunction(function)))
+    np.testing.assert_allclose(code(a, b)[0], in_turn(a, b)[0], rtol=1e-15)
 
 
 def test_narrow_registers_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
