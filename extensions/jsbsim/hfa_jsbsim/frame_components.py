@@ -24,17 +24,22 @@ class _Past:
         """The value that `compute` gave a frame before."""
         return self._properties.remember(f"{self._key} {name}", compute)
 
+    def of_begun(self, name: str, compute: Callable[[], Any], begin: Any) -> ca.SX:
+        """The value that `compute` gave a frame before; in the first frame that at the begin."""
+        has_begun = self.of("begun", lambda: ca.SX(1.0))
+        return ca.if_else(has_begun > 0.0, self.of(name, compute), begin)
+
 
 def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
     """The factors of inputs and of the last output in a lag."""
     return step * rate / (2.0 + step * rate), (2.0 - step * rate) / (2.0 + step * rate)
 
 
-def _lagged(value: Any, rate: Any, past: _Past, step: float) -> Any:
-    """A value behind a lag, 1/s."""
+def _lagged(value: Any, rate: Any, past: _Past, step: float, begin: Any = 0.0) -> Any:
+    """A value behind a lag, 1/s, that begins with an input and an output."""
     of_inputs, of_output = _tustin(rate, step)
-    last_input = past.of("lag input", lambda: value)
-    last_output = past.of("lag output", lambda: output)
+    last_input = past.of_begun("lag input", lambda: value, begin)
+    last_output = past.of_begun("lag output", lambda: output, begin)
     output = of_inputs * (value + last_input) + of_output * last_output
     return output
 
@@ -42,8 +47,8 @@ def _lagged(value: Any, rate: Any, past: _Past, step: float) -> Any:
 def _lag(component: Element, properties: Properties) -> Any:
     """c1 / (s + c1)."""
     rate = parameter(component, "c1", properties, 0.0)
-    past = _Past(component, properties)
-    return _lagged(input_of(component, properties), rate, past, properties.step)
+    value = input_of(component, properties)
+    return _lagged(value, rate, _Past(component, properties), properties.step, value)
 
 
 def _washout(component: Element, properties: Properties) -> Any:
@@ -105,7 +110,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
     lag = component.find("lag")
     if lag is not None:
         rate = properties.value(lag.text, lag)
-        value = _lagged(value, rate, past, properties.step)
+        value = _lagged(value, rate, past, properties.step, value)
     value = _slowed(component, value, past, properties)
     width = component.value_of("deadband_width", 0.0)
     if width:
@@ -113,7 +118,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
     play = component.value_of("hysteresis_width", 0.0)
     if play:
         wanted = value
-        last = past.of("hysteresis", lambda: moved)
+        last = past.of_begun("hysteresis", lambda: moved, wanted)
         down = ca.fmin(last, wanted + 0.5 * play)
         up = ca.fmax(last, wanted - 0.5 * play)
         moved = ca.if_else(wanted > last, up, ca.if_else(wanted < last, down, wanted))
@@ -131,7 +136,7 @@ def _slowed(component: Element, value: ca.SX, past: _Past, properties: Propertie
             limits[direction] = limit
     if not limits:
         return value
-    last = past.of("rate", lambda: moved)
+    last = past.of_begun("rate", lambda: moved, value)
     moved = value
     if "incr" in limits:
         most = limits["incr"] * properties.step

@@ -14,6 +14,8 @@ from hfa_jsbsim import frame
 from hfa_jsbsim.reader import read_model
 from hfa_support.errors import BadInputError
 from studies.jsbsim import frames
+from studies.jsbsim.constructs.jet import component, jet
+from studies.jsbsim.reference import answered
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec("jsbsim") is None, reason="JSBSim is not installed"
@@ -33,6 +35,28 @@ def test_other_frames_are_those_of_jsbsim(name):
     """Afterburner, governor, limiter of torque, kinematics and autopilot: 30 s to 1e-8."""
     miss, state = frames.largest(name, count=1)
     assert miss < 1e-8, state
+
+
+def test_actuator_with_play_begins_at_its_input(tmp_path):
+    """An actuator whose input is not 0 at the begin is then nowhere within its play."""
+    slots = component(
+        '<actuator name="fcs/probe"> <input>attitude/phi-rad</input> <lag>30</lag>'
+        " <rate_limit>0.3</rate_limit> <hysteresis_width>0.05</hysteresis_width> </actuator>"
+    )
+    path = tmp_path / "aircraft" / "played" / "played.xml"
+    path.parent.mkdir(parents=True)
+    path.write_text(jet(slots))
+    model = read_model(str(path))
+    state = {"altitude": 4000.0, "speed": 320.0, "alpha": 0.05, "roll": 0.05}
+    changes = [[0.2, {"elevator": 0.1, "aileron": 0.1}]]
+    flight = {"state": state, "commands": dict.fromkeys(model.inputs, 0.0), "changes": changes}
+    flight |= {"step": 1.0 / 120.0, "rest": 2.0, "flight": 1}
+    item = {"aircraft": "played", "root": str(tmp_path), "earth": "own", "point": flight}
+    (answer,) = answered([item])
+    ours = frames.flown(model, flight, answer["start"])[-1]
+    assert ours[0] == pytest.approx(answer["states"][-1]["speed"], rel=1e-11)
+    pitch = list(model.states).index("pitch_rate")
+    assert ours[pitch] == pytest.approx(answer["states"][-1]["pitch_rate"], rel=1e-9)
 
 
 def test_frame_of_another_step_differs():
