@@ -22,11 +22,21 @@ _C_TEXT = """
 #define K {unknowns}
 #define E {equations}
 #define C {constants}
+#define G {given}
 #define FLAT {flat}
 
-static void evaluate(const double *z, const double *c, double *r, double *J)
+/* c -> g, what the steps of a point share. */
+static void prepare(const double *c, double *g)
 {{
-    const double *arg[{residual_arg}] = {{z, c}};
+    const double *arg[{given_arg}] = {{c}};
+    double *res[{given_res}] = {{g}}, w[{given_w}];
+    casadi_int iw[{given_iw}];
+    given(arg, res, iw, w, 0);
+}}
+
+static void evaluate(const double *z, const double *c, const double *g, double *r, double *J)
+{{
+    const double *arg[{residual_arg}] = {{z, c, g}};
     double *res[{residual_res}] = {{r, J}}, w[{residual_w}];
     casadi_int iw[{residual_iw}];
     residual(arg, res, iw, w, 0);
@@ -91,10 +101,11 @@ static void solve(const double *J, const int *pivots, const double *r, double *d
 
 static int newton(const double *c, double *z)
 {{
-    double r[E], J[K * K], step[K], trial[K], trial_r[E], trial_J[K * K], next[K];
+    double g[G], r[E], J[K * K], step[K], trial[K], trial_r[E], trial_J[K * K], next[K];
     int pivots[K];
     double share = 1.0, size;
-    evaluate(z, c, r, J);
+    prepare(c, g);
+    evaluate(z, c, g, r, J);
     size = norm(r);
     if (!factor(J, pivots))
         return {singular};
@@ -112,7 +123,7 @@ static int newton(const double *c, double *z)
             return {unsettled};
         for (int i = 0; i < K; i++)
             trial[i] = z[i] + share * step[i];
-        evaluate(trial, c, trial_r, trial_J);
+        evaluate(trial, c, g, trial_r, trial_J);
         double trial_size = norm(trial_r);
         int better = trial_size < size;
         if (!better) {{
@@ -144,8 +155,11 @@ void {symbol}_newton(long long count, const double *c, double *z, signed char *s
 
 void {symbol}_residual(long long count, const double *c, const double *z, double *r, double *J)
 {{
-    for (long long i = 0; i < count; i++)
-        evaluate(z + i * K, c + i * C, r + i * E, J + i * K * K);
+    double g[G];
+    for (long long i = 0; i < count; i++) {{
+        prepare(c + i * C, g);
+        evaluate(z + i * K, c + i * C, g, r + i * E, J + i * K * K);
+    }}
 }}
 
 void {symbol}_linear(long long count, const double *c, const double *z, double *flat)
@@ -247,14 +261,18 @@ def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | 
     where no compiler works."""
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
     sizes: dict[str, int] = {}
-    for name, function in (("residual", residual), ("linear", linear)):
-        generator.add(ca.Function(name, function.sx_in(), function.call(function.sx_in())))
+    whole = ca.Function("linear", linear.sx_in(), linear.call(linear.sx_in()))
+    parts = (*_without_shared(residual), whole)
+    for function in parts:
+        name = function.name()
+        generator.add(function)
         for kind in ("arg", "res", "iw", "w"):
             sizes[f"{name}_{kind}"] = max(2, getattr(function, f"sz_{kind}")())
     numbers = {
         "unknowns": residual.numel_in(0),
         "constants": residual.numel_in(1),
         "equations": residual.numel_out(0),
+        "given": max(1, parts[0].numel_out(0)),
         "flat": linear.numel_out(0),
         "most_trials": MOST_TRIALS,
         "longest": LONGEST,
@@ -270,6 +288,21 @@ def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | 
         lambda symbol: _C_TEXT.format(functions=functions, symbol=symbol, **numbers, **sizes),
         lambda symbol, library: CompiledTrim(symbol, library, rows),
         "-O3",
+    )
+
+
+def _without_shared(residual: ca.Function) -> tuple[ca.Function, ca.Function]:
+    """Return c -> g, the terms of a residual that do not depend on z, and (z, c, g) -> its outputs:
+    all steps at a point share g."""
+    z, c = residual.sx_in()
+    outputs = residual.call([z, c])
+    rows, names, terms = ca.extract_parametric(ca.vertcat(*outputs), c)
+    g = ca.vertcat(ca.SX(0, 1), *names)
+    outputs = ca.vertsplit(rows, [0, outputs[0].numel(), rows.numel()])
+    options = {"cse": True}
+    return (
+        ca.Function("given", [c], [ca.vertcat(ca.SX(0, 1), *terms)], options),
+        ca.Function("residual", [z, c, g], outputs, options),
     )
 
 
