@@ -16,11 +16,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from benchmarks.report import Row, in_turn
+from benchmarks.report import Limit, Row, in_turn, shortest
 from hfa_derivatives.aircraft import from_derivatives
 from hfa_identify.estimation import identify
 from hfa_identify.records import record_of
-from hfa_identify.response import Responses
+from hfa_identify.response import Record, Responses
 from trim.point.solve import find_operating_point
 
 _UAV = str(Path(__file__).parents[1] / "examples" / "uav.toml")
@@ -112,9 +112,7 @@ class RecordCase:
 
     def compiled(self) -> Callable[[np.ndarray], np.ndarray]:
         """Residuals of the compiled simulation of `hfa.identify`."""
-        responses = Responses(self.model, FREE, tuple(SENSORS))
-        responses.compile()
-        record = record_of(self.model, self.columns, {})
+        responses, record = self._responses()
 
         def residuals(v: np.ndarray) -> np.ndarray:
             start, theta = self.unknown(v)
@@ -125,6 +123,20 @@ class RecordCase:
             return np.asarray(((self.measured - y) / self.noise).ravel())
 
         return residuals
+
+    def limit(self) -> Limit:
+        """The time of the response with its sensitivities, once for a step and once for the
+        covariance."""
+        responses, record = self._responses()
+        start, theta = self.unknown(self.begin)
+        seconds = shortest(partial(responses.of, record, start, theta))
+        return Limit(2.0 * seconds, "two simulations with sensitivities")
+
+    def _responses(self) -> tuple[Responses, Record]:
+        """The compiled responses of the model, and the record."""
+        responses = Responses(self.model, FREE, tuple(SENSORS))
+        responses.compile()
+        return responses, record_of(self.model, self.columns, {})
 
     def ours(self) -> Any:
         """The result of `hfa.identify`."""
@@ -157,7 +169,7 @@ def _record(quick: bool) -> list[Row]:
     ):
         steps = 1 if quick else None
         timing = in_turn(case.ours, partial(case.fitted, residuals, steps), repeats=repeats)
-        rows.append(Row(job, peer, timing, target))
+        rows.append(Row(job, peer, timing, target, limit=case.limit()))
     return rows
 
 

@@ -14,11 +14,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from benchmarks.certificate_limit import certificate_limit
 from benchmarks.report import Limit, Row, in_turn, shortest
 from controller.game.zero_sum import Game
 from controller.hfa_files import published_game
 from controller.riccati.game_batch import solve_games
 from controller.riccati.gare import solve_game
+from controller.riccati.normal_form import NormalForm
 from hfa.paper import default_parameters
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
@@ -70,7 +72,7 @@ def _start(quick: bool) -> list[Row]:
 def _games(quick: bool) -> list[Row]:
     """Exact game solutions with certificates between 0 and 20 degrees, against SciPy's solver
     without one."""
-    from scipy.linalg import block_diag, schur, solve_continuous_are
+    from scipy.linalg import block_diag, solve_continuous_are
 
     count = 20 if quick else 1000
     flights = trim_points(
@@ -91,13 +93,8 @@ def _games(quick: bool) -> list[Row]:
         for a, b in zip(A[::5], B[::5], strict=True):
             solve_continuous_are(a, np.hstack([b, game.E]), game.Q, weights)
 
-    def one_schur_form_each() -> None:
-        for a, b in zip(A[::5], B[::5], strict=True):
-            S = b @ b.T - game.E @ game.E.T
-            schur(np.block([[a, -S], [-game.Q, -a.T]]), check_finite=False)
-
     timing = in_turn(ours, peer, units=count, peer_units=count / 5)
-    limit = Limit(shortest(one_schur_form_each, count / 5), "a Schur form of the Hamiltonian")
+    limit = certificate_limit([NormalForm.of_plants(A, B, game)])
     job = f"{count} game Riccati equations, certified"
     return [Row(job, "SciPy solve_continuous_are, no certificate", timing, 8.0, limit=limit)]
 
@@ -116,10 +113,7 @@ def _one_game(quick: bool) -> list[Row]:
             len(games),
             repeats=1 if quick else 5,
         )
-        limit = Limit(
-            shortest(partial(_each, one_schur_form, games), len(games)),
-            "a Schur form of the Hamiltonian",
-        )
+        limit = certificate_limit([NormalForm.of(game)[None] for game in games])
         job = f"one certified game of {states} states"
         peer = "SciPy solve_continuous_are, no certificate"
         rows.append(Row(job, peer, timing, 1.0 / goal, limit=limit))
@@ -137,14 +131,6 @@ def scipy_value(game: Game) -> np.ndarray:
 
     weights = block_diag(game.R, -(game.delta**2) * np.eye(game.E.shape[1]))
     return solve_continuous_are(game.A, np.hstack([game.B, game.E]), game.Q, weights)
-
-
-def one_schur_form(game: Game) -> None:
-    """The Schur form of the Hamiltonian, which every route to P needs."""
-    from scipy.linalg import schur
-
-    S = game.S_control - game.S_disturbance / game.delta**2
-    schur(np.block([[game.A, -S], [-game.Q, -game.A.T]]), check_finite=False)
 
 
 def six_state_rates(p: Parameters, altitude: float):
@@ -333,7 +319,16 @@ def _angles(quick: bool) -> list[Row]:
             rows.append(Row(f"{job}, {how}", name, timing, target, limit=limit))
     job += " with tracked modes, every residual and limit checked"
     timing = in_turn(partial(ours, True, modes=True), peer, *units, repeats=3)
-    return [*rows, Row(job, f"{name} (trim, A, B only)", timing, 20.0)]
+    limit = _with_modes(flexible, angles, limit)
+    return [*rows, Row(job, f"{name} (trim, A, B only)", timing, 20.0, limit=limit)]
+
+
+def _with_modes(flexible: Model, angles: np.ndarray, limit: Limit) -> Limit:
+    """The limit of trims and linear models at these angles, with the eigenvectors of every A."""
+    kept = [STATES.index(name) for name in LINEAR_STATES]
+    A = trim_points(flexible, ("dihedral",), angles[:, None]).A[:, kept][:, :, kept]
+    seconds = shortest(partial(np.linalg.eig, A), len(A), repeats=3)
+    return Limit(limit.seconds + seconds, f"{limit.what} and the eigenvectors")
 
 
 #: Held by a flight straight ahead, which leaves 5 unknowns of the 12 of a turn: angle of attack,
