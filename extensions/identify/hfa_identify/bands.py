@@ -13,7 +13,7 @@ BAND = 1.959964
 #: Lags of the autocorrelation that a test of whiteness looks at.
 LAGS = 25
 #: A quantity is not explained where its residuals vary by so much more than itself.
-_WORSE = 1.2
+_WORSE = 1.5
 #: Highest order of an autoregressive process that residuals are taken to be.
 _MOST_ORDER = 4
 #: Largest sum of its coefficients: the noise has a mean.

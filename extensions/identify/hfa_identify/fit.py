@@ -353,7 +353,8 @@ class OutputError:
         right = np.zeros(p)
         inverses = []
         for normal in found.normals:
-            A = normal.A + damping * np.diag(np.diag(normal.A))
+            with np.errstate(over="ignore", invalid="ignore"):  # such a step is refused
+                A = normal.A + damping * np.diag(np.diag(normal.A))
             inverse = _inverse_of_start(A)
             inverses.append(inverse)
             M = normal.M + damping * np.diag(np.diag(normal.M))
