@@ -24,10 +24,14 @@ class _Past:
         """The value that `compute` gave a frame before."""
         return self._properties.remember(f"{self._key} {name}", compute)
 
-    def of_begun(self, name: str, compute: Callable[[], Any], begin: Any) -> ca.SX:
-        """The value that `compute` gave a frame before; in the first frame that at the begin."""
+    def unless_first(self, value: Any, begin: Any) -> ca.SX:
+        """A value; in the first frame that at the begin."""
         has_begun = self.of("begun", lambda: ca.SX(1.0))
-        return ca.if_else(has_begun > 0.0, self.of(name, compute), begin)
+        return ca.if_else(has_begun > 0.0, value, begin)
+
+    def input_of_filter(self, component: Element) -> ca.SX:
+        """The input of a filter, which JSBSim reads from its second frame on; before, 0."""
+        return self.unless_first(input_of(component, self._properties), 0.0)
 
 
 def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
@@ -38,8 +42,8 @@ def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
 def _lagged(value: Any, rate: Any, past: _Past, step: float, begin: Any = 0.0) -> Any:
     """A value behind a lag, 1/s, that begins with an input and an output."""
     of_inputs, of_output = _tustin(rate, step)
-    last_input = past.of_begun("lag input", lambda: value, begin)
-    last_output = past.of_begun("lag output", lambda: output, begin)
+    last_input = past.unless_first(past.of("lag input", lambda: value), begin)
+    last_output = past.unless_first(past.of("lag output", lambda: output), begin)
     output = of_inputs * (value + last_input) + of_output * last_output
     return output
 
@@ -47,15 +51,15 @@ def _lagged(value: Any, rate: Any, past: _Past, step: float, begin: Any = 0.0) -
 def _lag(component: Element, properties: Properties) -> Any:
     """c1 / (s + c1)."""
     rate = parameter(component, "c1", properties, 0.0)
-    value = input_of(component, properties)
-    return _lagged(value, rate, _Past(component, properties), properties.step, value)
+    past = _Past(component, properties)
+    return _lagged(past.input_of_filter(component), rate, past, properties.step)
 
 
 def _washout(component: Element, properties: Properties) -> Any:
     """s / (s + c1)."""
-    value = input_of(component, properties)
     rate = parameter(component, "c1", properties, 0.0)
     past = _Past(component, properties)
+    value = past.input_of_filter(component)
     _, of_output = _tustin(rate, properties.step)
     of_inputs = 2.0 / (2.0 + properties.step * rate)
     last_input = past.of("input", lambda: value)
@@ -66,11 +70,11 @@ def _washout(component: Element, properties: Properties) -> Any:
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
     """(c1 s + c2) / (c3 s + c4)."""
-    value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     step = properties.step
     below = 2.0 * c3 + step * c4
     past = _Past(component, properties)
+    value = past.input_of_filter(component)
     last_input = past.of("input", lambda: value)
     last_output = past.of("output", lambda: output)
     output = (
@@ -83,11 +87,11 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 
 def _second_order(component: Element, properties: Properties) -> Any:
     """(c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
-    value = input_of(component, properties)
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     step = properties.step
     below = 4.0 * c4 + 2.0 * c5 * step + c6 * step**2
     past = _Past(component, properties)
+    value = past.input_of_filter(component)
     last_input = past.of("input", lambda: value)
     older_input = past.of("older input", lambda: last_input)
     last_output = past.of("output", lambda: output)
@@ -118,7 +122,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
     play = component.value_of("hysteresis_width", 0.0)
     if play:
         wanted = value
-        last = past.of_begun("hysteresis", lambda: moved, wanted)
+        last = past.unless_first(past.of("hysteresis", lambda: moved), wanted)
         down = ca.fmin(last, wanted + 0.5 * play)
         up = ca.fmax(last, wanted - 0.5 * play)
         moved = ca.if_else(wanted > last, up, ca.if_else(wanted < last, down, wanted))
@@ -136,7 +140,7 @@ def _slowed(component: Element, value: ca.SX, past: _Past, properties: Propertie
             limits[direction] = limit
     if not limits:
         return value
-    last = past.of_begun("rate", lambda: moved, value)
+    last = past.unless_first(past.of("rate", lambda: moved), value)
     moved = value
     if "incr" in limits:
         most = limits["incr"] * properties.step

@@ -37,10 +37,13 @@ def test_other_frames_are_those_of_jsbsim(name):
     assert miss < 1e-8, state
 
 
-def test_actuator_with_play_begins_at_its_input(tmp_path):
-    """An actuator whose input is not 0 at the begin is then nowhere within its play."""
+@pytest.mark.parametrize("source", ["attitude/phi-rad", "fcs/slow"])
+def test_actuator_with_play_begins_as_in_jsbsim(tmp_path, source):
+    """With play, the place of rest depends on the first frames: filters begin at 0, actuators at
+    their input."""
     slots = component(
-        '<actuator name="fcs/probe"> <input>attitude/phi-rad</input> <lag>30</lag>'
+        '<lag_filter name="fcs/slow"> <input>attitude/phi-rad</input> <c1>5</c1> </lag_filter>'
+        f' <actuator name="fcs/probe"> <input>{source}</input> <lag>30</lag>'
         " <rate_limit>0.3</rate_limit> <hysteresis_width>0.05</hysteresis_width> </actuator>"
     )
     path = tmp_path / "aircraft" / "played" / "played.xml"
@@ -50,7 +53,7 @@ def test_actuator_with_play_begins_at_its_input(tmp_path):
     state = {"altitude": 4000.0, "speed": 320.0, "alpha": 0.05, "roll": 0.05}
     changes = [[0.2, {"elevator": 0.1, "aileron": 0.1}]]
     flight = {"state": state, "commands": dict.fromkeys(model.inputs, 0.0), "changes": changes}
-    flight |= {"step": 1.0 / 120.0, "rest": 2.0, "flight": 1}
+    flight |= {"step": 1.0 / 120.0, "rest": 10.0, "flight": 1}
     item = {"aircraft": "played", "root": str(tmp_path), "earth": "own", "point": flight}
     (answer,) = answered([item])
     ours = frames.flown(model, flight, answer["start"])[-1]
