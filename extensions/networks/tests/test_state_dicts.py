@@ -147,6 +147,10 @@ def test_policies_of_other_libraries_are_read(library) -> None:
         ({"norm.weight": np.ones(STATES), "norm.bias": np.ones(STATES)}, "actor", "norm.weight"),
         ({"out.weight": np.ones((3, ACTIONS))}, "actor", "out.weight"),
         ({"skip.weight": np.ones((ACTIONS, STATES))}, "actor", "skip.weight"),
+        ({"target_encoder.weight": np.ones((STATES, STATES))}, "", "target_encoder.weight"),
+        ({"value_scale": np.ones(STATES)}, "", "value_scale"),
+        ({"obs_norm.log_std": np.ones(STATES)}, "actor", "obs_norm.log_std"),
+        ({"std": np.ones(STATES)}, "", "'std' (6,)"),
     ],
 )
 def test_tensor_that_may_act_is_refused_by_name(more, part, named) -> None:

@@ -170,8 +170,9 @@ def _refuse_unread(
     """BadInputError for tensors of the file that may act on one of its networks."""
     read = {tensor for parts in found.values() for tensor in parts.layers}
     others = {key: array for key, array in found[name].others.items() if key not in read}
+    unused = {key: array for key, array in found[name].unused.items() if key not in read}
     layers = networks[name]
-    refuse_others(others, layers[0].inputs, layers[-1].outputs)
+    refuse_others(others, unused, layers[0].inputs, layers[-1].outputs)
     normalizer = found[name].normalizer
     if normalizer is not None and len(normalizer.mean) != layers[0].inputs:
         raise BadInputError(

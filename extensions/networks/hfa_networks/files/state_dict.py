@@ -17,12 +17,11 @@ from hfa_support.errors import BadInputError, shortened
 Tensors = Mapping[str, np.ndarray]
 Kind = TypeVar("Kind")
 #: Words in the names of tensors that a policy does not use.
-_OF_CRITICS = frozenset(
-    (
-        *("critic", "critics", "value", "values", "target", "targets"),
-        *("reward", "rewards", "privileged", "discriminator"),
-    )
-)
+_ONLY_CRITICS = frozenset(("critic", "critics", "discriminator"))
+#: Words of critics that may also name a quantity which a policy observes.
+_OF_CRITICS = _ONLY_CRITICS | {
+    *("value", "values", "target", "targets", "reward", "rewards", "privileged"),
+}
 #: Modules of critics; q alone may also be a pitch rate.
 _Q = re.compile(r"(q|qs|qf|vf|qfs)\d*(_?(net|network|function|target)s?)?\d*")
 #: Modules of rsl_rl that hold the standard deviation of a random action as "std".
@@ -61,12 +60,14 @@ class Parts(NamedTuple):
     normalizer: before the first layer; None for none.
     squash: behind the last layer; None for none.
     others: tensors that belong to none of these, and to nothing that is known not to act.
+    unused: tensors that do not act on a policy by their names, but may do so by their sizes.
     """
 
     layers: dict[str, np.ndarray]
     normalizer: Normalizer | None
     squash: Squash | None
     others: dict[str, np.ndarray]
+    unused: dict[str, np.ndarray]
 
 
 def _of_rsl_rl(group: Tensors) -> tuple[np.ndarray, float]:
@@ -134,11 +135,8 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
         remaining |= {_joined(stem, leaf): array for leaf, array in leaves.items()}
     layers = {}
     for name, array in remaining.items():
-        if part:
-            is_chosen = _has_word(name, part)
-        else:
-            is_chosen = not _is_spread(name) and not (is_policy and _is_of_critic(name))
-        if is_chosen:
+        is_chosen = _has_word(name, part) if part else not (is_policy and _is_of_critic(name))
+        if is_chosen and not _is_spread(name):
             layers[name] = array
     if not layers:
         where = shortened(", ".join(roots(tensors)), 200)
@@ -150,29 +148,39 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
         for name, array in remaining.items()
         if name not in layers and not _is_spread(name) and (of_critic or not _is_of_critic(name))
     }
+    unused = {
+        name: array
+        for name, array in remaining.items()
+        if not (of_critic or name in layers or name in others or _words(name) & _ONLY_CRITICS)
+    }
     squash = None if of_critic else _the_one("action_scale", squashes, layers)
-    return Parts(layers, _normalizer_of(normalizers, layers, of_critic), squash, others)
+    return Parts(layers, _normalizer_of(normalizers, layers, of_critic), squash, others, unused)
 
 
-def refuse_others(others: Tensors, takes: int, gives: int) -> None:
+def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> None:
     """Raise BadInputError for further tensors that may act on the inputs or outputs of a network.
 
     others: of a state dict, in none of the networks that are read.
+    unused: named as tensors of a critic or of the standard deviation of an action.
     takes, gives: number of inputs and of outputs of the network.
 
     Other linear layers are another network, unless their sizes fit before, after or in parallel to
-    this one.
+    this one. Of the unused tensors, layers with one output are a critic, and a standard deviation
+    has the size of the outputs.
     """
     chains: dict[str, list[tuple[str, np.ndarray]]] = {}
-    for name, array in others.items():
+    tensors = {**others, **unused}
+    for name, array in tensors.items():
         stem, _, leaf = name.rpartition(".")
         if array.ndim == 2 and leaf == "weight":
             chains.setdefault(stem.rpartition(".")[0] or stem, []).append((name, array))
-    for name, array in others.items():
+    for name, array in tensors.items():
         stem, _, leaf = name.rpartition(".")
         folder = stem.rpartition(".")[0] or stem
         is_of_layers = leaf in ("weight", "bias") and array.ndim <= 2 and folder in chains
-        if not is_of_layers:
+        acting = {takes, gives} - ({gives} if _is_spread(name) else {1})
+        may_act = name in others or array.size in acting
+        if may_act and not is_of_layers:
             raise BadInputError(
                 f"tensor {shortened(name)!r} {array.shape} is not understood; {_ELSE}"
             )
@@ -180,6 +188,8 @@ def refuse_others(others: Tensors, takes: int, gives: int) -> None:
         name, first = layers[0]
         entry = first.shape[1]
         end = len(layers[-1][1])
+        if name in unused and (end == 1 or _is_spread(name)):
+            continue
         is_parallel = len(layers) == 1 and (entry, end) == (takes, gives)
         if end == takes or entry == gives or is_parallel:
             raise BadInputError(
@@ -260,10 +270,11 @@ def _normalizer_of(
 
 def _the_one(what: str, found: Mapping[str, Kind], layers: Tensors) -> Kind | None:
     """The one of a kind that belongs to the layers."""
-    if len(found) > 1:
-        begins = {name.partition(".")[0] for name in layers}
-        found = {stem: each for stem, each in found.items() if stem.partition(".")[0] in begins}
-        if len(found) != 1:
-            names = shortened(", ".join(found), 120)
-            raise BadInputError(f"it contains more than one {what} ({names}); {_ELSE}")
-    return next(iter(found.values()), None)
+    if len(found) < 2:
+        return next(iter(found.values()), None)
+    begins = {name.partition(".")[0] for name in layers}
+    own = [each for stem, each in found.items() if stem.partition(".")[0] in begins]
+    if len(own) != 1:
+        names = shortened(", ".join(found), 120)
+        raise BadInputError(f"it contains more than one {what} ({names}); {_ELSE}")
+    return own[0]
