@@ -348,3 +348,17 @@ def test_a_hole_is_proved_everywhere_in_it() -> None:
                 check_region(statement, witness)
         else:
             assert check_region(statement, witness) > 0
+
+
+def test_a_kink_at_the_equilibrium_is_named() -> None:
+    """No quadratic V falls where the damping of an oscillator is negative on one side."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"angle": x.rate, "rate": 0.4 * ca.fabs(x.rate) - 0.2 * x.rate - x.angle}, {}
+
+    names = ("angle", "rate")
+    model = Model("clock", {name: Signal("rad") for name in names}, {}, equations, trim={})
+    none = ca.Function("u", [ca.SX.sym("z", 2)], [ca.SX(0, 1)])
+    loop = Loop(model, {}, dict.fromkeys(names, 0.0), {}, {}, {}, none)
+    with pytest.raises(NoSolutionError, match="rate of rate has a kink in rate at the equil"):
+        RegionSearch(loop, "", [], seconds=0.2).found()

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
@@ -20,7 +19,6 @@ from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.check.cover import OpenBoxError, cover, rejected
 from hfa_boxes.check.plant import Equilibrium, Plant, zero_near
 from hfa_boxes.check.statement import SAME_EQUILIBRIUM
-from hfa_boxes.enclosure.program import Program
 from hfa_proof.checker.checker import SCHEMA, claims_of, read_sealed, sealed
 from hfa_proof.checker.reading import Rejected, naming, require
 from hfa_support.files import write_text
@@ -69,11 +67,7 @@ def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equi
 
     solved: which entries are unknown, as many as there are states
     """
-    n = len(plant.states)
-    both = ca.SX.sym("x", n + len(plant.inputs))
-    rates, _ = plant.rates_at(both[:n], both[n:])
-    program = Program(ca.Function("rates", [both], [rates]), plant.model.name)
-    return zero_near(program, x, plant.nominal, solved)
+    return zero_near(plant.open, x, plant.nominal, solved)
 
 
 def check_cost(

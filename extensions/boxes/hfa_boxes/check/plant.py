@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -72,6 +73,14 @@ class Plant:
         f, y = self.model.layout.expressions(vectors, self.limited_outputs)
         rows = [list(self.model.states).index(name) for name in self.states]
         return ca.densify(f[rows]), ca.densify(y) if self.limited_outputs else ca.SX(0, 1)
+
+    @cached_property
+    def open(self) -> Program:
+        """(x, u) -> the rates."""
+        n = len(self.states)
+        both = ca.SX.sym("x", n + len(self.inputs))
+        rates, _ = self.rates_at(both[:n], both[n:])
+        return Program(ca.Function("rates", [both], [rates]), self.model.name)
 
 
 @dataclass(frozen=True, eq=False)

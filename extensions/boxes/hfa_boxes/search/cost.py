@@ -20,6 +20,7 @@ from hfa_boxes.check.cover import Boxes, OpenBoxError, RefutedError, SmallestBox
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Equilibrium, Plant
 from hfa_boxes.search.cost_fit import CostProblem, Fit, Wanted
+from hfa_boxes.search.kinks import kink_at
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -151,7 +152,10 @@ class CostSearch:
         except (OutOfTimeError, KeyboardInterrupt) as error:
             stopped = str(error) or "interrupted"
         if not proved:
-            raise NoSolutionError(f"no lower bound is proved in {self._seconds:g} s: {stopped}")
+            plant = self._problem.plant
+            kink = kink_at(plant, plant.open, self._problem.equilibrium)
+            why = f"{stopped}; {kink}" if kink else stopped
+            raise NoSolutionError(f"no lower bound is proved in {self._seconds:g} s: {why}")
         return self._bound(proved, stopped)
 
     @cached_property

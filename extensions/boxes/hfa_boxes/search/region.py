@@ -18,6 +18,7 @@ from hfa_boxes.check.cover import OpenBoxError, RefutedError, cover
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
+from hfa_boxes.search.kinks import kink_at
 from hfa_boxes.search.shape import Bound, Growth, Samples, Shape
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import NoSolutionError
@@ -129,7 +130,9 @@ class RegionSearch:
         except KeyboardInterrupt:
             self._stopped = "interrupted"
         if self._best is None:
-            raise NoSolutionError(f"no region is proved in {self._seconds:g} s: {self._stopped}")
+            kink = kink_at(self.loop, self.loop.closed, self.equilibrium)
+            why = f"{self._stopped}; {kink}" if kink else self._stopped
+            raise NoSolutionError(f"no region is proved in {self._seconds:g} s: {why}")
         region, shape = self._best
         bound = shape.bound(self.samples, _HIGHEST)
         return replace(region, bound=bound, stopped=self._stopped)

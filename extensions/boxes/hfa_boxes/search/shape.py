@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import linprog
+from scipy.optimize import linprog, minimize
 
 from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.piece import Piece
@@ -29,18 +29,22 @@ _TURNS = 8
 #: Where V is looked for along a ray, over the unit ball, and in how many steps.
 _FARTHEST = 3.0
 _STEPS = 150
-#: Coordinates of a set are at most 1 over it.
-_ROOM = 1.25
+#: Coordinates of a set are at most 1 over this: above 2 the halves of the cube at its faces are
+#: beyond the set.
+_ROOM = 2.05
 #: Extents of a set are so much larger than found, relative.
 _BEYOND = 1e-3
 #: -V' is at least this part of its value for the first V and the linear loop.
-_DECAY = 0.03
-#: How near to 0 a quarter of the samples are, over the set.
-_NEAR = 0.01
+_DECAY = 0.006
+#: The nearest of the quarter of samples drawn evenly in the logarithm of their distance from 0,
+#: over the set.
+_NEAREST = 1e-3
 #: How much less V' may fall where V is larger than 1, over the same.
-_LEEWAY = 20.0
+_LEEWAY = 2.0
 #: Levels to which a set may grow at once, linearly.
 _GROWTHS: tuple[float, ...] = (1.3, 1.12, 1.04)
+#: A fit is kept at once where samples allow so much of its level.
+_ENOUGH = 0.97
 #: Fits of one level, and the least growth of a set, linearly.
 _FITS = 8
 _GAIN = 1.01
@@ -153,6 +157,17 @@ class Shape:
         """(N, n), ∂V/∂z."""
         slopes = np.einsum("ktj,t->kj", self.basis.slopes(z @ self.M.T), self.coefficients)
         return np.asarray(slopes @ self.M)
+
+    def linear_decay(self, J: np.ndarray) -> np.ndarray:
+        """(n, n), symmetric: -V' is y'D y up to second order where z' = J z."""
+        n = self.basis.n
+        square = np.zeros((n, n))
+        for index in np.flatnonzero(self.basis.degrees == 2):
+            i, j = np.repeat(np.arange(n), self.basis.powers[index])
+            square[i, j] += 0.5 * self.coefficients[index]
+            square[j, i] += 0.5 * self.coefficients[index]
+        slope = square @ self.M @ J @ self.N
+        return np.asarray(-(slope + slope.T))
 
     def of_level(self, level: float) -> Shape:
         """V divided by a level."""
@@ -284,7 +299,22 @@ class Shape:
             rays = _unit(np.concatenate([rays[order], near]))
             spread *= 0.5
         y = rays * self.edges(rays)[:, None]
-        return np.asarray(self.N @ y[np.argmax(y @ direction)])
+        first = y[np.argmax(y @ direction)]
+        refined = minimize(
+            lambda y: -direction @ y,
+            first,
+            jac=lambda y: -direction,
+            constraints={
+                "type": "ineq",
+                "fun": lambda y: 1.0 - self.basis.at(y[None]) @ self.coefficients,
+                "jac": lambda y: -self.coefficients @ self.basis.slopes(y[None])[0],
+            },
+            method="SLSQP",
+            options={"ftol": 1e-12},
+        ).x
+        ray = _unit(refined[None])
+        last = (ray * self.edges(ray)[:, None])[0]
+        return np.asarray(self.N @ (last if last @ direction > first @ direction else first))
 
 
 def _unit(rays: np.ndarray) -> np.ndarray:
@@ -306,8 +336,7 @@ class Growth:
         self._samples = samples
         self._tell = tell
         self._random = np.random.default_rng(1)
-        decay = shape.M @ J @ shape.N
-        self._decay = -(decay + decay.T)
+        self._decay = shape.linear_decay(J)
         self._first_M = shape.M
         self._refuted = np.zeros((0, len(J)))
         self._growths = _GROWTHS
@@ -358,7 +387,7 @@ class Growth:
             size = found.size()
             if size > largest:
                 best, largest = found, size
-            if bound.place is None:
+            if bound.place is None or bound.level >= _ENOUGH:
                 break
             self._add(bound.place)
         return best
@@ -374,26 +403,28 @@ class Growth:
         falls, least = self._rows(last, inner)
         rows = [basis.at(edge), falls]
         sides = [np.full(len(edge), 1.02), least]
-        mean = basis.at(inner).mean(axis=0)
+        unknowns = self._unknowns(last)
+        mean = basis.at(self._edge(last, 1.0, _FIRST)).mean(axis=0)
         shape = None
         for _ in range(_PROGRAMS):
             self._tell(f"V of degree {basis.degree}, size {self.shape.size():.4g}")
             found = linprog(
-                mean,
-                -np.concatenate(rows),
+                mean @ unknowns,
+                -np.concatenate(rows) @ unknowns,
                 -np.concatenate(sides),
                 bounds=(-_LARGEST, _LARGEST),
                 method="highs",
             )
             if found.x is None:
                 return None
-            shape = replace(last, coefficients=found.x)
+            coefficients = unknowns @ found.x
+            shape = replace(last, coefficients=coefficients)
             walls = basis.at(self._edge(last, level, _CHECKED))
-            low = walls[walls @ found.x < 1.005]
+            low = walls[walls @ coefficients < 1.005]
             more = self._inside(last, level, checked)
-            more = more[basis.at(more) @ found.x <= 1.0]
+            more = more[basis.at(more) @ coefficients <= 1.0]
             falls, least = self._rows(last, more)
-            slack = falls @ found.x - least
+            slack = falls @ coefficients - least
             worst = np.argsort(slack)[:_ADDED]
             worst = worst[slack[worst] < -0.5 * _DECAY]
             if not len(worst) and not len(low):
@@ -401,6 +432,15 @@ class Growth:
             rows += [low, falls[worst]]
             sides += [np.full(len(low), 1.02), least[worst]]
         return shape
+
+    def _unknowns(self, shape: Shape) -> np.ndarray:
+        """(K, k), the coefficients of which V is a sum. Above degree 2 the quadratic part only
+        changes its size: near 0 samples of a stiff loop are too few to choose it."""
+        if shape.basis.degree == 2:
+            return np.eye(len(shape.coefficients))
+        is_square = shape.basis.degrees == 2
+        square = np.where(is_square, shape.coefficients, 0.0)
+        return np.column_stack([square, np.eye(len(square))[:, ~is_square]])
 
     def _edge(self, shape: Shape, level: float, count: int) -> np.ndarray:
         """(count, n), y at a level."""
@@ -413,7 +453,7 @@ class Growth:
         rays = _unit(self._random.normal(size=(count, n)))
         shares = self._random.uniform(size=(count, 1))
         shares[::2] **= 1.0 / n
-        shares[1::4] *= _NEAR
+        shares[1::4] = _NEAREST ** shares[1::4]
         return np.asarray(shares * rays * shape.edges(rays, level)[:, None])
 
     def _rows(self, last: Shape, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,32 @@
+"""Kinks of the rates at an equilibrium, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.enclosure.program import Program
+from hfa_boxes.enclosure.slopes import Intervals, jacobian
+
+#: A slope changes at the equilibrium where it varies by more than this part of the largest, in
+#: nominal values.
+_CHANGE = 1e-5
+
+
+def kink_at(plant: Plant, program: Program, equilibrium: Equilibrium) -> str:
+    """Return the rate and the signal whose slope changes most at the equilibrium, and the value of
+    the signal there; "" where the rates have no kink.
+
+    program: states, or states and inputs -> rates of the states
+    """
+    slopes = jacobian(program, Intervals(equilibrium.x, equilibrium.radius)).slopes
+    names = (*plant.states, *plant.inputs)[: program.inputs]
+    nominal = plant.nominal
+    sizes = nominal[: program.inputs] / nominal[: len(plant.states), None]
+    changes = slopes.radius * sizes
+    if not np.max(changes) > _CHANGE * np.max(np.abs(slopes.middle) * sizes):
+        return ""
+    row, column = np.unravel_index(np.argmax(changes), changes.shape)
+    signal = names[column]
+    at = plant.model.describe(signal, round(float(equilibrium.x[column]), 12))
+    return f"the rate of {plant.states[row]} has a kink in {signal} at the equilibrium, {at}"
