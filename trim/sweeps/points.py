@@ -31,10 +31,10 @@ STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
 TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
 #: From this many points on, compiling the functions to machine code pays, for any model: the time
 #: to compile and the time that a point then saves both grow with the number of instructions.
-#: Measured: 31,000 points of the HFA (1,820 instructions), 32,000 of the F-16 (19,341), 29,000 of
-#: the Navion (688). No clock decides: machine code gives the same numbers to rounding only, and a
-#: sweep has the same bits each time.
-COMPILE_FROM = 30_000
+#: Measured: 58,000 points of the F-16 with 5 unknowns, 60,000 with 12, 97,000 of the HFA. No clock
+#: decides: machine code gives the same numbers to rounding only, and a sweep has the same bits each
+#: time.
+COMPILE_FROM = 60_000
 #: Width of the cells at whose centers points with free states begin, in nominal values: of a single
 #: variable, and of each of several, which have many more cells.
 _FINE_CELL = 0.01
