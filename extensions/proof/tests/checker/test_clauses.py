@@ -16,20 +16,22 @@ from proof_cases import certificate, content, forge, model_of, of_the_other_trim
 
 import hfa
 from hfa import Game
-from hfa_aircraft.model import Signal
+from hfa_aircraft.model import Model, Signal
 from hfa_proof import Family, prove_solution
-from hfa_proof.arithmetic.balls import TaylorModel
+from hfa_proof.arithmetic.balls import TaylorModel, doubles
 from hfa_proof.checker.checker import (
     check_certificate,
     check_game,
     check_models,
     interpolation_errors,
 )
-from hfa_proof.checker.loop import LoopBox
+from hfa_proof.checker.loop import LoopBox, closed_loop
 from hfa_proof.checker.modes import check_motion, check_pieces, least_and_most
 from hfa_proof.checker.reading import Fields, Malformed, Rejected
 from hfa_proof.checker.riccati import check_axis, distance_bounds, solution_on
 from hfa_proof.checker.statement import (
+    Controller,
+    FixedActuators,
     ModelsStatement,
     UncertainActuators,
     Weights,
@@ -306,6 +308,36 @@ def test_motion_in_both_directions_is_checked() -> None:
     for growth in (3.0, -3.0):
         with pytest.raises(Rejected):
             check_motion(loop, P, arb_mat([[growth]]), np.eye(1))
+
+
+def test_each_actuator_has_its_own_numbers() -> None:
+    """u = -x through 2 / (s + 2), 0.9 of it, and v = -3 x through a second order of 5 rad/s."""
+    signals = {name: Signal() for name in ("u", "v")}
+    model = Model(
+        "two", {"x": Signal()}, signals, lambda x, u, p, w: ({"x": u.u + u.v}, {}), trim={}
+    )
+    table = np.zeros((2, 0, 0))
+    gains = np.array([[[-1.0], [-3.0]]] * 2)
+    controller = Controller(
+        np.array([0.0, 1.0]),
+        table,
+        np.zeros((2, 0, 1)),
+        np.zeros((2, 2, 0)),
+        gains,
+        ("x",),
+        ("u", "v"),
+    )
+    numbers = [np.array(pair) for pair in ([0.7, 0.3], [2.0, 5.0], [0.9, 0.4])]
+    row = TaylorModel(arb_mat([[arb(7), arb(11)]]))
+    linear = SimpleNamespace(trim=SimpleNamespace(low=0.0, high=1.0), A=_one(-0.5), B=row)
+    found = closed_loop(linear, model, controller, FixedActuators((1, 2), *numbers))
+    expected = [
+        [-0.5, 7.0, 11.0, 0.0],
+        [-2.0 * 0.9, -2.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 5.0],
+        [-3.0 * 5.0 * 0.4, 0.0, -5.0, -2.0 * 0.3 * 5.0],
+    ]
+    np.testing.assert_allclose(doubles(found.range()), expected, rtol=1e-14)
 
 
 def test_the_delay_acts_on_the_commands_that_arrive() -> None:
