@@ -388,6 +388,36 @@ def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
     assert _on_a_line(CART, 0.75, radius)._undecided(box).tolist() == [radius > 0.0]
 
 
+def test_the_envelope_is_met_from_all_equilibria() -> None:
+    """y from 0.1875 to 0.3125 reaches a position of 0.1 about an equilibrium at -0.2."""
+    plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
+    piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 1.0)
+    box = Boxes(np.array([[0.25]]), np.array([[4]]))
+    for radius in (0.0, 0.2):
+        equilibrium = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
+        inequality = CostInequality(plant, equilibrium, piece, ONE, ONE)
+        assert inequality.is_outside(box).tolist() == [radius == 0.0]
+
+
+def test_the_loss_covers_guesses_that_vary_in_two_directions() -> None:
+    """The guess runs from -0.2 to 0.2 over a box in two states; the slope of g in it is 0.75."""
+    model = Model(
+        "two",
+        {"position": Signal(), "other": Signal()},
+        {"speed": Signal()},
+        lambda x, u, p, w: ({"position": u.speed, "other": -x.other}, {}),
+        trim={},
+    )
+    still = {"position": 0.0, "other": 0.0}
+    plant = Plant(model, {}, still, {"speed": 0.0}, {}, {"speed": (-1.0, 1.0)})
+    piece = Piece(np.eye(2), Polynomial(2, ((0.75, (2, 0)),)), 1.0)
+    equilibrium = Equilibrium(np.zeros(3), np.zeros(3))
+    inequality = CostInequality(plant, equilibrium, piece, np.eye(2), np.zeros((1, 1)))
+    box = Boxes(np.array([[0.5, 0.0]]), np.array([[40, 40]]))
+    loss = inequality._loss(box, Guess(np.zeros((1, 1)), np.array([[[0.1, 0.1]]])))[0]
+    assert loss >= 0.75 * 1.2 - 1e-9
+
+
 def test_the_envelope_is_met_in_turned_coordinates() -> None:
     """y from 0.25 to 0.75 and from -0.25 to 0.25 holds z_1 = (y_1 - y_2) / 2 = 0."""
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flint import arb, ctx
+from flint import arb, arb_series, ctx
 from pendulum_regions import read_and_check
 
 from hfa_aircraft.model import Model, Signal
@@ -146,8 +146,11 @@ def _high_by_the_evidence_of_low(content: Content) -> None:
 
 
 def _small_ball(content: Content) -> None:
-    """V' < 0 is proved in a ball that does not hold the set."""
+    """V' < 0 is proved in a ball that does not hold the set; that V > 0 beyond it is true."""
     content["witness"]["T"] = [[0.5, 0.0], [0.0, 0.5]]
+    content["witness"]["inside"] = _square(0, 1, [0.05, 0.03, 0.03]) | {
+        "multipliers": {"outside": _square(0, 0, [0.05])}
+    }
     gram = [[0.5 / 3.0, 0.0], [0.0, 0.5 / 3.0]]
     content["witness"]["parts"][0]["evidence"]["gram"] = gram
 
@@ -477,9 +480,10 @@ def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
     slope_a = 2.0 * a + 0.4 * b + 0.6 * a**2 * b
     slope_b = 0.4 * a + 3.0 * b + 0.2 * a**3
     decrease = -(slope_a * da + slope_b * db) / 2.0
-    bound = _glider_loop().decrease({"u": what, "w": side}).lowest(2, 6)
-    away = decrease - _values(bound, y)
-    assert np.all(away >= -1e-12)
+    found = _glider_loop().decrease({"u": what, "w": side})
+    for degree in (2, 4, 6):
+        away = decrease - _values(found.lowest(2, degree), y)
+        assert np.all(away >= -1e-12)
     near = np.linalg.norm(y, axis=1) < 0.3
     assert np.all(away[near] < 1e-3)
 
@@ -512,6 +516,13 @@ def test_the_remainders_of_a_product_multiply() -> None:
     unknown = Taylor(1, Polynomial([{}]), arb(1))
     assert (unknown * unknown).remainder >= 1
     assert (unknown * -2).remainder >= 2
+
+
+def test_a_function_of_a_remainder_has_a_remainder() -> None:
+    """The exponential of what is within |y|² of 0 reaches e at |y| = 1."""
+    unknown = Taylor(1, Polynomial([{}]), arb(1))
+    found = unknown.through(arb_series.exp)
+    assert found.center + found.remainder >= arb(1).exp()
 
 
 @pytest.mark.parametrize(("power", "largest"), [(1, 0.5), (2, 0.25), (3, 0.125)])

@@ -166,6 +166,16 @@ FORGED: dict[str, tuple[str, Change, str]] = {
     ),
     "a value at the refused delta": ("scalar", _refused_with_a_value, "has another sign"),
     "a solution that does not stabilize": ("scalar", _refused_by_the_other_solution, "Hurwitz"),
+    "modes of the loop without evidence": (
+        "plant",
+        put([], "witness", "loop"),
+        "the boxes of loop .* do not cover",
+    ),
+    "modes of the plant without evidence": (
+        "scalar",
+        put([], "witness", "modes"),
+        "the boxes of modes .* do not cover",
+    ),
     "K that does not follow from W": ("plant", _a_gain_of_other_weights, "K is not the gain"),
     "a gain of no value": ("plant", _only_a_gain, "gain_of_value"),
     "a trim stated 1e-5 away": (
