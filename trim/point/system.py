@@ -221,7 +221,8 @@ def equations(structure: Structure) -> Equations:
     jacobian = ca.densify(jacobian[moved, moving]) @ ca.diag(ca.DM(scales))
     y = ca.vertcat(ca.SX(0, 1), *components(y)[len(outputs) :])
     parts = [x, u, y, residual[[*moved, *still]], jacobian]
-    x, u, y, residual, jacobian = ca.substitute(parts, [free[moving]], [z * ca.DM(scales)])
+    sought = ca.vertcat(ca.SX(0, 1), *(free[j] for j in moving))
+    x, u, y, residual, jacobian = ca.substitute(parts, [sought], [z * ca.DM(scales)])
     every = [(*structure.rates, *structure.outputs)[i] for i in (*moved, *still)]
     return Equations(
         layout,

@@ -388,3 +388,16 @@ def test_an_operating_point_lists_its_names() -> None:
     assert "elevator_outer" in point
     assert "sped" not in point
     assert dict(point) == {name: point[name] for name in names}
+
+
+def test_input_that_moves_nothing_is_named():
+    """The only free variable does not stand in the equations."""
+    model = Model(
+        "coasting",
+        {"speed": hfa.Signal("m/s", 1.0, start=10.0)},
+        {"push": hfa.Signal("N")},
+        lambda x, u, p, w: ({"speed": -x.speed}, {}),
+        trim={"speed": 10.0},
+    )
+    with pytest.raises(BadInputError, match="push moves no equation; free another variable"):
+        find_operating_point(model)
