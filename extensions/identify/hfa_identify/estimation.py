@@ -109,7 +109,7 @@ def identify(
     try:
         fit = search.fit(progress)
     except FloatingPointError as error:
-        fault = fault_of_columns(search, None, progress)
+        fault = fault_of_columns(search, None, {}, progress)
         reason = f"; {fault}" if fault else "; start nearer, or give shorter records"
         raise NoSolutionError(
             f"no parameters were found: {error} at the values where the search begins{reason}"

@@ -79,7 +79,7 @@ def faults_of(
     # A column in another unit leaves residuals that look like outliers.
     column = ""
     if not spikes or unexplained(fit).any():
-        column = fault_of_columns(search, fit, progress)
+        column = fault_of_columns(search, fit, errors, progress)
     if spikes and not column:
         yield from spikes
         return
@@ -238,15 +238,19 @@ class _Undone:
 
 
 def fault_of_columns(
-    search: Search, fit: Fit | None, progress: Callable[[float, float], None] | None
+    search: Search,
+    fit: Fit | None,
+    errors: Mapping[str, ColumnError],
+    progress: Callable[[float, float], None] | None,
 ) -> str:
     """Return the wrong sign or unit of a column, or the exchange of two, whose correction explains
     the records and leaves parameters closer to their initial values; "" without one. Faults that
     explain them alike are joined by "or".
 
     fit: None where the simulation diverges
+    errors: of the columns, by one step from 0
     """
-    if fit is not None and not _suspicious(search, fit):
+    if fit is not None and not _suspicious(search, fit, errors):
         return ""
     explained: dict[str, float] = {}
     for undone, corrected in _likeliest(search, progress):
@@ -294,9 +298,13 @@ def _likeliest(
     return list(likeliest.values())[:_TRIED]
 
 
-def _suspicious(search: Search, fit: Fit) -> bool:
-    """Return whether a fit is poor, or moved parameters far from their values before."""
+def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> bool:
+    """Return whether a fit is poor, moved parameters far from their values before, or leaves an
+    obvious error of scale that no sensor has."""
     far = _change(search, fit.theta) > _LARGE_CHANGE**2
+    for name, each in errors.items():
+        if name.startswith("scale") and each.value is not None and each.clear > _OBVIOUS:
+            far |= not _is_plausible(search, name, each.value)
     return far or not fit.converged or bool(unexplained(fit).any())
 
 

@@ -176,6 +176,20 @@ def test_a_moving_state_without_sensor_moved():
     assert still_quantities(search, names) == {"Cm_q": "", "Cn_r": "yaw_rate"}
 
 
+def flown_in_steps(moves, seconds):
+    """A record with noise of the sensors whose inputs are steps. moves: as `hfa.fly` takes them."""
+    model = from_derivatives(UAV)
+    flight = hfa.fly(model, hfa.find_operating_point(model), moves, seconds=seconds)
+    generator = np.random.default_rng(0)
+    columns = {"time": flight.times[::20]}
+    for place, name in enumerate(model.inputs):
+        columns[name] = flight.inputs[::20, place]
+    for name, size in SENSORS.items():
+        states = flight.states[::20, list(model.states).index(name)]
+        columns[name] = states + size * generator.standard_normal(len(states))
+    return columns
+
+
 def late(values, samples=2):
     return np.concatenate([np.full(samples, values[0]), values[:-samples]])
 
@@ -223,6 +237,17 @@ def test_exchanged_columns_are_named():
     wrong["alpha"], wrong["pitch"] = wrong["pitch"], wrong["alpha"]
     result = identify(begun(1.2), wrong, FREE)
     assert result.first_line.startswith("FAIL: alpha and pitch are exchanged")
+
+
+@pytest.mark.slow
+def test_a_unit_that_a_parameter_absorbs_is_named():
+    """A free drag makes up for a thrust in lbf: what is left is an error of scale that no sensor
+    has."""
+    moves = {"thrust": [(1.0, 6.0), (3.0, -6.0), (5.0, 0.0)], "elevator": [(5.5, 0.04), (6.2, 0.0)]}
+    columns = flown_in_steps(moves, 10)
+    assert identify(begun(1.2), columns, FREE, inputs="steps").ok
+    columns["thrust"] = columns["thrust"] / 4.448222
+    assert "thrust is in lbf" in identify(begun(1.2), columns, FREE, inputs="steps").first_line
 
 
 def test_delays_below_the_noise_have_bands():
@@ -316,17 +341,8 @@ def test_errors_of_sensors_are_estimated():
 
 def test_steps_of_inputs_are_told_from_slopes():
     """Inputs that a computer holds, read as if they were linear between samples."""
-    model = from_derivatives(UAV)
     moves = [(0.5, 0.04), (1.7, -0.04), (2.5, 0.04), (2.9, -0.04), (3.3, 0.0)]
-    flight = hfa.fly(model, hfa.find_operating_point(model), {"elevator": moves}, seconds=5)
-    columns = {}
-    columns["time"] = flight.times[::20]
-    for place, name in enumerate(model.inputs):
-        columns[name] = flight.inputs[::20, place]
-    generator = np.random.default_rng(0)
-    for name, size in SENSORS.items():
-        states = flight.states[::20, list(model.states).index(name)]
-        columns[name] = states + size * generator.standard_normal(len(states))
+    columns = flown_in_steps({"elevator": moves}, 8)
     linear = identify(begun(1.2), columns, FREE)
     assert linear.first_line == "FAIL: inputs are steps between their samples; add --inputs steps"
     assert identify(begun(1.2), columns, FREE, inputs="steps").ok
