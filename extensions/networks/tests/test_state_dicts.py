@@ -151,6 +151,7 @@ def test_policies_of_other_libraries_are_read(library) -> None:
         ({"value_scale": np.ones(STATES)}, "", "value_scale"),
         ({"obs_norm.log_std": np.ones(STATES)}, "actor", "obs_norm.log_std"),
         ({"std": np.ones(STATES)}, "", "'std' (6,)"),
+        ({"sigma.weight": np.ones((STATES, STATES))}, "actor", "sigma.weight"),
     ],
 )
 def test_tensor_that_may_act_is_refused_by_name(more, part, named) -> None:

@@ -188,7 +188,7 @@ def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> N
         name, first = layers[0]
         entry = first.shape[1]
         end = len(layers[-1][1])
-        if name in unused and (end == 1 or _is_spread(name)):
+        if name in unused and end == (gives if _is_spread(name) else 1):
             continue
         is_parallel = len(layers) == 1 and (entry, end) == (takes, gives)
         if end == takes or entry == gives or is_parallel:
