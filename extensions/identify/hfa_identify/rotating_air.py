@@ -55,11 +55,13 @@ ROTATIONS = {
 
 
 def rotations_of(model: Model) -> dict[str, Rotation]:
-    """Return rate of the aircraft -> rotation of the air, where the model has their states."""
+    """Return rate of the aircraft -> rotation of the air, where the model has their states, in
+    radians."""
+    units = {name: signal.unit for name, signal in model.states.items()}
     return {
         rate: each
         for rate, each in ROTATIONS.items()
-        if rate in model.states and (not each.of or each.of in model.states)
+        if units.get(rate) == "rad/s" and (not each.of or units.get(each.of) == "rad")
     }
 
 
