@@ -14,7 +14,7 @@ import pytest
 
 from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model, Signal
-from hfa_boxes.check.checker import check_region, read_content
+from hfa_boxes.check.checker import _check_limits, check_region, read_content
 from hfa_boxes.check.cover import Boxes
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.piece import Piece, Polynomial
@@ -146,6 +146,17 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
     content["statement"]["equilibrium"]["level"] = 2e-7
     with pytest.raises(NoSolutionError, match="differs from the stated"):
         check_region(*read_content(content, replace(TANK, states=states), None))
+
+
+@pytest.mark.parametrize("ends", [(-0.9105, 9.0), (-9.0, 0.9105)])
+def test_limits_hold_about_all_equilibria(ends: tuple[float, float]) -> None:
+    """The level moves by 0.91, about an equilibrium within 0.001."""
+    content = tank()
+    content["statement"]["limits"]["level"] = list(ends)
+    statement, _ = read_content(content, TANK, None)
+    _check_limits(statement, Equilibrium(np.zeros(2), np.zeros(2)))
+    with pytest.raises(NoSolutionError, match="level may leave"):
+        _check_limits(statement, Equilibrium(np.zeros(2), np.array([0.001, 0.0])))
 
 
 def _put(value: Any, *path: Any) -> Callable[[Content], None]:

@@ -381,6 +381,12 @@ def test_inputs_reach_their_limits_from_all_equilibria() -> None:
     assert high >= 0.101
 
 
+@pytest.mark.parametrize("ends", [(-1e-4, 0.1), (-0.1, 1e-4)])
+def test_no_equilibrium_may_be_beyond_limits_of_inputs(ends: tuple[float, float]) -> None:
+    with pytest.raises(NoSolutionError, match="speed of the equilibrium is not within"):
+        _ = _on_a_line(CART, 0.75, 1e-3, ends).ends
+
+
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
     """g = 1.5 y (u + e) + y² + u² is positive at y = 0.5 for e = 0, and not for all |e| <= 0.3."""

@@ -303,10 +303,11 @@ def test_equilibria_that_are_not_isolated_are_refused() -> None:
 
 
 def test_the_jacobian_has_the_slope_of_the_policy() -> None:
-    """At x = 0.25 the slope of x' = x - (2 x + 0.5 x²) is -1.25."""
+    """At x = 0.25 the input is 2 x + 0.5 x², and the slope of x' = x - u is -1.25."""
     equilibrium = Equilibrium(replace(_loop(), policy={"u": ((0.5, (2,)),)}))
     (slope,) = equilibrium._jacobian([arb(0.25)]).entries()
     assert slope.contains(arb(-1.25))
+    assert equilibrium._inputs([arb(0.25)])[0].contains(arb(0.53125))
 
 
 @pytest.mark.parametrize(
@@ -486,6 +487,12 @@ def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
         assert np.all(away >= -1e-12)
     near = np.linalg.norm(y, axis=1) < 0.3
     assert np.all(away[near] < 1e-3)
+
+
+def test_the_ball_reaches_as_far_as_the_rows_of_its_coordinates() -> None:
+    loop = _glider_loop()
+    for index, length in enumerate(np.linalg.norm(GLIDER_T, axis=1)):
+        assert float(loop.reach(index)) == pytest.approx(length, rel=1e-14)
 
 
 def test_parts_are_where_the_input_is_as_stated() -> None:
