@@ -13,8 +13,8 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_flight.envelope import limits_text
 from hfa_optimal.flights import Flown
-from hfa_optimal.problem import FlightProblem, flight_problem
-from hfa_optimal.search import BestFlights, Found
+from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem
+from hfa_optimal.search import MESHES_AGREE, BestFlights, Found
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import refuse_unless_positive
 from hfa_support.reporting.report import Picture, Report, Reported
@@ -61,7 +61,7 @@ class PolicyFlight(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BestFlight(StatesAndInputs, Result, Reported):
+class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     """The best flight found from a start to a trim within limits. It was flown by the simulator, so
     that the least cost is at most its own; that no flight costs less is not proved.
 
@@ -92,16 +92,6 @@ class BestFlight(StatesAndInputs, Result, Reported):
     found: Found
     others: tuple[Flown, ...] = field(default=(), repr=False)
     lower_bound: float | None = None
-
-    @property
-    def point(self) -> OperatingPoint:
-        """The trim that the flight ends in."""
-        return self.problem.point
-
-    @property
-    def model(self) -> Model:
-        """Name of the aircraft."""
-        return self.problem.model
 
     @property
     def start(self) -> Mapping[str, float]:
@@ -157,16 +147,6 @@ class BestFlight(StatesAndInputs, Result, Reported):
         return self.found.flown.inputs
 
     @property
-    def Q(self) -> Matrix:
-        """(k, k), of the states of the linear model."""
-        return self.problem.Q
-
-    @property
-    def R(self) -> Matrix:
-        """(m, m), of the inputs that move."""
-        return self.problem.R
-
-    @property
     def envelope(self) -> Mapping[str, Vector]:
         """State -> lowest and highest value that the flight keeps to."""
         return envelope_pairs(self.problem)
@@ -220,6 +200,8 @@ class BestFlight(StatesAndInputs, Result, Reported):
         first = f"Best flight found, {whose}: cost {self.cost:.6g}"
         if self.over_bound is not None:
             first += f", {bracket_text(self.over_bound)}"
+        elif self.found.spread_of_guesses > MESHES_AGREE:
+            first += f", guesses differ by {100 * self.found.spread_of_guesses:.2g} %"
         lines = [first]
         for flown, policy in zip(self.compared, self.policies, strict=True):
             says = [] if policy.over_best is None else [f"{policy.over_best:.4g} x the best found"]

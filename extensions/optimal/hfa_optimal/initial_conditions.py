@@ -13,15 +13,15 @@ import numpy as np
 
 from hfa_optimal.best_flight import PolicyFlight, bracket_text, limits_table
 from hfa_optimal.pilots import Pilot
-from hfa_optimal.problem import FlightProblem
-from hfa_optimal.search import AFTER, BestFlights
+from hfa_optimal.problem import FlightProblem, OfProblem
+from hfa_optimal.search import AFTER, MESHES_AGREE, BestFlights
 from hfa_policy.outcomes import start_box
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Matrix, Result
+from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
-from trim.point.operating_point import OperatingPoint, at_scheduled
+from trim.point.operating_point import at_scheduled
 from verification.hfa_box import ordinary_box
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class PolicySummary(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StartsTable(Result, Reported):
+class StartsTable(OfProblem, Result, Reported):
     """Best flights from many starts.
 
     problem: aircraft, trim, prices and limits.
@@ -92,21 +92,6 @@ class StartsTable(Result, Reported):
     problem: FlightProblem
     flights: tuple[StartFlights, ...]
     asked: int
-
-    @property
-    def point(self) -> OperatingPoint:
-        """The trim that flights end in."""
-        return self.problem.point
-
-    @property
-    def Q(self) -> Matrix:
-        """(k, k), of the states of the linear model."""
-        return self.problem.Q
-
-    @property
-    def R(self) -> Matrix:
-        """(m, m), of the inputs that move."""
-        return self.problem.R
 
     @property
     def starts(self) -> int:
@@ -150,6 +135,9 @@ class StartsTable(Result, Reported):
             title += f" (interrupted; {self.asked} requested)"
         if self.over_bound:
             title += f", {bracket_text(max(self.over_bound))}"
+        spread = max((each.spread for each in self.flights if each.spread is not None), default=0.0)
+        if spread > MESHES_AGREE:
+            title += f"\nguesses differ by up to {100 * spread:.2g} %"
         rows = []
         for each in self.policies:
             numbers = [_number(value) for value in (each.median, each.high, each.worst)]

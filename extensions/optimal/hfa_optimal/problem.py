@@ -17,6 +17,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits, flight_envelope
 from hfa_optimal.smooth import smoothed
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from hfa_support.reporting.results import Matrix
 from trim.limits import Limits
 from trim.linear.linear_model import LinearModel, linearize
 from trim.point.operating_point import OperatingPoint
@@ -58,7 +59,7 @@ class FlightProblem:
 
     @property
     def model(self) -> Model:
-        """Name of the aircraft."""
+        """The aircraft."""
         return self.point.model
 
     @property
@@ -253,6 +254,32 @@ class FlightProblem:
         if broken:
             what = broken[0].replace("would have to be", "begins at", 1)
             raise BadInputError(f"{what}; begin within the limits")
+
+
+class OfProblem:
+    """The aircraft, the trim and the weights of a result with a `problem`."""
+
+    problem: FlightProblem
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The trim that flights end in."""
+        return self.problem.point
+
+    @property
+    def model(self) -> Model:
+        """The aircraft."""
+        return self.problem.model
+
+    @property
+    def Q(self) -> Matrix:
+        """(k, k), of the states of the linear model."""
+        return self.problem.Q
+
+    @property
+    def R(self) -> Matrix:
+        """(m, m), of the inputs that move."""
+        return self.problem.R
 
 
 def flight_problem(

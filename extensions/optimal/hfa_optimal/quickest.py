@@ -13,7 +13,7 @@ from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_optimal.best_flight import deviations_in_words, envelope_pairs, limits_table
 from hfa_optimal.collocation import DEGREE, Proposal, adapted_mesh, collocation_points
 from hfa_optimal.flights import Flights, Flown
-from hfa_optimal.problem import FlightProblem, flight_problem
+from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem
 from hfa_optimal.quickest_program import TimeProgram
 from hfa_optimal.search import BestFlights, difference_of_meshes
 from hfa_support.arguments import checks_arguments
@@ -54,7 +54,7 @@ _HELD = 0.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class QuickestFlight(StatesAndInputs, Result, Reported):
+class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
     """The quickest flight found from an initial condition to a trim within limits. It was
     simulated; its time is an upper bound of the least time. It is not proved that none is quicker.
 
@@ -77,16 +77,6 @@ class QuickestFlight(StatesAndInputs, Result, Reported):
     flown: Flown
     meshes: dict[int, float]
     reserve: float
-
-    @property
-    def point(self) -> OperatingPoint:
-        """The trim that the flight ends in."""
-        return self.problem.point
-
-    @property
-    def model(self) -> Model:
-        """Name of the aircraft."""
-        return self.problem.model
 
     @property
     def start(self) -> Mapping[str, float]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pendulum_card import pendulum_card
 
 import hfa
 from hfa.main import main
@@ -112,23 +113,8 @@ def test_a_bound_of_other_weights_is_refused(
 
 def card_of(folder: Path, weight: float) -> str:
     """A deployment file of u = -1.98 angle - 0.98 rate, trained for R = weight."""
-    np.savez(folder / "actor.npz", **{"0.weight": np.array([[-1.98, -0.98]]), "0.bias": [0.0]})
-    path = folder / "card.toml"
-    path.write_text(f"""
-[policy]
-file = "actor.npz"
-[observation]
-angle = {{}}
-rate = {{}}
-[action]
-torque = {{box = [-3.0, 3.0], map = "trim + a"}}
-[timing]
-dt = 0.01
-[cost]
-Q = {{angle = 1.0, rate = 1.0}}
-R = {{torque = {weight}}}
-""")
-    return str(path)
+    cost = f"[cost]\nQ = {{angle = 1.0, rate = 1.0}}\nR = {{torque = {weight}}}\n"
+    return str(pendulum_card(folder, f"[timing]\ndt = 0.01\n{cost}"))
 
 
 def test_flights_of_a_deployed_policy_are_bracketed(

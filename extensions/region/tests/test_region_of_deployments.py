@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pendulum_card import pendulum_card
 
 import hfa
 from hfa.main import main
@@ -17,21 +18,8 @@ PENDULUM = ["--aircraft", "examples/pendulum.py:PENDULUM", "--Q", "1,1", "--R", 
 
 def card(folder: Path, observed: str = "rate", gain: float = -0.98) -> list[str]:
     """Words of a deployment file with the policy u = -1.98 angle + gain rate."""
-    weights = {"0.weight": np.array([[-1.98, gain]]), "0.bias": np.zeros(1)}
-    np.savez(folder / "actor.npz", **weights)
-    path = folder / "card.toml"
-    path.write_text(f"""
-[policy]
-file = "actor.npz"
-[observation]
-angle = {{}}
-{observed} = {{}}
-[action]
-torque = {{box = [-3.0, 3.0], map = "trim + a"}}
-[timing]
-dt = 0.02
-delay = 0.04
-""")
+    timing = "[timing]\ndt = 0.02\ndelay = 0.04\n"
+    path = pendulum_card(folder, timing, observed=observed, gain=gain)
     return ["prove", "region", *PENDULUM, "--policy", str(path)]
 
 
