@@ -17,7 +17,7 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Cell, Table, shown_unit
 
 _STUDY = "`python -m studies.best_flights`"
-_TITLE = "Flights of the nonlinear aircraft from the paper's x(0)"
+_TITLE = "Costs of nonlinear flights from the paper's x(0)"
 #: Name in the table -> key in the file.
 _POLICIES = {
     "exact game policy": "exact_policy",
@@ -55,7 +55,8 @@ def flights_section(
     same = "this page's aircraft" if flights.flew(A_and_B) else "ANOTHER aircraft than this page's"
     about = (
         "The cost of x'Qx + u'Ru, the paper's Q and R. The policies are exact for the linear game; "
-        f"their inputs are clipped. {flights.limits} Stored by {_STUDY}, of {same}."
+        f"their inputs are clipped. Outside: leaves the limits. {flights.limits} "
+        f"Stored by {_STUDY}, of {same}."
     )
     return Report(_TITLE, (flights.table, about), data=flights.data)
 
@@ -84,8 +85,8 @@ def load_flights(path: Path) -> StoredFlights:
 
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
-    """A row for each angle and set of limits: cost and final deviation of each flight."""
-    header = ("dihedral, limits", *_POLICIES, "best flight found")
+    """A row for each angle and set of limits: the cost of each flight, and over the best found."""
+    header = ("dihedral, assumed limits", *_POLICIES, "best flight found")
     rows = [
         (
             f"{flight['dihedral_deg']:g} deg, {flight['within']}",
@@ -98,15 +99,13 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _policy(flight: Mapping[str, Any]) -> Cell:
-    """The cost of a policy's flight, and the state that leaves its limits."""
-    left = flight["departure"]
-    findings = [] if left is None else [f"{left['state']} beyond its limit at {left['time']:.2g} s"]
+    """The cost of a policy's flight, and whether it leaves the limits."""
     if flight["cost"] is None:
-        return Cell(", ".join(["does not converge", *findings]), "bad")
-    ratio = f"{flight['over_best']:.1f}x"
-    return Cell(
-        ", ".join([f"{flight['cost']:,.0f} ({ratio})", *findings]), "bad" if findings else "near"
-    )
+        return Cell("does not converge", "bad")
+    cost = f"{flight['cost']:,.0f} ({flight['over_best']:.1f}x)"
+    if flight["departure"] is not None:
+        return Cell(f"{cost}, outside", "bad")
+    return Cell(cost, "near")
 
 
 def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:

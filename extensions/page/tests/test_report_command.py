@@ -82,7 +82,7 @@ def test_folder_holds_page_its_pictures_and_its_numbers(made: tuple[Result, Path
     assert '<tr><th scope="row">load_factor</th>' in html
     assert "the same matrices as those of this page" in html
     assert f"Read from {CLAIMS}" in html
-    assert "Flights of the nonlinear aircraft from the paper" in html.partition("<details")[0]
+    assert "Costs of nonlinear flights from the paper" in html.partition("<details")[0]
     assert data["flights"]["schema"] == "hfa.paper-flights/2"
 
 
