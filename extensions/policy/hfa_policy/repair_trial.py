@@ -39,7 +39,7 @@ _AS_IT_IS = 3.0
 #: exchanged a 737 flies at 1.02 times the optimum when its elevator is turned, uncontrolled at 1.4.
 _NEEDED = 2.0
 #: A card that keeps fewer of the starts within the limits harms: that no control does about as well
-#: as a change is then no argument against it.
+#: as a change is then no argument against it, unless the change makes the control weaker.
 _KEEPS = 0.7
 #: Of the actions: the card as it is, no control, and the gains that a right policy may lack. One
 #: that was trained for dear control is up to fifty times too weak, none is ten times too strong.
@@ -115,6 +115,12 @@ def _is_better(flown: Flown, card: Flown) -> bool:
     if flown.back >= least and card.times(flown) >= _CLEARLY:
         return True
     return card.times(flown) >= _AS_IT_IS
+
+
+def _weakens(repair: Repair) -> bool:
+    """Return whether a change makes an observation or an action smaller, as no control does."""
+    largest = np.abs(repair.P).max(axis=1)
+    return bool(np.any(largest < 1.0) or np.any(np.abs(repair.gain) < 1.0))
 
 
 def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
@@ -213,7 +219,7 @@ class _Trial:
             return False
         if nearer >= _NEARER:
             return True
-        is_none = none.times(flown) < _NEEDED and not _harms(card)
+        is_none = none.times(flown) < _NEEDED and (_weakens(repair) or not _harms(card))
         return not is_none and not _is_a_gain(flown, none, others)
 
     def _is_weaker_action(self, repair: Repair, flown: Flown) -> bool:
