@@ -20,6 +20,7 @@ from hfa_proof.arithmetic.balls import (
     is_positive_definite,
     matrix,
     pivots,
+    symmetric,
 )
 
 
@@ -29,6 +30,11 @@ def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
     assert (found is None) == (second == 0.0)
     assert is_positive_definite(matrix([[2.0, off], [off, 2.0]])) == (second > 0.0)
     assert found is None or [float(each) for each in found] == [2.0, second]
+
+
+def test_an_interval_about_0_holds_all_of_a_radius() -> None:
+    assert symmetric(arb(1, 0.1)).contains(arb(1.09))
+    assert symmetric(arb(-2, 0.1)).contains(arb(-2.09))
 
 
 @pytest.mark.parametrize("slope", [-1.75, -1.25, -0.75, -0.25, 0.25, 0.75, 1.25, 1.75])

@@ -309,6 +309,7 @@ def test_bounds_of_a_distance_hold_all_of_box() -> None:
     least, most = distance_bounds(_one(3.0, 0.5, 0.0, 0.0), None)
     assert least <= 2.5
     assert most >= 3.5
+    assert distance_bounds(_one(0.0, 1.0), None)[0] <= 0
 
 
 def test_motion_in_both_directions_is_checked() -> None:
