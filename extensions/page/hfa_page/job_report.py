@@ -251,8 +251,8 @@ def _folded(section: str, part: Report) -> str:
 
 
 def any_angle(job: MainJob, drawn: Report) -> str:
-    """Return the slider over the sweep, the aircraft and the verdicts, the root locus, and trim and
-    model of the chosen angle."""
+    """Return the slider over the sweep, the aircraft, the costs of flights and the verdicts, the root
+    locus, and trim and model of the chosen angle."""
     labels = [f"{point.dihedral_deg:g} deg" for point in job.points]
     asked = [angle.dihedral_deg for angle in job.angles]
     first = next((i for i, point in enumerate(job.points) if point.dihedral_deg in asked), 0)
@@ -272,7 +272,7 @@ def any_angle(job: MainJob, drawn: Report) -> str:
 <p class="slider"><label for="dihedral">Dihedral angle</label>
 <input type="range" id="dihedral" min="0" max="{len(labels) - 1}" value="{first}" aria-valuetext="{labels[first]}">
 <output for="dihedral" id="angle">{labels[first]}</output> <span class="noscript">The slider needs scripts.</span></p>
-<div class="first"><div>{aircraft}</div><section>{checks}{flights}<p class="paper">The paper: {_PAPER}.</p></section></div>
+<div class="first"><div>{aircraft}</div><section>{flights}{checks}<p class="paper">The paper: {_PAPER}.</p></section></div>
 {locus}
 {points}</div>"""
 
