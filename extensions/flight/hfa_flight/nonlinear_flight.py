@@ -38,7 +38,7 @@ from hfa_flight.flown_policy import flown_policy
 from hfa_flight.gust_equations import in_gusts
 from hfa_flight.limit_cycle import Decay, LimitCycle, oscillation
 from hfa_flight.own_steps import JSBSIM, RUNGE_KUTTA, in_own_steps, timed_by
-from hfa_flight.policies import GainPolicy, OpenLoop
+from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
@@ -172,7 +172,7 @@ def fly_within(
     flight = compiled.fly(loop.scenario, parameters=parameters, stop=stop, progress=progress)
     left_at = departure(envelope, flight.times, flight.limited + trim, loop.scenario.moving_air)
     found: LimitCycle | Decay | None = None
-    if left_at is None and not isinstance(loop.policy, OpenLoop):
+    if left_at is None:
         found = oscillation(loop.plant.point.model, flight, loop.scenario.driven_until)
     cycle = found if isinstance(found, LimitCycle) else None
     decay = found if isinstance(found, Decay) else None

@@ -336,3 +336,26 @@ def test_loop_that_delay_destabilizes_ends_in_limit_cycle() -> None:
         plan = MonteCarlo(1, 0, NAVION, point, law, scenario, flight_envelope(NAVION, point))
         place = -1 if settles else [*NAVION.inputs, *NAVION.states].index("pitch_rate")
         assert fly_members(plan, 0, 1)["cycle"] == place
+
+
+def test_a_cycle_of_the_aircraft_itself_is_found_without_a_law() -> None:
+    """Van der Pol's oscillator with μ = 0.5: a cycle of amplitude 2.00, period 6.381 s."""
+    oscillator = Model(
+        name="van der Pol",
+        states={"x": Declared("m", min=-10.0, max=10.0), "v": Declared("m/s", min=-10.0, max=10.0)},
+        inputs={"force": Declared("N", min=-5.0, max=5.0)},
+        equations=lambda x, u, p, w: (
+            {"x": x.v, "v": 0.5 * (1.0 - x.x**2) * x.v - x.x + u.force},
+            {},
+        ),
+        trim={"x": 0.0, "v": 0.0},
+    )
+    point = find_operating_point(oscillator)
+    scenario = Scenario(duration=60.0, step=0.01, initial=np.array([0.5, 0.0]))
+    policy = OpenLoop("none", held=np.zeros((scenario.ticks, 1)))
+    flight = fly(
+        oscillator, point, policy, scenario=scenario, envelope=flight_envelope(oscillator, point)
+    )
+    assert flight.cycle is not None
+    assert not flight.within_limits
+    assert flight.cycle.frequency == pytest.approx(2.0 * math.pi / 6.3807, rel=1e-3)
