@@ -124,13 +124,14 @@ def _weakens(repair: Repair) -> bool:
 
 
 def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
-    """Return whether another gain, one that helps, brings about as many back at about the cost."""
-    return any(
-        none.times(other) >= _CLEARLY
-        and _CLEARLY * other.back >= flown.back
-        and other.times(flown) < _CLEARLY
-        for other in other_gains
-    )
+    """Return whether another gain, one that helps, brings about as many back at about the cost, or
+    is clearly cheaper."""
+    for other in other_gains:
+        is_as_good = _CLEARLY * other.back >= flown.back and other.times(flown) < _CLEARLY
+        is_cheaper = flown.times(other) >= _CLEARLY
+        if none.times(other) >= _CLEARLY and (is_as_good or is_cheaper):
+            return True
+    return False
 
 
 class _Trial:
