@@ -198,8 +198,9 @@ class Flights:
         v = rows.inputs[:, problem.moved]
         states = rows.states + trim
         left = departure(problem.envelope, rows.times, states, moving_air=False)
-        tail = float(z[-1] @ problem.P @ z[-1])
-        running = cost_of_flight(rows.times, z, v, problem.Q, problem.R, policy.is_held)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a flight that diverges
+            tail = float(z[-1] @ problem.P @ z[-1])
+            running = cost_of_flight(rows.times, z, v, problem.Q, problem.R, policy.is_held)
         cost = running + tail
         if not math.isfinite(cost) or tail > SETTLED * cost:
             cost = math.inf

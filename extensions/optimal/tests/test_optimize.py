@@ -84,6 +84,7 @@ def test_an_interruption_keeps_what_is_found() -> None:
         ([], "name one: --start NAME=VALUE,..., --starts N or --to NAME=VALUE"),
         (["--start", "height=3"], "names the unknown state 'height'"),
         (["--start", "speed"], "has no value of speed"),
+        (["--start", "speed=1,speed=2"], "names speed twice"),
         (["--start", "speed=500"], "begin within the limits"),
         (["--start", "speed=1", "--limit", "mass=0:1"], "mass"),
         (["--start", "speed=1", "--seconds", "0.5"], "s are too short"),

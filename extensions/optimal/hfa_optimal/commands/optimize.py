@@ -42,6 +42,8 @@ def _deviations(model: Model, text: str) -> dict[str, float]:
         refuse_unknown("names the unknown state", name, model.linear)
         if not equals:
             raise BadInputError(f"has no value of {name}; give NAME=VALUE,NAME=VALUE")
+        if name in values:
+            raise BadInputError(f"names {name} twice; name it once")
         values[name] = quantity(model, name, value)
     return values
 
