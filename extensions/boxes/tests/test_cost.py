@@ -269,6 +269,15 @@ def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -
         check_cost(statement, CostWitness(("speed",), (1000,), np.zeros((1, 1), dtype=int)))
 
 
+def test_the_equilibrium_is_compared_in_nominal_values() -> None:
+    """2e-7 m is more than a millionth of 0.01 m."""
+    fine = replace(CART, states={"position": Signal("m", 0.01)})
+    plant = Plant(fine, {}, {"position": 2e-7}, {"speed": 0.0}, {}, {})
+    statement = replace(cart_bound(0.9), plant=plant)
+    with pytest.raises(NoSolutionError, match="differs from the trim"):
+        check_cost(statement, CostWitness(("speed",), (1000,), np.zeros((1, 1), dtype=int)))
+
+
 @pytest.mark.parametrize("limits", [(-1.0, -0.1), (0.1, 1.0)])
 def test_an_equilibrium_beyond_a_limit_is_refused(limits: tuple[float, float]) -> None:
     still = {"position": 0.0, "speed": 0.0}
