@@ -83,10 +83,11 @@ def test_the_tank_is_proved() -> None:
     assert 0 < checked(tank()) < 1000
 
 
-def test_policies_of_other_digits_have_other_digests() -> None:
+def test_policies_of_other_digits_or_states_have_other_digests() -> None:
     z = ca.SX.sym("z", 2)
-    policies = [ca.Function("u", [z], [k * z[0]]) for k in (0.25, np.nextafter(0.25, 1.0))]
-    assert len({digest_of(policy) for policy in policies}) == 2
+    commands = [0.25 * z[0], np.nextafter(0.25, 1.0) * z[0], 0.25 * z[1]]
+    policies = [ca.Function("u", [z], [command]) for command in commands]
+    assert len({digest_of(policy) for policy in policies}) == 3
 
 
 def test_the_hole_ends_where_the_jacobian_decides() -> None:

@@ -311,13 +311,13 @@ def test_the_jacobian_has_the_slope_of_the_policy() -> None:
 
 
 @pytest.mark.parametrize(
-    ("ends", "reached"), [((-0.1, 9.0), (True, False)), ((-9.0, 0.1), (False, True))]
+    ("ends", "reached"), [((-0.1, 9.0), (True, False)), ((-9.0, 2.25), (False, True))]
 )
 def test_each_limit_of_an_input_has_its_own_room(
     ends: tuple[float, float], reached: tuple[bool, bool]
 ) -> None:
-    """u = 2 x moves by 2 in the ball."""
-    loop = replace(_loop(), limits={"u": ends})
+    """u = 2 x + 0.5 x² moves by 2.5 in the ball."""
+    loop = replace(_loop(), limits={"u": ends}, policy={"u": ((0.5, (2,)),)})
     region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
     assert region.reaches("u") == reached
 

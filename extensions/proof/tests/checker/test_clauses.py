@@ -28,7 +28,7 @@ from hfa_proof.checker.checker import (
 from hfa_proof.checker.loop import LoopBox, closed_loop
 from hfa_proof.checker.modes import check_motion, check_pieces, least_and_most
 from hfa_proof.checker.reading import Fields, Malformed, Rejected
-from hfa_proof.checker.riccati import check_axis, distance_bounds, solution_on
+from hfa_proof.checker.riccati import check_axis, check_gain, distance_bounds, solution_on
 from hfa_proof.checker.statement import (
     Controller,
     FixedActuators,
@@ -495,6 +495,18 @@ def test_an_error_of_tables_for_doubles_alone_is_refused() -> None:
     errors = {**statement.errors, "B": float(np.nextafter(float(bound.upper()), np.inf))}
     with pytest.raises(Rejected, match="the error of B"):
         check_models(replace(statement, errors=errors), witness)
+
+
+def test_a_gain_follows_from_both_values_of_a_critic() -> None:
+    """K = R⁻¹ B'P is 2 for P = 2, that of W = 2 z² too."""
+    one = np.eye(1)
+    weights = Weights(one, one, one, np.inf)
+    B = TaylorModel(arb_mat([[1]]))
+    check_gain(weights, B, {"K": 2.0 * one, "P": 2.0 * one, "W": 2.0 * one})
+    for other in ("P", "W"):
+        critic = {"K": 2.0 * one, "P": 2.0 * one, "W": 2.0 * one, other: 2.1 * one}
+        with pytest.raises(Rejected, match="K is not the gain"):
+            check_gain(weights, B, critic)
 
 
 def test_trims_that_part_by_an_error_are_not_the_same() -> None:
