@@ -54,6 +54,16 @@ def test_taylor_models_hold_every_operation(half_width: float) -> None:
         assert np.all((low <= values) & (values <= high))
 
 
+def test_a_square_of_a_square_holds_the_ends_of_a_box() -> None:
+    """The linear part of y² is 0 at the centre of the first box, and the rest is all of it."""
+    y = ca.SX.sym("y", 1)
+    program = TaylorProgram(Program(ca.Function("f", [y], [(y**2) ** 2]), "f"))
+    centres, half_widths = np.array([[0.0], [0.25], [0.5]]), np.array([[0.5], [0.25], [0.5]])
+    models = program.over(centres, half_widths)
+    assert np.all(highest(models, 1) >= (centres + half_widths).T ** 4)
+    assert np.all(lowest(models, 1) <= 0.0)
+
+
 def test_the_chain_rule_holds_every_slope() -> None:
     generator = np.random.default_rng(1)
     function = every_operation()
