@@ -88,6 +88,7 @@ def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code
 
 
 def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
+    """x3 doubles in 150 s. The first line names it where the policy has no gain on it."""
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, np.log(2.0) / 150.0]]
     np.savez("plant.npz", A=A, B=[[0.0], [1.0], [0.1]])
     for gain, said in ((0.0, "leaves x3 (doubles in 150 s) as it is"), (0.005, "")):

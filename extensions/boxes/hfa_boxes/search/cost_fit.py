@@ -153,7 +153,8 @@ class Fit:
         return self._basis.polynomial(self._coefficients)
 
     def _violated(self) -> tuple[np.ndarray, np.ndarray]:
-        """The rows that samples of the set violate most, and their right sides."""
+        """Return the rows of the linear program that new samples of the set violate most, (k, K),
+        and their right sides, (k,)."""
         z = self._ball(_SAMPLES)
         z = z[self._values(z @ self.M.T) <= _NEAR_SET * self.c]
         rows, sides = self._row(z, self._best_inputs(z))
