@@ -142,7 +142,8 @@ class CompiledLoop:
                     (measured,) = self._measured.at(now[0], now[1:], held)
                     held[loop.held_slices.policy] = sampler(tick, measured)
                 if loop.scenario.delayed_ticks:
-                    commands += self._command.at(now[0], now[1:], held)
+                    (command,) = self._command.at(now[0], now[1:], held)
+                    commands.append(command)
                     held[loop.held_slices.delay] = self._delayed(tick, now[0], commands)
                 self._tick()
                 rows[done + 1 : done + steps + 1] = after[:, 1:]

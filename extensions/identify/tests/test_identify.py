@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flown_records import SENSORS, noisy_columns
 from project import ROOT
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
@@ -23,7 +24,6 @@ from hfa_identify.search import Search
 UAV = str(ROOT / "examples" / "uav.toml")
 FREE = ("CL_0", "CL_alpha", "CD_0", "Cm_0", "Cm_alpha", "Cm_q", "Cm_elevator")
 #: Measured state -> standard deviation of its sensor's noise.
-SENSORS = {"speed": 0.3, "alpha": 0.003, "pitch_rate": 0.01, "pitch": 0.003}
 SECONDS = 8.0
 STEP = 0.04
 
@@ -180,14 +180,7 @@ def flown_in_steps(moves, seconds):
     """A record with noise of the sensors whose inputs are steps. moves: as `hfa.fly` takes them."""
     model = from_derivatives(UAV)
     flight = hfa.fly(model, hfa.find_operating_point(model), moves, seconds=seconds)
-    generator = np.random.default_rng(0)
-    columns = {"time": flight.times[::20]}
-    for place, name in enumerate(model.inputs):
-        columns[name] = flight.inputs[::20, place]
-    for name, size in SENSORS.items():
-        states = flight.states[::20, list(model.states).index(name)]
-        columns[name] = states + size * generator.standard_normal(len(states))
-    return columns
+    return noisy_columns(model, flight, 20, seed=0)
 
 
 def late(values, samples=2):

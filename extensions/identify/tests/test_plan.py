@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from flown_records import noisy_columns
 from project import ROOT
 
 import hfa
@@ -13,7 +14,6 @@ UAV = str(ROOT / "examples" / "uav.toml")
 RECORD = str(ROOT / "examples" / "uav_record.csv")
 FREE = ("CL_elevator", "Cm_q", "Cm_elevator")
 #: As in examples/uav_record.csv: state -> standard deviation of its sensor.
-SENSORS = {"speed": 0.3, "alpha": 0.003, "pitch_rate": 0.01, "pitch": 0.003}
 
 
 @cache
@@ -32,14 +32,7 @@ def flown(model, manoeuvre):
         for edge, sign in zip(edges, signs, strict=True)
     ]
     flight = hfa.fly(model, point, {manoeuvre.input: moves}, seconds=15)
-    generator = np.random.default_rng(3)
-    columns = {"time": flight.times[::40]}
-    for place, name in enumerate(model.inputs):
-        columns[name] = flight.inputs[::40, place]
-    for name, size in SENSORS.items():
-        states = flight.states[::40, list(model.states).index(name)]
-        columns[name] = states + size * generator.standard_normal(len(states))
-    return columns
+    return noisy_columns(model, flight, 40, seed=3)
 
 
 def test_the_planned_manoeuvre_narrows_the_band_as_predicted():
