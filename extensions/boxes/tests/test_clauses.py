@@ -20,7 +20,7 @@ from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Equilibrium
 from hfa_boxes.check.statement import BoxStatement, Gain, digest_of
-from hfa_proof.checker.checker import SCHEMA
+from hfa_proof.checker.sealed import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
 
 Content = dict[str, Any]

@@ -19,7 +19,7 @@ from hfa_boxes.check.cover import Boxes
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Equilibrium, Plant
 from hfa_boxes.search.cost import CostBound, CostSearch
-from hfa_proof.checker.checker import SCHEMA
+from hfa_proof.checker.sealed import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
 
 ONE = np.eye(1)

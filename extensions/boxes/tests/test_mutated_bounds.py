@@ -14,7 +14,7 @@ from hfa_boxes.check.cost_checker import check_cost, read_cost
 from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
-from hfa_proof.checker.checker import SCHEMA
+from hfa_proof.checker.sealed import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
 
 COUNT = 1000

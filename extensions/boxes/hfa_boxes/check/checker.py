@@ -13,7 +13,6 @@ multipliers of extents and the number of boxes after which it gives up.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,12 +25,9 @@ from hfa_boxes.check.cover import OpenBoxError, cover, rejected
 from hfa_boxes.check.loop import Decrease, equilibrium_near
 from hfa_boxes.check.plant import Equilibrium
 from hfa_boxes.check.statement import SAME_EQUILIBRIUM, BoxStatement
-from hfa_proof.checker.checker import SCHEMA, claims_of, read_sealed, sealed
 from hfa_proof.checker.reading import Rejected, naming, require
-from hfa_support.files import write_text
-from hfa_support.jsonable import jsonable
+from hfa_proof.checker.sealed import claims_of, read_sealed, write_sealed
 from hfa_support.progress import Progress
-from hfa_support.version import VERSION
 
 #: What kind of certificate it is, beside those of `hfa prove`.
 KIND = "region-boxes"
@@ -145,11 +141,5 @@ def write_certificate(
     path: Path, statement: BoxStatement, witness: BoxWitness, origin: dict[str, Any]
 ) -> None:
     """Write a certificate; of which run it is is not in its digest."""
-    content = {
-        "schema": SCHEMA,
-        "kind": KIND,
-        "toolchain": VERSION,
-        "statement": statement.content(),
-        "witness": {"multipliers": witness.multipliers.tolist(), "boxes": witness.boxes},
-    }
-    write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))
+    evidence = {"multipliers": witness.multipliers.tolist(), "boxes": witness.boxes}
+    write_sealed(path, KIND, statement.content(), evidence, origin)

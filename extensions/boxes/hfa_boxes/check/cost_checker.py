@@ -6,7 +6,6 @@ gives up."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,12 +18,9 @@ from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.check.cover import OpenBoxError, cover, rejected
 from hfa_boxes.check.plant import Equilibrium, Plant, zero_near
 from hfa_boxes.check.statement import SAME_EQUILIBRIUM
-from hfa_proof.checker.checker import SCHEMA, claims_of, read_sealed, sealed
 from hfa_proof.checker.reading import Rejected, naming, require
-from hfa_support.files import write_text
-from hfa_support.jsonable import jsonable
+from hfa_proof.checker.sealed import claims_of, read_sealed, write_sealed
 from hfa_support.progress import Progress
-from hfa_support.version import VERSION
 
 KIND = "cost-boxes"
 _MOST_BOXES = 1_000_000_000
@@ -143,15 +139,9 @@ def write_cost_certificate(
     path: Path, statement: CostStatement, witness: CostWitness, origin: dict[str, Any]
 ) -> None:
     """Write a certificate; of which run it is is not in its digest."""
-    content = {
-        "schema": SCHEMA,
-        "kind": KIND,
-        "toolchain": VERSION,
-        "statement": statement.content(),
-        "witness": {
-            "solved": list(witness.solved),
-            "boxes": list(witness.boxes),
-            "longer": witness.longer.tolist(),
-        },
+    evidence = {
+        "solved": list(witness.solved),
+        "boxes": list(witness.boxes),
+        "longer": witness.longer.tolist(),
     }
-    write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))
+    write_sealed(path, KIND, statement.content(), evidence, origin)

@@ -18,8 +18,8 @@ from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.piece import Piece, Terms, read_terms
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.enclosure.program import LARGEST
+from hfa_proof.checker.aircraft import model_of
 from hfa_proof.checker.reading import Fields, require
-from hfa_proof.checker.statement import model_of
 from hfa_support.errors import BadInputError
 
 #: By how much the stated equilibrium may be off the enclosed one, in nominal values.

@@ -1,30 +1,21 @@
-"""Balls of real numbers (python-flint, Arb): a midpoint and a radius that holds every rounding;
-Taylor models of them.
+"""Balls of real numbers (python-flint, Arb): a midpoint and a radius that holds every rounding.
 
 Every value is an enclosure: a result contains the exact result for all numbers in the arguments. A
-comparison of balls is true only when it holds for all of their
-numbers. Sources: Johansson, Arb: efficient arbitrary-precision midpoint-radius interval arithmetic,
-IEEE Transactions on Computers 66 (2017); Makino and Berz, Taylor models and other validated
-functional inclusion methods, IJPAM 4 (2003)."""
+comparison of balls is true only when it holds for all of their numbers. Source: Johansson, Arb:
+efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Transactions on Computers 66
+(2017)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import cached_property
-from itertools import zip_longest
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from flint import arb, arb_mat, arb_series, fmpq
+from flint import arb, arb_mat, fmpq
 
 #: Relative radius that holds the decimal from which a double was read, also by way of degrees: four
 #: units of 2^-53.
 READING = 2.0**-51
-#: {s : |s| <= 1} and {s² : |s| <= 1}.
-_ALL = arb(0, 1)
-_SQUARE = arb(0.5, 0.5)
-#: Control points of s² on the four quarters of [-1, 1]: their hull holds (s, s²).
-_HULL = ((-1.0, 1.0), (-0.75, 0.5), (-0.25, 0.0), (0.25, 0.0), (0.75, 0.5), (1.0, 1.0))
 
 
 def exact(value: float) -> arb:
@@ -105,121 +96,3 @@ def lowest_sign(values: np.ndarray) -> int:
             for j in range(k + 1, i + 1):
                 rows[i][j] -= share * rows[j][k]
     return sign
-
-
-class TaylorModel:
-    """c_0 + c_1 s + c_2 s² + remainder + Σ z_k t_k for every |s|, |t_k| <= 1.
-
-    parts: (c_0, c_1, c_2, remainder, z_1, ..), balls or matrices of balls; missing ones are 0
-
-    s is the position within a box, t are errors of the parameters. In sums and products a number
-    or a ball counts as a constant. `ball_function.py` runs functions on scalar models.
-    """
-
-    def __init__(self, *parts: Any) -> None:
-        self.parts = parts + (0 * parts[0],) * (4 - len(parts))
-
-    @classmethod
-    def of(cls, value: Any) -> TaylorModel:
-        """A Taylor model itself; of any other value the model that is that constant."""
-        if isinstance(value, TaylorModel):
-            return value
-        return cls(arb(value) if isinstance(value, int) else value)
-
-    def map(self, linear: Callable[[Any], Any]) -> TaylorModel:
-        """A linear map of every part."""
-        return TaylorModel(*map(linear, self.parts))
-
-    def __add__(self, other: Any) -> TaylorModel:
-        if not isinstance(other, TaylorModel):
-            return TaylorModel(self.parts[0] + other, *self.parts[1:])
-        return TaylorModel(*(a + b for a, b in zip_longest(self.parts, other.parts, fillvalue=0)))
-
-    def __neg__(self) -> TaylorModel:
-        return self.map(lambda part: -part)
-
-    def __sub__(self, other: Any) -> TaylorModel:
-        return self + -TaylorModel.of(other)
-
-    def __mul__(self, other: Any) -> TaylorModel:
-        if not isinstance(other, TaylorModel):
-            return self.map(lambda part: part * other)
-        a0, a1, a2, a_remainder, *a_errors = self.parts
-        b0, b1, b2, b_remainder, *b_errors = other.parts
-        # Of the product of what is off the centers, a1 b1 s² is kept and the rest is enclosed.
-        remainder = a_remainder * b0 + a0 * b_remainder
-        remainder += self._beyond_slope * other._off_center
-        remainder += _ALL * a1 * other._beyond_slope
-        from_a = (z * b0 for z in a_errors)
-        from_b = (a0 * z for z in b_errors)
-        errors = (x + y for x, y in zip_longest(from_a, from_b, fillvalue=0))
-        return TaylorModel(
-            a0 * b0, a0 * b1 + a1 * b0, a0 * b2 + a1 * b1 + a2 * b0, remainder, *errors
-        )
-
-    def __truediv__(self, other: Any) -> TaylorModel:
-        return self * TaylorModel.of(other).through(lambda series: 1 / series)
-
-    def __radd__(self, other: Any) -> TaylorModel:
-        return self + other
-
-    def __rsub__(self, other: Any) -> TaylorModel:
-        return TaylorModel.of(other) - self
-
-    def __rmul__(self, other: Any) -> TaylorModel:
-        return self.map(lambda part: other * part)
-
-    def __rtruediv__(self, other: Any) -> TaylorModel:
-        return TaylorModel.of(other) / self
-
-    def transpose(self) -> TaylorModel:
-        """The transpose of a matrix."""
-        return self.map(lambda part: part.transpose())
-
-    def polynomial_at(self, s: float) -> Any:
-        """c_0 + c_1 s + c_2 s²: without the remainder and the errors."""
-        c0, c1, c2, *_ = self.parts
-        return c0 + arb(s) * c1 + arb(s * s) * c2
-
-    @cached_property
-    def _errors(self) -> Any:
-        """An enclosure of the remainder and the errors."""
-        _, _, _, remainder, *errors = self.parts
-        return sum((_ALL * z for z in errors), remainder)
-
-    @cached_property
-    def _beyond_slope(self) -> Any:
-        """An enclosure of every value less c_0 + c_1 s."""
-        return _SQUARE * self.parts[2] + self._errors
-
-    @cached_property
-    def _off_center(self) -> Any:
-        """An enclosure of every value less c_0."""
-        return _ALL * self.parts[1] + self._beyond_slope
-
-    def range(self) -> Any:
-        """An enclosure of every value on the box."""
-        return self.parts[0] + self._off_center
-
-    def corners(self) -> list[Any]:
-        """Enclosures whose convex hull holds every value."""
-        return [self.near(arb(s), arb(square)) for s, square in _HULL]
-
-    def near(self, s: arb, square: arb) -> Any:
-        """Return an enclosure of c_0 + c_1 s + c_2 square and the non-polynomial remainder."""
-        c0, c1, c2, *_ = self.parts
-        return c0 + (s * c1 + square * c2 + self._errors)
-
-    def through(self, function: Callable[[arb_series], arb_series]) -> TaylorModel:
-        """f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³ with ξ in the range."""
-        near = function(arb_series([self.parts[0], 1], prec=3))
-        far = function(arb_series([self.range(), 1], prec=4))
-        delta = TaylorModel(arb(0), *self.parts[1:])
-        square = delta * delta
-        cubic = far[3] * square.range() * self._off_center
-        last = TaylorModel(near[0], arb(0), arb(0), cubic)
-        return delta * near[1] + square * near[2] + last
-
-
-for _name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan"):
-    setattr(TaylorModel, _name, lambda self, _name=_name: self.through(getattr(arb_series, _name)))

@@ -6,13 +6,12 @@ t of the parameters.
 
     statement.py  the claim                  witness.py  its evidence
     trims.py      trims and linear models    loop.py     the loop
+    roots.py      roots of equations         sealed.py   the file
     modes.py      numbers of eigenvalues     riccati.py  the exact solution of a game
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +21,8 @@ import numpy as np
 from flint import arb, ctx
 
 from hfa_aircraft.model import Model
-from hfa_proof.arithmetic.balls import TaylorModel, matrix
+from hfa_proof.arithmetic.balls import matrix
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.covering import covering
 from hfa_proof.checker.loop import actuated_loop, between, closed_loop
 from hfa_proof.checker.modes import check_motion, check_pieces, least_and_most
@@ -35,6 +35,7 @@ from hfa_proof.checker.riccati import (
     distance_bounds,
     solution_on,
 )
+from hfa_proof.checker.sealed import claims_of, read_sealed
 from hfa_proof.checker.statement import (
     GameStatement,
     ModelsStatement,
@@ -58,13 +59,8 @@ from hfa_proof.checker.witness import (
     TrimBox,
 )
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, file_faults, on_one_line
-from hfa_support.files import regular_file
 from hfa_support.progress import Progress, told
 
-SCHEMA = "hfa.certificate/9"
-#: What a file holds beside the statement and the witness, none of which is claimed.
-_CLOSING = ("digest", "provenance", "checksum")
 #: Bits of a midpoint.
 _PRECISION = 256
 
@@ -81,20 +77,6 @@ class Verified:
     statement: Statement
     boxes: int
     written: dict[str, str]
-
-
-def sealed(head: str, origin: str) -> str:
-    """The text of a certificate.
-
-    head: its JSON object without the last brace; `digest`, the SHA-256 of this, is added
-    origin: its provenance, JSON; `checksum`, the SHA-256 of all before, is added
-
-    An edited digit of any number shows; the digest covers the statement and the witness and not the
-    date of the proof."""
-    digest = hashlib.sha256(head.encode()).hexdigest()
-    whole = f'{head}, "digest": "{digest}", "provenance": {origin}'
-    checksum = hashlib.sha256(whole.encode()).hexdigest()
-    return f'{whole}, "checksum": "{checksum}"}}\n'
 
 
 @checks_arguments
@@ -119,47 +101,6 @@ def check_certificate(
         boxes = _check(statement, entries.fields("witness"), progress)
         entries.close()
     return Verified(statement, boxes, written)
-
-
-def claims_of(content: dict[str, Any]) -> Fields:
-    """The entries of a certificate without those that claim nothing."""
-    entries = Fields("", content)
-    for name in ("schema", "toolchain", *_CLOSING):
-        entries.value(name, lambda value: True)
-    return entries
-
-
-def kind_of(path: Path) -> str:
-    """Return the kind of a certificate; BadInputError when the file is not a certificate or was
-    edited."""
-    content, _ = read_sealed(path)
-    return str(content.get("kind"))
-
-
-def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """The content of a file that was not edited, and which run wrote it."""
-    with file_faults(path):
-        text = regular_file(path).read_bytes()
-    try:
-        content = json.loads(text)
-        origin = content["provenance"]
-        body = {key: value for key, value in content.items() if key not in _CLOSING}
-        edited = text != sealed(json.dumps(body)[:-1], json.dumps(origin)).encode()
-        schema = str(content["schema"])
-        written = {key: on_one_line(str(origin[key])) for key in ("version", "command", "date")}
-    except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
-        raise BadInputError(
-            f"{path} is not a certificate; name a file of `hfa prove ... -o`"
-        ) from error
-    if schema != SCHEMA:
-        raise BadInputError(
-            f"{path} is a certificate of another version, {on_one_line(schema)}; prove it again"
-        )
-    if edited:
-        raise BadInputError(
-            f"{path}: refused, the certificate was edited: its digest is that of other content"
-        )
-    return content, written
 
 
 def _check(statement: Statement, entries: Fields, progress: Progress | None) -> int:

@@ -17,7 +17,8 @@ import numpy as np
 from flint import arb, arb_mat
 
 from hfa_aircraft.model import Model
-from hfa_proof.arithmetic.balls import TaylorModel, matrix
+from hfa_proof.arithmetic.balls import matrix
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.statement import (
     Actuators,

@@ -11,12 +11,8 @@ from __future__ import annotations
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_proof.arithmetic.balls import (
-    TaylorModel,
-    is_positive_definite,
-    matrix,
-    pivots,
-)
+from hfa_proof.arithmetic.balls import is_positive_definite, matrix, pivots
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.covering import covering
 from hfa_proof.checker.loop import LoopBox
 from hfa_proof.checker.reading import Rejected

@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat
 
-from hfa_proof.arithmetic.balls import TaylorModel, doubles, matrix, norm, symmetric
+from hfa_proof.arithmetic.balls import doubles, matrix, norm, symmetric
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.modes import eigenvalue_signs, modes_right_of
 from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.roots import root_offsets
 from hfa_proof.checker.statement import Weights
-from hfa_proof.checker.trims import root_offsets
 from hfa_proof.checker.witness import SolutionBox
 
 #: A gain in doubles is that of a value to within this, relative (Frobenius).
@@ -55,8 +56,7 @@ def solution_on(
     half = (A - S * P * 0.5).transpose() * P
     residual = half + half.transpose() + Q
     column = residual.map(lambda part: arb_mat(n * n, 1, part.entries()))
-    derivative = TaylorModel(lyapunov_operator(loop))
-    offsets = root_offsets(column, derivative, [box.reach] * n**2)
+    offsets = root_offsets(column.range(), lyapunov_operator(loop), [box.reach] * n**2)
     P = P + TaylorModel(zero, zero, zero, arb_mat(n, n, offsets.entries()))
     if modes_right_of(A - S * P, box.line) != 0:
         raise Rejected("A - S P is not proved Hurwitz")

@@ -19,13 +19,9 @@ from flint import arb
 
 from hfa_aircraft.model import Model
 from hfa_proof.arithmetic.balls import lowest_sign
+from hfa_proof.checker.aircraft import model_of
 from hfa_proof.checker.reading import Fields, require
-from hfa_proof.flexible_aircraft import aircraft_of
-from hfa_support.errors import BadInputError, shown
 from hfa_support.reporting.results import Stack, Vector
-
-#: A trim is the stated one when it lies this close to it, in nominal values of its unknowns.
-SAME_TRIM = 1e-6
 
 
 class Run(NamedTuple):
@@ -555,28 +551,6 @@ def loop_size(model: Model, controller: Controller, actuators: Actuators | None)
     """States of the loop: of the aircraft, the actuators and the controller."""
     size = len(model.linear) + controller.A.shape[1]
     return size if actuators is None else size + sum(actuators.order)
-
-
-def model_of(name: Any, source: Any, own: Model | None) -> Model:
-    """Return the model of a statement: the HFA's, or the user's own, which must be the same.
-
-    name: of the dynamics, as in the statement
-    source: the hash of the user's file, "" for the HFA
-    own: the user's model, where one is named
-    """
-    require(isinstance(name, str) and isinstance(source, str), "dynamics", name)
-    if own is not None:
-        if (own.name, own.extras.source[1]) != (name, source):
-            raise BadInputError(
-                f"the certificate concerns {shown(name)} of another file than that of {own.name}"
-            )
-        return own
-    flexible = None if source else aircraft_of(name)
-    if flexible is None:
-        raise BadInputError(
-            f"the certificate concerns {shown(name)}; name its file by --aircraft FILE.py:NAME"
-        )
-    return flexible
 
 
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:

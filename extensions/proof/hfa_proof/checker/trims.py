@@ -13,14 +13,16 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Any
 
-import numpy as np
 from flint import arb, arb_mat
 
-from hfa_proof.arithmetic.balls import READING, TaylorModel, matrix, norm, symmetric
+from hfa_proof.arithmetic.balls import READING, symmetric
 from hfa_proof.arithmetic.steady_flight import LinearParts, SteadyFlight, steady_flight
+from hfa_proof.arithmetic.taylor_model import TaylorModel
+from hfa_proof.checker.aircraft import SAME_TRIM
 from hfa_proof.checker.covering import covering
 from hfa_proof.checker.reading import Rejected
-from hfa_proof.checker.statement import SAME_TRIM, Flight, StatedTrim
+from hfa_proof.checker.roots import root_offsets
+from hfa_proof.checker.statement import Flight, StatedTrim
 from hfa_proof.checker.witness import TrimBox
 
 
@@ -113,28 +115,8 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
         raise Rejected("there are not as many equations as unknowns")
     column = stacked([[residual[row]] for row in moved])
     derivative = stacked([linear.slopes[row] for row in moved])
-    return [offset for (offset,) in root_offsets(column, derivative, radii).tolist()]
-
-
-def root_offsets(residual: TaylorModel, derivative: TaylorModel, radii: list[arb]) -> arb_mat:
-    """Krawczyk's test: where about x̂(s) the one root of F is, a column; Rejected unless proved.
-
-    residual: F along x̂, a column
-    derivative: F' where |e_i| <= r_i
-    radii: r
-    """
-    n = len(radii)
-    J = derivative.range()
-    C = J.mid().inv().mid()
-    step = C * residual.range()
-    slope = matrix(np.eye(n)) - C * J
-    distance = norm(step[i, 0] / radii[i] for i in range(n))
-    scaled = (slope[i, j] * radii[j] / radii[i] for i in range(n) for j in range(n))
-    contraction = norm(scaled)
-    if not distance + contraction < 1:
-        raise Rejected("a root of the equations is not proved to exist")
-    rows = [[arb(0, 1) * contraction * radius - step[i, 0]] for i, radius in enumerate(radii)]
-    return arb_mat(rows)
+    offsets: list[arb] = root_offsets(column.range(), derivative.range(), radii).entries()
+    return offsets
 
 
 def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:

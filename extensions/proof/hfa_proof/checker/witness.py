@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat
 
-from hfa_proof.arithmetic.balls import TaylorModel
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.reading import Fields, require
 from hfa_proof.checker.statement import (
     Flight,

@@ -49,12 +49,7 @@ def prove(request: CheckRequest) -> int:
     the fields that were not given. Exit code 0: the statement is proved. Exit code 1: it is
     not proved, or is about another subject. The command needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
-    from hfa_proof.checker.checker import check_certificate, kind_of
-    from hfa_proof.checker.statement import content_of, kind_of_statement
-    from hfa_proof.commands.given import given_for
-    from hfa_proof.fields import FIELDS
-    from hfa_proof.search.checked_report import checked_report
-    from hfa_proof.subject import compare
+    from hfa_proof.checker.sealed import kind_of
 
     flint_or_refusal()
     if request.check is None:
@@ -66,8 +61,20 @@ def prove(request: CheckRequest) -> int:
     if of_others is not None:
         code: int = loaded(of_others)(request, request.check)
         return code
+    return _check(request, request.check)
+
+
+def _check(request: CheckRequest, certificate: Path) -> int:
+    """Verify a certificate of a schedule, a game or models; the exit code."""
+    from hfa_proof.checker.checker import check_certificate
+    from hfa_proof.checker.statement import content_of, kind_of_statement
+    from hfa_proof.commands.given import given_for
+    from hfa_proof.fields import FIELDS
+    from hfa_proof.search.checked_report import checked_report
+    from hfa_proof.subject import compare
+
     own = request.model if request.own else None
-    verified = check_certificate(request.check, ProgressLine("check"), own)
+    verified = check_certificate(certificate, ProgressLine("check"), own)
     content = content_of(verified.statement)
     table = FIELDS[kind_of_statement(verified.statement)]
     report = checked_report(

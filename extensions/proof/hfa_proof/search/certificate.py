@@ -13,8 +13,9 @@ import numpy as np
 from flint import arb
 
 from hfa_aircraft.model import Model
-from hfa_proof.checker.checker import SCHEMA, check_certificate, sealed
+from hfa_proof.checker.checker import check_certificate
 from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.sealed import write_sealed
 from hfa_proof.checker.statement import (
     KINDS,
     ModelsStatement,
@@ -24,8 +25,7 @@ from hfa_proof.checker.statement import (
 )
 from hfa_proof.search.report import proof_report
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.files import forget_read, write_text
-from hfa_support.jsonable import jsonable
+from hfa_support.files import forget_read
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.version import VERSION
@@ -73,15 +73,8 @@ class Proof(Reported):
         NoSolutionError where nothing is proved that it could state."""
         if not self.witness:
             raise NoSolutionError("nothing is proved; there is nothing to certify")
-        content = {
-            "schema": SCHEMA,
-            "kind": self.kind,
-            "toolchain": VERSION,
-            "statement": content_of(self.statement),
-            "witness": witness_content(self.witness),
-        }
-        head = json.dumps(jsonable(content))[:-1]
-        write_text(path, sealed(head, json.dumps(jsonable(origin.to_dict()))))
+        witness = witness_content(self.witness)
+        write_sealed(path, self.kind, content_of(self.statement), witness, origin.to_dict())
 
 
 def witness_content(value: Any) -> Any:

@@ -16,7 +16,8 @@ from flint import arb
 
 from hfa_aircraft.model import Model
 from hfa_proof.arithmetic.ball_function import Undecided
-from hfa_proof.arithmetic.balls import TaylorModel, doubles, matrix
+from hfa_proof.arithmetic.balls import doubles, matrix
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.statement import Flight, StatedTrim, in_model_unit
 from hfa_proof.checker.trims import (
     LinearModelBox,

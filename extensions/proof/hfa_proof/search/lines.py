@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 from flint import arb_mat
 
-from hfa_proof.arithmetic.balls import TaylorModel, doubles
+from hfa_proof.arithmetic.balls import doubles
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.modes import least_and_most, modes_right_of
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.witness import Line

@@ -19,7 +19,8 @@ from controller.game.zero_sum import Game
 from controller.hfa_game import usual_game
 from controller.riccati.careful_derivations import schur_solution
 from controller.riccati.normal_form import NormalForm
-from hfa_proof.arithmetic.balls import TaylorModel, doubles, matrix, norm
+from hfa_proof.arithmetic.balls import doubles, matrix, norm
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.checker import interpolation_errors
 from hfa_proof.checker.riccati import (
     Solution,

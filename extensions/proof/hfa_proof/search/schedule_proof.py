@@ -19,7 +19,8 @@ from flint import arb
 
 from hfa_flight.gain_schedule import GainSchedule
 from hfa_proof.arithmetic.ball_function import Undecided
-from hfa_proof.arithmetic.balls import TaylorModel, doubles, is_positive_definite, matrix
+from hfa_proof.arithmetic.balls import doubles, is_positive_definite, matrix
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.loop import between, closed_loop
 from hfa_proof.checker.modes import check_motion, eigenvalue_signs, least_and_most
 from hfa_proof.checker.statement import (

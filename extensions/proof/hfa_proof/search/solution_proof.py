@@ -18,13 +18,8 @@ from controller.riccati.careful_derivations import schur_solution
 from controller.riccati.gare import solve_game
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
-from hfa_proof.arithmetic.balls import (
-    TaylorModel,
-    doubles,
-    lowest_sign,
-    matrix,
-    norm,
-)
+from hfa_proof.arithmetic.balls import doubles, lowest_sign, matrix, norm
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.riccati import (
     Solution,
     check_axis,

@@ -15,13 +15,8 @@ from random_points import rates_function
 import hfa_model
 from hfa_model import VARIANTS
 from hfa_proof.arithmetic.ball_function import BallFunction
-from hfa_proof.arithmetic.balls import (
-    TaylorModel,
-    is_positive_definite,
-    matrix,
-    pivots,
-    symmetric,
-)
+from hfa_proof.arithmetic.balls import is_positive_definite, matrix, pivots, symmetric
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 
 
 @pytest.mark.parametrize(("off", "second"), [(1.0, 1.5), (2.0, 0.0), (3.0, -2.5)])

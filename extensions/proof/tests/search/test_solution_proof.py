@@ -20,7 +20,8 @@ from controller.riccati.smallest_delta import DeltaMin
 from hfa import BadInputError, Game, NoSolutionError, solve_game
 from hfa_networks.files.network import from_network
 from hfa_proof import check_certificate, prove_critic, prove_solution
-from hfa_proof.arithmetic.balls import TaylorModel, matrix, norm
+from hfa_proof.arithmetic.balls import matrix, norm
+from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.checker.riccati import solution_on
 from hfa_proof.search.checked_report import checked_report

@@ -24,7 +24,7 @@ from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
 from hfa_model import INPUTS, LINEAR_STATES
 from hfa_proof import Family, prove_critic, prove_models, prove_schedule, prove_solution
-from hfa_proof.checker.checker import sealed
+from hfa_proof.checker.sealed import sealed
 from hfa_proof.checker.statement import Controller, FixedActuators
 from hfa_proof.search.certificate import Proof
 from hfa_proof.search.loops import Intervals, Loop, exact_gains, loop_of_gains

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hfa_aircraft.model import Model
-from hfa_proof.checker.checker import SCHEMA, claims_of, read_sealed, sealed
 from hfa_proof.checker.reading import naming
+from hfa_proof.checker.sealed import claims_of, read_sealed, write_sealed
 from hfa_region.check.checker import check_region
 from hfa_region.check.extents import extents_of
 from hfa_region.check.statement import RegionStatement
 from hfa_region.check.witness import RegionWitness
-from hfa_support.files import write_text
-from hfa_support.jsonable import jsonable
 from hfa_support.progress import Progress
-from hfa_support.version import VERSION
 
 #: What kind of certificate it is, beside those of `hfa prove`.
 KIND = "region"
@@ -75,11 +71,4 @@ def write_certificate(
     path: Path, statement: RegionStatement, witness: dict[str, Any], origin: dict[str, Any]
 ) -> None:
     """Write a certificate; of which run it is is not in its digest."""
-    content = {
-        "schema": SCHEMA,
-        "kind": KIND,
-        "toolchain": VERSION,
-        "statement": statement.content(),
-        "witness": witness,
-    }
-    write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))
+    write_sealed(path, KIND, statement.content(), witness, origin)

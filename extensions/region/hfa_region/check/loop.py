@@ -14,10 +14,10 @@ from flint import arb, arb_mat
 
 from hfa_aircraft.layout import components
 from hfa_proof.arithmetic.ball_function import BallFunction
-from hfa_proof.arithmetic.balls import TaylorModel, exact, matrix, norm, symmetric
+from hfa_proof.arithmetic.balls import exact, matrix, norm, symmetric
+from hfa_proof.checker.aircraft import SAME_TRIM
 from hfa_proof.checker.reading import Rejected
-from hfa_proof.checker.statement import SAME_TRIM
-from hfa_proof.checker.trims import root_offsets
+from hfa_proof.checker.roots import root_offsets
 from hfa_region.check.polynomial import Key, Polynomial, key_of
 from hfa_region.check.statement import RegionStatement, SaturatedLoop, Terms
 from hfa_region.check.taylor import Taylor
@@ -96,8 +96,7 @@ class Equilibrium:
         signals = self.loop.model.signals
         radii = [exact(signals[name].nominal) * _RADIUS for name in self.loop.states]
         around = [x[i] + arb(0, 1) * radii[i] for i in range(n)]
-        jacobian = TaylorModel(self._jacobian(around))
-        offsets = root_offsets(TaylorModel(self._residual(x)), jacobian, radii).entries()
+        offsets = root_offsets(self._residual(x), self._jacobian(around), radii).entries()
         return [value + offset for value, offset in zip(x, offsets, strict=True)]
 
     def _residual(self, x: Sequence[arb]) -> arb_mat:

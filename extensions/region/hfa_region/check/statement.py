@@ -11,8 +11,8 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_boxes.check.statement import model_limits
+from hfa_proof.checker.aircraft import SAME_TRIM as SAME_TRIM, model_of
 from hfa_proof.checker.reading import Fields, require
-from hfa_proof.checker.statement import SAME_TRIM as SAME_TRIM, model_of
 
 #: Highest degree of V, and of the polynomial of a policy.
 HIGHEST_DEGREE = 6

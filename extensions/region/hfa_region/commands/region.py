@@ -142,7 +142,7 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
 
 def _checked(request: RegionRequest, certificate: Path) -> int:
     from hfa_boxes.check.checker import KIND
-    from hfa_proof.checker.checker import kind_of
+    from hfa_proof.checker.sealed import kind_of
 
     if kind_of(certificate) == KIND:
         return check_on_boxes(request, certificate)

@@ -1,0 +1,29 @@
+"""The root of equations near a place, enclosed in balls."""
+
+from __future__ import annotations
+
+import numpy as np
+from flint import arb, arb_mat
+
+from hfa_proof.arithmetic.balls import matrix, norm
+from hfa_proof.checker.reading import Rejected
+
+
+def root_offsets(residual: arb_mat, J: arb_mat, radii: list[arb]) -> arb_mat:
+    """Krawczyk's test: where about x̂(s) the one root of F is, a column; Rejected unless proved.
+
+    residual: F along x̂, a column
+    J: F' where |e_i| <= r_i
+    radii: r
+    """
+    n = len(radii)
+    C = J.mid().inv().mid()
+    step = C * residual
+    slope = matrix(np.eye(n)) - C * J
+    distance = norm(step[i, 0] / radii[i] for i in range(n))
+    scaled = (slope[i, j] * radii[j] / radii[i] for i in range(n) for j in range(n))
+    contraction = norm(scaled)
+    if not distance + contraction < 1:
+        raise Rejected("a root of the equations is not proved to exist")
+    rows = [[arb(0, 1) * contraction * radius - step[i, 0]] for i, radius in enumerate(radii)]
+    return arb_mat(rows)

@@ -1,0 +1,94 @@
+"""The file of a certificate: an edited digit of any number shows."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from hfa_proof.checker.reading import Fields
+from hfa_support.errors import BadInputError, file_faults, on_one_line
+from hfa_support.files import regular_file, write_text
+from hfa_support.jsonable import jsonable
+from hfa_support.version import VERSION
+
+SCHEMA = "hfa.certificate/9"
+#: What a file holds beside the statement and the witness, none of which is claimed.
+_CLOSING = ("digest", "provenance", "checksum")
+
+
+def sealed(head: str, origin: str) -> str:
+    """The text of a certificate.
+
+    head: its JSON object without the last brace; `digest`, the SHA-256 of this, is added
+    origin: its provenance, JSON; `checksum`, the SHA-256 of all before, is added
+
+    An edited digit of any number shows; the digest covers the statement and the witness and not the
+    date of the proof."""
+    digest = hashlib.sha256(head.encode()).hexdigest()
+    whole = f'{head}, "digest": "{digest}", "provenance": {origin}'
+    checksum = hashlib.sha256(whole.encode()).hexdigest()
+    return f'{whole}, "checksum": "{checksum}"}}\n'
+
+
+def claims_of(content: dict[str, Any]) -> Fields:
+    """The entries of a certificate without those that claim nothing."""
+    entries = Fields("", content)
+    for name in ("schema", "toolchain", *_CLOSING):
+        entries.value(name, lambda value: True)
+    return entries
+
+
+def kind_of(path: Path) -> str:
+    """Return the kind of a certificate; BadInputError when the file is not a certificate or was
+    edited."""
+    content, _ = read_sealed(path)
+    return str(content.get("kind"))
+
+
+def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """The content of a file that was not edited, and which run wrote it."""
+    with file_faults(path):
+        text = regular_file(path).read_bytes()
+    try:
+        content = json.loads(text)
+        origin = content["provenance"]
+        body = {key: value for key, value in content.items() if key not in _CLOSING}
+        edited = text != sealed(json.dumps(body)[:-1], json.dumps(origin)).encode()
+        schema = str(content["schema"])
+        written = {key: on_one_line(str(origin[key])) for key in ("version", "command", "date")}
+    except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
+        raise BadInputError(
+            f"{path} is not a certificate; name a file of `hfa prove ... -o`"
+        ) from error
+    if schema != SCHEMA:
+        raise BadInputError(
+            f"{path} is a certificate of another version, {on_one_line(schema)}; prove it again"
+        )
+    if edited:
+        raise BadInputError(
+            f"{path}: refused, the certificate was edited: its digest is that of other content"
+        )
+    return content, written
+
+
+def write_sealed(
+    path: Path,
+    kind: str,
+    statement: dict[str, Any],
+    witness: dict[str, Any],
+    origin: dict[str, Any],
+) -> None:
+    """Write a certificate, every number a double in full.
+
+    origin: of which run it is, which is not in its digest
+    """
+    content = {
+        "schema": SCHEMA,
+        "kind": kind,
+        "toolchain": VERSION,
+        "statement": statement,
+        "witness": witness,
+    }
+    write_text(path, sealed(json.dumps(jsonable(content))[:-1], json.dumps(jsonable(origin))))
