@@ -16,9 +16,9 @@ from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model, Signal
 from hfa_boxes.check.checker import _check_limits, check_region, read_content
 from hfa_boxes.check.cover import Boxes
+from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.piece import Piece, Polynomial
-from hfa_boxes.check.plant import Equilibrium
 from hfa_boxes.check.statement import BoxStatement, Gain, digest_of
 from hfa_proof.checker.sealed import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -222,11 +222,14 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "W negative": (_put([[-1.0, [2, 0]], [1.0, [0, 2]]], "piece", "W"), "about the"),
     "W inexact": (_put([[0.1, [3, 0]], [1.0, [2, 0]], [1.0, [0, 2]]], "piece", "W"), "W 0"),
     "coordinates in a line": (_put([[1.0, 1.0], [1.0, 1.0]], "piece", "M"), "not independent"),
-    "limits wider": (_put([-2.0, 2.0], "limits", "valve"), "valve not the model's"),
-    "limits narrower": (_put([-0.9, 1.0], "limits", "valve"), "valve not the model's"),
+    "limits wider": (_put([-2.0, 2.0], "limits", "valve"), "valve beyond or not"),
+    "limits narrower": (_put([-0.9, 1.0], "limits", "valve"), "valve beyond or not"),
     "limits of an output wider": (_put([-4.0, 3.0], "limits", "load"), "load beyond"),
-    "a limit left out": (lambda content: content["statement"]["limits"].pop("peak"), "missing"),
-    "all limits left out": (_put({}, "limits"), "missing"),
+    "a limit left out": (
+        lambda content: content["statement"]["limits"].pop("peak"),
+        "limits: peak",
+    ),
+    "all limits left out": (_put({}, "limits"), "limits: "),
     "no policy": (_put("0" * 64, "policy"), "a network; give it"),
     "another model": (_put("van der Pol", "dynamics"), "of another file"),
     "another file": (_put("0" * 64, "source"), "of another file"),

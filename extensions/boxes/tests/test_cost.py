@@ -14,10 +14,11 @@ import pytest
 from hfa_aircraft.model import Model, Signal
 from hfa_boxes.check.cost import CostInequality, Guess
 from hfa_boxes.check.cost_checker import CostWitness, check_cost, equilibrium_of, read_cost
-from hfa_boxes.check.cost_statement import CostStatement, is_semidefinite
+from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.check.cover import Boxes
+from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.piece import Piece, Polynomial
-from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.check.plant import Plant
 from hfa_boxes.search.cost import CostBound, CostSearch
 from hfa_proof.checker.sealed import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -75,18 +76,6 @@ def proved() -> CostBound:
         plant, equilibrium, (0, 1), weights, half, degree=4, margin=0.05, seconds=30.0
     )
     return search.found()
-
-
-def test_semidefinite_matrices_are_told_apart_exactly() -> None:
-    """diag(1, 0) and the rank-one matrices of doubles are; a last bit less is not."""
-    v = np.array([1.0, 2.0, -0.5])
-    one = np.outer(v, v)
-    less = one.copy()
-    less[2, 2] = np.nextafter(less[2, 2], 0.0)
-    assert is_semidefinite(np.diag([1.0, 0.0]))
-    assert is_semidefinite(one)
-    assert not is_semidefinite(less)
-    assert not is_semidefinite(np.array([[0.0, 1e-300], [1e-300, 1.0]]))
 
 
 def test_the_checker_repeats_the_proof(proved: CostBound) -> None:

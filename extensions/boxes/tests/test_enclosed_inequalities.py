@@ -10,9 +10,10 @@ import pytest
 from hfa_aircraft.model import Model, Signal
 from hfa_boxes.check.cost import CostInequality, Guess
 from hfa_boxes.check.cover import Boxes
+from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.loop import Decrease, Loop
 from hfa_boxes.check.piece import Piece, Polynomial
-from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.check.plant import Plant
 from hfa_boxes.check.statement import Gain
 from hfa_boxes.enclosure.taylor import lowest
 

@@ -27,9 +27,10 @@ from hfa_boxes.check.cover import (
     cover,
     refute,
 )
+from hfa_boxes.check.equilibrium import Equilibrium, zero_near
 from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.piece import Piece, Polynomial
-from hfa_boxes.check.plant import Equilibrium, zero_near
+from hfa_boxes.check.plant import Plant
 from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_boxes.commands.region import scalars
 from hfa_boxes.enclosure.program import Program
@@ -240,13 +241,16 @@ def test_the_hole_is_one_of_first_function_alone() -> None:
         cover(inequality(ca.vertcat(ca.sumsqr(y), bump - 1e-4), y, hole=2), 10**5)
 
 
+SINK = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
+
+
 @pytest.mark.parametrize("extent", [0.6, 0.7])
 def test_a_state_beyond_its_limit_is_refused(extent: float) -> None:
-    loop = SimpleNamespace(states=("angle",), held={}, limits={"angle": (-1.0, 1.0)})
-    statement = SimpleNamespace(loop=loop, extents={"angle": (-0.5, extent)})
+    loop = Plant(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 1.0)})
+    statement = SimpleNamespace(loop=loop, extents={"x": (-0.5, extent)})
     at = Equilibrium(np.array([0.35]), np.zeros(1))
     if extent > 0.65:
-        with pytest.raises(NoSolutionError, match="angle may leave its limits"):
+        with pytest.raises(NoSolutionError, match="x may leave its limits"):
             _check_limits(statement, at)
     else:
         _check_limits(statement, at)
@@ -255,9 +259,8 @@ def test_a_state_beyond_its_limit_is_refused(extent: float) -> None:
 @pytest.mark.parametrize("quartic", [0.5, -0.6])
 def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
     """Of x' = -x every set {y² + a y⁴ <= 1} in the cube is proved where it meets no face."""
-    model = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
-    loop = Loop(model, {}, {"x": 0.0}, {}, {}, {}, none)
+    loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {}, none)
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)), (quartic, (4,)))), 1.0)
     statement = BoxStatement(loop, "", {"x": 0.0}, piece, {"x": (-1.0, 1.0)})
     witness = BoxWitness(np.zeros((1, 2)), 10**4)

@@ -11,10 +11,10 @@ import scipy.linalg
 
 from hfa_boxes.check.cost_checker import check_cost_certificate
 from hfa_boxes.check.cost_statement import CostStatement
-from hfa_boxes.check.plant import Plant
-from hfa_boxes.check.statement import SAME_EQUILIBRIUM, facts
+from hfa_boxes.check.plant import Plant, facts
 from hfa_boxes.fields import COST_FIELDS
 from hfa_optimal.problem import FlightProblem
+from hfa_proof.checker.aircraft import SAME_TRIM
 from hfa_proof.subject import Given, compare, within
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
@@ -74,11 +74,11 @@ def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) ->
     weights: Q and R, as far as the user gave them
     """
     plant = plant_of(problem)
-    widths = SAME_EQUILIBRIUM * plant.nominal
+    widths = SAME_TRIM * plant.nominal
     names = (*plant.states, *plant.inputs)
     signals = problem.model.signals
     by_name = dict(zip(names, widths.tolist(), strict=True))
-    by_name |= {name: SAME_EQUILIBRIUM * signals[name].nominal for name in plant.held}
+    by_name |= {name: SAME_TRIM * signals[name].nominal for name in plant.held}
     given = {name: Given(fact, option) for name, fact in facts(problem.model).items()}
     given["parameters"] = Given(dict(plant.parameters), option)
     given["limits"] = Given(dict(plant.limits), option, _not_narrower)

@@ -15,13 +15,14 @@ from flint import arb, arb_series, ctx
 from pendulum_regions import read_and_check
 
 from hfa_aircraft.model import Model, Signal
+from hfa_boxes.check.plant import limits_hold
 from hfa_proof.checker.reading import Malformed, Rejected
 from hfa_region.check.checker import _check_extents, check_covered, limits_of
 from hfa_region.check.extents import extents_of
 from hfa_region.check.loop import HIGHEST, LOWEST, Equilibrium, RegionLoop
 from hfa_region.check.polynomial import Polynomial, key_of
 from hfa_region.check.positivity import Evidence, Square, check_positive
-from hfa_region.check.statement import RegionStatement, SaturatedLoop, limits_hold
+from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.taylor import Taylor
 from hfa_support.errors import BadInputError
 
@@ -56,7 +57,7 @@ def circle(smallest: float) -> Content:
         "multipliers": {"level": _square(1, 1, [smallest] * 2)}
     }
     trim = {"x": 0.0, "y": 0.0}
-    loop = SaturatedLoop(OSCILLATOR, {}, trim, {}, {}, np.zeros((0, 2)), {})
+    loop = SaturatedLoop(OSCILLATOR, {}, trim, {}, {}, {}, np.zeros((0, 2)))
     terms = ((1.0, (2, 0)), (1.0, (0, 2)))
     statement = RegionStatement(loop, terms, 3.0, {"x": (-2.0, 2.0), "y": (-2.0, 2.0)})
     witness = {
@@ -114,7 +115,7 @@ def sink() -> Content:
     }
     decrease = _square(1, 1, [2.0 * SCALE**2 / 3.0] * 2) | {"multipliers": {}}
     limits = {"z": (-1.0, 1.0)}
-    loop = SaturatedLoop(SINK, {}, {"x": 0.0, "y": 0.0}, {}, {"z": 0.5}, np.zeros((0, 2)), limits)
+    loop = SaturatedLoop(SINK, {}, {"x": 0.0, "y": 0.0}, {}, {"z": 0.5}, limits, np.zeros((0, 2)))
     terms = ((1.0, (2, 0)), (1.0, (0, 2)))
     ends = {"x": (-1.735, 1.735), "y": (-2.0, 2.0)}
     witness = {
@@ -285,7 +286,7 @@ def _loop(K: float = 2.0, u: float = 0.0, sizes: dict[str, float] | None = None)
     limits = {"u": (-1.0, 1.0), "bump": (-9.0, 0.5)}
     at = {"x": u}
     return SaturatedLoop(
-        DRIVEN, {}, at, {"u": u}, {}, np.array([[-K]]), limits, disturbances=sizes or {}
+        DRIVEN, {}, at, {"u": u}, {}, limits, np.array([[-K]]), disturbances=sizes or {}
     )
 
 
@@ -355,7 +356,7 @@ def test_rates_that_are_curved_in_disturbance_are_refused() -> None:
         return {"x": -x.x + 1.0 - w.w**2}, {}
 
     model = Model("curved", {"x": Signal()}, {}, curved, disturbances={"w": Signal()}, trim={})
-    loop = SaturatedLoop(model, {}, {"x": 1.0}, {}, {}, np.zeros((0, 1)), {}, {}, {"w": 1.0})
+    loop = SaturatedLoop(model, {}, {"x": 1.0}, {}, {}, {}, np.zeros((0, 1)), {}, {"w": 1.0})
     with pytest.raises(BadInputError, match="not affine in w"):
         RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
 
@@ -387,7 +388,7 @@ def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
 def test_the_equilibrium_is_enclosed() -> None:
     """That of x' = 2 - x² is no double, and no number of 192 bits."""
     model = Model("root", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": 2.0 - x.x**2}, {}))
-    loop = SaturatedLoop(model, {}, {"x": 2.0**0.5}, {}, {}, np.zeros((0, 1)), {})
+    loop = SaturatedLoop(model, {}, {"x": 2.0**0.5}, {}, {}, {}, np.zeros((0, 1)))
     (found,) = Equilibrium(loop).x
     with ctx.workprec(400):
         assert found.contains(arb(2).sqrt())
@@ -440,8 +441,8 @@ def _glider_loop() -> RegionLoop:
         {"a": 0.0, "b": 0.0},
         {"u": 0.0},
         {},
-        np.array([[0.2, 0.6]]),
         {"u": (-0.3, 0.5)},
+        np.array([[0.2, 0.6]]),
         {"u": ((0.1, (2, 0)), (-0.3, (1, 2)))},
         {"w": 0.05},
     )

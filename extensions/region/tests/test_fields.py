@@ -195,7 +195,7 @@ def test_outcomes_of_starts_are_told_apart() -> None:
 def test_a_start_far_away_returns() -> None:
     """x' = -x from 1e35 nominal values."""
     model = Model("one", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
-    loop = SaturatedLoop(model, {}, {"x": 0.0}, {}, {}, np.zeros((0, 1)), {})
+    loop = SaturatedLoop(model, {}, {"x": 0.0}, {}, {}, {}, np.zeros((0, 1)))
     found = outcomes(Plant(loop), np.array([[1e35]]), _is_near, 100.0)
     assert found.tolist() == [Outcome.RETURNED]
 

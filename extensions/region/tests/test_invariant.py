@@ -183,7 +183,7 @@ def _loop(folder: Path, name: str, size: float) -> RegionLoop:
     if "load" in model.outputs:
         limits["load"] = (-2.0, 2.0)
     K = np.array([[1.0]])
-    loop = SaturatedLoop(model, {}, {"a": 0.0}, {"b": 0.0}, {}, K, limits, {}, {"gust": size})
+    loop = SaturatedLoop(model, {}, {"a": 0.0}, {"b": 0.0}, {}, limits, K, {}, {"gust": size})
     statement = RegionStatement(loop, ((1.0, (2,)),), 1.0, {"a": (-1.1, 1.1)})
     return RegionLoop(statement, np.eye(1), 4)
 

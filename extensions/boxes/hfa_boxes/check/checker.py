@@ -22,9 +22,9 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_boxes.check.cover import OpenBoxError, cover, rejected
+from hfa_boxes.check.equilibrium import Equilibrium, check_near
 from hfa_boxes.check.loop import Decrease, equilibrium_near
-from hfa_boxes.check.plant import Equilibrium
-from hfa_boxes.check.statement import SAME_EQUILIBRIUM, BoxStatement
+from hfa_boxes.check.statement import BoxStatement
 from hfa_proof.checker.reading import Rejected, naming, require
 from hfa_proof.checker.sealed import claims_of, read_sealed, write_sealed
 from hfa_support.progress import Progress
@@ -67,10 +67,8 @@ def check_region(
     loop = statement.loop
     stated = np.array(list(statement.equilibrium.values()))
     equilibrium = equilibrium_near(loop, stated)
-    nominal = np.array([loop.model.signals[name].nominal for name in loop.states])
-    distance = np.abs(equilibrium.x - stated) + equilibrium.radius
-    if not np.all(distance <= SAME_EQUILIBRIUM * nominal):
-        raise Rejected("the equilibrium differs from the stated one")
+    check_near(equilibrium, stated, loop.nominal[: len(loop.states)], "the stated one")
+    loop.check_held()
     _check_limits(statement, equilibrium)
     extents = np.array([statement.extents[name] for name in loop.states])
     decrease = Decrease(loop, equilibrium, statement.piece, extents, witness.multipliers)
@@ -85,15 +83,11 @@ def _check_limits(statement: BoxStatement, at: Equilibrium) -> None:
     loop = statement.loop
     for index, name in enumerate(loop.states):
         least, most = statement.extents[name]
-        low, high = loop.limits.get(name, (-np.inf, np.inf))
+        ((low, high),) = loop.ends((name,))
         off = at.radius[index] + 1e-15 * abs(at.x[index])
         room = (max(-least, most) + off) * 1e-12 + off
         if not (low <= at.x[index] + least - room and at.x[index] + most + room <= high):
             raise Rejected(f"{name} may leave its limits in the set")
-    for name, value in loop.held.items():
-        low, high = loop.limits.get(name, (-np.inf, np.inf))
-        if not low <= value <= high:
-            raise Rejected(f"{name} is held beyond its limits")
 
 
 def check_certificate(

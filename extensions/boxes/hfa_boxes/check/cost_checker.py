@@ -16,8 +16,8 @@ from hfa_aircraft.model import Model
 from hfa_boxes.check.cost import CostInequality
 from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.check.cover import OpenBoxError, cover, rejected
-from hfa_boxes.check.plant import Equilibrium, Plant, zero_near
-from hfa_boxes.check.statement import SAME_EQUILIBRIUM
+from hfa_boxes.check.equilibrium import Equilibrium, check_near, open_rates, zero_near
+from hfa_boxes.check.plant import Plant
 from hfa_proof.checker.reading import Rejected, naming, require
 from hfa_proof.checker.sealed import claims_of, read_sealed, write_sealed
 from hfa_support.progress import Progress
@@ -63,7 +63,7 @@ def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equi
 
     solved: which entries are unknown, as many as there are states
     """
-    return zero_near(plant.open, x, plant.nominal, solved)
+    return zero_near(open_rates(plant), x, plant.nominal, solved)
 
 
 def check_cost(
@@ -78,10 +78,9 @@ def check_cost(
     if len(set(solved)) != len(plant.states):
         raise Rejected("the number of solved states and inputs differs from the number of states")
     equilibrium = equilibrium_of(plant, stated, solved)
-    for other, what in ((stated, "stated"), (trim, "the trim")):
-        distance = np.abs(equilibrium.x - other) + equilibrium.radius
-        if not np.all(distance <= SAME_EQUILIBRIUM * plant.nominal):
-            raise Rejected(f"the equilibrium differs from {what}")
+    check_near(equilibrium, stated, plant.nominal, "the stated one")
+    check_near(equilibrium, trim, plant.nominal, "the trim")
+    plant.check_held()
     low, high = plant.ends(plant.states).T
     at = equilibrium.x[: len(plant.states)]
     if not np.all((low <= at) & (at <= high)):

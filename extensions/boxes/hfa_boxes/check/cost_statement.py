@@ -5,15 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_boxes.check.piece import Piece
-from hfa_boxes.check.plant import Plant
-from hfa_boxes.check.statement import facts, numbers_of, pair_of, read_plant
+from hfa_boxes.check.plant import Plant, read_plant
+from hfa_proof.arithmetic.balls import lowest_sign
 from hfa_proof.checker.reading import Fields, require
 
 
@@ -23,7 +22,7 @@ class CostStatement:
     the pieces; cost: ∫ z'Qz + v'Rv dt, z and v: deviations of states and inputs from it.
 
     plant: the model; its limits of states are the envelope
-    equilibrium: moving state or input -> value, within 1e-6 nominal values
+    equilibrium: moving state or input -> value, within `SAME_TRIM` nominal values
     Q: (n, n), symmetric, positive semidefinite
     R: (m, m), symmetric, positive semidefinite
     pieces: each proved separately
@@ -48,11 +47,11 @@ class CostStatement:
         plant = read_plant(entries, content, own)
         _check_limits(plant)
         n, m = len(plant.states), len(plant.inputs)
-        equilibrium = numbers_of(entries, "equilibrium", (*plant.states, *plant.inputs))
+        equilibrium = entries.all_numbers("equilibrium", (*plant.states, *plant.inputs))
         Q = entries.symmetric("Q", n)
         R = entries.symmetric("R", m)
-        require(is_semidefinite(Q), "statement: Q: not positive semidefinite")
-        require(is_semidefinite(R), "statement: R: not positive semidefinite")
+        require(lowest_sign(Q) >= 0, "statement: Q: not positive semidefinite")
+        require(lowest_sign(R) >= 0, "statement: R: not positive semidefinite")
         pieces = tuple(Piece.read(fields, n) for fields in entries.items("pieces"))
         require(bool(pieces), "statement: pieces")
         entries.close()
@@ -60,14 +59,8 @@ class CostStatement:
 
     def content(self) -> dict[str, Any]:
         """Return the statement as stored in a file, which `read` reads."""
-        plant = self.plant
         return {
-            **facts(plant.model),
-            "parameters": dict(plant.parameters),
-            "trim": dict(plant.trim),
-            "inputs": dict(plant.inputs),
-            "held": dict(plant.held),
-            "limits": {name: pair_of(pair) for name, pair in plant.limits.items()},
+            **self.plant.content(),
             "equilibrium": dict(self.equilibrium),
             "Q": self.Q.tolist(),
             "R": self.R.tolist(),
@@ -82,32 +75,10 @@ class CostStatement:
         return np.asarray(np.max([piece.bound(z - offset) for piece in self.pieces], axis=0))
 
 
-def is_semidefinite(S: np.ndarray) -> bool:
-    """Return whether a symmetric matrix of doubles is positive semidefinite, by exact
-    elimination."""
-    rows = [[Fraction(value) for value in row] for row in S.tolist()]
-    n = len(rows)
-    for k in range(n):
-        pivot = rows[k][k]
-        if pivot < 0 or (pivot == 0 and any(rows[k][k:])):
-            return False
-        if pivot == 0:
-            continue
-        for i in range(k + 1, n):
-            factor = rows[i][k] / pivot
-            for j in range(k + 1, n):
-                rows[i][j] -= factor * rows[k][j]
-    return True
-
-
 def _check_limits(plant: Plant) -> None:
-    """Malformed where a limit of an input is not the model's, an output is limited, or a state that
-    is held is beyond its limits."""
+    """Malformed where a limit of an input is not the model's, or an output is limited."""
     for name, signal in plant.model.inputs.items():
         stated = plant.limits.get(name, (-np.inf, np.inf))
         require(stated == (signal.min, signal.max), f"limits: {name} not the model's", stated)
     for name in plant.model.outputs:
         require(name not in plant.limits, f"limits: {name} is an output")
-    for name, value in plant.held.items():
-        low, high = plant.limits.get(name, (-np.inf, np.inf))
-        require(low <= value <= high, f"limits: {name}", value)

@@ -13,8 +13,9 @@ import numpy as np
 from flint import arb, arb_mat
 
 from hfa_boxes.check.cover import Boxes, refute
+from hfa_boxes.check.equilibrium import ROUNDING, Equilibrium, zero_near
 from hfa_boxes.check.piece import OnPiece
-from hfa_boxes.check.plant import ROUNDING, Equilibrium, Plant, zero_near
+from hfa_boxes.check.plant import Plant
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_boxes.enclosure.taylor import TaylorProgram, lowest

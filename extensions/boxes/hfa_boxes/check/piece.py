@@ -15,16 +15,15 @@ import casadi as ca
 import numpy as np
 
 from hfa_boxes.check.cover import Boxes
-from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.check.equilibrium import Equilibrium
+from hfa_boxes.check.plant import Plant
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
 from hfa_proof.arithmetic.balls import matrix
-from hfa_proof.checker.reading import Fields, Rejected, require
+from hfa_proof.checker.reading import Fields, Rejected, Terms, require, rows_of
 
-Terms = tuple[tuple[float, tuple[int, ...]], ...]
 #: Higher degrees are refused.
 HIGHEST = 12
-_MOST_TERMS = 5000
 #: Of a few sums and products of doubles, relative to the sizes.
 ROUNDING = 1e-13
 
@@ -81,7 +80,7 @@ class Piece(NamedTuple):
     """{W(y) <= c}, y = M z.
 
     M: (n, n)
-    W: polynomial of y without terms of degree 0 and 1
+    W: polynomial of y without terms of degree 0 and 1, whose coefficients times powers are doubles
     c: level
     """
 
@@ -93,14 +92,16 @@ class Piece(NamedTuple):
     def read(cls, entries: Fields, n: int) -> Piece:
         """The piece of a certificate; Malformed names the first entry that cannot be."""
         M = entries.array("M", n, n)
-        piece = cls(M, _polynomial(entries, n), entries.number("c", above=0.0))
+        terms = entries.terms("W", n, HIGHEST)
+        for number, (value, powers) in enumerate(terms):
+            require(is_exact(value, powers), f"{entries.where}: W {number}", value)
+        c = entries.number("c", above=0.0)
         entries.close()
-        return piece
+        return cls(M, Polynomial(n, terms), c)
 
     def content(self) -> dict[str, Any]:
         """Return the piece as stored in a file, which `read` reads."""
-        terms = [[value, list(powers)] for value, powers in self.W.terms]
-        return {"M": self.M.tolist(), "W": terms, "c": self.c}
+        return {"M": self.M.tolist(), "W": rows_of(self.W.terms), "c": self.c}
 
     def contains(self, z: np.ndarray) -> np.ndarray:
         """(N,), which deviations z (N, n) are in the set, in doubles."""
@@ -112,32 +113,6 @@ class Piece(NamedTuple):
         y = z @ self.M.T
         inside = np.all(np.abs(y) < 1.0, axis=1)
         return np.where(inside, np.minimum(self.W.at(y), self.c), self.c)
-
-
-def _polynomial(entries: Fields, n: int) -> Polynomial:
-    """Read W, the products of whose coefficients with their powers are doubles."""
-    terms = read_terms(entries, "W", n, HIGHEST)
-    for number, (value, powers) in enumerate(terms):
-        require(is_exact(value, powers), f"{entries.where}: W {number}", value)
-    return Polynomial(n, terms)
-
-
-def read_terms(entries: Fields, name: str, n: int, highest: int) -> Terms:
-    """Read the terms of a polynomial, each of degree 2 to `highest` and listed once."""
-    listed = entries.value(name, lambda value: isinstance(value, list))
-    require(0 < len(listed) <= _MOST_TERMS, name, len(listed))
-    terms = []
-    for number, entry in enumerate(listed):
-        where = f"{entries.where}: {name} {number}"
-        require(isinstance(entry, list) and len(entry) == 2, where, entry)
-        value = Fields(where, {"coefficient": entry[0]}).number("coefficient")
-        powers = entry[1]
-        require(isinstance(powers, list) and len(powers) == n, where, powers)
-        require(all(type(power) is int and power >= 0 for power in powers), where, powers)
-        require(2 <= sum(powers) <= highest, where, powers)
-        terms.append((value, tuple(powers)))
-    require(len({powers for _, powers in terms}) == len(terms), f"{entries.where}: {name}")
-    return tuple(terms)
 
 
 @dataclass(frozen=True, eq=False)

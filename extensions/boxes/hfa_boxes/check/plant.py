@@ -1,25 +1,20 @@
-"""An aircraft about a trim: its equations, limits, and its equilibrium enclosed."""
+"""An aircraft about a trim: its equations and limits, read from a certificate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_boxes.enclosure.program import Program
-from hfa_boxes.enclosure.slopes import Intervals, jacobian
-from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.aircraft import model_of
+from hfa_proof.checker.reading import Fields, Rejected, Terms, require
 
-#: Largest relative error of what a few sums and products of doubles make, over their sizes.
-ROUNDING = 1e-12
-#: Steps of Newton's method, and how often the radius of the equilibrium is doubled.
-_STEPS = 20
-_DOUBLINGS = 30
+#: Lowest and highest value by signal; inf where there is no limit.
+Limits = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +34,7 @@ class Plant:
     trim: Mapping[str, float]
     inputs: Mapping[str, float]
     held: Mapping[str, float]
-    limits: Mapping[str, tuple[float, float]]
+    limits: Limits
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -50,6 +45,17 @@ class Plant:
     def limited_outputs(self) -> tuple[str, ...]:
         """Outputs that have limits."""
         return tuple(name for name in self.model.outputs if name in self.limits)
+
+    def content(self) -> dict[str, Any]:
+        """Return the entries of a statement about it, which `read_plant` reads."""
+        return {
+            **facts(self.model),
+            "parameters": dict(self.parameters),
+            "trim": dict(self.trim),
+            "inputs": dict(self.inputs),
+            "held": dict(self.held),
+            "limits": {name: pair_of(pair) for name, pair in self.limits.items()},
+        }
 
     @property
     def nominal(self) -> np.ndarray:
@@ -62,78 +68,143 @@ class Plant:
         pairs = [self.limits.get(name, (-np.inf, np.inf)) for name in names]
         return np.array(pairs, dtype=float).reshape(-1, 2)
 
-    def rates_at(self, x: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Rates of the moving states at x (n,) with inputs u (m,), and the limited outputs."""
+    def check_held(self) -> None:
+        """Rejected where a state that does not move is beyond its limits."""
+        for name, value in self.held.items():
+            ((low, high),) = self.ends((name,))
+            if not low <= value <= high:
+                raise Rejected(f"{name} is held beyond its limits")
+
+    def rates_at(self, x: ca.SX, u: ca.SX, w: Sequence[Any] | None = None) -> tuple[ca.SX, ca.SX]:
+        """Rates of the moving states, and the limited outputs.
+
+        x: (n,), the moving states
+        u: (m,), the inputs
+        w: every disturbance; None for 0
+        """
         values = dict(self.held) | dict(zip(self.states, ca.vertsplit(x), strict=True))
         vectors: list[Any] = [
             [values[name] for name in self.model.states],
             ca.vertsplit(u) if self.inputs else [],
             list(self.parameters.values()),
         ]
-        f, y = self.model.layout.expressions(vectors, self.limited_outputs)
+        f, y = self.model.layout.expressions(vectors, self.limited_outputs, w)
         rows = [list(self.model.states).index(name) for name in self.states]
         return ca.densify(f[rows]), ca.densify(y) if self.limited_outputs else ca.SX(0, 1)
 
-    @cached_property
-    def open(self) -> Program:
-        """(x, u) -> the rates."""
-        n = len(self.states)
-        both = ca.SX.sym("x", n + len(self.inputs))
-        rates, _ = self.rates_at(both[:n], both[n:])
-        return Program(ca.Function("rates", [both], [rates]), self.model.name)
 
+def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
+    """The model about a trim, and its limits; Malformed names the first entry that cannot be.
 
-@dataclass(frozen=True, eq=False)
-class Equilibrium:
-    """One equilibrium lies within radius (n,) of x (n,)."""
-
-    x: np.ndarray
-    radius: np.ndarray
-
-
-def zero_near(
-    program: Program, x: np.ndarray, nominal: np.ndarray, solved: Sequence[int]
-) -> Equilibrium:
-    """The zero of a program to which Newton's method leads from x; Rejected unless one is proved to
-    be there (Krawczyk 1969: C an inverse, |C F(x)| + |1 - C F'| r < r).
-
-    x: (k,), the inputs of the program; nominal: (k,), their sizes
-    solved: the inputs that are unknown, as many as the program has outputs; the others remain
+    content: that of the entries
+    own: the user's model, if the statement concerns one
     """
-    point = np.array(x, dtype=float)
-    columns = list(solved)
-    none = np.zeros_like(point)
-    for _ in range(_STEPS):
-        at = jacobian(program, Intervals(point, none))
-        slopes = at.slopes.middle[:, columns]
-        if not np.all(np.isfinite(slopes)):
-            break
-        try:
-            step = np.linalg.solve(slopes, at.values.middle)
-        except np.linalg.LinAlgError:
-            break
-        point[columns] -= step
-    at = jacobian(program, Intervals(point, none))
-    try:
-        C = np.linalg.inv(at.slopes.middle[:, columns])
-    except np.linalg.LinAlgError as error:
-        raise Rejected("no equilibrium is enclosed: the Jacobian is singular") from error
-    radius = np.zeros_like(point)
-    moved = _moved(C, at.values)
-    radius[columns] = 2.0 * moved + 1e-14 * (np.abs(point) + nominal)[columns]
-    for _ in range(_DOUBLINGS):
-        J = jacobian(program, Intervals(point, radius)).slopes
-        J = Intervals(J.middle[:, columns], J.radius[:, columns])
-        spread = np.abs(np.eye(len(C)) - C @ J.middle) + np.abs(C) @ J.radius
-        spread += ROUNDING * (np.abs(C) @ np.abs(J.middle))
-        reach = (moved + spread @ radius[columns]) * (1.0 + ROUNDING)
-        if np.all(reach < radius[columns]):
-            return Equilibrium(point, radius)
-        radius = 2.0 * radius
-    raise Rejected("no equilibrium is enclosed near the trim")
+    model = model_of(content.get("dynamics"), content.get("source"), own)
+    for name, fact in facts(model).items():
+        entries.same(name, fact)
+    states = tuple(model.linear)
+    held = tuple(name for name in model.states if name not in states)
+    return Plant(
+        model,
+        entries.all_numbers("parameters", tuple(model.parameters)),
+        entries.all_numbers("trim", states),
+        entries.all_numbers("inputs", tuple(model.inputs)),
+        entries.all_numbers("held", held),
+        _read_limits(entries, model),
+    )
 
 
-def _moved(C: np.ndarray, residual: Intervals) -> np.ndarray:
-    sizes = np.abs(residual.middle) + residual.radius
-    exact_part = np.abs(C @ residual.middle) + np.abs(C) @ residual.radius
-    return np.asarray(exact_part + ROUNDING * (np.abs(C) @ sizes))
+def _read_limits(entries: Fields, model: Model) -> Limits:
+    """Read the limits by signal; a missing limit is null."""
+    stated = entries.value("limits", lambda value: isinstance(value, dict))
+    limits = {}
+    for name, pair in stated.items():
+        where = f"limits: {name}"
+        require(name in (*model.states, *model.inputs, *model.outputs), where)
+        require(isinstance(pair, list) and len(pair) == 2, where, pair)
+        ends = Fields(where, {"low": pair[0], "high": pair[1]})
+        low = -np.inf if pair[0] is None else ends.number("low")
+        high = np.inf if pair[1] is None else ends.number("high")
+        require(low < high, where, pair)
+        limits[name] = (low, high)
+    return limits
+
+
+def terms_by_input(entries: Fields, name: str, plant: Plant, highest: int) -> dict[str, Terms]:
+    """Read the terms of the polynomials of some inputs; highest: degree."""
+    rows = entries.fields(name)
+    terms = {}
+    for each in plant.inputs:
+        if rows.has(each):
+            terms[each] = rows.terms(each, len(plant.states), highest)
+    rows.close()
+    return terms
+
+
+def read_extents(entries: Fields, states: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Read the lowest and highest deviation of each state, on either side of 0."""
+    listed = entries.fields("extents")
+    extents = {name: listed.pair(name) for name in states}
+    listed.close()
+    require(all(low < 0.0 < high for low, high in extents.values()), "extents", extents)
+    return extents
+
+
+def check_limits_of_model(plant: Plant) -> None:
+    """Malformed where a limit of the model is missing or widened, or a limit of an input
+    differs."""
+    states = {**plant.trim, **plant.held}
+    own = model_limits(plant.model, states, plant.parameters)
+    wrong = limits_hold(plant.limits, own, plant.inputs)
+    require(wrong is None, f"limits: {wrong} beyond or not the model's")
+
+
+def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | None:
+    """The first signal whose stated limits are not those that the loop needs; None for none.
+
+    Those of an input are its saturation, and so the model's own: others are another loop. A state
+    or an output may be kept within narrower ones."""
+    unlimited = (-np.inf, np.inf)
+    for name in (*inputs, *own):
+        low, high = stated.get(name, unlimited)
+        least, most = own.get(name, unlimited)
+        same = (low, high) == (least, most)
+        if not (same if name in inputs else least <= low and high <= most):
+            return name
+    return None
+
+
+def model_limits(
+    model: Model, states: Mapping[str, float], parameters: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Return lowest and highest value of every state, input and output with limits: min and max of
+    its declaration, and the envelope of the model about this trim.
+
+    states: all of them, at the trim
+    parameters: name -> value
+    """
+    limits = {}
+    for name in (*model.states, *model.inputs, *model.outputs):
+        signal = model.signals[name]
+        limits[name] = (signal.min, signal.max)
+    if model.extras.envelope is not None:
+        x = model.layout.record("x", [states[name] for name in model.states])
+        p = model.layout.record("p", [parameters[name] for name in model.parameters])
+        limits |= model.extras.envelope(x, p)
+    return {name: pair for name, pair in limits.items() if np.isfinite(pair).any()}
+
+
+def facts(model: Model) -> dict[str, Any]:
+    """Return the model's identity, the order of its states and inputs, and the units."""
+    return {
+        "dynamics": model.name,
+        "source": model.extras.source[1],
+        "states": list(model.linear),
+        "state_units": list(model.units(model.linear)),
+        "input_units": list(model.units(tuple(model.inputs))),
+    }
+
+
+def pair_of(limits: tuple[float, float]) -> list[float | None]:
+    """Return the limits as stored in a file."""
+    return [end if np.isfinite(end) else None for end in limits]

@@ -14,14 +14,8 @@ from hfa.options.trims import OutputOptions
 from hfa.output import ProgressLine, print_report, show
 from hfa_boxes.check.checker import check_certificate, write_certificate
 from hfa_boxes.check.loop import Loop
-from hfa_boxes.check.statement import (
-    BoxStatement,
-    Gain,
-    digest_of,
-    facts,
-    model_limits,
-    pair_of,
-)
+from hfa_boxes.check.plant import facts, model_limits, pair_of
+from hfa_boxes.check.statement import BoxStatement, Gain, digest_of
 from hfa_boxes.fields import FIELDS
 from hfa_boxes.report import NOT_COVERED, checked_report, found_report
 from hfa_boxes.search.region import BoxRegion, RegionSearch, flown

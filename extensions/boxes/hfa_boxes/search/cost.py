@@ -17,8 +17,9 @@ from hfa_boxes.check.cost import CostInequality
 from hfa_boxes.check.cost_checker import CostWitness, VerifiedCost
 from hfa_boxes.check.cost_statement import CostStatement
 from hfa_boxes.check.cover import Boxes, OpenBoxError, RefutedError, SmallestBoxError, cover
+from hfa_boxes.check.equilibrium import Equilibrium, open_rates
 from hfa_boxes.check.piece import Piece, Polynomial
-from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.check.plant import Plant
 from hfa_boxes.search.cost_fit import CostProblem, Fit, Wanted
 from hfa_boxes.search.kinks import kink_at
 from hfa_proof.checker.reading import Rejected
@@ -153,7 +154,7 @@ class CostSearch:
             stopped = str(error) or "interrupted"
         if not proved:
             plant = self._problem.plant
-            kink = kink_at(plant, plant.open, self._problem.equilibrium)
+            kink = kink_at(plant, open_rates(plant), self._problem.equilibrium)
             why = f"{stopped}; {kink}" if kink else stopped
             raise NoSolutionError(f"no lower bound is proved in {self._seconds:g} s: {why}")
         return self._bound(proved, stopped)

@@ -15,8 +15,9 @@ import numpy as np
 from scipy.optimize import linprog
 
 from hfa_boxes.check.cover import OpenBoxError
+from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.piece import Polynomial
-from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.check.plant import Plant
 from hfa_boxes.search.cost_flights import Inputs, flown_costs, running_cost
 from hfa_boxes.search.monomials import Monomials
 

@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 
 from hfa_boxes.check.cost import solved_for
-from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.check.equilibrium import Equilibrium
+from hfa_boxes.check.plant import Plant
 
 #: Steps of Newton's method for the inputs of one sample, and of one step of a flight.
 _NEWTON = 8

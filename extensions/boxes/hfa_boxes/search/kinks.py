@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfa_boxes.check.plant import Equilibrium, Plant
+from hfa_boxes.check.equilibrium import Equilibrium
+from hfa_boxes.check.plant import Plant
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
 

@@ -13,9 +13,9 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import linprog, minimize
 
+from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.piece import Piece
-from hfa_boxes.check.plant import Equilibrium
 from hfa_boxes.search.monomials import Monomials
 
 #: Rays from the equilibrium for the size of a set; rays for each state and shells of a search, how

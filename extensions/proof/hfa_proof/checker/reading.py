@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,10 @@ _DECIMAL = re.compile(r"-?\d{1,80}(\.\d{1,80})?(e[+-]?\d{1,3})?", re.ASCII)
 #: Larger numbers are refused: their squares are not doubles.
 _LARGEST = 1e300
 _LARGEST_INTEGER = 2**53
+
+
+#: Coefficient and powers of each term of a polynomial.
+Terms = tuple[tuple[float, tuple[int, ...]], ...]
 
 
 class Malformed(NoSolutionError):
@@ -142,6 +146,27 @@ class Fields:
             values[key] = entries.number(key)
         return values
 
+    def all_numbers(self, name: str, names: Sequence[str]) -> dict[str, float]:
+        """A number for each of the names, in their order."""
+        numbers = self.numbers(name, names)
+        require(set(numbers) == set(names), self._called(name), sorted(numbers))
+        return {each: numbers[each] for each in names}
+
+    def terms(self, name: str, variables: int, highest: int) -> Terms:
+        """Terms of a polynomial, at least one, each of degree 2 to `highest` and listed once."""
+        listed = self.value(name, lambda value: isinstance(value, list) and bool(value))
+        terms = []
+        for number, entry in enumerate(listed):
+            where = f"{self._called(name)} {number}"
+            require(isinstance(entry, list) and len(entry) == 2, where, entry)
+            powers = entry[1]
+            require(isinstance(powers, list) and len(powers) == variables, where, powers)
+            require(all(type(power) is int and power >= 0 for power in powers), where, powers)
+            require(2 <= sum(powers) <= highest, where, powers)
+            terms.append((_double(where, entry[0]), tuple(powers)))
+        require(len({powers for _, powers in terms}) == len(terms), self._called(name))
+        return tuple(terms)
+
     def array(self, name: str, *shape: int | None) -> np.ndarray:
         """An entry of nested lists of finite numbers as an array.
 
@@ -178,6 +203,11 @@ class Fields:
 
     def _called(self, name: str) -> str:
         return f"{self.where}: {name}" if self.where else name
+
+
+def rows_of(terms: Terms) -> list[list[Any]]:
+    """Return the terms as stored in a file, which `Fields.terms` reads."""
+    return [[coefficient, list(powers)] for coefficient, powers in terms]
 
 
 def _walked(where: str, part: Any, shape: list[int | None], leaf: Callable[[str, Any], Any]) -> Any:

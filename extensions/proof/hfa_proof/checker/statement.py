@@ -87,8 +87,7 @@ class Flight:
         holdable = [name for name in model.holdable if name != scheduled]
         low, high = entries.pair("range")
         require((low == high) == point, "range", [low, high])
-        parameters = entries.numbers("parameters", model.parameters)
-        require(set(parameters) == set(model.parameters), "parameters", sorted(parameters))
+        parameters = entries.all_numbers("parameters", tuple(model.parameters))
         spread = entries.numbers("spread", [] if point else model.parameters)
         require(all(width > 0.0 for width in spread.values()), "spread")
         require(scheduled not in spread, "spread", scheduled)
@@ -102,8 +101,7 @@ class Flight:
         for trim in entries.items("trims"):
             breakpoint = trim.number("breakpoint")
             require(low <= breakpoint <= high, "trims", breakpoint)
-            unknowns = trim.numbers("unknowns", flight.unknowns)
-            require(set(unknowns) == set(flight.unknowns), "trims", sorted(unknowns))
+            unknowns = trim.all_numbers("unknowns", flight.unknowns)
             trim.close()
             trims.append(StatedTrim(breakpoint, unknowns))
         breakpoints = [trim.breakpoint for trim in trims]

@@ -86,7 +86,8 @@ def test_modes_on_axis_are_bounded_from_both_sides(
         (np.diag([1.0, 0.0]), 0),
         (np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), 0),
         (np.array([[1.0, 1.0], [1.0, np.nextafter(1.0, 0.0)]]), -1),
-        (np.array([[0.0, 1.0], [1.0, 0.0]]), -1),
+        (np.array([[0.0, 1e-300], [1e-300, 1.0]]), -1),
+        (np.outer([1.0, 2.0, -0.5], [1.0, 2.0, -0.5]), 0),
     ],
 )
 def test_the_sign_of_lowest_eigenvalue_is_decided_exactly(Q: np.ndarray, sign: int) -> None:

@@ -53,6 +53,7 @@ def check_region(
     outside = {OUTSIDE: length - one}
     check_positive("inside", loop.V - one, outside, witness.inside, loop.n)
     _check_extents(loop, witness.extents, inside)
+    statement.loop.check_held()
     check_covered(loop, [part.inputs for part in (*witness.parts, *witness.empty)])
     where = dict(inside)
     if statement.loop.disturbances:
@@ -123,10 +124,6 @@ def _check_extents(
         at = loop.equilibrium.x[index]
         if not (exact(least) <= at + low and at + high <= exact(most)):
             raise Rejected(f"{name} may leave its limits in the set")
-    for name, value in statement.loop.held.items():
-        least, most = statement.loop.limits.get(name, (-float("inf"), float("inf")))
-        if not least <= value <= most:
-            raise Rejected(f"{name} is held beyond its limits")
 
 
 def _check_deviation(

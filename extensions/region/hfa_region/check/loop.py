@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,10 +15,10 @@ from hfa_aircraft.layout import components
 from hfa_proof.arithmetic.ball_function import BallFunction
 from hfa_proof.arithmetic.balls import exact, matrix, norm, symmetric
 from hfa_proof.checker.aircraft import SAME_TRIM
-from hfa_proof.checker.reading import Rejected
+from hfa_proof.checker.reading import Rejected, Terms
 from hfa_proof.checker.roots import root_offsets
 from hfa_region.check.polynomial import Key, Polynomial, key_of
-from hfa_region.check.statement import RegionStatement, SaturatedLoop, Terms
+from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.taylor import Taylor
 from hfa_support.errors import BadInputError
 
@@ -46,7 +45,7 @@ class Equilibrium:
     def __init__(self, loop: SaturatedLoop) -> None:
         self.loop = loop
         still = replace(loop, disturbances={})
-        self._rates = BallFunction(_function(still, ()), loop.model.name)
+        self._rates = BallFunction(_function(still, outputs=False), loop.model.name)
         self._slopes = BallFunction(_slopes(loop), loop.model.name)
         self._x0 = [exact(value) for value in loop.trim.values()]
         self._u0 = [exact(value) for value in loop.inputs.values()]
@@ -142,11 +141,9 @@ class RegionLoop:
         if not _is_invertible(self.T):
             raise Rejected("the coordinates are not proved invertible")
         loop = statement.loop
-        outputs = tuple(name for name in loop.model.outputs if name in loop.limits)
-        self._limited_outputs = outputs
         self._rates: dict[tuple[str, ...], list[Taylor]] = {}
         refuse_curved(loop)
-        self._function = BallFunction(_function(loop, outputs), loop.model.name)
+        self._function = BallFunction(_function(loop), loop.model.name)
 
     @cached_property
     def _V(self) -> list[_Term]:
@@ -262,12 +259,12 @@ class RegionLoop:
             u.append(self._taylor(value))
         results = self._function(x, u, disturbances)
         zero = self._taylor(Polynomial([{}]))
-        rates, *outputs = ([value + zero for value in values] for values in results)
-        return rates, outputs[0] if outputs else []
+        rates, outputs = ([value + zero for value in values] for values in results)
+        return rates, outputs
 
     def _check_outputs(self, values: Sequence[Taylor]) -> None:
         """Rejected unless each is proved to lie within its limits on the whole unit ball."""
-        for name, value in zip(self._limited_outputs, values, strict=True):
+        for name, value in zip(self.statement.loop.limited_outputs, values, strict=True):
             low, high = self.statement.loop.limits[name]
             ball = value.range()
             if not ((low == -np.inf or ball >= exact(low)) and (high == np.inf or ball <= high)):
@@ -347,7 +344,7 @@ def refuse_curved(loop: SaturatedLoop) -> None:
     worst."""
     if not loop.disturbances:
         return
-    function = _function(loop, ())
+    function = _function(loop, outputs=False)
     symbols = function.sx_in()
     curved = ca.which_depends(function(*symbols), symbols[2], 2)
     for name, is_curved in zip(loop.disturbances, curved, strict=True):
@@ -358,31 +355,20 @@ def refuse_curved(loop: SaturatedLoop) -> None:
             )
 
 
-def _symbols(loop: SaturatedLoop) -> tuple[ca.SX, ca.SX, list[Any]]:
-    """The moving states, the inputs, and the vectors that the equations take."""
+def _function(loop: SaturatedLoop, outputs: bool = True) -> ca.Function:
+    """(x, u, w) -> the rates, and the limited outputs; w: of the stated disturbances."""
     x = ca.SX.sym("x", len(loop.states))
     u = ca.SX.sym("u", len(loop.inputs))
-    values = dict(loop.held) | dict(zip(loop.states, ca.vertsplit(x), strict=True))
-    states = [values[name] for name in loop.model.states]
-    return x, u, [states, ca.vertsplit(u), list(loop.parameters.values())]
-
-
-def _function(loop: SaturatedLoop, outputs: tuple[str, ...]) -> ca.Function:
-    """(x, u, w) -> the rates of the moving states, the outputs; w of the stated disturbances."""
-    x, u, vectors = _symbols(loop)
     w = ca.SX.sym("w", len(loop.disturbances))
     acting = dict(zip(loop.disturbances, components(w), strict=True))
     every = [acting.get(name, 0.0) for name in loop.model.disturbances] if acting else None
-    f, y = loop.model.layout.expressions(vectors, outputs, every)
-    rows = [list(loop.model.states).index(name) for name in loop.states]
-    results = [ca.densify(f[rows])] + ([ca.densify(y)] if outputs else [])
-    return ca.Function("rates", [x, u, w], results)
+    rates, limited = loop.rates_at(x, u, every)
+    return ca.Function("rates", [x, u, w], [rates, limited] if outputs else [rates])
 
 
 def _slopes(loop: SaturatedLoop) -> ca.Function:
     """(x, u) -> f_x, f_u of the moving states."""
-    x, u, vectors = _symbols(loop)
-    f, _ = loop.model.layout.expressions(vectors, ())
-    rows = [list(loop.model.states).index(name) for name in loop.states]
-    f = f[rows]
-    return ca.Function("slopes", [x, u], [ca.densify(ca.jacobian(f, v)) for v in (x, u)])
+    x = ca.SX.sym("x", len(loop.states))
+    u = ca.SX.sym("u", len(loop.inputs))
+    rates, _ = loop.rates_at(x, u)
+    return ca.Function("slopes", [x, u], [ca.densify(ca.jacobian(rates, v)) for v in (x, u)])

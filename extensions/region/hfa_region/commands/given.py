@@ -7,18 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_boxes.check.statement import BoxStatement, facts
+from hfa_boxes.check.plant import facts, limits_hold, model_limits
+from hfa_boxes.check.statement import BoxStatement
+from hfa_proof.checker.aircraft import SAME_TRIM
+from hfa_proof.checker.reading import rows_of
 from hfa_proof.checker.riccati import SAME_GAIN
 from hfa_proof.commands.given import aircraft_option, at_one_value, names_aircraft
 from hfa_proof.subject import Given, close_to, within
-from hfa_region.check.statement import (
-    SAME_TRIM,
-    RegionStatement,
-    facts_of,
-    limits_hold,
-    model_limits,
-    rows_of,
-)
+from hfa_region.check.statement import RegionStatement, facts_of
 
 if TYPE_CHECKING:
     from hfa_aircraft.model import Model

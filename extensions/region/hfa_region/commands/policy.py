@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from hfa_region.check.statement import HIGHEST_POLICY, Terms
+from hfa_proof.checker.reading import Terms
+from hfa_region.check.statement import HIGHEST_POLICY
 from hfa_support.errors import BadInputError, NoSolutionError, said_of
 from trim.linear.linear_model import LinearModel, linearize
 

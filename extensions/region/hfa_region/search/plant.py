@@ -12,8 +12,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_boxes.check.statement import model_limits
-from hfa_region.check.statement import SaturatedLoop, Terms
+from hfa_boxes.check.plant import model_limits
+from hfa_proof.checker.reading import Terms
+from hfa_region.check.statement import SaturatedLoop
 from hfa_support.native.bound import RowFunction
 from trim.linear.linear_model import LinearModel
 
@@ -44,8 +45,8 @@ def saturated_loop(
         {name: states[name] for name in model.linear},
         {name: float(value) for name, value in linear.point.inputs._asdict().items()},
         held,
-        np.array(K, dtype=float),
         model_limits(model, states, parameters),
+        np.array(K, dtype=float),
         policy or {},
     )
 

@@ -1,0 +1,92 @@
+"""The equilibrium of an aircraft, enclosed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from hfa_boxes.check.plant import Plant
+from hfa_boxes.enclosure.program import Program
+from hfa_boxes.enclosure.slopes import Intervals, jacobian
+from hfa_proof.checker.aircraft import SAME_TRIM
+from hfa_proof.checker.reading import Rejected
+
+#: Largest relative error of what a few sums and products of doubles make, over their sizes.
+ROUNDING = 1e-12
+#: Steps of Newton's method, and how often the radius of the equilibrium is doubled.
+_STEPS = 20
+_DOUBLINGS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """One equilibrium lies within radius (n,) of x (n,)."""
+
+    x: np.ndarray
+    radius: np.ndarray
+
+
+def zero_near(
+    program: Program, x: np.ndarray, nominal: np.ndarray, solved: Sequence[int]
+) -> Equilibrium:
+    """The zero of a program to which Newton's method leads from x; Rejected unless one is proved to
+    be there (Krawczyk 1969: C an inverse, |C F(x)| + |1 - C F'| r < r).
+
+    x: (k,), the inputs of the program; nominal: (k,), their sizes
+    solved: the inputs that are unknown, as many as the program has outputs; the others remain
+    """
+    point = np.array(x, dtype=float)
+    columns = list(solved)
+    none = np.zeros_like(point)
+    for _ in range(_STEPS):
+        at = jacobian(program, Intervals(point, none))
+        slopes = at.slopes.middle[:, columns]
+        if not np.all(np.isfinite(slopes)):
+            break
+        try:
+            step = np.linalg.solve(slopes, at.values.middle)
+        except np.linalg.LinAlgError:
+            break
+        point[columns] -= step
+    at = jacobian(program, Intervals(point, none))
+    try:
+        C = np.linalg.inv(at.slopes.middle[:, columns])
+    except np.linalg.LinAlgError as error:
+        raise Rejected("no equilibrium is enclosed: the Jacobian is singular") from error
+    radius = np.zeros_like(point)
+    moved = _moved(C, at.values)
+    radius[columns] = 2.0 * moved + 1e-14 * (np.abs(point) + nominal)[columns]
+    for _ in range(_DOUBLINGS):
+        J = jacobian(program, Intervals(point, radius)).slopes
+        J = Intervals(J.middle[:, columns], J.radius[:, columns])
+        spread = np.abs(np.eye(len(C)) - C @ J.middle) + np.abs(C) @ J.radius
+        spread += ROUNDING * (np.abs(C) @ np.abs(J.middle))
+        reach = (moved + spread @ radius[columns]) * (1.0 + ROUNDING)
+        if np.all(reach < radius[columns]):
+            return Equilibrium(point, radius)
+        radius = 2.0 * radius
+    raise Rejected("no equilibrium is enclosed near the trim")
+
+
+def _moved(C: np.ndarray, residual: Intervals) -> np.ndarray:
+    sizes = np.abs(residual.middle) + residual.radius
+    exact_part = np.abs(C @ residual.middle) + np.abs(C) @ residual.radius
+    return np.asarray(exact_part + ROUNDING * (np.abs(C) @ sizes))
+
+
+def check_near(at: Equilibrium, stated: np.ndarray, nominal: np.ndarray, what: str) -> None:
+    """Rejected unless an equilibrium is the stated one, within `SAME_TRIM` nominal values."""
+    distance = np.abs(at.x - stated) + at.radius
+    if not np.all(distance <= SAME_TRIM * nominal):
+        raise Rejected(f"the equilibrium differs from {what}")
+
+
+def open_rates(plant: Plant) -> Program:
+    """(x, u) -> the rates of the moving states."""
+    n = len(plant.states)
+    both = ca.SX.sym("x", n + len(plant.inputs))
+    rates, _ = plant.rates_at(both[:n], both[n:])
+    return Program(ca.Function("rates", [both], [rates]), plant.model.name)
