@@ -240,11 +240,7 @@ def test_the_nt33a_has_its_published_modes(mode):
     """Within 0.5 %; the derivatives have two or three digits. The same numbers in body axes give
     other lateral modes."""
     printed = PRINTED_NT33A[mode]
-    if len(printed) == 2:
-        damping, frequency = printed
-        root = frequency * complex(-damping, math.sqrt(1.0 - damping**2))
-    else:
-        root = complex(-printed[0])
+    (root,) = roots_of([printed])
     found = eigenvalue_near(linear_model(NT33A), root)
     rate = abs(found)
     computed = (-found.real / rate, rate) if len(printed) == 2 else (-found.real,)
@@ -258,11 +254,61 @@ def test_the_thrust_line_acts_on_the_phugoid(mode):
     """Within 0.5 %: four printed numbers, one height of the thrust line chosen. With the thrust
     through the center of gravity the frequency of the phugoid is 3 % low."""
     damping, frequency = PRINTED_JETSTAR[mode]
-    root = frequency * complex(-damping, math.sqrt(1.0 - damping**2))
+    (root,) = roots_of([(damping, frequency)])
     found = eigenvalue_near(linear_model(JETSTAR), root)
     assert (-found.real / abs(found), abs(found)) == pytest.approx((damping, frequency), rel=0.005)
     central = eigenvalue_near(linear_model({**JETSTAR, "thrust_height": 0.0}), root)
     assert (abs(abs(central) - frequency) > 0.02 * frequency) == (mode == "phugoid")
+
+
+def half_a_digit(value):
+    """Half a unit of the last digit in which a number of a table is written; of a moment of inertia
+    that of the third."""
+    if abs(value) > 1000.0:
+        return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - 2)
+    decimals = len(repr(value).partition(".")[2].rstrip("0"))
+    return 0.5 * 10.0**-decimals
+
+
+def rounded_otherwise(table):
+    """The table with one of its derivatives, sizes and inertias half a digit larger, for each."""
+    for name, value in table.items():
+        if isinstance(value, float):
+            yield {**table, name: value + half_a_digit(value)}
+    for group in ("geometry", "mass"):
+        for name, value in table[group].items():
+            yield {**table, group: {**table[group], name: value + half_a_digit(value)}}
+
+
+def roots_of(printed):
+    """The eigenvalues of printed modes: themselves, rates, or damping and natural frequency."""
+    for mode in printed:
+        if not isinstance(mode, tuple):
+            yield complex(mode)
+        elif len(mode) == 1:
+            yield complex(-mode[0])
+        else:
+            damping, frequency = mode
+            yield frequency * complex(-damping, math.sqrt(1.0 - damping**2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("table", "printed", "held"),
+    [(NAVION, PRINTED, {}), (B747, PRINTED_747, {"gravity": 32.2}), (NT33A, PRINTED_NT33A, {})],
+    ids=["navion", "747", "nt33a"],
+)
+def test_the_modes_lie_within_the_digits_of_the_table(table, printed, held):
+    """The change of each mode by half a digit of each derivative, size and moment of inertia, added,
+    is above its difference from the printed one."""
+    base = linear_model(table, **held)
+    roots = list(roots_of(printed.values()))
+    found = [eigenvalue_near(base, root) for root in roots]
+    allowed = np.zeros(len(roots))
+    for other in rounded_otherwise(table):
+        rounded = linear_model(other, **held)
+        allowed += [abs(eigenvalue_near(rounded, near) - near) for near in found]
+    assert (np.abs(np.array(found) - roots) < allowed).all()
 
 
 def test_a_small_unmanned_aircraft_has_its_published_short_period():
